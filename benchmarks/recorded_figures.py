@@ -36,6 +36,8 @@ COMMANDS: dict[str, str] = {
     "simulated": "simulate {global}/model.toml bundled",
     "diagnose": "diagnose xr701 --loads 650 --load-path serial --out {diagnose}",
     "diagnose all": "diagnose xr701 --out {diagnose-all}",
+    "diagnose fanuc": "diagnose fanuc-r2000ic --folds 0",
+    "rehearse": "rehearse kr60-3 --hide friction:j2 --poses 9",
     "plan": "plan xr701 --poses 3 --out {plan}",
     "fit": "fit {global}/model.toml --out {fit}",
     "query": "query {fit}/surrogate.json --pose q2_deg=5,q3real_deg=77.5",

@@ -15,7 +15,7 @@ from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.rivals import Question, family_of, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import Zone, pose_design
-from doe.planning.protocol import Protocol, every_load, new_labels, table_to_fill
+from doe.planning.protocol import Protocol, new_labels, table_to_fill
 from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
 from fem.statics.loads import LoadedPoses
@@ -130,7 +130,7 @@ def propose(
     q = _poses(s, max(candidates, 4 * poses), zone, coordinates, rng)
     question = question_of(s, d)
     q = q[_standing(question, q)]
-    at = every_load(s.model, q, protocol.directions, protocol.course)
+    at = protocol.every(s.model, q, protocol.course)
     p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
     choice = choose(p, poses)
     expected = _by_code(p.code, p.weight, divergence(*joint(p, choice.chosen.tolist())))
@@ -168,7 +168,18 @@ def _protocol(
     way = np.asarray(directions, dtype=np.float64)
     with np.errstate(invalid="ignore"):
         unit = way / np.linalg.norm(way, axis=-1, keepdims=True)
-    return Protocol(up, unit, tuple(read), repeats, s.history.is_known if unloading is None else unloading)
+    way_down = s.history.is_known if unloading is None else unloading
+    return Protocol(up, unit, tuple(read), repeats, way_down, _point(s))
+
+
+def _point(s: Setting) -> tuple[float, float, float] | None:
+    """Where most of the readings were taken, if that is not the model's tool point."""
+    points, count = np.unique(np.round(s.data.free.at.point, 9), axis=0, return_counts=True)
+    most = points[int(np.argmax(count))]
+    if np.allclose(most, s.model.robot.T_flange_tool[:3, 3], atol=1e-9):
+        return None
+    x, y, z = (most - s.model.load_point).tolist()
+    return x, y, z
 
 
 def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, rng: np.random.Generator) -> Array:

@@ -21,7 +21,6 @@ from doe.estimation.noise import Noise
 from doe.planning.lack_of_fit import drawn_shares
 from doe.planning.outset import Outset
 from doe.planning.plan import MeasurementPlan, factors
-from doe.planning.protocol import at_tool
 from robots.arrays import Array, Bools
 
 # A spring that is not known better may be so many times softer or stiffer than planned for.
@@ -57,7 +56,8 @@ def forecast(start: Outset, made: MeasurementPlan, rng: np.random.Generator) -> 
     p, components = len(start.u), list(made.protocol.components)
     blocks = len(made.q) * len(components) + start.blocks
     spare, new = max(blocks - p, 1), 1.0 - start.blocks / blocks
-    value, J = replace(start.free, at=at_tool(start.free.model, made.q, made.direction), history=None).evaluate(start.u)
+    at = made.protocol.loaded(start.free.model, made.q, made.direction)
+    value, J = replace(start.free, at=at, history=None).evaluate(start.u)
     square = np.mean((value * made.protocol.forces.max()) ** 2, axis=0)
     size = tuple(float(np.sqrt(np.mean(square[mine]))) if mine else 0.0 for mine in _kinds(components))
     prior, known = np.diag(1.0 / start.vague**2), start.known

@@ -9,7 +9,7 @@ import numpy as np
 from doe.estimation.noise import Noise
 from doe.planning.optimal_choice import Choice, Criterion, choose, judge, random_values
 from doe.planning.outset import Outset
-from doe.planning.protocol import Protocol, at_tool, every_load
+from doe.planning.protocol import Protocol
 from fem.free.parameters import Parameter
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array, Bools
@@ -153,7 +153,7 @@ def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterio
 
 
 def _all(start: Outset, poses: Array, protocol: Protocol) -> LoadedPoses:
-    return every_load(start.free.model, poses, protocol.directions, protocol.forces)
+    return protocol.every(start.free.model, poses, protocol.forces)
 
 
 def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
@@ -162,7 +162,7 @@ def experiments(start: Outset, poses: Array, protocol: Protocol) -> Array:
     A displacement is proportional to the force, so all forces of one set-up tell the same in the same direction:
     they are one row, weighed with their joint information ``F^T V^-1 F``.
     """
-    at = every_load(start.free.model, poses, protocol.directions, np.ones(1))
+    at = protocol.every(start.free.model, poses, np.ones(1))
     return factors(start, *replace(start.free, at=at, history=None).evaluate(start.u), protocol)
 
 
@@ -185,11 +185,11 @@ def _weight(noise: Noise, per_newton: Array, turn: bool, protocol: Protocol) -> 
     return np.asarray(np.linalg.solve(V, np.broadcast_to(F[:, None], (len(f), F.size, 1)))[:, :, 0] @ F)
 
 
-def expected(start: Outset, q: Array, force: Array) -> Array | None:
+def expected(start: Outset, q: Array, force: Array, protocol: Protocol) -> Array | None:
     """Displacements (n, 6) m and rad to expect at poses q (n, dof) under forces (n, 3) N; None before any reading."""
     if start.best is None:
         return None
-    return replace(start.free, at=at_tool(start.free.model, q, force), history=None).evaluate(start.best)[0]
+    return replace(start.free, at=protocol.loaded(start.free.model, q, force), history=None).evaluate(start.best)[0]
 
 
 def criterion_weight(start: Outset, criterion: Criterion, workspace: LoadedPoses) -> Array | None:

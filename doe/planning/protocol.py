@@ -21,7 +21,7 @@ class Protocol:
 
     ``forces`` (l,) N, rising; ``directions`` (d, 3) unit vectors, base axes: each set-up takes one of them with all
     the forces, and takes them off again if ``unloading``; ``components``: what is read (0..5); ``repeats`` of the
-    whole.
+    whole; ``point``: where it is loaded and read, m in the flange frame, None for the model's tool point.
     """
 
     forces: Array
@@ -29,6 +29,7 @@ class Protocol:
     components: tuple[int, ...] = (2,)
     repeats: int = 1
     unloading: bool = False
+    point: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
@@ -60,17 +61,15 @@ class Protocol:
         """Names of the columns to fill in."""
         return tuple(DISPLACEMENTS[k] for k in self.components)
 
+    def loaded(self, model: ArmModel, q: Array, force: Array) -> LoadedPoses:
+        """Poses q (n, dof) rad under nominal forces (n, 3) N at the point, placed as the model says that they act."""
+        point = model.robot.T_flange_tool[:3, 3] if self.point is None else np.array(self.point) + model.load_point
+        return as_loaded(model, q, np.hstack([force, np.zeros_like(force)]), np.tile(point, (len(q), 1)))
 
-def at_tool(model: ArmModel, q: Array, force: Array) -> LoadedPoses:
-    """Poses q (n, dof) rad under nominal forces (n, 3) N at the tool point, placed as the model says that they act."""
-    wrench = np.hstack([force, np.zeros_like(force)])
-    return as_loaded(model, q, wrench, np.tile(model.robot.T_flange_tool[:3, 3], (len(q), 1)))
-
-
-def every_load(model: ArmModel, poses: Array, directions: Array, forces: Array) -> LoadedPoses:
-    """Every pose (N, dof) rad under every direction (d, 3) and force (l,) N, poses slowest, forces fastest."""
-    loads = (directions[:, None] * forces[:, None]).reshape(-1, 3)
-    return at_tool(model, np.repeat(poses, len(loads), axis=0), np.tile(loads, (len(poses), 1)))
+    def every(self, model: ArmModel, poses: Array, forces: Array) -> LoadedPoses:
+        """Every pose (N, dof) rad under every direction and these forces (l,) N, poses slowest, forces fastest."""
+        loads = (self.directions[:, None] * forces[:, None]).reshape(-1, 3)
+        return self.loaded(model, np.repeat(poses, len(loads), axis=0), np.tile(loads, (len(poses), 1)))
 
 
 def new_labels(n: int, head: str, taken: Collection[str]) -> tuple[str, ...]:
@@ -92,12 +91,12 @@ def table_to_fill(
     course, sets, repeats = protocol.course, len(q), protocol.repeats
     each = np.repeat(np.arange(sets), repeats * len(course))
     total = len(each)
-    wrench = np.zeros((total, len(LOADS)))
+    wrench, nowhere = np.zeros((total, len(LOADS))), (np.nan, np.nan, np.nan)
     wrench[:, :3] = direction[each] * np.tile(course, sets * repeats)[:, None]
     number = np.tile(np.repeat(np.arange(1, repeats + 1), len(course)), sets).tolist()
     return Measurements(
         source=source, sha256="", q=q[each], wrench=wrench + 0.0,
-        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.full((total, 3), np.nan),
+        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.tile(protocol.point or nowhere, (total, 1)),
         sigma=np.full(total, np.nan), pose=tuple(np.array(labels, dtype=object)[each]),
         repeat=tuple(number) if repeats > 1 else (None,) * total, phase=protocol.phases * (sets * repeats),
         step=first_step + np.arange(total, dtype=np.float64), row_numbers=tuple(range(2, total + 2)),

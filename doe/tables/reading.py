@@ -159,7 +159,7 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
 
 def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     def column(name: str, values: Array) -> tuple[str, ...]:
-        return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name)).tolist())
+        return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name) + 0.0).tolist())
 
     needed = ("pose", *robot.coordinates, *LOADS, *to_fill)
     names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *POINT, "sigma_mm", "step")

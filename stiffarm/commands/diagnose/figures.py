@@ -19,6 +19,7 @@ from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]
+_MANY_BARS, _NUMBERED = 12, 3
 _MANY_POINTS: Final = 250
 EFFECT: Final = OKABE_ITO["blue"]
 CHOSEN: Final = OKABE_ITO["green"]
@@ -220,7 +221,10 @@ def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]],
     ax.bar(x, heights, 0.7, color=OKABE_ITO["vermillion"] if known else FAINT)
     ax.axhline(100.0 / len(groups) if known else 1.0, color=INK, linewidth=0.9, linestyle="--")
     if values:
-        for k, v in enumerate(heights):
+        # Many bars leave no room for all their numbers.
+        named = np.argsort(-heights)[:_NUMBERED] if len(groups) > _MANY_BARS else range(len(groups))
+        for k in named:
+            v = heights[k]
             note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
         ax.margins(y=0.16)
     named_columns(ax, labels)

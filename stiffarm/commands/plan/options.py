@@ -186,6 +186,16 @@ def usual_components(data: Measurements | None) -> tuple[int, ...]:
     return tuple(int(k) for k in np.flatnonzero(data.used.any(axis=0)))
 
 
+def usual_point(data: Measurements | None) -> tuple[float, float, float] | None:
+    """The point of its own, m in the flange frame, that most readings of the data have; None for the tool point."""
+    if data is None:
+        return None
+    points, count = np.unique(data.point, axis=0, return_counts=True, equal_nan=True)
+    most = points[int(np.argmax(count))]
+    x, y, z = most.tolist()
+    return None if np.isnan(most).any() else (x, y, z)
+
+
 def resting_pose(robot: Robot, held_deg: dict[str, float]) -> Array:
     """Where coordinates stand that do not vary (dof,) rad: as given, else 0, else mid-range.
 

@@ -10,6 +10,7 @@ from doe import Measurements
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.forecast import HOLDS, KEPT
 from doe.planning.plan import Foresight
+from doe.planning.protocol import Protocol
 from doe.tables.columns import DISPLACEMENTS
 from fem.arm import Arm
 from robots import Robot
@@ -28,7 +29,7 @@ SCHEMA = "stiffarm-plan/1"
 RULES = (
     "Take the set-ups in this order. The small number in a box is the row (column step) of measurement_sheet.csv.",
     "Zero the gauge on the unloaded arm before each repeat; for a repeat take the whole load off and put it on again.",
-    "Displacements are the tool point's, in mm along the base's axes (x forward at q1 = 0, z up): "
+    "Displacements are those of the loaded point, in mm along the base's axes (x forward at q1 = 0, z up): "
     "a downward load gives a negative dz. Rotations are in mrad about the same axes.",
     "Leave a box empty where nothing was read. Write what else happened into the remarks.",
 )
@@ -37,6 +38,13 @@ RULES = (
 def robot_title(given: Arm) -> str:
     """The robot's own title."""
     return given.description.title or given.robot.name
+
+
+def _place(protocol: Protocol) -> str:
+    """Where the loads act, in words."""
+    if protocol.point is None:
+        return "the tool point"
+    return f"x, y, z = {', '.join(f'{1e3 * v:g}' for v in protocol.point)} mm from the flange"
 
 
 def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet:
@@ -48,7 +56,7 @@ def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet
         ("robot", robot_title(given)),
         ("made from", f"{source}; model {given.robot.name}, {given.model.load_path}, {given.model.link_kind} links"),
         ("chosen to tell", ", ".join(p.name for p in planned.start.parameters)),
-        ("loads", f"{loads} N at the tool point, {protocol.repeats} times each"),
+        ("loads", f"{loads} N at {_place(protocol)}, {protocol.repeats} times each"),
     ]
     if planned.held_deg:
         facts.append(("standing still", ", ".join(f"{k} = {v:g}" for k, v in planned.held_deg.items())))

@@ -36,7 +36,13 @@ from robots.progress import Progress
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
-from stiffarm.commands.plan.options import resting_pose, usual_components, usual_directions, usual_loads
+from stiffarm.commands.plan.options import (
+    resting_pose,
+    usual_components,
+    usual_directions,
+    usual_loads,
+    usual_point,
+)
 from stiffarm.session import steps
 from stiffarm.session.reading_checks import refuse_useless
 
@@ -145,7 +151,7 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
     held_deg = {name: angle for name, angle in still if name not in vary}
     return Planned(
         request, start, made, promise, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
-        expected(start, made.q, made.direction * protocol.forces.max()), held_deg,
+        expected(start, made.q, made.direction * protocol.forces.max(), protocol), held_deg,
         (*notes, *remarks, words.rests_on(start, promise), *_remarks(start, request, data)), calibrated,
     )  # fmt: skip
 
@@ -154,7 +160,7 @@ def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protoc
     forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
     directions = usual_directions(data) if request.directions is None else request.directions
     components = usual_components(data) if request.components is None else request.components
-    return Protocol(forces, directions, components, request.repeats, request.unloading)
+    return Protocol(forces, directions, components, request.repeats, request.unloading, usual_point(data))
 
 
 def _free(

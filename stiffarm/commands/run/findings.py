@@ -46,6 +46,12 @@ class Recommended:
         """Whether its springs were found pose by pose."""
         return self.calibrated is not None and bool(self.calibrated.found.studies)
 
+    @property
+    def beside_variants_mm(self) -> dict[str, float]:
+        """Its error on readings held out, by its name, where it is no variant."""
+        is_other = self.calibrated is None and self.held_out_rms_mm is not None
+        return {self.name: float(self.held_out_rms_mm or 0.0)} if is_other else {}
+
 
 @dataclass(frozen=True)
 class Findings:

@@ -130,8 +130,6 @@ def _calibrated(
         path: sensitivity_study(one.model, at, varied, *scheme.springs.ends) for path, one in models.items()
     }
     own = link_models.calibrate(models, table, scheme, _say_variant, kept)
-    for line in held_out.sentences(held_out.of_variants(own.variants)):
-        say(line)
     rigid, compared = None, None
     if given.description.link:
         beside = inputs.with_links(given, link_models.BESIDE[given.model.link_kind])
@@ -145,6 +143,8 @@ def _calibrated(
         other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
         compared = link_models.LinkModels(own, other)
     best = recommended(own.variants, looks, used)
+    for line in held_out.sentences(held_out.of_variants(own.variants), best.beside_variants_mm):
+        say(line)
     say(f"recommended: {best.name} (smallest error at poses that it has not seen)")
     published = own.variants[0] if scheme.stage else None
     return Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)

@@ -41,9 +41,14 @@ def _short(rows: Sequence[Row], pictures: Pictures) -> Section:
         (
             *(Note(text) for text in words.summary(rows)),
             pictures.add(scores_figure(scores(rows)), "scores", "Scores, with the number of sets in brackets."),
-            Table("Scores", words.HEADS, tuple(words.lines(rows)), (0, 4, 5)),
+            Table("Scores", words.HEADS, _unbroken(words.lines(rows)), (0, 4, 5)),
         ),
     )
+
+
+def _unbroken(lines: Sequence[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """The same with percent signs that stay beside their numbers."""
+    return tuple(tuple(cell.replace(" %", "\u00a0%") for cell in line) for line in lines)
 
 
 def _groups(rows: Sequence[Row], pictures: Pictures) -> Section:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 from rehearsal.scoring import DETECTABLE, Share
@@ -17,6 +16,10 @@ RELIABILITY_HEADS = ("stated", "mean stated", "right", "95 % interval", "holds")
 def rate(s: Share) -> str:
     """``85 % of 20``; a dash where there is none."""
     return f"{100 * s.count / s.of:.1f} % of {s.of}" if s.of else "-"
+
+
+def _counted(s: Share) -> str:
+    return f"{s.count} ({100 * s.count / s.of:.1f} %)" if s.count else "none"
 
 
 def interval(s: Share) -> str:
@@ -67,18 +70,17 @@ def reliabilities(rows: Sequence[Row]) -> list[tuple[str, ...]]:
 def summary(rows: Sequence[Row]) -> list[str]:
     """The answer in a few sentences."""
     by = {s.name: s.share for s in scores(rows)}
-    count = Counter(r.kind for r in rows)
     out = []
-    seen = by["named and right, detectable"]
-    if seen.of:
+    led, named = by["right family leads, detectable"], by["named and right, detectable"]
+    if named.of:
         out.append(
-            f"Of {seen.of} sets with one effect that the readings can show (chi-square {DETECTABLE:.0f} and more), "
-            f"{rate(by['right family leads, detectable'])} had the right family in the lead, and {rate(seen)} were "
-            "named right."
+            f"{named.of} sets have one effect that the readings can show (chi-square {DETECTABLE:.0f} and more): the "
+            f"right family leads in {_counted(led)}, and {_counted(named)} were named right."
         )
-    out.append(f"A wrong name was given in {rate(by['a wrong name, all sets'])} sets.")
-    if count["none"]:
-        out.append(f"With nothing hidden, {rate(by['nothing hidden: a name'])} sets got a name.")
+    wrong, calm = by["a wrong name, all sets"], by["nothing hidden: a name"]
+    out.append(f"A wrong name was given in {_counted(wrong)} of {wrong.of} sets.")
+    if calm.of:
+        out.append(f"With nothing hidden, {_counted(calm)} of {calm.of} sets got a name.")
     refused = by["refused, all sets"]
     if refused.count:
         out.append(f"{refused.count} of {refused.of} sets were refused, which is never right; rows.csv says why.")

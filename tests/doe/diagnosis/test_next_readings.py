@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up import read
+from made_up import setting as made_up_setting
 from scipy.stats import norm, truncnorm
 
 from doe import Measurements, read_measurements, write_measurements
@@ -371,3 +373,13 @@ def test_sheet_comes_back_with_its_history(proposed: NextReadings, first: Measur
     assert np.isfinite(h.clock).all()
     assert h.clock[first.n :].min() > h.clock[: first.n].max()
     np.testing.assert_allclose(both.q[first.n :: 15], proposed.q, atol=1e-9)
+
+
+def test_a_sheet_asks_for_the_point_that_the_readings_were_taken_at() -> None:
+    data = read({"payload": {"force": 60.0}}, poses=6, repeats=1)
+    aside = replace(data, point=np.tile([0.05, 0.0, 0.2], (data.n, 1)))
+    s = made_up_setting(aside)
+    sheet = propose(s, diagnose(s), poses=1, candidates=12, rng=np.random.default_rng(0)).sheet
+    np.testing.assert_allclose(sheet.point, np.tile([0.05, 0.0, 0.2], (sheet.n, 1)), atol=1e-12)
+    s = made_up_setting(data)
+    assert np.isnan(propose(s, diagnose(s), poses=1, candidates=12, rng=np.random.default_rng(0)).sheet.point).all()

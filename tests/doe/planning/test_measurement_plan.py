@@ -24,7 +24,7 @@ from doe.planning.outset import (
 )
 from doe.planning.plan import expected, experiments, foresee, idle_coordinates, plan
 from doe.planning.pose_designs import pose_design
-from doe.planning.protocol import Protocol, every_load
+from doe.planning.protocol import Protocol
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
 from robots import InputError, load_description
@@ -157,9 +157,7 @@ def test_all_forces_of_a_set_up_weigh_as_their_covariance_says(start: Outset, po
     protocol = Protocol(forces, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]), (0, 2, 4), repeats)
     B = experiments(replace(start, noise=noise), poses[:5], protocol)
     assert B.shape == (10, 3, 4)
-    value, J = replace(start.free, at=every_load(start.free.model, poses[:5], protocol.directions, forces)).evaluate(
-        start.u
-    )
+    value, J = replace(start.free, at=protocol.every(start.free.model, poses[:5], forces)).evaluate(start.u)
     for k, component in enumerate((0, 2, 4)):
         f = np.repeat(value[:, component].reshape(10, 3), repeats, axis=1)
         A = np.repeat((J[:, component] * start.slopes).reshape(10, 3, 4), repeats, axis=1)
@@ -208,7 +206,7 @@ def test_a_first_campaign_sets_out_from_the_vague_prior(model: ArmModel) -> None
     assert begin.u[2] == 0.0
     sd = [VAGUE, np.log(100.0) / 4.0, np.radians(10.0) / 4.0]
     np.testing.assert_allclose(np.sqrt(1.0 / np.diag(begin.known)), sd, rtol=1e-12)
-    assert expected(begin, np.zeros((1, 6)), 650.0 * DOWN) is None
+    assert expected(begin, np.zeros((1, 6)), 650.0 * DOWN, Protocol(np.array([650.0]), DOWN)) is None
 
 
 def test_fewer_readings_than_parameters_are_no_obstacle(model: ArmModel, nine: Measurements, poses: np.ndarray) -> None:

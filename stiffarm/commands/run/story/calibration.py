@@ -190,7 +190,7 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
 
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
     """All variants side by side: parameters, fit, prediction, springs; pictures with both kinds of links."""
-    held, others_mm = f.held_out, dict[str, float]()
+    held = f.held_out
     heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
     rows = []
     for v in f.variants:
@@ -206,7 +206,6 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
         of = f.best
         cells = (f"{error:.3f}" for error in (of.rms_mm, of.left_out_rms_mm, of.held_out_rms_mm) if error is not None)
         rows.append((of.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
-        others_mm |= {} if of.held_out_rms_mm is None else {of.name: of.held_out_rms_mm}
         for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
             errors[name][f.best.name] = value
     named: dict[str, Calibrated] = {}
@@ -249,7 +248,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                 text_columns=(0, len(heads)),
                 best=best,
             ),
-            Bullets(sentences(held, others_mm)),
+            Bullets(sentences(held, f.best.beside_variants_mm)),
             *views,
             pictures.add(
                 intervals_figure(springs, "Constant springs from all poses at once", f.scheme.springs.ends),
