@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robots import InputError
 from robots.errors import listed
+
+if TYPE_CHECKING:
+    from rehearsal.scoring import Share
 
 
 def json_text(content: Mapping[str, Any]) -> str:
@@ -50,3 +53,8 @@ def number(value: float, digits: int = 6) -> float | None:
 def numbers(values: Iterable[float], digits: int = 6) -> list[float | None]:
     """The same for each of some values."""
     return [number(float(value), digits) for value in values]
+
+
+def share(s: Share) -> dict[str, Any]:
+    """A count with its exact interval."""
+    return {"count": s.count, "of": s.of, "interval95": [number(v) for v in s.interval95]}

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rehearsal.possible import NOTHING
-from rehearsal.scoring import DETECTABLE, Share
+from rehearsal.scoring import DETECTABLE
 from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.step import Number, Rehearsed
-from stiffarm.session.json_text import number
+from stiffarm.session.json_text import number, share
 
 SCHEMA = "stiffarm-rehearsal/1"
 
@@ -34,11 +34,6 @@ def rehearsal(draws: Sequence[Rehearsed], secret: bool, seed: int) -> dict[str, 
         "right_family_of_visible": share(seen),
         "draws": [draw(r) for r in draws],
     }
-
-
-def share(s: Share) -> dict[str, Any]:
-    """A count with its exact interval."""
-    return {"count": s.count, "of": s.of, "interval95": [number(v) for v in s.interval95]}
 
 
 def draw(r: Rehearsed) -> dict[str, Any]:

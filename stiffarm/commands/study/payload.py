@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from rehearsal.scoring import DETECTABLE, Share
+from rehearsal.scoring import DETECTABLE
 from robots.files.csv_text import rows_text
 from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
-from stiffarm.session.json_text import number
+from stiffarm.session.json_text import number, share
 
 SCHEMA = "stiffarm-study/1"
 COLUMNS = (
@@ -46,11 +46,6 @@ def study(rows: Sequence[Row]) -> dict[str, Any]:
         ],
         "rows": [one(r) for r in rows],
     }
-
-
-def share(s: Share) -> dict[str, Any]:
-    """A count with its exact interval."""
-    return {"count": s.count, "of": s.of, "interval95": [number(v) for v in s.interval95]}
 
 
 def one(r: Row) -> dict[str, Any]:
