@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from doe.diagnosis.nuisance import nuisance
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
 from doe.tables.loaded import history_of
@@ -26,8 +27,6 @@ from robots.arrays import Array, Bools
 ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
-# What a gauge may be off by from one session to another, m or rad: at least, and as a share of what was read.
-OFFSET, OFFSET_SHARE = 1e-5, 0.02
 
 
 @dataclass(frozen=True)
@@ -179,29 +178,7 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
 
 def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model and table has."""
-    columns = [np.zeros((len(s.data), 0)), session_offsets(s.data, s.history)]
-    for effect in s.known.values():
-        if effect.usual > 0.0:
-            ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
-            columns.append(0.5 * (ends[0] - ends[1])[:, None])
-    return np.hstack(columns)
-
-
-def session_offsets(p: Problem, history: History) -> Array:
-    """Columns (m, k) of one standard deviation of what a session's readings have in common, component by component.
-
-    Instruments are set up anew on another day. Of one session alone nothing can be told.
-    """
-    session = history.session[p.row]
-    count = int(session.max(initial=0)) + 1
-    if count < 2:
-        return np.zeros((len(p), 0))
-    columns = []
-    for component in np.unique(p.component):
-        mine = p.component == component
-        sd = max(OFFSET, OFFSET_SHARE * float(np.sqrt(np.mean(p.value[mine] ** 2))))
-        columns += [np.where(mine & (session == k), sd, 0.0) for k in range(count)]
-    return np.stack(columns, axis=1)
+    return nuisance(s.read, s.arm, s.data, s.history, s.known)
 
 
 def setting_of(
