@@ -55,7 +55,7 @@ class Hypothesis:
     ``code``: of an effect, "none" or "unknown"; ``log_evidence``; ``bic``; ``probability``; ``judged``: each pose
     predicted from the others, and the RMS error (mm), worked out when asked for; ``signature`` and ``fit``: the
     effect's best shape and its amplitudes; ``noise``: the noise that goes best with it; ``usual_excess``: rise of chi-
-    square by an effect of usual size.
+    square by an effect of usual size; ``axis``: of the unknown, what it varies with most probably.
     """
 
     code: str
@@ -67,6 +67,7 @@ class Hypothesis:
     signature: Signature | None = None
     fit: Fitted | None = None
     usual_excess: float = math.nan
+    axis: str = ""
 
     @cached_property
     def _judged(self) -> tuple[LeftOut, float]:
@@ -91,11 +92,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All hypotheses, most probable first; ``hidden``: codes that these readings cannot see, with their excess."""
+    """All hypotheses, most probable first; ``hidden``: codes that these readings cannot see, with their excess.
+
+    ``sets``: the most probable sets of what is missing, with their probabilities; "unknown" may be one of several.
+    """
 
     hypotheses: tuple[Hypothesis, ...]
     hidden: dict[str, float]
     base: Base
+    sets: tuple[tuple[frozenset[str], float], ...] = ()
 
     def of(self, code: str) -> Hypothesis:
         """One hypothesis by its code."""

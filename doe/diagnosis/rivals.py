@@ -21,7 +21,8 @@ from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting, errors_of
 from doe.diagnosis.signatures import shapes, signature
-from doe.diagnosis.weighing import discrepancies, extended
+from doe.diagnosis.unknowns import discrepancies
+from doe.diagnosis.weighing import extended
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem

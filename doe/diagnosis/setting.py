@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from doe.diagnosis.doubts import bends
 from doe.diagnosis.nuisance import nuisance
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
@@ -73,9 +74,7 @@ class Setting:
     def doubts(self) -> Array:
         """Change of the readings (m, d) by one standard deviation of what accepted effects' laws are off by.
 
-        No law is exact: each accepted effect's part of the readings may be off by a share of itself
-        (:attr:`fem.effects.Effect.law_doubt`), in a way that is smooth in the torque (or load) it acts on, and another
-        on the way down.
+        Each accepted effect's part of the readings may bend as :mod:`doe.diagnosis.doubts` says.
         """
         columns = [np.zeros((len(self.data), 0))]
         for number, placed in enumerate(self.accepted):
@@ -84,29 +83,8 @@ class Setting:
                 continue
             rest = [e for k, e in enumerate(self.accepted) if k != number]
             own = self.prediction - self.read(self.arm, rest)
-            columns.append(doubt * own[:, None] * self._bends(placed))
+            columns.append(doubt * own[:, None] * bends(placed.effect, self.data, self.situation, self.unloading))
         return np.hstack(columns)
-
-    def _bends(self, placed: PlacedEffect) -> Array:
-        """Smooth functions (m, d) of what an effect's law depends on: torque and phase, joint's angle, clock."""
-        p, effect = self.data, placed.effect
-        joint = effect.place
-        if effect.depends_on == "angle":
-            q = p.free.at.q[p.row, self.model.robot.joint_names.index(joint)]
-            return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
-        if effect.depends_on == "clock":
-            t = np.nan_to_num(self.history.clock)[p.row]
-            return np.stack([np.cos(np.pi * k * t) for k in range(1, 5)], axis=1)
-        if joint in self.model.robot.joint_names:
-            x = np.abs(self.situation.torque(joint))[p.row]
-        else:
-            x = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
-        u = 2.0 * x / max(float(x.max(initial=0.0)), 1e-12) - 1.0
-        powers = np.stack([u**k for k in range(4)], axis=1)
-        if not (self.history.is_known and effect.needs_history):
-            return powers[:, 1:]
-        way = np.where(self.unloading[p.row], 1.0, -1.0)
-        return np.hstack([powers[:, 1:], way[:, None] * powers[:, :3]])
 
     @property
     def residual(self) -> Array:
