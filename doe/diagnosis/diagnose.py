@@ -10,9 +10,10 @@ from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
 from doe.diagnosis.known import Refit, accept, base_of, refit
+from doe.diagnosis.outlying import reading_weights
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
-from doe.diagnosis.setting import Setting, replicate_weights
+from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count, signature
 from doe.diagnosis.twins import APART, Likeness, beside_twins, likely_amplitude, twins_of
 from doe.estimation.noise import Noise, within_readings
@@ -157,7 +158,7 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
     Readings that tell nothing about the arm are fitted and ranked once, for the record, and get that verdict.
     """
     say = progress or (lambda text: None)
-    weight = replicate_weights(s.data)
+    weight = reading_weights(s)
     say(f"{len(s.data)} readings in {len(s.data.poses)} poses, {len(s.known)} candidates")
     rankings, decisions = [], []
     found: list[_Pick] = []

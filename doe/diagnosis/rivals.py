@@ -121,6 +121,8 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
         np.concatenate([h.order, np.tile(np.arange(forces), n)]).astype(np.intp),
         np.concatenate([h.clock, np.full(len(loaded), later)]),
         h.is_known,
+        # A visit of its own, where visits are told apart.
+        np.concatenate([h.session, np.full(len(loaded), int(h.session.max(initial=0)) + int(h.session.any()))]),
     )
     joint = replace(s, data=data, history=history, errors=np.zeros((len(data), 0)))
     return replace(joint, errors=errors_of(joint))

@@ -26,8 +26,8 @@ from robots.arrays import Array, Bools
 ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
-# A replicate this many standard deviations from its group's median is an outlier.
-FAR = 6.0
+# What a gauge may be off by from one session to another, m or rad: at least, and as a share of what was read.
+OFFSET, OFFSET_SHARE = 1e-5, 0.02
 
 
 @dataclass(frozen=True)
@@ -178,13 +178,30 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
 
 
 def errors_of(s: Setting) -> Array:
-    """Change of the readings (m, e) by one standard deviation of each error that every model has."""
-    columns = [np.zeros((len(s.data), 0))]
+    """Change of the readings (m, e) by one standard deviation of each error that every model and table has."""
+    columns = [np.zeros((len(s.data), 0)), session_offsets(s.data, s.history)]
     for effect in s.known.values():
         if effect.usual > 0.0:
             ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
             columns.append(0.5 * (ends[0] - ends[1])[:, None])
     return np.hstack(columns)
+
+
+def session_offsets(p: Problem, history: History) -> Array:
+    """Columns (m, k) of one standard deviation of what a session's readings have in common, component by component.
+
+    Instruments are set up anew on another day. Of one session alone nothing can be told.
+    """
+    session = history.session[p.row]
+    count = int(session.max(initial=0)) + 1
+    if count < 2:
+        return np.zeros((len(p), 0))
+    columns = []
+    for component in np.unique(p.component):
+        mine = p.component == component
+        sd = max(OFFSET, OFFSET_SHARE * float(np.sqrt(np.mean(p.value[mine] ** 2))))
+        columns += [np.where(mine & (session == k), sd, 0.0) for k in range(count)]
+    return np.stack(columns, axis=1)
 
 
 def setting_of(
@@ -234,22 +251,3 @@ def _history(data: Measurements, history: History | None) -> History:
         return history
     down = history.unloading(np.linalg.norm(data.wrench[:, :3], axis=1))
     return replace(history, is_known=bool(down.any()))
-
-
-def replicate_weights(p: Problem) -> Array:
-    """Weights (m,) of readings: next to nothing for one that its own replicates contradict."""
-    weight = np.ones(len(p))
-    groups = int(p.replicate.max()) + 1
-    deviation, count = np.zeros(len(p)), np.bincount(p.replicate, minlength=groups)
-    for g in np.flatnonzero(count >= 3):
-        mine = p.replicate == g
-        deviation[mine] = p.value[mine] - np.median(p.value[mine])
-    size = np.abs(p.value) + 1e-6
-    tested = count[p.replicate] >= 3
-    if tested.sum() < 9:
-        return weight
-    relative = np.abs(deviation[tested]) / size[tested]
-    scale = 1.4826 * float(np.median(relative[relative > 0.0])) if (relative > 0.0).any() else np.inf
-    # The median of three lies on one of them: of the others the deviation is larger than one reading's own.
-    weight[np.flatnonzero(tested)[relative > FAR * 1.5 * scale]] = 1e-4
-    return weight

@@ -70,6 +70,14 @@ class Covariance:
         """(I + C^T D^-1 C)^-1 (b, k, k)."""
         return _inverse(self.inner)
 
+    @property
+    def inverse_diagonal(self) -> Array:
+        """Diagonal (m,) of V^-1."""
+        plain = 1.0 / self.variance
+        if self.common is None:
+            return np.asarray(plain)
+        return np.asarray(plain - np.einsum("mk,mkl,ml->m", self.E, self.middle[self.blocks.number], self.E))
+
     def solve(self, columns: Array) -> Array:
         """V^-1 times columns (m, c)."""
         out = columns / self.variance[:, None]

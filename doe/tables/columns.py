@@ -31,7 +31,7 @@ LOADS: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 DISPLACEMENTS: Final = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
 COMPONENTS: Final = tuple(name.rpartition("_")[0] for name in DISPLACEMENTS)
 POINT: Final = ("px_mm", "py_mm", "pz_mm")
-OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT)
+OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT, "time_s", "temperature_C", "session")
 PHASES: Final = ("loading", "unloading")
 SUFFIXES: Final = (".csv", ".xlsx")
 

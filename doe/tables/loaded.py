@@ -27,7 +27,8 @@ def history_of(data: Measurements) -> History:
     Order within a cycle: by ``step`` where every reading of the cycle has one, not all the same under different loads;
     else by ``phase``: loading by rising load, then unloading by falling load. With steps a load along the same line
     may change its sign within a cycle. Where neither is given each reading is a loading of its own from zero, and the
-    history as a whole is not known. Clock: from ``step`` if no two cycles share one, else NaN.
+    history as a whole is not known. Clock: from ``time`` where every reading has one, else from ``step`` if no two
+    cycles share one, else NaN.
     """
     cycle = np.empty(data.n, dtype=np.intp)
     order = np.zeros(data.n, dtype=np.intp)
@@ -41,7 +42,8 @@ def history_of(data: Measurements) -> History:
         else:
             cycle[rows], order[rows] = count, ordered
             count += 1
-    return History(cycle, order, _clock(data, cycle), known and data.n > 0)
+    session = np.unique(np.array(data.session, dtype=object).astype(str), return_inverse=True)[1].astype(np.intp)
+    return History(cycle, order, _clock(data, cycle), known and data.n > 0, session.reshape(-1))
 
 
 def history_of_part(
@@ -92,6 +94,8 @@ def _ranks(data: Measurements, size: Array, rows: Indices) -> Indices | None:
 
 def _clock(data: Measurements, cycle: Indices) -> Array:
     unknown = np.full(data.n, np.nan)
+    if data.n > 1 and np.isfinite(data.time).all() and np.ptp(data.time) > 0.0:
+        return np.asarray((data.time - data.time.min()) / np.ptp(data.time))
     if data.n < 2 or not np.isfinite(data.step).all():
         return unknown
     pairs = np.unique(np.column_stack([data.step, cycle]), axis=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import chain, compress
 from typing import Any, TypeVar
 
@@ -22,7 +22,8 @@ class Measurements:
     ``source`` and ``sha256`` name the file. ``q`` (n, dof) rad; ``wrench`` (n, 6) N, N m;
     ``displacement`` (n, 6) m, rad, NaN = not read; ``point`` (n, 3) m in the flange frame, a NaN row =
     the model's tool point; ``sigma`` (n,) m and ``step`` (n,), NaN = not given. ``row_numbers`` are lines
-    of the file (header = 1). ``extra`` keeps unknown columns as text, ``notes`` the warnings in words.
+    of the file (header = 1). ``extra`` keeps unknown columns as text, ``notes`` the warnings in words. ``time`` (n,) s
+    and ``temperature`` (n,) deg C, NaN = not given; ``session`` (n,): day or visit, "" = not given.
 
     Raises
     ------
@@ -44,12 +45,18 @@ class Measurements:
     row_numbers: tuple[int, ...]
     extra: dict[str, tuple[str, ...]]
     notes: tuple[str, ...]
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    temperature: Array = field(default_factory=lambda: np.zeros(0))
+    session: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, nothing in (("time", np.full(len(self.q), np.nan)), ("temperature", np.full(len(self.q), np.nan)),
+                              ("session", ("",) * len(self.q))):  # fmt: skip
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, nothing)
         if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):
             raise InputError("measurements: q, wrench", allowed="finite numbers, (n, dof) and (n, 6)")
-        own = {item.name: getattr(self, item.name) for item in fields(self)[2:-2]}
-        check_columns("measurements", {**self.extra, **own}, self.q, wrench=6, displacement=6, point=3)
+        check_columns("measurements", {**self.extra, **columns_of(self)}, self.q, wrench=6, displacement=6, point=3)
 
     @property
     def n(self) -> int:

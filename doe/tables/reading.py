@@ -95,6 +95,7 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
     point = mc.numbers(*cells, POINT, faults, empty="the tool point")
     sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
     step = mc.numbers(*cells, ("step",), faults, empty="not known")[:, 0]
+    time, temperature = mc.numbers(*cells, ("time_s", "temperature_C"), faults, empty="not known").T
     mc.check_words(table, columns, faults)
     good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
 
@@ -109,7 +110,8 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
         repeat=tuple(int(text) if text else None for text in words(known.get("repeat"))),
         phase=tuple(text or None for text in words(known.get("phase"))),
         row_numbers=tuple(compress(table.lines, good)),
-        extra={name: words(index) for name, index in columns.unknown.items()}, notes=(),
+        extra={name: words(index) for name, index in columns.unknown.items()}, notes=(), time=time[good],
+        temperature=temperature[good], session=words(known.get("session")),
     )  # fmt: skip
 
 
@@ -162,11 +164,12 @@ def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> di
         return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name) + 0.0).tolist())
 
     needed = ("pose", *robot.coordinates, *LOADS, *to_fill)
-    names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *POINT, "sigma_mm", "step")
-    values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step]).T
+    names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *POINT, "sigma_mm", "step", "time_s", "temperature_C")
+    values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step, m.time, m.temperature]).T
     columns = {"pose": m.pose} | {name: column(name, v) for name, v in zip(names, values, strict=True)}
     columns["repeat"] = tuple("" if number is None else str(number) for number in m.repeat)
     columns["phase"] = tuple(phase or "" for phase in m.phase)
+    columns["session"] = m.session
     return {name: cells for name, cells in columns.items() if name in needed or any(cells)} | m.extra
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,13 +20,19 @@ class History:
     ``cycle`` (n,): number of the load cycle a reading belongs to, each of which starts unloaded; ``order`` (n,): its
     place in the cycle, from 0, equal for readings taken at one time; ``clock`` (n,): time in the whole campaign, 0 at
     the first reading, 1 at the last; NaN where it is not known. ``is_known``: whether loading and unloading are told
-    apart; else each reading is taken as a loading from zero.
+    apart; else each reading is taken as a loading from zero. ``session`` (n,): number of the day or visit, all 0 where
+    that is not known.
     """
 
     cycle: Indices
     order: Indices
     clock: Array
     is_known: bool
+    session: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def __post_init__(self) -> None:
+        if not len(self.session):
+            object.__setattr__(self, "session", np.zeros(len(self.cycle), dtype=np.intp))
 
     def unloading(self, size: Array) -> Bools:
         """Whether readings (n,) were taken on the way down; ``size`` (n,): of their loads.
@@ -60,7 +66,7 @@ class History:
     def take(self, rows: Indices) -> History:
         """The history of some readings; a memory only knows what is still there, so keep whole cycles."""
         cycle = np.unique(self.cycle[rows], return_inverse=True)[1].astype(np.intp)
-        return History(cycle, self.order[rows], self.clock[rows], self.is_known)
+        return History(cycle, self.order[rows], self.clock[rows], self.is_known, self.session[rows])
 
 
 def plain_history(n: int) -> History:

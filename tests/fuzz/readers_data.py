@@ -25,12 +25,12 @@ from .samples import Sample
 from .trial import ROOT, require, require_finite
 
 WIDE = """pose,repeat,phase,step,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,\
-dx_mm,dy_mm,dz_mm,rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who
-A,1,loading,1,0,10,90,0,10,0,0,0,-100,0,0,1,0.1,-0.02,-0.21,,0.1,,0,0,200,0.01,anna
-A,2,loading,2,0,10,90,0,10,0,0,0,-200,0,0,2,0.2,-0.04,-0.42,,0.2,,0,0,200,0.01,anna
-A,3,unloading,3,0,10,90,0,10,0,0,0,-100,0,0,1,0.11,-0.02,-0.23,,0.11,,0,0,200,0.01,bert
-B,1,loading,4,30,-10,80,90,-10,45,0,100,0,0,0,0,,0.4,,,,,0,0,200,,bert
-B,1,loading,5,30,-10,80,90,-10,45,0,200,0,0,0,0,,0.81,,,,,0,0,200,,bert
+dx_mm,dy_mm,dz_mm,rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who,time_s,session,temperature_C
+A,1,loading,1,0,10,90,0,10,0,0,0,-100,0,0,1,0.1,-0.02,-0.21,,0.1,,0,0,200,0.01,anna,60,first,21
+A,2,loading,2,0,10,90,0,10,0,0,0,-200,0,0,2,0.2,-0.04,-0.42,,0.2,,0,0,200,0.01,anna,120,first,
+A,3,unloading,3,0,10,90,0,10,0,0,0,-100,0,0,1,0.11,-0.02,-0.23,,0.11,,0,0,200,0.01,bert,180,first,23
+B,1,loading,4,30,-10,80,90,-10,45,0,100,0,0,0,0,,0.4,,,,,0,0,200,,bert,240,second,24
+B,1,loading,5,30,-10,80,90,-10,45,0,200,0,0,0,0,,0.81,,,,,0,0,200,,bert,300,second,25
 """
 
 CAMPAIGN = b"""schema = "stiffarm-calibration/1"
@@ -117,7 +117,7 @@ def _workbooks() -> list[Sample]:
 def _measurements(path: Path) -> object:
     robot = _xr701().robot
     found = read_measurements(path, robot)
-    require_finite(found, "measurements", frozenset({"displacement", "point", "sigma", "step"}))
+    require_finite(found, "measurements", frozenset({"displacement", "point", "sigma", "step", "time", "temperature"}))
     require(
         not np.isinf(found.displacement).any() and not np.isinf(found.point).any(), "measurements: infinite readings"
     )
@@ -127,7 +127,8 @@ def _measurements(path: Path) -> object:
     write_measurements(found, copy, robot)
     again = read_measurements(copy, robot)
     require(again.n == found.n and again.pose == found.pose, "measurements round trip: other rows")
-    for name in ("q", "wrench", "displacement", "point", "sigma", "step"):
+    require(again.session == found.session, "measurements round trip: other sessions")
+    for name in ("q", "wrench", "displacement", "point", "sigma", "step", "time", "temperature"):
         a, b = getattr(found, name), getattr(again, name)
         # 15 digits are written.
         require(np.allclose(a, b, rtol=1e-14, atol=0.0, equal_nan=True), f"measurements round trip: other {name}")

@@ -11,7 +11,6 @@ from made_up import read, setting
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.hypotheses import NONE, Options
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.setting import replicate_weights
 
 BACKLASH = {"gap": 8e-4, "crossing": 20.0, "preload": 0.0}
 FRICTION = {"share": 0.9, "friction": 120.0}
@@ -86,17 +85,6 @@ def test_without_a_term_for_set_ups_scatter_between_them_looks_like_an_effect() 
     assert with_term.log_evidence > without.log_evidence + 10.0
 
 
-def test_a_replicate_that_the_others_contradict_loses_its_weight() -> None:
-    data = read({}, poses=8, repeats=3)
-    wrong = data.displacement.copy()
-    wrong[20, 2] *= 1.5
-    s = setting(replace(data, displacement=wrong))
-    weight = replicate_weights(s.data)
-    assert weight[20] < 1e-3
-    # 2 % noise leaves few of 140 good ones beyond the limit.
-    assert np.sum(weight < 1.0) <= 3
-
-
 @pytest.mark.slow
 def test_the_same_readings_give_the_same_diagnosis() -> None:
     first, again = (diagnosed({"payload": {"force": 40.0}}, poses=8, repeats=1) for _ in range(2))
@@ -112,3 +100,14 @@ def test_readings_that_unload_make_friction_testable_for_the_others_too() -> Non
     mixed = replace(data, phase=bare, step=np.full(data.n, np.nan))
     up = mixed.select(~first | np.array([phase == "loading" for phase in data.phase]))
     assert "friction:j2" not in {c for c, why in diagnose(setting(up)).not_testable().items() if "phase" in why}
+
+
+def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
+    data = read({}, poses=14, repeats=2)
+    day = np.array([int(label[1:]) >= 7 for label in data.pose])
+    moved = data.displacement.copy()
+    moved[day, 2] += 4e-5
+    told = replace(data, displacement=moved, session=tuple("second" if late else "first" for late in day))
+    assert diagnose(setting(told)).verdict == "none"
+    # Without the column the same readings ask for something.
+    assert diagnose(setting(replace(told, session=()))).verdict != "none"

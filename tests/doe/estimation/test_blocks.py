@@ -35,6 +35,7 @@ def test_inverse_root_and_determinant_are_those_of_the_whole_matrix(blocks: Bloc
     # Rounding times the condition number, some 1e3.
     np.testing.assert_allclose(of.solve(x), np.linalg.solve(V, x), rtol=1e-10, atol=1e-12)
     assert of.log_det == pytest.approx(np.linalg.slogdet(V)[1], rel=1e-12)
+    np.testing.assert_allclose(of.inverse_diagonal, np.diag(np.linalg.inv(V)), rtol=1e-10)
     white = of.whiten(x)
     np.testing.assert_allclose(white.T @ white, x.T @ np.linalg.solve(V, x), rtol=1e-10, atol=1e-12)
 

@@ -82,6 +82,9 @@ def _added(data: Measurements, q: np.ndarray, wrench: np.ndarray, value: np.ndar
         phase=(*data.phase, *[None] * n),
         row_numbers=(*data.row_numbers, *range(1000, 1000 + n)),
         extra={},
+        time=np.zeros(0),
+        temperature=np.zeros(0),
+        session=(),
     )
 
 
