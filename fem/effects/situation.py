@@ -126,7 +126,7 @@ class Situation:
 
     def compliance(self, joint: str) -> Array:
         """Compliance (n,) rad/(N m) of the spring about a joint's axis."""
-        return self._compliances[self.model.robot.joint_names.index(joint)]
+        return np.asarray(self._compliances[self.model.robot.joint_names.index(joint)])
 
     @cached_property
     def _compliances(self) -> Array:
