@@ -29,7 +29,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.next_readings import NextReadings, propose
 from doe.diagnosis.setting import Setting, setting_of
-from doe.planning.pose_designs import Zone, pose_design
+from doe.planning.pose_designs import pose_design
+from doe.planning.zones import Zone
 from doe.tables.joined import join
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements, write_measurements
@@ -83,7 +84,7 @@ def judged(s: Setting, d: Diagnosis, truth: str) -> dict[str, Any]:
     def family(code: str) -> str:
         return s.known[code].family if code in s.known else code
 
-    top = next(iter((*d.effects, *d.provisional)), None)
+    top = next(iter(d.found), None)
     first = d.rankings[0]
     return {
         "verdict": d.verdict,
@@ -144,7 +145,7 @@ def one(spec: SetSpec, seed: int, number: int) -> dict[str, Any]:
                 tables.append(measured(spec, seed, n, folder, 10 * WAYS.index(way) + k, taken, model))
                 here = setting_of(description, model, join(tables))
                 found = diagnose(here)
-                foreseen = round(n.right_after, 3) if way == "proposed" else None
+                foreseen = round(n.after.belief, 3) if way == "proposed" else None
                 steps.append(judged(here, found, truth) | {"foreseen": foreseen})
             out[way] = steps
         out["propose_s"] = seconds

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from doe.diagnosis.evidence import Base, Whitened, fit_all
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shapes, signature, signatures
@@ -46,7 +46,7 @@ def candidates_of(s: Setting, *, priors: bool = True, further: bool = False) -> 
         if code not in taken
         and not (further and effect.gross)
         and impossible(s, effect) is None
-        and not _same_law(effect, s.accepted)
+        and not any(clash(effect, e.effect) for e in s.accepted)
     }
     out = {code: some for code, some in out.items() if some}
     return out if priors else {code: [_vague(c) for c in some] for code, some in out.items()}
@@ -150,11 +150,6 @@ def tried(
     return Tried(out, plain)
 
 
-def _same_law(effect: Effect, accepted: Sequence[PlacedEffect]) -> bool:
-    taken = {(e.effect.slot, e.effect.place) for e in accepted if e.effect.slot}
-    return (effect.slot, effect.place) in taken
-
-
 def impossible(s: Setting, effect: Effect) -> str | None:
     """Why these readings can say nothing about an effect, whatever its size; None if they might."""
     if effect.needs_history and not s.history.is_known:
@@ -203,7 +198,7 @@ def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str,
     out: dict[str, str] = {}
     taken = {e.effect.code for e in s.accepted}
     for code, effect in s.known.items():
-        if code in found or code in taken:
+        if code in found or code in taken or is_learned(code):
             continue
         reason = impossible(s, effect)
         if reason is not None:
@@ -211,7 +206,7 @@ def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str,
         elif code in r.hidden:
             out[code] = _hidden(r.hidden[code])
     for h in r.hypotheses:
-        if h.code in (NONE, UNKNOWN, *found, *r.credible()) or not h.usual_excess < TESTABLE:
+        if h.code in (NONE, UNKNOWN, *found, *r.credible()) or is_learned(h.code) or not h.usual_excess < TESTABLE:
             continue
         out[h.code] = (
             f"an effect of usual size would raise chi-square by {h.usual_excess:.2g} only, beyond what springs and "

@@ -13,16 +13,19 @@ from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
+from fem.effects.base import Effect
+from fem.effects.learned import FAMILY as LEARNED
 
 NONE, UNKNOWN = "none", "unknown"
-# Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by
-# the families of effects that the readings can see, and within a family by its members.
-PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
+# Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
+# along one variable; the rest is shared by the families of effects that the readings can see, and within a family by its
+# members.
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.1, 0.05
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 
 # Readings that tell nothing about the arm ("uninformative") cannot say either that nothing is missing from its model.
-Kind = Literal["none", "named", "ambiguous", "unknown", "uninformative"]
+Kind = Literal["none", "named", "learned", "ambiguous", "unknown", "uninformative"]
 
 # Below this probability of "nothing missing" there is something to explain.
 ALARM = 0.12
@@ -128,11 +131,13 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
     for code in codes:
         if code not in (NONE, UNKNOWN):
             families.setdefault(s.known[code].family, []).append(code)
-    rest = 1.0 - options.prior_none - PRIOR_UNKNOWN
+    named = [family for family in families if family != LEARNED]
+    rest = 1.0 - options.prior_none - PRIOR_UNKNOWN - PRIOR_LEARNED
     out = {NONE: math.log(options.prior_none), UNKNOWN: math.log(PRIOR_UNKNOWN)}
-    for members in families.values():
+    for family, members in families.items():
+        share = PRIOR_LEARNED if family == LEARNED else rest / len(named)
         for code in members:
-            out[code] = math.log(s.known[code].chance * rest / len(families) / len(members))
+            out[code] = math.log(s.known[code].chance * share / len(members))
     return out
 
 
@@ -156,17 +161,43 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     is taken up all the same: two of them together may explain what none does alone.
     """
     none, unknown = r.of(NONE), r.of(UNKNOWN)
-    named = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
-    if none.probability >= ALARM or not named:
+    effects = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
+    if none.probability >= ALARM or not effects:
         return Decision("none", None, "the readings do not ask for more than the model has")
-    top, mass = named[0], sum(h.probability for h in named)
+    top, mass = effects[0], sum(h.probability for h in effects)
     if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
     if unknown.probability > 0.5:
         return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
+    if is_learned(top.code):
+        return _learned(top, effects, none)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
-    if top.probability < NAME * mass:
+    if top.probability < NAME:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")
     return Decision("named", top, "it explains the readings and predicts poses left out")
+
+
+def is_learned(code: str) -> bool:
+    """Whether a code is of a law that was learned, not of an effect of the catalogue."""
+    return code.startswith(LEARNED)
+
+
+def clash(one: Effect, other: Effect) -> bool:
+    """Whether two effects would only correct one another: laws of one slot, or one learned beside another in a place."""
+    if one.place != other.place:
+        return False
+    return bool(one.slot and one.slot == other.slot) or is_learned(one.code) or is_learned(other.code)
+
+
+def _learned(top: Hypothesis, effects: Sequence[Hypothesis], none: Hypothesis) -> Decision:
+    """A law learned at one place: sure where laws along other axes there are its only rivals."""
+    place = top.code.partition(":")[2]
+    there = sum(h.probability for h in effects if is_learned(h.code) and h.code.partition(":")[2] == place)
+    gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
+    if there < NAME:
+        return Decision("ambiguous", top, "laws at several places explain the readings about equally well")
+    if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
+        return Decision("unknown", top, "no effect of the catalogue explains the pattern over poses and loads")
+    return Decision("learned", top, "no effect of the catalogue does so, but a law learned at this place does")

@@ -26,6 +26,7 @@ from doe.diagnosis.weighing import Row, Weighed, at_noise, extended, rough_at, s
 from doe.estimation.noise import Noise
 from doe.tables.loaded import rms_mm
 from robots.arrays import Array
+from robots.progress import Progress, report_progress
 
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08
@@ -59,7 +60,10 @@ class _Ground:
         return fitted_noise(self.s, np.hstack([self.free, *(c.columns for c in some)]), self.weight, start)
 
 
-def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bool = False) -> Ranking:  # noqa: B008
+def rank(
+    s: Setting, weight: Array, options: Options = Options(), *, further: bool = False,  # noqa: B008 - frozen
+    progress: Progress | None = None,
+) -> Ranking:  # fmt: skip
     """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``further``: not the first look."""
     base = base_of(s)
     if not options.priors:
@@ -69,6 +73,7 @@ def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bo
     first = fitted_noise(s, free, weight)
     hidden, usual = hidden_among(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
+<<<<<<< HEAD
     unknown = processes(s)
     noises = _noises(s, free, weight, first, unknown[0].columns, options)
     found = tried(s, base, weight, [noises[k] for k in (0, len(noises) // 2, -1)], candidates)
@@ -78,6 +83,26 @@ def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bo
     more = [g.noise_beside([x.signature], first) for x in _leaders(table)]
     table += [g.row(noise) for noise in _limited(more, options) if noise not in noises]
     return _ranked(g, table, hidden, usual)
+=======
+    curved = list(discrepancies(s))
+    noises = _noises(s, free, weight, first, curved[0], options)
+    candidates = pruned(s, base, weight, noises, candidates)
+    steps = len(noises) + LEADERS
+    table: list[Row] = []
+    for noise in noises:
+        report_progress(progress, len(table), steps)
+        table.append(at_noise(s, base, weight, noise, candidates, options))
+    # The noise that goes with each leader, where the base alone would call its effect scatter.
+    more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in _leaders(table)]
+    more = [n for n in _limited(more, options) if n not in noises]
+    noises += more
+    table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
+    report_progress(progress, len(noises), steps)
+    wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
+    smooth = [unknown_at(s, base, weight, n, curved, wild) for n in _calm_and_wild(noises, table)]
+    unknown = [*smooth, *(rough_at(s, base, row, wild, options) for row in table)]
+    return _ranked(s, base, weight, table, unknown, candidates, hidden, usual, options)
+>>>>>>> main
 
 
 def _noises(s: Setting, free: Array, weight: Array, first: Noise, smooth: Array, options: Options) -> list[Noise]:

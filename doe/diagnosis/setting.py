@@ -16,6 +16,7 @@ from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
+from fem.effects.learned import Reach, learned_laws
 from fem.effects.observed import observed, spring_influences
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
@@ -187,12 +188,26 @@ def setting_of(
     index = [model.robot.joint_names.index(name) for name in joints]
     usual = np.array([ARM if k < 3 else WRIST for k in index])
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
-    known = known or catalogue(model, description, own)
     s = Setting(
         description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
-        np.zeros((len(p), 0)), known, tuple(accepted),
+        np.zeros((len(p), 0)), {}, tuple(accepted),
     )  # fmt: skip
+    s = replace(s, known=known or catalogue(model, description, own) | _learned(s))
     return replace(s, errors=errors_of(s))
+
+
+def _learned(s: Setting) -> dict[str, Effect]:
+    """Laws that could be learned of each place, over what was read there."""
+    p, at = s.data, s.data.free.at
+    force = np.linalg.norm(at.wrench[:, :3], axis=1)
+    torque = np.array([np.abs(s.situation.torque(name)).max() for name in s.model.robot.joint_names])
+    moment = np.abs(s.situation.places["base"].carried[3:5]).max()
+    linear = np.abs(p.value[p.component < 3])
+    reach = Reach(
+        torque, np.stack([at.q.min(axis=0), at.q.max(axis=0)], axis=1), float(moment), float(force.max(initial=0.0)),
+        float(linear.max(initial=0.0)),
+    )  # fmt: skip
+    return {effect.code: effect for effect in learned_laws(s.model, reach)}
 
 
 def _history(data: Measurements, history: History | None) -> History:

@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 
 from doe.diagnosis.doubts import bends
 from doe.diagnosis.evidence import Base, Fitted, Whitened, Whitening, fit_all
-from doe.diagnosis.hypotheses import UNKNOWN, Options
+from doe.diagnosis.hypotheses import UNKNOWN, Options, clash
 from doe.diagnosis.scatter import covariance, typical_size
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count
@@ -196,7 +196,7 @@ def _beside(
         _larger(out, frozenset({*taken, UNKNOWN}), float(logsumexp(z)) - math.log(len(z)) + given)
     by_code: dict[str, list[tuple[float, Signature]]] = {}
     for (code, c), fit in zip(flat, fit_all(w, whitened), strict=True):
-        if code not in taken:
+        if code not in taken and not any(clash(c.effect, other.effect) for _, other, _ in members):
             by_code.setdefault(code, []).append((fit.log_evidence, c))
     for code, found in by_code.items():
         z = np.array([one[0] for one in found])

@@ -15,6 +15,7 @@ from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.frames import frame_effects
 from fem.effects.joint_laws import joint_laws
+from fem.effects.learned import FAMILY, learned_laws, plain_reach
 from fem.effects.observed import observed
 from fem.effects.set_up import set_up_effects
 from fem.effects.situation import plain_history
@@ -127,6 +128,8 @@ def effect_of(
 ) -> Effect:
     """One effect by its code; raises InputError where the model cannot have it."""
     known = catalogue(model, description, own)
+    if code.startswith(FAMILY):
+        known |= {effect.code: effect for effect in learned_laws(model, plain_reach(model))}
     require_one_of("effect", code, known)
     return known[code]
 

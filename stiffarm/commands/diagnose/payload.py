@@ -43,6 +43,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),
         "twins": {code: list(others) for code, others in d.twins.items()},
+        "still_open": {code: list(others) for code, others in d.still_open.items()},
         "not_testable": dict(sorted(d.not_testable.items())),
         "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
         "gap": gap(d),
@@ -151,16 +152,19 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
 
 
 def expected(d: Diagnosed) -> dict[str, Any] | None:
-    """What the next readings are expected to tell."""
+    """What the next readings are expected to tell: probabilities and chances by the rivals that are left."""
     n = d.proposal
     if n is None:
-        return None
+        return {"why_none": d.nothing_next} if d.nothing_next else None
     return {
-        "right_family_now": number(n.right_before, 3),
-        "right_family_after": number(n.right_after, 3),
+        "probability_now": number(n.before.belief, 3),
+        "probability_after": number(n.after.belief, 3),
+        "chance_right": number(n.after.right, 3),
+        "chance_wrong": number(n.after.wrong, 3),
+        "chance_open": number(n.after.open, 3),
         "rivals": [
             {"code": r.code, "probability": number(r.probability), "hidden_so_far": r.hidden,
-             "log_evidence_against_none": number(r.against_none, 3)}
+             "log_evidence_against_none": number(r.against_none, 3), "chance_right": number(r.after.right, 3)}
             for r in n.rivals
         ],
         "words": list(n.words),

@@ -250,9 +250,38 @@ def next_sentence(d: Diagnosed) -> str:
             f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
             "readings measured against the robot's base, the tool point); further readings help only where they differ."
         )
+    if d.nothing_next:
+        return f"No further set-up would settle it: {d.nothing_next}."
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."
+    if d.still_open:
+        return _still_open(d)
+    if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
+        return _beside_twins(d)
     return NEXT[d.found.verdict]
+
+
+def _still_open(d: Diagnosed) -> str:
+    """What a name could still be instead."""
+    parts = []
+    for code, others in d.still_open.items():
+        best = max((r for r in d.found.rankings if any(h.code == code for h in r.hypotheses)),
+                   key=lambda r: r.of(code).probability)  # fmt: skip
+        listed = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
+        parts.append(f"{code} could still be {listed}")
+    return f"{_and(parts)}: readings that differ between them would settle it."
+
+
+def _beside_twins(d: Diagnosed) -> str:
+    """Why nothing is left to settle of a name that others could imitate."""
+    parts = []
+    for f in d.found.effects:
+        if others := d.twins.get(f.code):
+            parts.append(f"{_and(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}")
+    return (
+        f"{_and(parts)}, but only with implausible numbers: each is less than a hundredth as probable. Readings in new "
+        "poses would confirm the name."
+    )
 
 
 def proposal_text(n: NextReadings) -> str:
