@@ -73,36 +73,21 @@ def rank(
     first = fitted_noise(s, free, weight)
     hidden, usual = hidden_among(s, base, weight, first, candidates)
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
-<<<<<<< HEAD
     unknown = processes(s)
     noises = _noises(s, free, weight, first, unknown[0].columns, options)
     found = tried(s, base, weight, [noises[k] for k in (0, len(noises) // 2, -1)], candidates)
     g = _Ground(s, base, weight, options, free, found, unknown)
-    table = [g.row(noise) for noise in noises]
-    # The noise that goes with each leader, where the base alone would call its effect scatter.
-    more = [g.noise_beside([x.signature], first) for x in _leaders(table)]
-    table += [g.row(noise) for noise in _limited(more, options) if noise not in noises]
-    return _ranked(g, table, hidden, usual)
-=======
-    curved = list(discrepancies(s))
-    noises = _noises(s, free, weight, first, curved[0], options)
-    candidates = pruned(s, base, weight, noises, candidates)
-    steps = len(noises) + LEADERS
+    # Sets and the unknown take about as long again as all noises.
+    steps = 2 * (len(noises) + LEADERS)
     table: list[Row] = []
     for noise in noises:
         report_progress(progress, len(table), steps)
-        table.append(at_noise(s, base, weight, noise, candidates, options))
+        table.append(g.row(noise))
     # The noise that goes with each leader, where the base alone would call its effect scatter.
-    more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in _leaders(table)]
-    more = [n for n in _limited(more, options) if n not in noises]
-    noises += more
-    table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
-    report_progress(progress, len(noises), steps)
-    wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
-    smooth = [unknown_at(s, base, weight, n, curved, wild) for n in _calm_and_wild(noises, table)]
-    unknown = [*smooth, *(rough_at(s, base, row, wild, options) for row in table)]
-    return _ranked(s, base, weight, table, unknown, candidates, hidden, usual, options)
->>>>>>> main
+    more = [g.noise_beside([x.signature], first) for x in _leaders(table)]
+    table += [g.row(noise) for noise in _limited(more, options) if noise not in noises]
+    report_progress(progress, len(table), steps)
+    return _ranked(g, table, hidden, usual)
 
 
 def _noises(s: Setting, free: Array, weight: Array, first: Noise, smooth: Array, options: Options) -> list[Noise]:
