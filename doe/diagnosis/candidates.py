@@ -29,6 +29,8 @@ SEEN = 2.0
 MANY = 40
 # Of each law the best few shapes at each of a few noises are kept: those this far behind in log evidence add nothing.
 KEPT, NOTHING = 8, 12.0
+# Effects this far behind the best one in log evidence, by the best of a few noises, need no closer look by themselves.
+BEHIND = 30.0
 # Effects that lead by so many noises have their laws bent.
 BENT = 24
 # An effect of usual size must raise chi-square by this to be told by name.
@@ -101,10 +103,14 @@ def _vague(c: Signature) -> Signature:
 
 @dataclass(frozen=True)
 class Tried:
-    """Candidates with the shapes that count, those of the leaders bent; ``plain``: what the bent ones are without."""
+    """Candidates with the shapes that count, those of the leaders bent.
+
+    ``plain``: what the bent ones are without; ``close``: codes that are not far behind the best one.
+    """
 
     candidates: dict[str, list[Signature]]
     plain: dict[int, Signature]
+    close: set[str]
 
 
 def tried(
@@ -147,7 +153,9 @@ def tried(
             plain |= {id(x): c for x, c in zip(curved, mine, strict=True)}
             mine = curved
         out[code] = mine
-    return Tried(out, plain)
+    top = max([0.0, *best.values()])
+    close = {code for code in out if best.get(code, top) > top - BEHIND}
+    return Tried(out, plain, close)
 
 
 def impossible(s: Setting, effect: Effect) -> str | None:

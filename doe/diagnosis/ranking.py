@@ -8,8 +8,9 @@ of being the main one of all that is missing, alone or with others beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.special import logsumexp
@@ -22,7 +23,7 @@ from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, 
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.diagnosis.unknowns import Process, processes
-from doe.diagnosis.weighing import Row, Weighed, at_noise, extended, rough_at, sets_at, unknown_at
+from doe.diagnosis.weighing import Row, Weighed, at_noise, extended, log_sum, rough_at, sets_at, unknown_at
 from doe.estimation.noise import Noise
 from doe.tables.loaded import rms_mm
 from robots.arrays import Array
@@ -52,8 +53,10 @@ class _Ground:
     found: Tried
     unknown: list[Process]
 
-    def row(self, noise: Noise) -> Row:
-        return at_noise(self.s, self.base, self.weight, noise, self.found.candidates, self.options, self.found.plain)
+    def row(self, noise: Noise, *, every: bool) -> Row:
+        """All hypotheses at one noise; ``every``: also effects that are far behind."""
+        some = {code: x for code, x in self.found.candidates.items() if every or code in self.found.close}
+        return at_noise(self.s, self.base, self.weight, noise, some, self.options, self.found.plain)
 
     def noise_beside(self, some: Iterable[Signature], start: Noise) -> Noise:
         """The noise where the readings may follow some signatures."""
@@ -75,17 +78,18 @@ def rank(
     candidates = {code: some for code, some in candidates.items() if code not in hidden}
     unknown = processes(s)
     noises = _noises(s, free, weight, first, unknown[0].columns, options)
-    found = tried(s, base, weight, [noises[k] for k in (0, len(noises) // 2, -1)], candidates)
+    few = [noises[k] for k in (0, len(noises) // 2, -1)]
+    found = tried(s, base, weight, few, candidates)
     g = _Ground(s, base, weight, options, free, found, unknown)
     # Sets and the unknown take about as long again as all noises.
     steps = 2 * (len(noises) + LEADERS)
     table: list[Row] = []
     for noise in noises:
         report_progress(progress, len(table), steps)
-        table.append(g.row(noise))
+        table.append(g.row(noise, every=noise in few))
     # The noise that goes with each leader, where the base alone would call its effect scatter.
     more = [g.noise_beside([x.signature], first) for x in _leaders(table)]
-    table += [g.row(noise) for noise in _limited(more, options) if noise not in noises]
+    table += [g.row(noise, every=False) for noise in _limited(more, options) if noise not in noises]
     report_progress(progress, len(table), steps)
     return _ranked(g, table, hidden, usual)
 
@@ -143,56 +147,67 @@ def _axis_priors(some: Sequence[Process]) -> Array:
 
 def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[str, float]) -> Ranking:
     s, options = g.s, g.options
-    n = math.log(len(table))
     codes = list(g.found.candidates)
     prior = log_priors(s, [NONE, UNKNOWN, *codes], options)
     smooth, rough, _ = _unknown(g, table)
     among = _axis_priors(g.unknown)
-    by_process = logsumexp(np.array([z for _, z in smooth]), axis=0) - n + among
-    alone = {frozenset[str](): _mean([row.none for row in table])}
-    alone |= {frozenset({code}): _mean([row.best[code].worth for row in table]) for code in codes}
+    by_process = logsumexp(np.array([z for _, z in smooth]), axis=0) - math.log(len(table)) + among
+    count = len(table)
+    alone = {frozenset[str](): _mean([row.none for row in table], count)}
+    # Effects far behind were not worked out everywhere: elsewhere they add nothing.
+    of = {code: [row for row in table if code in row.best] for code in codes}
+    alone |= {frozenset({code}): _mean([row.best[code].worth for row in rows], count) for code, rows in of.items()}
     # Smooth and rough count half each. Where a smooth one was not worked out, at poor noises, it adds nothing.
-    alone[frozenset({UNKNOWN})] = float(np.logaddexp(logsumexp(by_process), _mean(rough))) - math.log(2.0)
+    alone[frozenset({UNKNOWN})] = float(np.logaddexp(logsumexp(by_process), _mean(rough, count))) - math.log(2.0)
     several = _several(g, table, prior, by_process) if codes else {}
-    worth = _main_of(alone | several, prior)
-
-    def judged(wide: Base, noise: Noise) -> tuple[LeftOut, float]:
-        left = leave_one_pose_out(wide, covariance(s, noise, g.weight), s.data.pose)
-        return left, rms_mm(left.error, s.data.component)
-
-    def line(code: str, bic: float, noise: Noise, wide: Base, one: Weighed | None = None, axis: str = "") -> Hypothesis:
-        return Hypothesis(
-            code, worth[code], -2.0 * bic, math.nan, noise, lambda: judged(wide, noise),
-            None if one is None else one.signature, None if one is None else one.fit, usual.get(code, math.nan), axis,
-        )  # fmt: skip
+    worth = {code: alone[frozenset({code} - {NONE})] for code in (NONE, *codes, UNKNOWN)} | _main_of(alone | several, prior)
 
     row = max(table, key=lambda row: row.none)
-    lines = [line(NONE, max(row.none_bic for row in table), row.noise, g.base)]
+    bic = max(row.none_bic for row in table)
+    lines = [Hypothesis(NONE, worth[NONE], -2.0 * bic, math.nan, row.noise, _judged(g, lambda: g.base, row.noise))]
     for code in codes:
-        row = max(table, key=lambda row: row.best[code].worth)
+        row = max(of[code], key=lambda row: row.best[code].worth)
         one = row.best[code]
-        bic = max(row.best[code].bic for row in table)
-        lines.append(line(code, bic, row.noise, extended(s, g.base, one.bent), one))
-    lines.append(_line_of_unknown(g, smooth, by_process, line))
+        bic = max(row.best[code].bic for row in of[code])
+        wide = partial(extended, s, g.base, one.bent)
+        lines.append(
+            Hypothesis(code, worth[code], -2.0 * bic, math.nan, row.noise, _judged(g, wide, row.noise), one.signature,
+                       one.fit, usual.get(code, math.nan))  # fmt: skip
+        )
+    lines.append(_line_of_unknown(g, smooth, by_process, worth[UNKNOWN]))
     sets = {key: value + _set_prior(key, prior) for key, value in (alone | several).items()}
     return Ranking(_by_probability(lines, prior, options), hidden, g.base, _most_probable(sets))
 
 
-def _line_of_unknown(g: _Ground, smooth: list[tuple[Noise, Array]], by_process: Array, line) -> Hypothesis:
+def _judged(g: _Ground, wide: Callable[[], Base], noise: Noise) -> Callable[[], tuple[LeftOut, float]]:
+    """How well a hypothesis predicts poses left out; ``wide``: the base with it, which is large, made when asked."""
+
+    def judge() -> tuple[LeftOut, float]:
+        left = leave_one_pose_out(wide(), covariance(g.s, noise, g.weight), g.s.data.pose)
+        return left, rms_mm(left.error, g.s.data.component)
+
+    return judge
+
+
+def _line_of_unknown(
+    g: _Ground, smooth: list[tuple[Noise, Array]], by_process: Array, worth: float
+) -> Hypothesis:
     top = int(np.argmax(by_process))
     noise = max(smooth, key=lambda one: float(one[1][top]))[0]
-    wide = g.base.beside(g.unknown[top].columns)
+    wide = partial(g.base.beside, g.unknown[top].columns)
     V = covariance(g.s, noise, g.weight)
     # Effective numbers of a penalised fit: those that the readings, not the prior, determine.
-    w = Whitened(wide, V)
+    w = Whitened(wide(), V)
     numbers = float(np.trace(w.inverse @ (w.W.T @ w.W))) - len(g.s.free)
     bic = -0.5 * (V.log_det + w.square) - 0.5 * numbers * math.log(len(g.s.data))
-    return line(UNKNOWN, bic, noise, wide, axis=g.unknown[top].axis)
+    return Hypothesis(
+        UNKNOWN, worth, -2.0 * bic, math.nan, noise, _judged(g, wide, noise), axis=g.unknown[top].axis
+    )  # fmt: skip
 
 
-def _mean(z: Sequence[float]) -> float:
-    """Log of the mean of numbers given by their logarithms."""
-    return float(logsumexp(z)) - math.log(len(z))
+def _mean(z: Sequence[float], count: int) -> float:
+    """Log of the mean of ``count`` numbers, of which those that are not nothing are given by their logarithms."""
+    return log_sum(np.array(z)) - math.log(count)
 
 
 def _several(
@@ -205,7 +220,7 @@ def _several(
         some = sets_at(g.s, g.base, g.weight, row, g.found.candidates, prior, beside)
         for key, value in some.items():
             found.setdefault(key, []).append(value)
-    return {key: float(logsumexp(z)) - math.log(len(table)) for key, z in found.items()}
+    return {key: _mean(z, len(table)) for key, z in found.items()}
 
 
 def _set_prior(key: frozenset[str], prior: Mapping[str, float]) -> float:
@@ -215,7 +230,8 @@ def _set_prior(key: frozenset[str], prior: Mapping[str, float]) -> float:
     effects = [code for code in key if code != UNKNOWN]
     if not effects:
         return prior[UNKNOWN]
-    any_effect = float(logsumexp([z for code, z in prior.items() if code not in (NONE, UNKNOWN)]))
+    # Priors of all effects together make this.
+    any_effect = math.log(1.0 - math.exp(prior[NONE]) - math.exp(prior[UNKNOWN]))
     total = sum(prior[code] for code in effects) - (len(effects) - 1) * (any_effect - math.log(ANOTHER))
     return total + (math.log(LEFT) if len(effects) < len(key) else 0.0)
 
@@ -229,12 +245,12 @@ def _main_of(sets: Mapping[frozenset[str], float], prior: Mapping[str, float]) -
     total: dict[str, list[float]] = {}
     for key, value in sets.items():
         total.setdefault(main(key), []).append(value + _set_prior(key, prior))
-    return {code: float(logsumexp(z)) - prior[code] for code, z in total.items()}
+    return {code: log_sum(np.array(z)) - prior.get(code, 0.0) for code, z in total.items()}
 
 
 def _most_probable(sets: Mapping[frozenset[str], float], count: int = 20) -> tuple[tuple[frozenset[str], float], ...]:
     """The sets with the largest probabilities."""
-    total = float(logsumexp(list(sets.values())))
+    total = log_sum(np.array(list(sets.values())))
     order = sorted(sets, key=lambda key: -sets[key])[:count]
     return tuple((key, math.exp(sets[key] - total)) for key in order)
 

@@ -24,7 +24,7 @@ SIZES = (0.03, 0.08, 0.2)
 # Shares of the size with which it changes with the load and the phase.
 LOAD, PHASE = 0.7, 0.5
 # Directions of the kernel weaker than this carry nothing.
-NEGLIGIBLE = 1e-4
+NEGLIGIBLE = 3e-3
 # Waves over the clock.
 WAVES = 5
 # Loads whose directions differ by less than this cosine are of two directions.

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from doe.diagnosis.doubts import bends
 from doe.diagnosis.evidence import Base, Fitted, Whitened, Whitening, fit_all
@@ -90,7 +89,7 @@ def at_noise(
             numbers = len(some[0].effect.parameters)
             bic = none_bic + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
             count, fit = shape_count(some[0].effect), _own(found[top], some[top])
-        worth = float(logsumexp(z)) - math.log(count)
+        worth = log_sum(z) - math.log(count)
         own = plain.get(id(some[top]), some[top])
         best[code] = Weighed(worth + density, bic, own, some[top], fit, worth - float(z[top]))
     return Row(noise, density, w.log_evidence + density, none_bic, best)
@@ -159,7 +158,7 @@ def sets_at(
     """Log evidence of pairs and triples of effects, and of effects beside something unknown, at one noise.
 
     Beside the leading effects at their best shapes all others are weighed in all their shapes, then beside the leading
-    pairs. ``unknown``: processes to weigh beside each.
+    pairs. All are weighed beside each process of ``unknown`` as well.
     """
     V = covariance(s, row.noise, weight)
     flat = [(code, c) for code, some in bent_candidates.items() for c in some if c.shift is None]
@@ -168,9 +167,16 @@ def sets_at(
     chosen: dict[frozenset[str], list[tuple[str, Signature, float]]] = {}
     leaders = sorted(row.best, key=lambda code: -(row.best[code].worth + log_prior[code]))[:BEAM]
     beam = [[(code, row.best[code].bent, row.best[code].offset)] for code in leaders]
+    besides: dict[str, list[float]] = {}
+    for x in unknown:
+        w = Whitened(base.beside(x.columns), V)
+        for code, found in _by_code(flat, fit_all(w, whitened)).items():
+            besides.setdefault(code, []).append(_over_shapes(found)[0])
+    for code, z in besides.items():
+        out[frozenset({code, UNKNOWN})] = log_sum(np.array(z)) - math.log(len(z)) + row.density
     for _ in range(2):
         for members in beam:
-            _beside(s, base, row, members, flat, whitened, unknown, out, chosen)
+            _beside(s, base, row, members, flat, whitened, out, chosen)
         pairs = [key for key in chosen if UNKNOWN not in key]
         pairs.sort(key=lambda key: -(out[key] + sum(log_prior[code] for code in key)))
         beam = [chosen[key] for key in pairs[:PAIRS]]
@@ -181,8 +187,8 @@ def sets_at(
 
 def _beside(
     s: Setting, base: Base, row: Row, members: list[tuple[str, Signature, float]],
-    flat: list[tuple[str, Signature]], whitened: Whitening, unknown: Sequence[Process],
-    out: dict[frozenset[str], float], chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
+    flat: list[tuple[str, Signature]], whitened: Whitening, out: dict[frozenset[str], float],
+    chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
 ) -> None:  # fmt: skip
     """Weigh everything beside some effects, into ``out`` (log evidence) and ``chosen`` (the best shapes)."""
     taken, offset, wide = {code for code, _, _ in members}, 0.0, base
@@ -191,20 +197,32 @@ def _beside(
         wide, offset = extended(s, wide, c), offset + more
     w = Whitened(wide, whitened.V)
     given = offset + row.density
-    if unknown:
-        z = np.array([Whitened(wide.beside(x.columns), whitened.V).log_evidence for x in unknown])
-        _larger(out, frozenset({*taken, UNKNOWN}), float(logsumexp(z)) - math.log(len(z)) + given)
-    by_code: dict[str, list[tuple[float, Signature]]] = {}
-    for (code, c), fit in zip(flat, fit_all(w, whitened), strict=True):
-        if code not in taken and not any(clash(c.effect, other.effect) for _, other, _ in members):
-            by_code.setdefault(code, []).append((fit.log_evidence, c))
-    for code, found in by_code.items():
-        z = np.array([one[0] for one in found])
-        top = int(np.argmax(z))
-        worth = float(logsumexp(z)) - math.log(shape_count(found[top][1].effect))
+    for code, found in _by_code(flat, fit_all(w, whitened)).items():
+        if code in taken or any(clash(found[0][1].effect, other.effect) for _, other, _ in members):
+            continue
+        worth, top = _over_shapes(found)
         key = frozenset({*taken, code})
         if _larger(out, key, worth + given):
-            chosen[key] = [*members, (code, found[top][1], worth - float(z[top]))]
+            chosen[key] = [*members, (code, found[top][1], worth - found[top][0])]
+
+
+def _by_code(flat: Sequence[tuple[str, Signature]], fits: Sequence[Fitted]) -> dict[str, list[tuple[float, Signature]]]:
+    out: dict[str, list[tuple[float, Signature]]] = {}
+    for (code, c), fit in zip(flat, fits, strict=True):
+        out.setdefault(code, []).append((fit.log_evidence, c))
+    return out
+
+
+def _over_shapes(found: Sequence[tuple[float, Signature]]) -> tuple[float, int]:
+    """Log evidence averaged over all shapes of a law, and which of those given is the best."""
+    z = np.array([one[0] for one in found])
+    return log_sum(z) - math.log(shape_count(found[0][1].effect)), int(np.argmax(z))
+
+
+def log_sum(z: Array) -> float:
+    """Logarithm of the sum of numbers given by their logarithms."""
+    top = float(z.max())
+    return top + math.log(float(np.exp(z - top).sum())) if math.isfinite(top) else top
 
 
 def _larger(out: dict[frozenset[str], float], key: frozenset[str], value: float) -> bool:

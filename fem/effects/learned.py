@@ -236,13 +236,13 @@ def _load(top: EffectParameter) -> Effect:
 
 
 def _load_history(top: EffectParameter) -> Effect:
-    """Another force than the sheet says, and another one on the way down."""
+    """Readings as if forces were others than the sheet says, others again on the way down."""
 
-    def law(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
-        N = hats(np.linalg.norm(at.wrench[:, :3], axis=1) / v[-1])
-        return _scaled(at, v[: len(N)] @ N + _down(s) * (v[len(N) : -1] @ N))
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        N = hats(np.linalg.norm(s.at.wrench[:, :3], axis=1) / v[-1])
+        return np.asarray(d * (1.0 + v[: len(N)] @ N + _down(s) * (v[len(N) : -1] @ N))[:, None])
 
     names = [f"share{k}" for k in range(1, len(KNOTS) + 1)]
-    pieces = _pieces([*names, *(f"{name}_down" for name in names)], "share of the force that is added")
-    return Effect("learned-history:load", "forces are others than the sheet says, others again on the way down", "load",
-                  (*pieces, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip
+    pieces = _pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
+    return Effect("learned-history:load", "forces are others than the sheet says, others again on the way down",
+                  "gauge", (*pieces, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip
