@@ -30,6 +30,8 @@ MOST = 3
 FURTHER = 0.01
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.05, 0.9
+# What is left to the unknown with more than this probability makes names provisional.
+HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -290,6 +292,8 @@ def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pi
         for pick in found:
             if pick.kind == kind:
                 return "ambiguous", pick.reason
+    if last.of(UNKNOWN).probability > HALF:
+        return "ambiguous", "something unknown is left beside what was found"
     if found[0].kind == "learned":
         return "learned", found[0].reason
     return "named", "explains the readings and predicts poses left out"

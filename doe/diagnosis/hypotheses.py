@@ -30,7 +30,7 @@ Kind = Literal["none", "named", "learned", "ambiguous", "unknown", "uninformativ
 # Below this probability of "nothing missing" there is something to explain.
 ALARM = 0.12
 # A name is sure from this share of the probability of all effects on.
-NAME = 0.8
+NAME = 0.9
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5

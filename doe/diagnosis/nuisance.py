@@ -20,7 +20,7 @@ from fem.model import ArmModel
 from robots.arrays import Array
 
 # What a gauge may be off by from one session to another, m or rad: at least, and as a share of what was read.
-OFFSET, OFFSET_SHARE = 1e-5, 0.02
+OFFSET, OFFSET_SHARE = 3e-5, 0.05
 # Lengths, m; loads as shares, all in common and each weight by itself; rigid links as a share of the deflection.
 LENGTH, LOADS, EACH_LOAD, LINK = 1e-3, 0.005, 0.001, 0.02
 # Loads that differ by less (relative) are one weight.

@@ -39,6 +39,8 @@ FEW = 80
 SETS, UNKNOWNS = 4, 4
 # Probability beforehand that something is missing beside an effect: another one, something unknown.
 ANOTHER, LEFT = 0.25, 0.1
+# Chance of another effect of the same kind over that of one of another kind.
+ALIKE = 0.1
 
 
 @dataclass(frozen=True)
@@ -233,6 +235,8 @@ def _set_prior(key: frozenset[str], prior: Mapping[str, float]) -> float:
     # Priors of all effects together make this.
     any_effect = math.log(1.0 - math.exp(prior[NONE]) - math.exp(prior[UNKNOWN]))
     total = sum(prior[code] for code in effects) - (len(effects) - 1) * (any_effect - math.log(ANOTHER))
+    # Several joints with one fault are rather one fault that the catalogue does not have.
+    total += (len(effects) - len({code.partition(":")[0] for code in effects})) * math.log(ALIKE)
     return total + (math.log(LEFT) if len(effects) < len(key) else 0.0)
 
 

@@ -30,12 +30,15 @@ AXES: dict[str, tuple[str, ...]] = {
     "learned-clock": ("clock", "temperature", "session"),
     "learned-coupling": ("pose", "load"),
     "learned-load": ("load", "pose"),
+    "learned-step": ("clock", "session"),
 }
 SOURCE = "learned from readings"
 # Knots, in shares of the largest value read; shares of a joint's turn or of a displacement that a piece may have.
 KNOTS = (0.25, 0.5, 0.75, 1.0)
 PIECE = 0.5
 WAVES = 4
+# Moments at which something may have changed.
+MOMENTS = tuple(round(0.05 + 0.1 * k, 2) for k in range(10))
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,12 @@ def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
         yield _history(name, top)
         yield _angle(index, name, reach.travel[index])
         yield _clock(name)
+        yield _step(name)
         yield _coupling(name, [other for other in names if other != name])
     yield _base(reach)
     yield _gauge_clock(reach)
+    yield _gauge_step(reach)
+    yield _gauge_history(reach)
     force = _held("reach", "force", "N", max(reach.force, 1e-6), "largest force that was read")
     yield _load(force)
     yield _load_history(force)
@@ -75,6 +81,11 @@ def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
 def learned_place(code: str) -> str:
     """Where a learned law acts."""
     return code.partition(":")[2]
+
+
+def axes_of(code: str) -> tuple[str, ...]:
+    """What a learned law acts along."""
+    return AXES[code.partition(":")[0]]
 
 
 def _held(name: str, dimension: str, unit: str, value: float, meaning: str) -> EffectParameter:
@@ -172,6 +183,25 @@ def _clock(name: str) -> Effect:
     )  # fmt: skip
 
 
+def _when() -> EffectParameter:
+    return EffectParameter("when", "ratio", "1", 0.0, 1.0, SOURCE, role="shape", grid=MOMENTS,
+                           meaning="when it happened, in shares of the campaign")  # fmt: skip
+
+
+def _step(name: str) -> Effect:
+    """``theta = c tau v`` from a moment on: a joint that was changed in the middle of the campaign."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        after = np.nan_to_num(s.history.clock) > v[1]
+        return s.turned(name, v[0] * s.compliance(name) * s.torque(name) * after)
+
+    return Effect(
+        f"learned-step:{name}", f"joint {name}'s stiffness changed at one moment of the campaign", "arm",
+        (*_pieces(["share"], "share of the compliance that is added from then on"), _when()), law, FAMILY,
+        depends_on="clock", doubt=0.0,
+    )  # fmt: skip
+
+
 def _coupling(name: str, others: Sequence[str]) -> Effect:
     """``theta = c sum v_k tau_k``: torques at other joints turn this one."""
 
@@ -218,6 +248,40 @@ def _gauge_clock(reach: Reach) -> Effect:
     size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
     return Effect("learned-clock:gauge", "readings move over the campaign by a law of their own", "gauge",
                   (*pieces, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
+
+
+def _gauge_step(reach: Reach) -> Effect:
+    """Readings move at one moment of the campaign: someone touched the gauge."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        out, after = d.copy(), np.nan_to_num(s.history.clock) > v[3]
+        out[:, :3] += np.outer(after, v[:3]) * v[4]
+        return out
+
+    size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    return Effect("learned-step:gauge", "readings moved at one moment of the campaign", "gauge",
+                  (*_pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
+                  doubt=0.0)  # fmt: skip
+
+
+def _gauge_history(reach: Reach) -> Effect:
+    """Readings lag behind: on the way down, and more or less with the load, by a length of its own."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        down = _down(s)
+        share = np.linalg.norm(s.at.wrench[:, :3], axis=1)
+        share = share / max(float(share.max(initial=0.0)), 1e-9)
+        out = d.copy()
+        for axis in range(3):
+            up, back, slope = v[3 * axis : 3 * axis + 3]
+            out[:, axis] += v[9] * (up + down * (back + slope * share))
+        return out
+
+    names = [f"{axis}_{part}" for axis in "xyz" for part in ("always", "back", "back_with_load")]
+    size = _held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
+    return Effect("learned-history:gauge", "readings lag behind the load", "gauge",
+                  (*_pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
+                  doubt=0.0)  # fmt: skip
 
 
 def _scaled(at: LoadedPoses, share: Array) -> LoadedPoses:

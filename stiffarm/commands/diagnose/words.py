@@ -11,6 +11,7 @@ from doe.diagnosis.nested import Nested
 from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
+from fem.effects.learned import axes_of
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
@@ -28,6 +29,8 @@ NEXT: dict[Kind, str] = {
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
     "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
     "again with larger loads.",
+    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in the "
+    "new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
     "unknown": "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
     "can be tried with --effect FILE.py.",
 }
@@ -49,7 +52,10 @@ def headline(d: Diagnosed) -> str:
         return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
     if found.verdict == "named":
         names = _and([what(f) for f in found.effects])
-        return f"What is missing has a name: {names}."
+        beside = f" Beside that, with no name: {_learned(found.learned)}." if found.learned else ""
+        return f"What is missing has a name: {names}.{beside}"
+    if found.verdict == "learned":
+        return f"Something is missing that the catalogue has no name for: {_learned(found.learned)}."
     if found.verdict == "ambiguous" and found.effects:
         names = _and([what(f) for f in found.effects])
         return f"Missing: {names}. Beyond that these readings cannot tell which it is: {_rivals(d)}."
@@ -59,6 +65,11 @@ def headline(d: Diagnosed) -> str:
         codes = _and([f.code for f in found.provisional])
         return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
     return "Something is missing that no effect of the catalogue explains."
+
+
+def _learned(found: Sequence[Found]) -> str:
+    """``joint j2 turns by a law of its own over its torque (along load, pose; learned-torque:j2)``."""
+    return _and([f"{f.placed.effect.words} (along {' and '.join(axes_of(f.code))}; {f.code})" for f in found])
 
 
 def hints(d: Diagnosed) -> bool:
@@ -81,6 +92,9 @@ def how_sure(d: Diagnosed) -> str:
     if d.found.verdict == "named":
         parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
         return f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}."
+    if d.found.verdict == "learned":
+        parts = [f"{f.code} {percent(f.probability)}" for f in d.found.learned]
+        return f"Probability when it was found: {', '.join(parts)}; {d.found.reason}."
     if d.found.verdict == "none":
         none = first.of(NONE).probability
         other = next(h for h in first.hypotheses if h.code != NONE)

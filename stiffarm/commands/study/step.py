@@ -11,8 +11,7 @@ from multiprocessing import get_context
 
 from doe.diagnosis.hypotheses import is_learned
 from fem.arm import Arm
-from fem.effects.learned import AXES as LEARNED_AXES
-from fem.effects.learned import learned_place
+from fem.effects.learned import axes_of, learned_place
 from robots import InputError
 from robots.progress import Progress, report_progress
 from stiffarm.commands.diagnose import step as diagnosing
@@ -82,7 +81,7 @@ def said(truth: Row, d: Diagnosed) -> Row:
     all_found = tuple(one.code for one in d.in_model)
     probability = d.in_model[0].probability if d.in_model else f.ranking.best.probability
     learned = tuple(
-        (axis, learned_place(one.code)) for one in f.found if is_learned(one.code) for axis in LEARNED_AXES[one.code.partition(":")[0]]
+        (axis, learned_place(one.code)) for one in f.found if is_learned(one.code) for axis in axes_of(one.code)
     )
     before, after = (NAN, NAN) if d.held_out is None else d.unseen_rms_mm
     return replace(
