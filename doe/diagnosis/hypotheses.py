@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
+
 from doe.diagnosis.evidence import Base, Fitted, LeftOut
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
@@ -31,6 +33,8 @@ Kind = Literal["none", "named", "learned", "ambiguous", "unknown", "uninformativ
 ALARM = 0.12
 # A name is sure from this share of the probability of all effects on.
 NAME = 0.9
+# An amplitude is beyond its plausible range where it is so by this factor, and by so many standard deviations.
+SLACK, SURELY = 1.25, 2.0
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5
@@ -172,11 +176,35 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     if is_learned(top.code):
         return _learned(top, effects, none)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
-    if top.probability < NAME:
+    if sum(h.probability for h in effects if _is_kin(h, top)) < NAME:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
+    outside = beyond(top)
+    if outside:
+        return Decision("ambiguous", top, f"it would take a {outside} beyond what is plausible")
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")
     return Decision("named", top, "it explains the readings and predicts poses left out")
+
+
+def _is_kin(h: Hypothesis, top: Hypothesis) -> bool:
+    """Whether a hypothesis is of the same family at the same place: cured alike, it need not be told apart."""
+    if h.signature is None or top.signature is None:
+        return h is top
+    a, b = h.signature.effect, top.signature.effect
+    return a.family == b.family and a.place == b.place
+
+
+def beyond(h: Hypothesis) -> str:
+    """Name of the first amplitude that is surely larger than is plausible; empty where none is."""
+    if h.fit is None or h.signature is None:
+        return ""
+    effect = h.signature.effect
+    sd = np.sqrt(np.diag(h.fit.covariance))
+    for k, v, s in zip(effect.amplitudes, h.fit.mean, sd, strict=True):
+        p = effect.parameters[k]
+        if abs(v) - SURELY * s > SLACK * p.size[1]:
+            return p.name
+    return ""
 
 
 def is_learned(code: str) -> bool:

@@ -32,7 +32,7 @@ from robots.progress import Progress, report_progress
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08
 # Candidates whose own noise joins the set.
-LEADERS = 6
+LEADERS = 8
 # Fewer readings than these hardly tell their own scatter: usual values join those that they ask for.
 FEW = 80
 # Noises at which sets are weighed, and the unknown.
@@ -125,7 +125,8 @@ def _leaders(table: Sequence[Row]) -> list[Weighed]:
         for code, one in row.best.items():
             if code not in best or one.worth > best[code].worth:
                 best[code] = one
-    order = sorted(best.values(), key=lambda x: -x.worth)[:LEADERS]
+    # By the best shape: of many, an average says little before the noise goes with it.
+    order = sorted(best.values(), key=lambda x: x.offset - x.worth)[:LEADERS]
     return [one for one in order if one.signature.shift is None]
 
 

@@ -19,8 +19,8 @@ from robots.arrays import Array
 from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
 
-# A tracker is levelled to a fraction of a degree; its azimuth is often set by hand.
-LEVEL, AZIMUTH = float(np.radians(0.3)), float(np.radians(5.0))
+# A tracker is levelled to a fraction of a degree, but an arm need not stand level; its azimuth is often set by hand.
+LEVEL, AZIMUTH = float(np.radians(3.0)), float(np.radians(5.0))
 # Axes are parallel up to this.
 PARALLEL = 1e-9
 
