@@ -68,7 +68,7 @@ def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> 
         amount = EffectParameter(
             "way", "length", "mm", 0.02e-3, 0.5e-3, ASSUMED, meaning="slip at twice the force named"
         )
-        tried = np.geomspace(0.15 * size, 0.8 * size, 4)
+        tried = np.geomspace(0.15 * size, 0.8 * size, 5)
         limit = EffectParameter(
             "force", "force", "N", float(tried[0]), float(tried[-1]), ASSUMED, role="shape",
             grid=tuple(float(x) for x in tried), meaning="force beyond which it slips",
