@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.discrimination import Outcome, choose, told, without_idle
+from doe.diagnosis.discrimination import Outcome, Predictions, choose, told, without_idle
 from doe.diagnosis.foresight import Rival, called, foresee
 from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
@@ -30,6 +30,8 @@ MOST_LOADS = 4
 # sheet is set by hand.
 CANDIDATES = 200
 MOST_POSES = 30
+# Components that any gauge that can be turned reads.
+LENGTHS = (0, 1, 2)
 # A pose is another one than those read so far if some joint turns by this much, deg.
 ANOTHER = 5.0
 # A set-up must tell this share of what is open, or it is not worth the while.
@@ -93,7 +95,7 @@ def propose(
     loads : N, put on in rising order; default: those of the readings (four at most). None may exceed the payload's
         weight, or the largest load so far if that is more.
     directions : of the load, base axes, any length; default those of the readings
-    components : 0 to 5 to read (dx .. rz); default: those read so far
+    components : 0 to 5 to read (dx .. rz); default: those read so far; X, Y and Z where these alone tell nothing
     unloading : whether to read on the way down too; default: if the history of the readings so far is known. Where
         it is not, it stays unknown with the new readings added.
     repeats : of each cycle
@@ -121,10 +123,13 @@ def propose(
     q = possible_poses(s, count, protocol, zone, coordinates, rng)
     question = question_of(s, d, still_open)
     q = q[_standing(question, q)]
-    at = protocol.every(s.model, q, protocol.course)
-    p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
-    choice = choose(p, poses, progress)
-    chosen = without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy)
+    remark: tuple[str, ...] = ()
+    p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
+    if not chosen and components is None and set(protocol.components) < set(LENGTHS):
+        # Readings along the axes that were read so far would tell nothing, wherever.
+        protocol = replace(protocol, components=LENGTHS)
+        remark = ("along the axes read so far no set-up would tell them apart: X, Y and Z are asked for",)
+        p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
     if not chosen:
         raise InputError(
             f"set-ups that would tell {_one_of(question)}", value=f"none of {len(p)} tried",
@@ -134,9 +139,19 @@ def propose(
     foreseen = foresee(question, p, chosen, rng)
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
-        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), choice.entropy, foreseen.before, foreseen.after,
-        foreseen.words,
+        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
+        (*foreseen.words, *remark),
     )  # fmt: skip
+
+
+def _chosen(
+    question: Question, q: Array, protocol: Protocol, weight: Array, poses: int, progress: Progress | None
+) -> tuple[Predictions, list[int], float]:
+    """What rivals predict in poses q (N, dof), the best set-ups of which each tells something, and what is open."""
+    at = protocol.every(question.setting.model, q, protocol.course)
+    p = predictions(question, with_candidates(question.setting, at, protocol), weight, protocol)
+    choice = choose(p, poses, progress)
+    return p, without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy), choice.entropy
 
 
 def at_random(n: NextReadings, s: Setting, zone: Zone, rng: np.random.Generator, poses: int = 3) -> NextReadings:

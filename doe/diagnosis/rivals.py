@@ -41,6 +41,8 @@ LEADING = 6
 SURVIVING = 0.99
 # Fewer families of rivals than these are no question.
 FEWEST = 2
+# Hidden candidates that weigh less than this are none.
+UNLIKELY = 1e-4
 # A twin that is still open weighs at least this.
 LEAST = 1e-3
 # When new readings are taken, on the clock of those so far, which ends at 1.
@@ -138,6 +140,11 @@ def _question(s: Setting, r: Ranking) -> Question:
     log |= {code: r.of(NONE).log_evidence + prior[code] for code in hidden}
     weight = softmax(np.array(list(log.values())))
     some = dict(zip(log, weight.tolist(), strict=True))
+    # What is hidden, and hardly likely beside what is seen, is no question.
+    hidden = tuple(code for code in hidden if some[code] >= UNLIKELY)
+    some = {code: w for code, w in some.items() if code in hidden or code in kept}
+    total = sum(some.values())
+    some = {code: w / total for code, w in some.items()}
     # Where all that is likely is of one family, which of it is the question.
     one = len({family_of(s, code) for code in r.credible()}) == 1
     return Question(s, r, some, hidden, {code: code if one else family_of(s, code) for code in some})

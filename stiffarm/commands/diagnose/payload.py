@@ -10,6 +10,8 @@ from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
+from doe.tables.columns import DISPLACEMENTS
+from doe.tables.joined import files_of
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
@@ -53,6 +55,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
         "springs": {s.parameter.place: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
+        "odd_readings": [odd_reading(d, k) for k in d.odd],
         "remarks": list(d.remarks),
     }
 
@@ -180,6 +183,20 @@ def look(d: Diagnosed, k: int) -> dict[str, Any]:
         "reason": decision.reason,
         "hypothesis": None if decision.hypothesis is None else decision.hypothesis.code,
         "candidates": [candidate(h) for h in found.hypotheses[:LISTED]],
+    }
+
+
+def odd_reading(d: Diagnosed, k: int) -> dict[str, Any]:
+    """A reading that hardly counts; ``line``: of its file."""
+    p, files = d.found.before.setting.data, files_of(d.used)
+    row = int(p.row[k])
+    return {
+        **({} if files is None else {"file": files[row]}),
+        "line": d.used.row_numbers[row],
+        "pose": p.poses[p.pose[k]],
+        "component": DISPLACEMENTS[p.component[k]],
+        "load_N": number(float(d.used.loads_N[row])),
+        "weight": number(float(d.found.weight[k]), 3),
     }
 
 
