@@ -29,7 +29,6 @@ from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from doe.planning.protocol import Protocol
-from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
 
@@ -178,17 +177,9 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
         np.concatenate([p.replicate, int(p.replicate.max()) + 1 + np.arange(new)]),
         np.concatenate([p.sigma, np.full(new, sigma)]),
     )
-    first = int(h.cycle.max(initial=-1)) + 1
     # New readings come after all others; how long after is not known yet.
     later = LATER if np.isfinite(h.clock).all() and len(h.clock) else np.nan
-    history = History(
-        np.concatenate([h.cycle, first + np.repeat(np.arange(n), forces)]).astype(np.intp),
-        np.concatenate([h.order, np.tile(np.arange(forces), n)]).astype(np.intp),
-        np.concatenate([h.clock, np.full(len(loaded), later)]),
-        h.is_known,
-        # A visit of its own, where visits are told apart.
-        np.concatenate([h.session, np.full(len(loaded), int(h.session.max(initial=0)) + int(h.session.any()))]),
-    )
+    history = h.followed(n, forces, later)
     joint = replace(s, data=data, history=history, errors=np.zeros((len(data), 0)))
     return replace(joint, errors=errors_of(joint))
 
