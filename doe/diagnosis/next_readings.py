@@ -43,7 +43,8 @@ class NextReadings:
     ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
     (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first.
     ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open; ``before``, ``after``: what the
-    verdict is worth by the readings so far, and what it is expected to be with the new ones, over all rivals.
+    verdict is worth by the readings so far and with the new ones, over all rivals; ``expected``: as far as such
+    forecasts came true.
     """
 
     q: Array
@@ -56,6 +57,7 @@ class NextReadings:
     entropy: float
     before: Outcome
     after: Outcome
+    expected: Outcome
     words: tuple[str, ...]
 
     @property
@@ -138,7 +140,7 @@ def propose(
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
         len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
-        (*foreseen.words, *remark),
+        foreseen.expected, (*foreseen.words, *remark),
     )  # fmt: skip
 
 
