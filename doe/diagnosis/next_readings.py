@@ -9,12 +9,12 @@ import numpy as np
 
 from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.discrimination import Outcome, choose, told, without_idle
+from doe.diagnosis.discrimination import Outcome, Predictions, choose, told, without_idle
 from doe.diagnosis.foresight import Rival, called, foresee
 from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import pose_design
-from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_point
+from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_loads, usual_point
 from doe.planning.zones import Zone
 from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
@@ -24,12 +24,12 @@ from robots.arrays import Array, Bools
 from robots.constants import STANDARD_GRAVITY
 from robots.progress import Progress
 
-# Loads are taken from the readings so far, at most so many of them.
-MOST_LOADS = 4
 # Candidates of a proposal, each with one direction of the load: poses that fill the ranges, in whole degrees, as a
 # sheet is set by hand.
 CANDIDATES = 200
 MOST_POSES = 30
+# Components that any gauge that can be turned reads.
+LENGTHS = (0, 1, 2)
 # A pose is another one than those read so far if some joint turns by this much, deg.
 ANOTHER = 5.0
 # A set-up must tell this share of what is open, or it is not worth the while.
@@ -43,7 +43,8 @@ class NextReadings:
     ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
     (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first.
     ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open; ``before``, ``after``: what the
-    verdict is worth by the readings so far, and what it is expected to be with the new ones, over all rivals.
+    verdict is worth by the readings so far and with the new ones, over all rivals; ``expected``: as far as such
+    forecasts came true.
     """
 
     q: Array
@@ -56,6 +57,7 @@ class NextReadings:
     entropy: float
     before: Outcome
     after: Outcome
+    expected: Outcome
     words: tuple[str, ...]
 
     @property
@@ -90,10 +92,10 @@ def propose(
     s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
     still_open : rivals of effects that were named (:func:`doe.diagnosis.rivals.open_twins`)
     poses : how many set-ups at most, 1 to 30; each takes one direction with all loads
-    loads : N, put on in rising order; default: those of the readings (four at most). None may exceed the payload's
+    loads : N, put on in rising order; default: those of the readings (few of many). None may exceed the payload's
         weight, or the largest load so far if that is more.
     directions : of the load, base axes, any length; default those of the readings
-    components : 0 to 5 to read (dx .. rz); default: those read so far
+    components : 0 to 5 to read (dx .. rz); default: those read so far; X, Y and Z where these alone tell nothing
     unloading : whether to read on the way down too; default: if the history of the readings so far is known. Where
         it is not, it stays unknown with the new readings added.
     repeats : of each cycle
@@ -121,10 +123,13 @@ def propose(
     q = possible_poses(s, count, protocol, zone, coordinates, rng)
     question = question_of(s, d, still_open)
     q = q[_standing(question, q)]
-    at = protocol.every(s.model, q, protocol.course)
-    p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
-    choice = choose(p, poses, progress)
-    chosen = without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy)
+    remark: tuple[str, ...] = ()
+    p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
+    if not chosen and components is None and set(protocol.components) < set(LENGTHS):
+        # Readings along the axes that were read so far would tell nothing, wherever.
+        protocol = replace(protocol, components=LENGTHS)
+        remark = ("along the axes read so far no set-up would tell them apart: X, Y and Z are asked for",)
+        p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
     if not chosen:
         raise InputError(
             f"set-ups that would tell {_one_of(question)}", value=f"none of {len(p)} tried",
@@ -134,9 +139,19 @@ def propose(
     foreseen = foresee(question, p, chosen, rng)
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
-        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), choice.entropy, foreseen.before, foreseen.after,
-        foreseen.words,
+        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
+        foreseen.expected, (*foreseen.words, *remark),
     )  # fmt: skip
+
+
+def _chosen(
+    question: Question, q: Array, protocol: Protocol, weight: Array, poses: int, progress: Progress | None
+) -> tuple[Predictions, list[int], float]:
+    """What rivals predict in poses q (N, dof), the best set-ups of which each tells something, and what is open."""
+    at = protocol.every(question.setting.model, q, protocol.course)
+    p = predictions(question, with_candidates(question.setting, at, protocol), weight, protocol)
+    choice = choose(p, poses, progress)
+    return p, without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy), choice.entropy
 
 
 def at_random(n: NextReadings, s: Setting, zone: Zone, rng: np.random.Generator, poses: int = 3) -> NextReadings:
@@ -164,12 +179,10 @@ def _protocol(
 ) -> Protocol:  # fmt: skip
     """What is done in a new set-up, checked."""
     so_far = s.data.free.at
-    known = np.unique(np.round(np.linalg.norm(so_far.wrench[:, :3], axis=1), 1))
-    known = known[known > 0.0]
+    known = usual_loads(so_far.wrench[:, :3])
     if loads is None and len(known) == 0:
         raise InputError("loads to measure next", value="none", remedy="name them: the readings so far have no force")
-    usual = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOADS)).round().astype(int))]
-    up = usual if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
+    up = known if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
     payload = s.description.payload
     most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * STANDARD_GRAVITY)
     if len(up) == 0 or not np.isfinite(up).all() or up[0] <= 0.0 or up[-1] > most:

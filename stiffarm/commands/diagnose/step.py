@@ -35,6 +35,8 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.zones import FLOOR, parse_zone
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
+# A reading that counts for less than this share is odd.
+ODD = 0.5
 # Twins are looked for among the codes that a reader asks about, most probable first.
 ASKED = 6
 
@@ -82,6 +84,12 @@ class Diagnosed:
     nested: Nested | None = None
     still_open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     nothing_next: str = ""
+
+    @property
+    def odd(self) -> list[int]:
+        """Numbers of the readings that hardly count, least first: what the others make of them is far off."""
+        weight = self.found.weight
+        return [int(k) for k in np.argsort(weight, kind="stable") if weight[k] < ODD]
 
     @property
     def tells(self) -> bool:

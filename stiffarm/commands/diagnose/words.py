@@ -9,6 +9,7 @@ from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
 from doe.diagnosis.next_readings import NextReadings
+from doe.diagnosis.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.learned import axes_of
@@ -24,6 +25,7 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
+NAMED_ODD = 6
 NEXT: dict[Kind, str] = {
     "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
@@ -256,6 +258,19 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
     return tuple(out)
 
 
+def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
+    """Which readings hardly count; none where all do."""
+    if not d.odd or not d.tells:
+        return ()
+    p, loads = d.found.before.setting.data, d.used.loads_N
+    told = [f"pose {p.poses[p.pose[k]]} at {loads[p.row[k]]:g} N" for k in d.odd[:NAMED_ODD]]
+    more = f" and {len(d.odd) - NAMED_ODD} more" if len(d.odd) > NAMED_ODD else ""
+    return (
+        f"{len(d.odd)} of {len(p)} readings hardly count, for they are far from what all others make of them: "
+        f"{', '.join(dict.fromkeys(told))}{more}. Look at them first.",
+    )
+
+
 def next_sentence(d: Diagnosed) -> str:
     """What to do next."""
     if d.found.verdict == "ambiguous" and d.found.same:
@@ -279,8 +294,7 @@ def _still_open(d: Diagnosed) -> str:
     """What a name could still be instead."""
     parts = []
     for code, others in d.still_open.items():
-        best = max((r for r in d.found.rankings if any(h.code == code for h in r.hypotheses)),
-                   key=lambda r: r.of(code).probability)  # fmt: skip
+        best = look_of(d.found, code)
         listed = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
         parts.append(f"{code} could still be {listed}")
     return f"{_and(parts)}: readings that differ between them would settle it."
@@ -330,6 +344,6 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
 
 def summary(d: Diagnosed) -> list[str]:
     """The lines that a terminal shows."""
-    out = [headline(d), how_sure(d), gap_sentence(d)]
+    out = [headline(d), how_sure(d), gap_sentence(d), *odd_sentences(d)]
     out += [f"{f.code}: {numbers_sentence(d, f)}" for f in d.in_model]
     return out

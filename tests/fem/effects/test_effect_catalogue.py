@@ -19,7 +19,7 @@ CODES = list(catalogue(build_model(DESCRIPTION), DESCRIPTION))
 # Turning a load or an arm is linear in the angle but for its square; a spring's share may end at a tenth.
 BENT = (
     "joint-zero-offset", "load-misalignment", "gravity-compensator", "link-flexibility", "turned-frame",
-    "tool-point-offset",
+    "tool-point-offset", "partial-load-path", "cable-package",
 )  # fmt: skip
 
 
@@ -56,7 +56,8 @@ def test_codes_of_the_issue() -> None:
         "payload", "gravity-compensator", "base-tilt", "base-vertical", "parallelogram-bar", "load-path",
         "link-flexibility", "tool-compliance", "load-point-offset", "load-misalignment", "joint-zero-offset",
         "gauge-zero", "gauge-scale", "drift", "gear-ripple", "wrist-coupling", "turned-frame", "tool-point-offset",
-        "angle-sign", "angle-offset", "angle-coupling",
+        "angle-sign", "angle-offset", "angle-coupling", "creep", "warming", "slip", "stick-slip", "loose-base",
+        "cable-package", "partial-load-path",
     }  # fmt: skip
     assert len(CODES) == len(set(CODES))
 
