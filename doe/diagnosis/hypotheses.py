@@ -22,7 +22,7 @@ NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
 # along one variable; the rest is shared by the families of effects that the readings can see, and within a family by its
 # members.
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.1, 0.05
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.05
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 
@@ -180,7 +180,7 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
     outside = beyond(top)
     if outside:
-        return Decision("ambiguous", top, f"it would take a {outside} beyond what is plausible")
+        return Decision("ambiguous", top, f"its number {outside} lies beyond what is plausible")
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")
     return Decision("named", top, "it explains the readings and predicts poses left out")
