@@ -72,9 +72,8 @@ def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tu
     """
     out = {}
     for found in d.effects:
-        probability = [{h.code: h.probability for h in r.hypotheses} for r in d.rankings]
-        best = max(range(len(probability)), key=lambda k: probability[k].get(found.code, 0.0))
-        here, credible = probability[best], d.rankings[best].credible()
+        best = look_of(d, found.code)
+        here, credible = {h.code: h.probability for h in best.hypotheses}, best.credible()
         own = here.get(found.code, 0.0)
         taken = {NONE, UNKNOWN, *(f.code for f in d.effects)}
         some = [
@@ -84,6 +83,11 @@ def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tu
         if own > 0.0 and some:
             out[found.code] = tuple(some)
     return out
+
+
+def look_of(d: Diagnosis, code: str) -> Ranking:
+    """The look in which a code stood best."""
+    return max(d.rankings, key=lambda r: max((h.probability for h in r.hypotheses if h.code == code), default=0.0))
 
 
 def question_of(s: Setting, d: Diagnosis, still_open: Mapping[str, Sequence[str]] | None = None) -> Question:
@@ -111,8 +115,9 @@ def _twins_question(d: Diagnosis, still_open: Mapping[str, Sequence[str]]) -> Qu
     after = d.after.setting
     s = after.moved(after.springs, [e for e in after.accepted if e.effect.code != code])
     r = rank(s, d.weight, further=len(s.accepted) > len(d.start.accepted))
-    ranked = {h.code: h.probability for h in r.hypotheses}
-    some = [c for c in (code, *still_open[code]) if c in ranked]
+    # As probable as was said when the name was given.
+    ranked = {h.code: h.probability for h in look_of(d, code).hypotheses}
+    some = [h.code for h in r.hypotheses if h.code in (code, *still_open[code])]
     total = sum(ranked[c] for c in some)
     # Numerically nothing is still a twin: its readings would look the same.
     weight = {c: max(ranked[c], LEAST * total) for c in some}
