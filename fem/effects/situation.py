@@ -16,6 +16,40 @@ from robots.arrays import Array
 __all__ = ["History", "Situation", "plain_history"]
 
 
+# Geometries of one arm whose statics are kept at once.
+GEOMETRIES = 3
+
+
+@dataclass(frozen=True)
+class _Statics:
+    """What parts of an arm carry at loaded poses, whatever its springs; worked out when it is asked for."""
+
+    model: ArmModel
+    at: LoadedPoses
+
+    def is_of(self, model: ArmModel) -> bool:
+        """Whether another arm's parts carry the same."""
+        own = self.model
+        same_path = (model.bar is None) == (own.bar is None)
+        return model.robot is own.robot and same_path and model.masses is own.masses
+
+    @cached_property
+    def places(self) -> dict[str, Port]:
+        """Base, joints and tool."""
+        few, where = self.at.distinct
+        if few is not self.at:
+            mine = Situation(self.model, few, plain_history(len(few))).places
+            return {name: port.take(where) for name, port in mine.items()}
+        robot = self.model.robot
+        return ports(self.model, self.at.q, self.at.wrench, self.at.point, {"base", "tool", *robot.joint_names})
+
+    @cached_property
+    def preload(self) -> Array:
+        """Torque (n, dof) N m of the links' own weight."""
+        few, where = self.at.distinct
+        return gravity_torque(self.model, few.q)[where]
+
+
 @dataclass(frozen=True)
 class Situation:
     """An arm at n loaded poses with their history; ``model`` has the springs as they are."""
@@ -30,13 +64,30 @@ class Situation:
         at, _ = self.at.distinct
         return self if at is self.at else Situation(self.model, at, plain_history(len(at)))
 
-    @cached_property
+    @property
     def places(self) -> dict[str, Port]:
         """Base, joints, tool (and links) with what they carry."""
-        if self.few is not self:
-            return {name: port.take(self.at.distinct[1]) for name, port in self.few.places.items()}
-        robot = self.model.robot
-        return ports(self.model, self.at.q, self.at.wrench, self.at.point, {"base", "tool", *robot.joint_names})
+        return self._statics.places
+
+    @property
+    def preload(self) -> Array:
+        """Torque (n, dof) N m of the links' own weight at the springs; zero where no masses are declared."""
+        return self._statics.preload
+
+    @cached_property
+    def _statics(self) -> _Statics:
+        """What the loaded poses keep of an arm's statics, for all situations that ask for it again.
+
+        An arm is statically determinate: as long as its geometry and its load path are the same, what its springs are
+        does not matter to what they carry.
+        """
+        kept: list[_Statics] = self.at.__dict__.setdefault("_statics", [])
+        for one in kept:
+            if one.is_of(self.model):
+                return one
+        # The newest few: numbers that move a joint's zero make a geometry of every step.
+        kept[:] = [_Statics(self.model, self.at), *kept[: GEOMETRIES - 1]]
+        return kept[0]
 
     def carried(self, place: str, rows: slice) -> Array:
         """Forces N and moments N m (n, k) at a place under the load, rows of its own axes (:class:`Port`)."""
@@ -51,29 +102,9 @@ class Situation:
         """Torque (n,) N m that the spring about a joint's axis feels under the load."""
         return np.asarray(self.places[joint].carried[5])
 
-    @cached_property
-    def preload(self) -> Array:
-        """Torque (n, dof) N m of the links' own weight at the springs; zero where no masses are declared."""
-        if self.few is not self:
-            return self.few.preload[self.at.distinct[1]]
-        return gravity_torque(self.model, self.at.q)
-
     def of(self, model: ArmModel, at: LoadedPoses) -> Situation:
-        """The same history with another arm or loads; statics already known are kept where they still hold.
-
-        An arm is statically determinate: as long as its geometry, load path and loads are the same, what its springs
-        are does not matter to what they carry.
-        """
-        other = replace(self, model=model, at=at)
-        # Where a cached property keeps what it found.
-        if at is self.at and self.few is not self:
-            other.__dict__["few"] = self.few.of(model, self.few.at)
-        same_path = (model.bar is None) == (self.model.bar is None)
-        if at is self.at and model.robot is self.model.robot and same_path and model.masses is self.model.masses:
-            for name in ("places", "preload"):
-                if name in self.__dict__:
-                    other.__dict__[name] = self.__dict__[name]
-        return other
+        """The same history with another arm or loads."""
+        return replace(self, model=model, at=at)
 
     def compliance(self, joint: str) -> Array:
         """Compliance (n,) rad/(N m) of the spring about a joint's axis."""
