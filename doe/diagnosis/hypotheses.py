@@ -35,6 +35,8 @@ ALARM = 0.12
 NAME = 0.9
 # An amplitude is beyond its plausible range where it is so by this factor, and by so many standard deviations.
 SLACK, SURELY = 1.25, 2.0
+# Then it is a name only where nothing else comes near it in log evidence.
+CLEAR = 20.0
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5
@@ -178,8 +180,8 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
     if sum(h.probability for h in effects if _is_kin(h, top)) < NAME:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
-    outside = beyond(top)
-    if outside:
+    outside, others = beyond(top), [h for h in r.hypotheses if not _is_kin(h, top)]
+    if outside and top.log_evidence - max(h.log_evidence for h in others) < CLEAR:
         return Decision("ambiguous", top, f"its number {outside} lies beyond what is plausible")
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")

@@ -91,7 +91,7 @@ def _links(read: Read, model: ArmModel, here: Array, known: Mapping[str, Effect]
     """Links that the model holds rigid, as described but no more than a few per cent of the deflection."""
     size = float(np.linalg.norm(here))
     for effect in known.values():
-        if effect.family != "link-flexibility" or effect.usual > 0.0:
+        if not effect.held_rigid:
             continue
         change = read(model, (PlacedEffect(effect, np.array([1.0])),)) - here
         most = float(np.linalg.norm(change))

@@ -29,7 +29,7 @@ APART = 9.0
 # Below this chi-square the readings would be the same, however small their noise were told to be.
 EXACT = 1.0
 # A twin whose numbers are this much less plausible than the best one's is none that a verdict must wait for.
-PLAUSIBLE = 0.1
+PLAUSIBLE = 0.03
 # Set-ups scatter at least this much where twins are looked for, unless they are known to scatter less.
 USUAL_SETUP = 0.01
 

@@ -185,7 +185,7 @@ def test_what_is_said_by_probabilities() -> None:
             [0.9, 0.05, 0.03, 0.02],  # nothing missing
             [0.5, 0.1, 0.4, 0.0],  # not asked for, nor ruled out
             [0.01, 0.7, 0.2, 0.09],  # the unknown
-            [0.01, 0.1, 0.8, 0.09],  # a name
+            [0.01, 0.04, 0.9, 0.05],  # a name
             [0.01, 0.1, 0.5, 0.39],  # two names
         ]
     )
