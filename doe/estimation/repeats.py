@@ -4,7 +4,7 @@ Of n readings of one component under the same pose, load and phase, n - 1 differ
 contrasts, which are independent where the readings are, and in which the deflection and what a set-up's readings have
 in common cancel. Variances are those of the restricted likelihood of all contrasts
 (:mod:`doe.estimation.restricted_likelihood`), for one structure of the noise after the other
-(:data:`doe.estimation.noise.Structure`); the likeliest one is taken, with the tails that fit it best. Outliers and heavy
+(:data:`doe.estimation.noise.Structure`); the likeliest is taken, with the tails that fit it best. Outliers and heavy
 tails lose weight inside the likelihood (Lange, Little and Taylor 1989, doi:10.1080/01621459.1989.10478852).
 
 What moves between repeats though nothing was set otherwise is followed: a drift with the clock, another zero in another
@@ -42,6 +42,8 @@ FEWEST_CONTRASTS = 20
 # Degrees of freedom of tails that are tried; 0: normal with a few outliers. Structures are compared with one of them.
 TAILS = (0.0, 8.0, 5.0, 3.0)
 MIDDLE_TAIL = 5.0
+# Log likelihood by which another structure than the usual one must be the better.
+ANOTHER = 1.0
 # Log likelihood that tails, and a scatter between visits, must add to be believed.
 TAIL_GAIN, VISIT_GAIN = 2.0, 3.0
 # Contrasts there must be for each column that follows a drift or a session.
@@ -173,7 +175,7 @@ def _trends(p: Problem, f: Array) -> Array:
 def _told(c: _Contrasts) -> Repeats:
     every = structures(c.p, c.f)
     found = {structure: _fitted(c, structure, MIDDLE_TAIL) for structure in every}
-    worth = {s: one[0] - costs(s, c.p, len(c.value)) for s, one in found.items()}
+    worth = {s: one[0] - costs(s, c.p, len(c.value)) - ANOTHER * (s != "share") for s, one in found.items()}
     best = max(worth, key=lambda s: worth[s])
     tails = {tail: _fitted(c, best, tail) for tail in TAILS}
     tail = max(TAILS, key=lambda t: tails[t][0])
@@ -215,7 +217,12 @@ def _fitted(c: _Contrasts, structure: Structure, tail: float) -> tuple[float, No
         gain = of.at(np.append(maximise(replace(of, terms=terms[:-1]), t[:-1], low[:-1])[0], 0.0)).loss - point.loss
     noise = Noise((0.0, 0.0), tail=tail).with_variances(names, t[: len(names)])
     noise = noise.folded(np.isin(np.arange(6), p.component)) if structure == "axes" else noise
-    return _log_likelihood(left, v, tail), noise, float(np.sqrt(t[-1])) if c.visits else 0.0, float(gain)
+    return (
+        _beyond_normal(left / np.sqrt(v), weight, tail) - point.loss,
+        noise,
+        float(np.sqrt(t[-1])) if c.visits else 0.0,
+        float(gain),
+    )
 
 
 def _middle(value: Array, slope: Array) -> float:
@@ -226,18 +233,20 @@ def _middle(value: Array, slope: Array) -> float:
     return float(np.median(np.abs(value[mine]) / np.sqrt(slope[mine])) / MEDIAN) ** 2
 
 
-def _log_likelihood(left: Array, v: Array, tail: float) -> float:
-    """Of residuals with variances v (N,) as :attr:`Noise.tail` has them."""
+def _beyond_normal(y: Array, weight: Array, tail: float) -> float:
+    """What a distribution of residuals y (N,), in standard deviations, adds to the log likelihood of a normal one.
+
+    That one has variances over ``weight`` (N,). For independent residuals the sum is the distribution's own.
+    """
+    normal = 0.5 * (np.log(weight) - weight * y**2 - np.log(2.0 * np.pi))
     if tail:
-        s = v * (tail + 1.0) / tail
-        norm = gammaln(0.5 * (tail + 1.0)) - gammaln(0.5 * tail) - 0.5 * np.log(tail * np.pi)
-        return float(np.sum(norm - 0.5 * np.log(s) - 0.5 * (tail + 1.0) * np.log1p(left**2 / s / tail)))
-    x = left**2 / v
-    good = -0.5 * (x + np.log(2.0 * np.pi))
+        norm = gammaln(0.5 * (tail + 1.0)) - gammaln(0.5 * tail) - 0.5 * np.log((tail + 1.0) * np.pi)
+        return float(np.sum(norm - 0.5 * (tail + 1.0) * np.log1p(y**2 / (tail + 1.0)) - normal))
+    good = -0.5 * (y**2 + np.log(2.0 * np.pi))
     # Slipped digits are farther out than any normal distribution: Cauchy's. One wrong reading is in several contrasts.
-    rest = -0.5 * float(np.sum(np.log(v)))
-    return rest + max(
-        float(np.sum(np.logaddexp(np.log1p(-share) + good, np.log(share / (np.pi * width)) - np.log1p(x / width**2))))
+    mixed = [
+        np.logaddexp(np.log1p(-share) + good, np.log(share / (np.pi * width)) - np.log1p((y / width) ** 2))
         for share in (OUTLIERS, 3.0 * OUTLIERS, 6.0 * OUTLIERS)
         for width in (0.4 * WIDER, WIDER)
-    )
+    ]
+    return max(float(np.sum(one - normal)) for one in mixed)
