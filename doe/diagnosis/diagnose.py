@@ -22,7 +22,7 @@ from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
 from robots.arrays import Array
-from robots.progress import Messages
+from robots.progress import Messages, Progress
 
 # Effects looked for one after the other.
 MOST = 3
@@ -153,10 +153,16 @@ class Diagnosis:
         return named if named and self.provisional else max(named - 1, 0)
 
 
-def diagnose(s: Setting, options: Options = Options(), progress: Messages | None = None) -> Diagnosis:  # noqa: B008
+def diagnose(
+    s: Setting,
+    options: Options = Options(),  # noqa: B008 - frozen
+    progress: Messages | None = None,
+    within: Progress | None = None,
+) -> Diagnosis:
     """Find what is missing from a model whose springs are fitted.
 
     Readings that tell nothing about the arm are fitted and ranked once, for the record, and get that verdict.
+    ``progress`` hears what each look found, ``within`` how far a look is.
     """
     say = progress or (lambda text: None)
     weight = reading_weights(s)
@@ -166,7 +172,7 @@ def diagnose(s: Setting, options: Options = Options(), progress: Messages | None
     told = told_by(s.data)
     here, total = s, 0.0
     for look in range(MOST + 1 if options.for_record else MOST):
-        r = rank(here, weight, options, further=bool(found))
+        r = rank(here, weight, options, further=bool(found), progress=within)
         d = (
             beside_twins(here, r, weight, decide(r, further=bool(found)))
             if told.anything

@@ -15,13 +15,16 @@ the bound rises with D alone, so that the choice is the T-optimal one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
+from scipy.special import softmax
 
 from doe.planning.optimal_choice import exchange
-from robots.arrays import Array, Bools, Indices
+from robots.arrays import Array, Bools, Indices, Integers
+from robots.progress import Progress, report_progress
 
 # Numbers in the covariances that are worked on at once: some 60 MB.
 AT_ONCE = 4_000_000
@@ -99,11 +102,13 @@ def information(p: Predictions, kl: Array) -> Array:
     return np.asarray(-np.log(np.exp(-D) @ p.weight) @ p.weight)
 
 
-def choose(p: Predictions, n: int) -> Choice:
+def choose(p: Predictions, n: int, progress: Progress | None = None) -> Choice:
     """Choose n experiments: the best one by one, then swaps until none gains (Fedorov exchange)."""
     h, r = len(p.code), p.mean.shape[2]
+    rounds = count(1)
 
     def score(taken: list[int]) -> Array:
+        report_progress(progress, min(next(rounds), n * (1 + SWEEPS)), n * (1 + SWEEPS))
         k = (len(taken) + 1) * r
         together = np.column_stack([np.tile(taken, (len(p), 1)), np.arange(len(p))]).astype(np.intp)
         # Covariances, their inverses, and the products of every pair of rivals.
@@ -118,26 +123,83 @@ def choose(p: Predictions, n: int) -> Choice:
     return Choice(np.array(chosen, dtype=np.intp), best, float(-share @ np.log(np.maximum(share, 1e-300))))
 
 
-def right_names(
-    p: Predictions, chosen: Sequence[int], group: dict[str, str], rng: np.random.Generator, draws: int = 2000
-) -> dict[str, float]:
-    """How probable each code's group (family) is to come out on top if the code is true, by simulation.
+def told(p: Predictions, chosen: Sequence[int]) -> float:
+    """What the name gains by experiments, in nat: the lower estimate that :func:`choose` goes by."""
+    return float(information(p, divergence(*joint(p, chosen)))) if len(chosen) else 0.0
 
-    ``group``: of each code; the top is the group with the largest sum of probabilities.
+
+def without_idle(p: Predictions, chosen: Sequence[int], least: float) -> list[int]:
+    """The experiments without those that, one after the other, tell less than ``least`` (nat) beside the rest."""
+    kept = list(chosen)
+    while kept:
+        rest = [[k for k in kept if k != out] for out in kept]
+        left = [told(p, some) for some in rest]
+        best = int(np.argmax(left))
+        if told(p, kept) - left[best] >= least:
+            break
+        kept = rest[best]
+    return kept
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is to be expected of a diagnosis if one rival is true.
+
+    ``belief``: mean probability of the right name; ``right``, ``wrong``: chances that the verdict is right, and that
+    it names something else. Otherwise nothing is settled.
     """
+
+    belief: float
+    right: float
+    wrong: float
+
+    @property
+    def open(self) -> float:
+        """The chance that nothing is settled."""
+        return max(1.0 - self.right - self.wrong, 0.0)
+
+
+# What a diagnosis with such probabilities (..., h) of the rivals says: the number of a name, or -1 where it is open.
+Verdicts = Callable[[Array], Integers]
+
+
+def outcomes(
+    p: Predictions, chosen: Sequence[int], names: Sequence[str], verdict: Verdicts, rng: np.random.Generator,
+    draws: int = 2000,
+) -> dict[str, Outcome]:  # fmt: skip
+    """What comes of experiments if each of the codes is true, by simulation; of none what stands already.
+
+    ``names``: of each code of ``p`` what it is called (its family); ``verdict`` gets probabilities by code and answers
+    with the number of a code, whose name counts.
+    """
+    codes = list(dict.fromkeys(p.code))
+    of_code = np.array([[one == code for code in codes] for one in p.code], dtype=np.float64)
+    name = dict(zip(p.code, names, strict=True))
+    numbers = np.array([list(name.values()).index(name[code]) for code in codes])
+    each = max(draws // len(p.code), 20) if len(chosen) else 1
+    sums = {code: np.zeros(4) for code in codes}
+    for i, code in enumerate(p.code):
+        belief = _beliefs(p, chosen, i, each, rng) @ of_code
+        mine = numbers[codes.index(code)]
+        said = verdict(belief)
+        said_name = np.where(said < 0, -1, numbers[np.maximum(said, 0)])
+        parts = (
+            belief[:, numbers == mine].sum(axis=1).mean(),
+            np.mean(said_name == mine),
+            np.mean((said_name != mine) & (said_name >= 0)),
+        )
+        sums[code] += p.weight[i] * np.array([1.0, *parts])
+    return {code: Outcome(*(x[1:] / max(x[0], 1e-300)).tolist()) for code, x in sums.items()}
+
+
+def _beliefs(p: Predictions, chosen: Sequence[int], true: int, draws: int, rng: np.random.Generator) -> Array:
+    """Probabilities (draws, h) of the rivals after readings of experiments, drawn as one of them predicts them."""
+    if not len(chosen):
+        return np.tile(p.weight, (draws, 1))
     mean, S = joint(p, chosen)
     L = np.linalg.cholesky(S)
-    groups = list(dict.fromkeys(group[code] for code in p.code))
-    member = np.array([[group[code] == g for g in groups] for code in p.code], dtype=np.float64)
-    hits: dict[str, list[float]] = {}
-    each = max(draws // len(p.code), 20)
     log_det = 2.0 * np.log(np.einsum("hkk->hk", L)).sum(axis=1)
-    for i, code in enumerate(p.code):
-        y = mean[i] + rng.standard_normal((each, mean.shape[1])) @ L[i].T
-        z = np.linalg.solve(L, (y[None] - mean[:, None]).transpose(0, 2, 1))
-        log = np.log(p.weight)[:, None] - 0.5 * (log_det[:, None] + np.sum(z**2, axis=1))
-        posterior = np.exp(log - log.max(axis=0)).T @ member
-        right = np.argmax(posterior, axis=1) == groups.index(group[code])
-        hits.setdefault(code, []).append(float(p.weight[i]) * float(right.mean()))
-    total = {code: float(p.weight[np.array(p.code) == code].sum()) for code in hits}
-    return {code: sum(parts) / max(total[code], 1e-300) for code, parts in hits.items()}
+    y = mean[true] + rng.standard_normal((draws, mean.shape[1])) @ L[true].T
+    z = np.linalg.solve(L, (y[None] - mean[:, None]).transpose(0, 2, 1))
+    log = np.log(p.weight)[:, None] - 0.5 * (log_det[:, None] + np.sum(z**2, axis=1))
+    return np.asarray(softmax(log, axis=0).T)

@@ -21,7 +21,7 @@ from doe.tables.measurements import Measurements
 from fem.effects.situation import History
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.progress import Messages
+from robots.progress import Messages, Progress
 
 FOLDS = 5
 # Fewer poses than this are left out one at a time; with fewer than the second, what is left would be no campaign.
@@ -86,6 +86,7 @@ def nested(
     folds: int = FOLDS,
     seed: int = 0,
     progress: Messages | None = None,
+    within: Progress | None = None,
 ) -> Nested:
     """Diagnose once for every fold, without its poses, and predict these.
 
@@ -108,7 +109,7 @@ def nested(
     found = []
     for k in range(int(fold.max()) + 1):
         unseen = fold == k
-        codes, errors = _one(s, data, unseen, options)
+        codes, errors = _one(s, data, unseen, options, within)
         mine = unseen[row]
         before[mine], after[mine] = errors
         found.append(codes)
@@ -117,7 +118,7 @@ def nested(
 
 
 def _one(
-    s: Setting, data: Measurements, unseen: Bools, options: Options
+    s: Setting, data: Measurements, unseen: Bools, options: Options, within: Progress | None
 ) -> tuple[tuple[str, ...], tuple[Array, Array]]:
     """What the poses seen ask for, and the errors of springs alone and of the diagnosed model at the others."""
     seen = data.select(~unseen)
@@ -129,7 +130,7 @@ def _one(
     there = replace(there, history=replace(there.history, is_known=s.history.is_known))
     p = problem(s.model, data.select(unseen), ())
     there = replace(there, known=standing(there, p.free.at))
-    d = diagnose(there, replace(options, for_record=False))
+    d = diagnose(there, replace(options, for_record=False), within=within)
     codes = tuple(f.code for f in (*d.effects, *d.provisional))
     before, after = (
         replace(state.setting, data=p, history=_part(s.history, unseen), errors=np.zeros((len(p), 0))).residual

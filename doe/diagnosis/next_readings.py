@@ -2,54 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations, islice
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.discrimination import choose, divergence, joint, right_names
-from doe.diagnosis.hypotheses import NONE, UNKNOWN
-from doe.diagnosis.rivals import Question, family_of, predictions, question_of, with_candidates
+from doe.diagnosis.discrimination import Outcome, Predictions, choose, told, without_idle
+from doe.diagnosis.foresight import Rival, called, foresee
+from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
-from doe.planning.pose_designs import Zone, pose_design
-from doe.planning.protocol import Protocol, new_labels, table_to_fill
+from doe.planning.pose_designs import pose_design
+from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_point
+from doe.planning.zones import Zone
 from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
 from fem.statics.loads import LoadedPoses
 from robots import InputError
 from robots.arrays import Array, Bools
 from robots.constants import STANDARD_GRAVITY
+from robots.progress import Progress
 
-DOWN = ((0.0, 0.0, -1.0),)
 # Loads are taken from the readings so far, at most so many of them.
 MOST_LOADS = 4
-# Candidates of a proposal: poses that fill the ranges, in whole degrees, as a sheet is set by hand.
+# Candidates of a proposal, each with one direction of the load: poses that fill the ranges, in whole degrees, as a
+# sheet is set by hand.
 CANDIDATES = 200
 MOST_POSES = 30
-# Expected log evidence from which on one rival is as good as ruled out (20 to 1).
-SETTLED = float(np.log(20.0))
-# Pairs told about.
-TOLD = 6
-
-
-@dataclass(frozen=True)
-class Rival:
-    """One hypothesis that is still possible.
-
-    ``probability``: its weight among the rivals; ``hidden``: the present readings cannot see it; ``against_none``:
-    expected log evidence against "nothing missing" by the new readings, if it is true; ``right_before`` and
-    ``right_after``: probability that its family comes out on top if it is true.
-    """
-
-    code: str
-    probability: float
-    hidden: bool
-    against_none: float
-    right_before: float
-    right_after: float
+# Components that any gauge that can be turned reads.
+LENGTHS = (0, 1, 2)
+# A pose is another one than those read so far if some joint turns by this much, deg.
+ANOTHER = 5.0
+# A set-up must tell this share of what is open, or it is not worth the while.
+WORTH = 0.01
 
 
 @dataclass(frozen=True)
@@ -58,8 +44,8 @@ class NextReadings:
 
     ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
     (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first.
-    ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open;
-    ``right_before``, ``right_after``: probability that the right family comes out on top.
+    ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open; ``before``, ``after``: what the
+    verdict is worth by the readings so far, and what it is expected to be with the new ones, over all rivals.
     """
 
     q: Array
@@ -70,8 +56,8 @@ class NextReadings:
     rivals: tuple[Rival, ...]
     information: float
     entropy: float
-    right_before: float
-    right_after: float
+    before: Outcome
+    after: Outcome
     words: tuple[str, ...]
 
     @property
@@ -86,9 +72,10 @@ def propose(
     s: Setting,
     d: Diagnosis,
     *,
+    still_open: Mapping[str, Sequence[str]] | None = None,
     poses: int = 3,
     loads: Sequence[float] | None = None,
-    directions: Sequence[Sequence[float]] = DOWN,
+    directions: Sequence[Sequence[float]] | None = None,
     components: Sequence[int] | None = None,
     unloading: bool | None = None,
     repeats: int = 3,
@@ -96,61 +83,103 @@ def propose(
     coordinates: tuple[str, ...] | None = None,
     candidates: int = CANDIDATES,
     rng: np.random.Generator,
+    progress: Progress | None = None,
 ) -> NextReadings:
     """Choose set-ups that best tell the rivals of a diagnosis apart.
 
     Parameters
     ----------
     s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
-    poses : how many set-ups, 1 to 30; each takes one direction with all loads
+    still_open : rivals of effects that were named (:func:`doe.diagnosis.rivals.open_twins`)
+    poses : how many set-ups at most, 1 to 30; each takes one direction with all loads
     loads : N, put on in rising order; default: those of the readings (four at most). None may exceed the payload's
         weight, or the largest load so far if that is more.
-    directions : of the load, base axes, any length; default straight down
-    components : 0 to 5 to read (dx .. rz); default: those read so far
+    directions : of the load, base axes, any length; default those of the readings
+    components : 0 to 5 to read (dx .. rz); default: those read so far; X, Y and Z where these alone tell nothing
     unloading : whether to read on the way down too; default: if the history of the readings so far is known. Where
         it is not, it stays unknown with the new readings added.
     repeats : of each cycle
-    zone, coordinates : where the arm must not be, and the joint coordinates that vary (default all)
-    candidates : poses looked at
+    zone, coordinates : where the arm and a load that hangs from it must not be, and the joint coordinates that vary
+        (default all)
+    candidates : set-ups looked at, some sixty poses at least
 
     Returns
     -------
     NextReadings
         Its ``sheet``, written with the columns to fill, comes back by joining it to the first table
-        (:func:`doe.tables.joined.join`): its labels and steps go on after those. ``rng`` settles the choice.
+        (:func:`doe.tables.joined.join`): its labels and steps go on after those. ``rng`` settles the choice. Set-ups
+        that would tell next to nothing beside the others are left out.
 
     Raises
     ------
     InputError
-        Number of poses, loads, directions or components out of range; hardly any pose that the robot can take.
+        Number of poses, loads, directions or components out of range; hardly any pose that the robot can take; no
+        set-up that would tell the rivals apart.
     """
     protocol = _protocol(s, loads, directions, components, unloading, repeats)
     if not 1 <= poses <= MOST_POSES:
         raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
-    q = _poses(s, max(candidates, 4 * poses), zone, coordinates, rng)
-    question = question_of(s, d)
+    count = max(candidates // len(protocol.directions), min(candidates, 60), 4 * poses)
+    q = possible_poses(s, count, protocol, zone, coordinates, rng)
+    question = question_of(s, d, still_open)
     q = q[_standing(question, q)]
-    at = protocol.every(s.model, q, protocol.course)
-    p = predictions(question, with_candidates(question.setting, at, protocol), d.weight, protocol)
-    choice = choose(p, poses)
-    expected = _by_code(p.code, p.weight, divergence(*joint(p, choice.chosen.tolist())))
-    family = {code: family_of(question.setting, code) for code in question.weight}
-    after = right_names(p, choice.chosen.tolist(), family, rng)
-    rivals = _rivals(question, expected, family, after)
-    before, right = (sum(r.probability * getattr(r, f) for r in rivals) for f in ("right_before", "right_after"))
-    pose, way = np.divmod(choice.chosen, len(protocol.directions))
+    remark: tuple[str, ...] = ()
+    p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
+    if not chosen and components is None and set(protocol.components) < set(LENGTHS):
+        # Readings along the axes that were read so far would tell nothing, wherever.
+        protocol = replace(protocol, components=LENGTHS)
+        remark = ("along the axes read so far no set-up would tell them apart: X, Y and Z are asked for",)
+        p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
+    if not chosen:
+        raise InputError(
+            f"set-ups that would tell {_one_of(question)}", value=f"none of {len(p)} tried",
+            remedy="read other components, load in other directions, or look at the set-up itself",
+        )  # fmt: skip
+    pose, way = np.divmod(np.array(chosen, dtype=np.intp), len(protocol.directions))
+    foreseen = foresee(question, p, chosen, rng)
     return NextReadings(
-        q[pose], protocol.directions[way], protocol, new_labels(poses, "next ", s.data.poses), len(s.data.free.at) + 1,
-        rivals, choice.information, choice.entropy, before, right, _words(rivals, expected, before, right),
+        q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
+        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
+        (*foreseen.words, *remark),
     )  # fmt: skip
 
 
+def _chosen(
+    question: Question, q: Array, protocol: Protocol, weight: Array, poses: int, progress: Progress | None
+) -> tuple[Predictions, list[int], float]:
+    """What rivals predict in poses q (N, dof), the best set-ups of which each tells something, and what is open."""
+    at = protocol.every(question.setting.model, q, protocol.course)
+    p = predictions(question, with_candidates(question.setting, at, protocol), weight, protocol)
+    choice = choose(p, poses, progress)
+    return p, without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy), choice.entropy
+
+
+def at_random(n: NextReadings, s: Setting, zone: Zone, rng: np.random.Generator, poses: int = 3) -> NextReadings:
+    """Set-ups like those proposed, measured in the same way, but of possible poses drawn at random, for comparison.
+
+    ``s``: the setting of the readings that they go on after.
+    """
+    q = possible_poses(s, 64, n.protocol, zone, None, rng)
+    chosen = rng.choice(len(q), poses, replace=False)
+    way = rng.integers(len(n.protocol.directions), size=poses)
+    labels = new_labels(poses, "next ", s.data.poses)
+    return replace(
+        n, q=q[chosen], direction=n.protocol.directions[way], labels=labels, first_step=len(s.data.free.at) + 1
+    )
+
+
+def _one_of(q: Question) -> str:
+    order = sorted(q.weight, key=lambda code: -q.weight[code])
+    return " from ".join(called(code) for code in order[:2])
+
+
 def _protocol(
-    s: Setting, loads: Sequence[float] | None, directions: Sequence[Sequence[float]], components: Sequence[int] | None,
-    unloading: bool | None, repeats: int,
+    s: Setting, loads: Sequence[float] | None, directions: Sequence[Sequence[float]] | None,
+    components: Sequence[int] | None, unloading: bool | None, repeats: int,
 ) -> Protocol:  # fmt: skip
     """What is done in a new set-up, checked."""
-    known = np.unique(np.round(np.linalg.norm(s.data.free.at.wrench[:, :3], axis=1), 1))
+    so_far = s.data.free.at
+    known = np.unique(np.round(np.linalg.norm(so_far.wrench[:, :3], axis=1), 1))
     known = known[known > 0.0]
     if loads is None and len(known) == 0:
         raise InputError("loads to measure next", value="none", remedy="name them: the readings so far have no force")
@@ -165,29 +194,44 @@ def _protocol(
             allowed=f"above 0{f', at most {most:.0f} (payload, or the largest load so far)' if most < np.inf else ''}",
         )
     read = np.unique(s.data.component if components is None else components).tolist()
-    way = np.asarray(directions, dtype=np.float64)
+    way = usual_directions(so_far.wrench[:, :3]) if directions is None else np.asarray(directions, dtype=np.float64)
     with np.errstate(invalid="ignore"):
         unit = way / np.linalg.norm(way, axis=-1, keepdims=True)
     way_down = s.history.is_known if unloading is None else unloading
-    return Protocol(up, unit, tuple(read), repeats, way_down, _point(s))
+    point = usual_point(so_far.point - s.model.load_point, s.model.robot.T_flange_tool[:3, 3] - s.model.load_point)
+    return Protocol(up, unit, tuple(read), repeats, way_down, point)
 
 
-def _point(s: Setting) -> tuple[float, float, float] | None:
-    """Where most of the readings were taken, if that is not the model's tool point."""
-    points, count = np.unique(np.round(s.data.free.at.point, 9), axis=0, return_counts=True)
-    most = points[int(np.argmax(count))]
-    if np.allclose(most, s.model.robot.T_flange_tool[:3, 3], atol=1e-9):
-        return None
-    x, y, z = (most - s.model.load_point).tolist()
-    return x, y, z
+def possible_poses(
+    s: Setting, n: int, protocol: Protocol, zone: Zone, coordinates: tuple[str, ...] | None, rng: np.random.Generator
+) -> Array:
+    """Some n poses (N, dof) rad, in whole degrees, that the arm can take and that have not been read yet.
 
+    Where a load hangs in any of the protocol's set-ups it has room below it in all of them.
 
-def _poses(s: Setting, n: int, zone: Zone, coordinates: tuple[str, ...] | None, rng: np.random.Generator) -> Array:
-    """Candidate poses (N, dof), in whole degrees."""
+    Raises
+    ------
+    InputError
+        Hardly any such pose.
+    """
     robot = s.model.robot
-    q = pose_design(robot, n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
-    q = np.unique(np.radians(np.round(np.degrees(q))), axis=0)
-    return q[robot.reachable(q) & zone.free(robot, q)]
+    q = pose_design(robot, 2 * n, "sobol", coordinates=coordinates, zone=zone, rng=rng)
+    q = np.radians(np.round(np.degrees(q)))
+    q = q[np.sort(np.unique(q, axis=0, return_index=True)[1])]
+    fits = robot.reachable(q)
+    fits[fits] = zone.free(robot, q[fits])
+    if protocol.hangs:
+        fits[fits] = zone.hangs_free(robot, q[fits], protocol.at(s.model))
+    q = q[fits]
+    read = np.unique(s.data.free.at.q, axis=0)
+    q = q[np.abs(q[:, None] - read[None]).max(axis=2).min(axis=1, initial=np.inf) >= np.radians(ANOTHER)]
+    if len(q) < n // 4:
+        raise InputError(
+            f"poses of {robot.name} that are new, possible and leave room for a load: {len(q)}",
+            allowed=f"{n // 4} or more",
+            remedy="lower the floor, move the boxes, or give less clearance",
+        )
+    return np.asarray(q[:n])
 
 
 def _standing(question: Question, q: Array) -> Bools:
@@ -204,46 +248,3 @@ def _standing(question: Question, q: Array) -> Bools:
         return all(stands(s, LoadedPoses(rows, down, np.zeros((len(rows), 3))), effects) for effects in rivals)
 
     return np.full(len(q), True) if can(q) else np.array([can(row[None]) for row in q])
-
-
-def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str, str], float]:
-    """Expected log evidence of a code against another: mean over the first one's shapes, the second one's best."""
-    index = {c: np.flatnonzero(np.array(code) == c) for c in dict.fromkeys(code)}
-    return {
-        (a, b): float(np.average(kl[np.ix_(i, j)].min(axis=1), weights=weight[i]))
-        for a, i in index.items()
-        for b, j in index.items()
-        if a != b
-    }
-
-
-def _rivals(
-    q: Question, expected: dict[tuple[str, str], float], family: dict[str, str], after: dict[str, float]
-) -> tuple[Rival, ...]:
-    mass: dict[str, float] = {}
-    for code, weight in q.weight.items():
-        mass[family[code]] = mass.get(family[code], 0.0) + weight
-    top = max(mass, key=lambda f: mass[f])
-    order = sorted(q.weight.items(), key=lambda item: -item[1])
-    return tuple(
-        Rival(c, w, c in q.hidden, expected.get((c, NONE), 0.0), float(family[c] == top), after[c]) for c, w in order
-    )
-
-
-def _words(
-    rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float], before: float, after: float
-) -> tuple[str, ...]:
-    out = [f"probability of naming the right family: {100 * before:.0f} % now, {100 * after:.0f} % after, as foreseen"]
-    hidden = [r for r in rivals if r.hidden]
-    if hidden:
-        seen = [r.code for r in hidden if r.against_none >= SETTLED]
-        names = f": {', '.join(seen)}" if seen else ""
-        out.append(f"{len(hidden)} candidates are hidden so far; the new readings would show {len(seen)}{names}")
-    # Of what stays hidden there is nothing to tell in pairs.
-    told = [r.code for r in rivals if r.code != UNKNOWN and not (r.hidden and r.against_none < SETTLED)]
-    for pair in islice(combinations(told, 2), TOLD):
-        least = min(expected[pair], expected[pair[::-1]])
-        what = "would settle it" if least >= SETTLED else "would not settle it"
-        first, second = ("nothing missing" if c == NONE else c for c in pair)
-        out.append(f"{first} or {second}: expected log evidence {least:.1f}, which {what}")
-    return tuple(out)

@@ -23,6 +23,7 @@ from doe.diagnosis.weighing import Row, at_noise, discrepancies, extended, rough
 from doe.estimation.noise import Noise
 from doe.tables.loaded import rms_mm
 from robots.arrays import Array
+from robots.progress import Progress, report_progress
 
 # Set-ups may scatter this much where something unknown acts on them.
 WILD = 0.08
@@ -32,7 +33,10 @@ LEADERS = 6
 FEW = 80
 
 
-def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bool = False) -> Ranking:  # noqa: B008
+def rank(
+    s: Setting, weight: Array, options: Options = Options(), *, further: bool = False,  # noqa: B008 - frozen
+    progress: Progress | None = None,
+) -> Ranking:  # fmt: skip
     """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``further``: not the first look."""
     base = base_of(s)
     if not options.priors:
@@ -45,12 +49,17 @@ def rank(s: Setting, weight: Array, options: Options = Options(), *, further: bo
     curved = list(discrepancies(s))
     noises = _noises(s, free, weight, first, curved[0], options)
     candidates = pruned(s, base, weight, noises, candidates)
-    table = [at_noise(s, base, weight, noise, candidates, options) for noise in noises]
+    steps = len(noises) + LEADERS
+    table: list[Row] = []
+    for noise in noises:
+        report_progress(progress, len(table), steps)
+        table.append(at_noise(s, base, weight, noise, candidates, options))
     # The noise that goes with each leader, where the base alone would call its effect scatter.
     more = [fitted_noise(s, np.hstack([free, c.columns]), weight, first) for c in _leaders(table)]
     more = [n for n in _limited(more, options) if n not in noises]
     noises += more
     table += [at_noise(s, base, weight, noise, candidates, options) for noise in more]
+    report_progress(progress, len(noises), steps)
     wild = Options(options.pose_term, options.priors, options.by, options.prior_none, NoisePrior(WILD))
     smooth = [unknown_at(s, base, weight, n, curved, wild) for n in _calm_and_wild(noises, table)]
     unknown = [*smooth, *(rough_at(s, base, row, wild, options) for row in table)]

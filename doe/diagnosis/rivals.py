@@ -7,6 +7,7 @@ are cut off at their limit one by one, by their first two moments.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +19,11 @@ from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
+from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting, errors_of
 from doe.diagnosis.signatures import shapes, signature
+from doe.diagnosis.twins import PLAUSIBLE
 from doe.diagnosis.weighing import discrepancies, extended
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
@@ -38,6 +41,10 @@ LEADING = 6
 SURVIVING = 0.99
 # Fewer families of rivals than these are no question.
 FEWEST = 2
+# Hidden candidates that weigh less than this are none.
+UNLIKELY = 1e-4
+# A twin that is still open weighs at least this.
+LEAST = 1e-3
 # When new readings are taken, on the clock of those so far, which ends at 1.
 LATER = 1.3
 
@@ -46,17 +53,47 @@ LATER = 1.3
 class Question:
     """What is open: the setting and the ranking it is open in, and the rivals' weights, by code, which sum to 1.
 
-    ``hidden``: rivals that the present readings cannot see; each weighs what it did beforehand.
+    ``hidden``: rivals that the present readings cannot see; each weighs what it did beforehand. ``name``: of each code
+    what an answer is called, so that an answer within it is as good: its family, or the code itself where the question
+    is which of a family.
     """
 
     setting: Setting
     ranking: Ranking
     weight: dict[str, float]
     hidden: tuple[str, ...]
+    name: dict[str, str]
 
 
-def question_of(s: Setting, d: Diagnosis) -> Question:
-    """The ranking that the verdict rests on while its name is open, else the one of what comes after that name."""
+def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    """Of each effect named, the rivals that these readings do not rule out; those without any are left out.
+
+    ``twins``: codes that would give the same readings as each effect. Open is one that was thought at least a hundredth
+    as probable where the effect itself stood best, and one that is in the 95 % set there.
+    """
+    out = {}
+    for found in d.effects:
+        probability = [{h.code: h.probability for h in r.hypotheses} for r in d.rankings]
+        best = max(range(len(probability)), key=lambda k: probability[k].get(found.code, 0.0))
+        here, credible = probability[best], d.rankings[best].credible()
+        own = here.get(found.code, 0.0)
+        taken = {NONE, UNKNOWN, *(f.code for f in d.effects)}
+        some = [
+            code for code, p in here.items()
+            if code not in taken and (code in credible or (code in twins.get(found.code, ()) and p > PLAUSIBLE * own))
+        ]  # fmt: skip
+        if own > 0.0 and some:
+            out[found.code] = tuple(some)
+    return out
+
+
+def question_of(s: Setting, d: Diagnosis, still_open: Mapping[str, Sequence[str]] | None = None) -> Question:
+    """The ranking that the verdict rests on while its name is open, else the one of what comes after that name.
+
+    ``still_open``: rivals of effects that were named (:func:`open_twins`): which of them it is comes first.
+    """
+    if d.verdict == "named" and still_open:
+        return _twins_question(d, still_open)
     found = len(d.effects) + len(d.provisional)
     k = min(d.look, len(d.rankings) - 1)
     families = {family_of(s, code) for code in d.rankings[k].credible()}
@@ -67,6 +104,21 @@ def question_of(s: Setting, d: Diagnosis) -> Question:
         after = d.after.setting
         start = after.moved(after.springs, after.accepted[: len(s.accepted) + k])
     return _question(start, d.rankings[k])
+
+
+def _twins_question(d: Diagnosis, still_open: Mapping[str, Sequence[str]]) -> Question:
+    """Which of one effect and its rivals it is, all else that was found in the model; asked of the least sure one."""
+    code = min(still_open, key=lambda c: next(f.probability for f in d.effects if f.code == c))
+    after = d.after.setting
+    s = after.moved(after.springs, [e for e in after.accepted if e.effect.code != code])
+    r = rank(s, d.weight, further=len(s.accepted) > len(d.start.accepted))
+    ranked = {h.code: h.probability for h in r.hypotheses}
+    some = [c for c in (code, *still_open[code]) if c in ranked]
+    total = sum(ranked[c] for c in some)
+    # Numerically nothing is still a twin: its readings would look the same.
+    weight = {c: max(ranked[c], LEAST * total) for c in some}
+    total = sum(weight.values())
+    return Question(s, r, {c: w / total for c, w in weight.items()}, (), {c: c for c in some})
 
 
 def family_of(s: Setting, code: str) -> str:
@@ -87,7 +139,15 @@ def _question(s: Setting, r: Ranking) -> Question:
     log = {code: r.of(code).log_evidence + prior[code] for code in kept}
     log |= {code: r.of(NONE).log_evidence + prior[code] for code in hidden}
     weight = softmax(np.array(list(log.values())))
-    return Question(s, r, dict(zip(log, weight.tolist(), strict=True)), hidden)
+    some = dict(zip(log, weight.tolist(), strict=True))
+    # What is hidden, and hardly likely beside what is seen, is no question.
+    hidden = tuple(code for code in hidden if some[code] >= UNLIKELY)
+    some = {code: w for code, w in some.items() if code in hidden or code in kept}
+    total = sum(some.values())
+    some = {code: w / total for code, w in some.items()}
+    # Where all that is likely is of one family, which of it is the question.
+    one = len({family_of(s, code) for code in r.credible()}) == 1
+    return Question(s, r, some, hidden, {code: code if one else family_of(s, code) for code in some})
 
 
 def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Setting:

@@ -11,6 +11,7 @@ import numpy as np
 
 from doe.diagnosis.setting import Setting
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
+from fem.effects.observed import added
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -97,12 +98,6 @@ def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:
 
     if effect.stage == "arm":
         # On top of everything else: the rest of the arm need not be worked out again.
-        d = np.asarray(effect.law(None, s.situation, with_it(step)[-1].values), dtype=np.float64)
-        if d.shape != (len(s.data.free.at), 6):
-            raise InputError(
-                f"effect {effect.code}: shape of what its law returns",
-                value=list(d.shape),
-                allowed=f"({len(s.data.free.at)}, 6): displacement of every loaded pose",
-            )
+        d = added(with_it(step)[-1], s.situation)
         return np.asarray(d[s.data.row, s.data.component] / step)
     return s.slope(with_it, step) if p.signed else (s.read(s.arm, with_it(step)) - s.prediction) / step

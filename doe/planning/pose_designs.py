@@ -1,11 +1,7 @@
-"""Sets of poses a robot can take: factorials, Latin hypercube, Sobol points; off the floor and out of fixtures.
-
-And a short way through such a set.
-"""
+"""Sets of poses a robot can take: factorials, Latin hypercube, Sobol points. And a short way through such a set."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
@@ -13,64 +9,18 @@ import numpy as np
 from scipy.linalg import hadamard
 from scipy.stats import qmc
 
-from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
-from robots.arrays import Array, Bools, Integers
+from doe.planning.zones import Zone
+from robots import InputError, Robot, require_one_of
+from robots.arrays import Array, Integers
 
 Method = Literal["factorial", "fractional", "latin", "sobol"]
 
 METHODS: tuple[Method, ...] = ("factorial", "fractional", "latin", "sobol")
 # Points drawn before a share of reachable poses below 1 in 1000 is called none.
 MOST_DRAWN = 400_000
-# Between two joints the arm is looked at in so many points.
-ALONG = 5
 MOST_RUNS = 100_000
 # Starts of the nearest-neighbour tours; sweeps of improvement.
 MOST_STARTS, MOST_SWEEPS = 40, 50
-
-
-@dataclass(frozen=True)
-class Zone:
-    """Where the arm must not be: below ``floor`` (m, base z; None: no floor) and inside ``boxes`` (b, 2, 3) m.
-
-    ``own`` (m): how far wrist and tool (from the last but one joint on) keep from the line base - joint 2 - joint 3;
-    arms of fewer than five joints are not tested for it. All is tested on the line through the joints to the tool,
-    in points: keep boxes larger than the links are thick. No collision check: cables, fixtures and the shape of the
-    casings are not known here.
-    """
-
-    floor: float | None = None
-    boxes: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = ()
-    own: float = 0.0
-
-    def free(self, robot: Robot, q: Array) -> Bools:
-        """Which poses q (n, dof) keep clear of it (n,)."""
-        frames = forward_kinematics(robot, q)
-        joints = [*np.moveaxis(frames.p[:, 1:], 1, 0), frames.p_flange, tool_position(robot, frames)]
-        line = np.stack(joints, axis=1)
-        share = np.linspace(0.0, 1.0, ALONG)[:, None]
-        points = (line[:, :-1, None] * (1.0 - share) + line[:, 1:, None] * share).reshape(len(q), -1, 3)
-        out = np.ones(len(q), dtype=np.bool_)
-        if self.floor is not None:
-            # The joints before the arm leaves the base stand where they stand.
-            moving = points[:, ALONG:] if robot.dof > 1 else points
-            out &= (moving[:, :, 2] >= self.floor).all(axis=1)
-        for low, high in self.boxes:
-            inside = np.all((points >= np.array(low)) & (points <= np.array(high)), axis=2)
-            out &= ~np.any(inside, axis=1)
-        if self.own > 0.0 and robot.dof >= 5:
-            end = points[:, -2 * ALONG :] if robot.dof < 6 else points[:, -3 * ALONG :]
-            for k in range(3):
-                out &= (_distance(end, frames.p[:, k], frames.p[:, k + 1]) >= self.own).all(axis=1)
-        return out
-
-
-def _distance(points: Array, start: Array, end: Array) -> Array:
-    """Distance (n, m) of points (n, m, 3) from the segments start (n, 3) to end (n, 3)."""
-    way = (end - start)[:, None]
-    off = points - start[:, None]
-    length = np.maximum(np.sum(way**2, axis=2), 1e-30)
-    share = np.clip(np.sum(off * way, axis=2) / length, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(off - share[..., None] * way, axis=2))
 
 
 def pose_design(

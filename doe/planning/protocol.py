@@ -1,4 +1,4 @@
-"""What is done in every new set-up: the loads it takes, the loaded poses of candidates, the table to fill in."""
+"""What is done in every new set-up: the loads it takes and where, as is usual; loaded poses; the table to fill in."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from fem import ArmModel
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 from robots.arrays import Array
+
+DOWN = (0.0, 0.0, -1.0)
+# A plan is made for a few nominal directions.
+MOST_DIRECTIONS = 6
 
 
 @dataclass(frozen=True)
@@ -61,15 +65,48 @@ class Protocol:
         """Names of the columns to fill in."""
         return tuple(DISPLACEMENTS[k] for k in self.components)
 
+    @property
+    def hangs(self) -> bool:
+        """Whether a load pulls straight down in any of the set-ups."""
+        return bool((self.directions @ DOWN > 0.99).any())
+
+    def at(self, model: ArmModel) -> Array:
+        """Where it is loaded and read, (3,) m in the flange frame."""
+        if self.point is None:
+            return np.asarray(model.robot.T_flange_tool[:3, 3])
+        return np.asarray(np.array(self.point) + model.load_point)
+
     def loaded(self, model: ArmModel, q: Array, force: Array) -> LoadedPoses:
         """Poses q (n, dof) rad under nominal forces (n, 3) N at the point, placed as the model says that they act."""
-        point = model.robot.T_flange_tool[:3, 3] if self.point is None else np.array(self.point) + model.load_point
-        return as_loaded(model, q, np.hstack([force, np.zeros_like(force)]), np.tile(point, (len(q), 1)))
+        return as_loaded(model, q, np.hstack([force, np.zeros_like(force)]), np.tile(self.at(model), (len(q), 1)))
 
     def every(self, model: ArmModel, poses: Array, forces: Array) -> LoadedPoses:
         """Every pose (N, dof) rad under every direction and these forces (l,) N, poses slowest, forces fastest."""
         loads = (self.directions[:, None] * forces[:, None]).reshape(-1, 3)
         return self.loaded(model, np.repeat(poses, len(loads), axis=0), np.tile(loads, (len(poses), 1)))
+
+
+def usual_directions(forces: Array) -> Array:
+    """Unit vectors (d, 3) along forces (n, 3) N; of many the axes that they are nearest to; of none straight down."""
+    size = np.linalg.norm(forces, axis=1)
+    if not (size > 0.0).any():
+        return np.array([DOWN])
+    unit = np.unique(np.round(forces[size > 0.0] / size[size > 0.0, None], 3), axis=0) + 0.0
+    if len(unit) <= MOST_DIRECTIONS:
+        return np.asarray(unit / np.linalg.norm(unit, axis=1, keepdims=True))
+    main = np.abs(unit).argmax(axis=1)
+    nearest = np.zeros_like(unit)
+    nearest[np.arange(len(unit)), main] = np.sign(unit[np.arange(len(unit)), main])
+    return np.unique(nearest, axis=0)
+
+
+def usual_point(points: Array, tool: Array) -> tuple[float, float, float] | None:
+    """The one of points (n, 3) m that most readings were taken at; None where that is ``tool`` (3,), NaN, or none."""
+    if not len(points):
+        return None
+    some, count = np.unique(np.round(points, 9), axis=0, return_counts=True, equal_nan=True)
+    x, y, z = most = some[int(np.argmax(count))]
+    return None if np.isnan(most).any() or np.allclose(most, tool, atol=1e-9) else (float(x), float(y), float(z))
 
 
 def new_labels(n: int, head: str, taken: Collection[str]) -> tuple[str, ...]:

@@ -172,6 +172,11 @@ class Effect:
         return self.depends_on == "clock"
 
     @property
+    def has_memory(self) -> bool:
+        """Whether equal loads at one pose may give unequal answers; of a user's own law that is not known."""
+        return self.own or self.needs_history or self.needs_clock
+
+    @property
     def of_the_arm(self) -> bool:
         """Whether it acts whenever the arm works; else it is of one measurement, of its loads and gauges."""
         return self.stage in ("model", "arm") if self.lasting is None else self.lasting

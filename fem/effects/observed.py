@@ -81,16 +81,35 @@ def observed(
     again.
     """
     before = start or Situation(model, at, history or plain_history(len(at)))
-    changed, loads, R = _loaded(model, at, effects, before)
+    # What has no memory is the same for repeats, and on the way up and down.
+    where = at.distinct[1]
+    few = before if any(e.effect.own for e in effects if e.effect.stage in ("frame", "load")) else before.few
+    changed, loads, R = _loaded(model, few.at, effects, few)
     d = deflection(changed, loads.q, loads.wrench, loads.point)
-    situation = before.of(changed, loads)
+    there = few.of(changed, loads)
     for e in _of_stage(effects, "arm"):
-        d = d + act(e, None, situation)
+        if not e.effect.has_memory:
+            d = d + act(e, None, there)
+    situation = there
+    if few is not before:
+        d = d[where]
+        situation = before.of(changed, at if loads is few.at else loads.repeated(where))
+        situation.__dict__["few"] = there
+    for e in _of_stage(effects, "arm"):
+        if e.effect.has_memory:
+            d = d + act(e, None, situation)
     if R is not None:
         d = np.hstack([d[:, :3] @ R, d[:, 3:] @ R])
     for e in _of_stage(effects, "gauge"):
         d = act(e, d, situation)
     return np.asarray(d)
+
+
+def added(placed: PlacedEffect, situation: Situation) -> Array:
+    """What an effect of stage "arm" adds (n, 6), m and rad, to the displacements of an arm as it stands."""
+    if placed.effect.has_memory or situation.few is situation:
+        return np.asarray(act(placed, None, situation))
+    return np.asarray(act(placed, None, situation.few))[situation.at.distinct[1]]
 
 
 def spring_influences(
@@ -103,13 +122,17 @@ def spring_influences(
     """Derivatives (n, 6, k) of the readings by the compliances of joints' springs, exact; None with a law on top."""
     if any(e.effect.stage in ("arm", "gauge") for e in effects):
         return None
-    before = Situation(model, at, history or plain_history(len(at)))
-    changed, loads, R = _loaded(model, at, effects, before)
+    before, where = Situation(model, at, history or plain_history(len(at))), at.distinct[1]
+    if any(e.effect.own for e in effects):
+        where = np.arange(len(at))
+    else:
+        before = before.few
+    changed, loads, R = _loaded(model, before.at, effects, before)
     influence = spring_influence(changed, loads.q, loads.wrench, loads.point)[0]
     columns = influence[:, [model.robot.joint_names.index(name) for name in joints]]
     if R is not None:
         columns = np.concatenate([columns[..., :3] @ R, columns[..., 3:] @ R], axis=2)
-    return np.moveaxis(columns, 1, 2)
+    return np.moveaxis(columns, 1, 2)[where]
 
 
 def _loaded(

@@ -83,8 +83,16 @@ class Situation:
     history: History
 
     @cached_property
+    def few(self) -> Situation:
+        """The same at its distinct loaded poses, for laws without a memory; itself where none comes twice."""
+        at, _ = self.at.distinct
+        return self if at is self.at else Situation(self.model, at, plain_history(len(at)))
+
+    @cached_property
     def places(self) -> dict[str, Port]:
         """Base, joints, tool (and links) with what they carry."""
+        if self.few is not self:
+            return {name: port.take(self.at.distinct[1]) for name, port in self.few.places.items()}
         robot = self.model.robot
         return ports(self.model, self.at.q, self.at.wrench, self.at.point, {"base", "tool", *robot.joint_names})
 
@@ -95,6 +103,8 @@ class Situation:
     @cached_property
     def preload(self) -> Array:
         """Torque (n, dof) N m of the links' own weight at the springs; zero where no masses are declared."""
+        if self.few is not self:
+            return self.few.preload[self.at.distinct[1]]
         return gravity_torque(self.model, self.at.q)
 
     def of(self, model: ArmModel, at: LoadedPoses) -> Situation:
@@ -104,9 +114,11 @@ class Situation:
         are does not matter to what they carry.
         """
         other = replace(self, model=model, at=at)
+        # Where a cached property keeps what it found.
+        if at is self.at and self.few is not self:
+            other.__dict__["few"] = self.few.of(model, self.few.at)
         same_path = (model.bar is None) == (self.model.bar is None)
         if at is self.at and model.robot is self.model.robot and same_path and model.masses is self.model.masses:
-            # Where a cached property keeps what it found.
             for name in ("places", "preload"):
                 if name in self.__dict__:
                     other.__dict__[name] = self.__dict__[name]
@@ -114,8 +126,14 @@ class Situation:
 
     def compliance(self, joint: str) -> Array:
         """Compliance (n,) rad/(N m) of the spring about a joint's axis."""
-        index = self.model.robot.joint_names.index(joint)
-        return self.model.joints[index].axial.compliance(self.at.q)
+        return np.asarray(self._compliances[self.model.robot.joint_names.index(joint)])
+
+    @cached_property
+    def _compliances(self) -> Array:
+        """Of all joints (dof, n)."""
+        if self.few is not self:
+            return self.few._compliances[:, self.at.distinct[1]]
+        return np.stack([joint.axial.compliance(self.at.q) for joint in self.model.joints])
 
     def turned(self, joint: str, angle: Array) -> Array:
         """Displacement (n, 6) of the tool where a joint's spring turns by ``angle`` (n,) rad."""

@@ -7,6 +7,7 @@ gears stand under before a load comes.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from fem.model import ArmModel
 from fem.statics.transfers import axial_transfers
 from robots import InputError, Robot
-from robots.arrays import Array
+from robots.arrays import Array, Indices
 from robots.constants import STANDARD_GRAVITY
 from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
@@ -73,6 +74,31 @@ class LoadedPoses:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    @cached_property
+    def distinct(self) -> tuple[LoadedPoses, Indices]:
+        """The loaded poses without repeats, in the order in which they come, and which of them each one (n,) is.
+
+        Itself where none comes twice.
+        """
+        # What is equal has equal bytes but for the sign of zeros.
+        rows = np.hstack([self.q, self.wrench, self.point]) + 0.0
+        keys = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).reshape(-1)
+        _, first, where = np.unique(keys, return_index=True, return_inverse=True)
+        if len(first) == len(self):
+            return self, np.arange(len(self))
+        order = np.argsort(first)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        kept = first[order]
+        return LoadedPoses(self.q[kept], self.wrench[kept], self.point[kept]), place[where.reshape(-1)]
+
+    def repeated(self, where: Indices) -> LoadedPoses:
+        """Loaded poses (n,) that are these again and again, as ``where`` (n,) says."""
+        out = LoadedPoses(self.q[where], self.wrench[where], self.point[where])
+        # Where a cached property keeps what it found.
+        out.__dict__["distinct"] = (self, where)
+        return out
 
 
 def placed(robot: Robot, at: LoadedPoses, offset: Array, tilt: Array) -> LoadedPoses:

@@ -54,6 +54,10 @@ class Port:
         """Wrench carried (s, n) under the load itself."""
         return np.asarray(np.einsum("skn,kn->sn", self.T, self.wrench))
 
+    def take(self, rows: Indices) -> Port:
+        """The port at some of the loaded poses (r,), also again and again."""
+        return Port(self.name, self.distinct, self.where[rows], self.wrench[:, rows], self.flexibility)
+
     def influence(self, a: int, b: int) -> Array:
         """Displacement (n, 6) per unit of the compliance's entries (a, b) and (b, a); m or rad per unit."""
         T_a = self.distinct[a][:, self.where]

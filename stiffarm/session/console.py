@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 EXIT_BAD_INPUT = 2
 EXIT_OTHER = 1
+# Where no bar can be drawn, work says how far it is after so long without a word.
+SILENCE_S = 5.0
 
 # Colons stand in ranges and paths: none of them is a picture.
 stderr = Console(stderr=True, highlight=False, emoji=False)
@@ -101,7 +104,7 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 
 @contextmanager
 def progress(description: str) -> Iterator[Progress]:
-    """A bar with a count and the time left; call it with (done, total). Only a terminal sees it."""
+    """A bar with a count and the time left; call it with (done, total). Outside a terminal a line now and then."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     bar = Progress(
@@ -115,7 +118,16 @@ def progress(description: str) -> Iterator[Progress]:
     )
     with bar:
         task = bar.add_task(one_line(description), total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        told = time.monotonic()
+
+        def report(done: int, total: int) -> None:
+            nonlocal told
+            bar.update(task, completed=done, total=total)
+            if not stderr.is_terminal and _kept.get() is None and time.monotonic() - told >= SILENCE_S:
+                told = time.monotonic()
+                say(f"{description}: {done} of {total}")
+
+        yield report
 
 
 @contextmanager

@@ -85,3 +85,18 @@ EffectFile = Annotated[
 SchemeFile = Annotated[
     Path | None, typer.Option("--scheme-file", help="Calibration scheme (TOML). Default: the robot's bundled scheme.")
 ]
+Floor = Annotated[
+    str, typer.Option("--floor-mm", help="Height of the floor in mm: no part of the arm may be below it; or none.")
+]
+KeepOut = Annotated[
+    list[str] | None,
+    typer.Option("--keep-out", help="Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated."),
+]
+Clearance = Annotated[
+    float | None,
+    typer.Option(
+        "--clearance-mm",
+        help="Distance of wrist and tool from base and upper arm, in mm; 0 for no limit. Default: what the"
+        " casings need.",
+    ),
+]

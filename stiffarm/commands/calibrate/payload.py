@@ -214,7 +214,7 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
 
 
 def noise_structure(found: Noise) -> dict[str, Any]:
-    """What readings' own scatter depends on beside white noise, with sizes; ``tail``: null unless heavier than normal."""
+    """What readings' own scatter depends on beside white noise, with sizes; no ``tail`` unless heavier than normal."""
     return {
         "structure": found.structure,
         "reading_vector_share": number(found.vector),

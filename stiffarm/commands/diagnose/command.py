@@ -15,13 +15,16 @@ from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import parsing
-from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.session.console import progress, say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
+    Clearance,
     ConfirmUnits,
     Debug,
     EffectFile,
+    Floor,
     Json,
+    KeepOut,
     Links,
     LoadPathOpt,
     Loads,
@@ -32,6 +35,7 @@ from stiffarm.session.options import (
     TablesArg,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.zones import FLOOR, parse_zone
 
 
 def diagnose(
@@ -62,6 +66,9 @@ def diagnose(
             max=30,
         ),
     ] = 3,
+    floor: Floor = FLOOR,
+    keep_out: KeepOut = None,
+    clearance: Clearance = None,
     folds: Annotated[
         int,
         typer.Option(
@@ -100,13 +107,14 @@ def diagnose(
     with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()
         given = frame.model(model, links, load_path, effect=effect, sets=sets)
+        zone = parse_zone(given.description, floor, keep_out or (), clearance)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
         table = frame.readings(given, data, confirm_units=confirm_units)
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed) as folder:
-            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0, folds)
-            with frame.timed("diagnosis"):
-                found = diagnosing.diagnose(given, table, request, holdout=other, say=say)
+            request = Request(chosen_loads, names, next_poses, seed, setup_percent / 100.0, folds, zone)
+            with frame.timed("diagnosis"), progress("this step of the diagnosis") as bar:
+                found = diagnosing.diagnose(given, table, request, holdout=other, say=say, progress=bar)
             say_notes(found.remarks)
             content = diagnosis_payload.diagnosis(found) if folder is None else _write(found, folder)
         frame.answer(content, lambda: _show(found))

@@ -10,6 +10,8 @@ from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
+from doe.tables.columns import DISPLACEMENTS
+from doe.tables.joined import files_of
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
@@ -43,6 +45,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),
         "twins": {code: list(others) for code, others in d.twins.items()},
+        "still_open": {code: list(others) for code, others in d.still_open.items()},
         "not_testable": dict(sorted(d.not_testable.items())),
         "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
         "gap": gap(d),
@@ -52,6 +55,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "calibration": None if d.calibrated is None else calibration_payload.answer(d.calibrated),
         "springs": {s.parameter.place: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
+        "odd_readings": [odd_reading(d, k) for k in d.odd],
         "remarks": list(d.remarks),
     }
 
@@ -151,16 +155,19 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
 
 
 def expected(d: Diagnosed) -> dict[str, Any] | None:
-    """What the next readings are expected to tell."""
+    """What the next readings are expected to tell: probabilities and chances by the rivals that are left."""
     n = d.proposal
     if n is None:
-        return None
+        return {"why_none": d.nothing_next} if d.nothing_next else None
     return {
-        "right_family_now": number(n.right_before, 3),
-        "right_family_after": number(n.right_after, 3),
+        "probability_now": number(n.before.belief, 3),
+        "probability_after": number(n.after.belief, 3),
+        "chance_right": number(n.after.right, 3),
+        "chance_wrong": number(n.after.wrong, 3),
+        "chance_open": number(n.after.open, 3),
         "rivals": [
             {"code": r.code, "probability": number(r.probability), "hidden_so_far": r.hidden,
-             "log_evidence_against_none": number(r.against_none, 3)}
+             "log_evidence_against_none": number(r.against_none, 3), "chance_right": number(r.after.right, 3)}
             for r in n.rivals
         ],
         "words": list(n.words),
@@ -176,6 +183,20 @@ def look(d: Diagnosed, k: int) -> dict[str, Any]:
         "reason": decision.reason,
         "hypothesis": None if decision.hypothesis is None else decision.hypothesis.code,
         "candidates": [candidate(h) for h in found.hypotheses[:LISTED]],
+    }
+
+
+def odd_reading(d: Diagnosed, k: int) -> dict[str, Any]:
+    """A reading that hardly counts; ``line``: of its file."""
+    p, files = d.found.before.setting.data, files_of(d.used)
+    row = int(p.row[k])
+    return {
+        **({} if files is None else {"file": files[row]}),
+        "line": d.used.row_numbers[row],
+        "pose": p.poses[p.pose[k]],
+        "component": DISPLACEMENTS[p.component[k]],
+        "load_N": number(float(d.used.loads_N[row])),
+        "weight": number(float(d.found.weight[k]), 3),
     }
 
 

@@ -88,6 +88,7 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
 def in_short(d: Diagnosed) -> Section:
     """The verdict, how sure, what it did to the gap, what to do."""
     blocks: list[Block] = [Note(words.headline(d)), Text(words.how_sure(d)), Text(words.gap_sentence(d))]
+    blocks += [Text(text) for text in words.odd_sentences(d)]
     for f in d.found.effects:
         blocks.append(Text(f"{f.code}: {words.numbers_sentence(d, f)}."))
     if d.found.provisional:

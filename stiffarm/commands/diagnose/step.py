@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,22 +15,28 @@ from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
 from doe.diagnosis.next_readings import NextReadings, propose
+from doe.diagnosis.rivals import open_twins
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
 from doe.estimation.problem import problem
+from doe.planning.zones import Zone
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
 from doe.tables.loaded import history_of, history_of_part
 from fem.arm import Arm
 from fem.effects import LOAD_PATH, History, PlacedEffect, build_plain, described_effects
 from robots import InputError
+from robots.progress import Progress
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.session.zones import FLOOR, parse_zone
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
+# A reading that counts for less than this share is odd.
+ODD = 0.5
 # Twins are looked for among the codes that a reader asks about, most probable first.
 ASKED = 6
 
@@ -41,7 +47,8 @@ class Request:
 
     ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
     ``next_poses``: how many set-ups to propose where something is not settled; ``setup``: scatter between set-ups to
-    expect, as a share of the deflection; ``folds``: in which the whole diagnosis is made anew, 0 for none.
+    expect, as a share of the deflection; ``folds``: in which the whole diagnosis is made anew, 0 for none; ``zone``:
+    where the arm must not be in new set-ups, None for what is usual.
     """
 
     loads: tuple[float, ...] = ()
@@ -50,6 +57,7 @@ class Request:
     seed: int = 0
     setup: float = SETUP
     folds: int = FOLDS
+    zone: Zone | None = None
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,8 @@ class Diagnosed:
 
     ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
     that these readings could not tell from it; ``remarks``: what the reader must know of input and choice;
-    ``nested``: errors at poses that the whole diagnosis had not seen.
+    ``nested``: errors at poses that the whole diagnosis had not seen. ``still_open``: of each effect named, the rivals
+    that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open.
     """
 
     request: Request
@@ -73,6 +82,14 @@ class Diagnosed:
     proposal: NextReadings | None = None
     calibrated: Calibrated | None = None
     nested: Nested | None = None
+    still_open: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    nothing_next: str = ""
+
+    @property
+    def odd(self) -> list[int]:
+        """Numbers of the readings that hardly count, least first: what the others make of them is far off."""
+        weight = self.found.weight
+        return [int(k) for k in np.argsort(weight, kind="stable") if weight[k] < ODD]
 
     @property
     def tells(self) -> bool:
@@ -129,8 +146,11 @@ def diagnose(
     *,
     holdout: Measurements | None = None,
     say: Callable[[str], None] = lambda _: None,
+    progress: Progress | None = None,
 ) -> Diagnosed:
     """Ask what a model is missing by the readings of a table; ``holdout``: readings to judge the result by.
+
+    ``say`` hears what was found on the way, ``progress`` how far each look is.
 
     Raises
     ------
@@ -153,10 +173,13 @@ def diagnose(
     if cut:
         s = without_history(s)
     options = Options(noise=NoisePrior(request.setup))
-    found = find_missing(s, options, progress=say)
+    found = find_missing(s, options, say, progress)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
+    twins = found.twins(_asked(found))
+    still_open = open_twins(found, twins) if found.verdict == "named" else {}
+    proposal, nothing_next = _proposal(given, found, still_open, request, say, progress)
     return Diagnosed(
         request,
         given,
@@ -164,24 +187,27 @@ def diagnose(
         found,
         where(found),
         hidden,
-        found.twins(_asked(found)),
+        twins,
         None if holdout is None else hold_out(found, used, holdout),
         remarks,
-        _proposal(found, request, say),
+        proposal,
         _calibrated(given, table, request, found),
-        _nested(s, used, request, options, found, say),
+        _nested(s, used, request, options, found, say, progress),
+        still_open,
+        nothing_next,
     )
 
 
 def _nested(
-    s: Setting, used: Measurements, request: Request, options: Options, found: Diagnosis, say: Callable[[str], None]
-) -> Nested | None:
+    s: Setting, used: Measurements, request: Request, options: Options, found: Diagnosis, say: Callable[[str], None],
+    progress: Progress | None,
+) -> Nested | None:  # fmt: skip
     """The whole diagnosis made anew in every fold; None where there is no such figure."""
     if found.verdict == "uninformative":
         return None
     reason = why_not_nested(used, request.folds)
     if reason is None:
-        return nested(s, used, options, folds=request.folds, seed=request.seed, progress=say)
+        return nested(s, used, options, folds=request.folds, seed=request.seed, progress=say, within=progress)
     say(f"note: how well the diagnosis predicts poses it has not seen is not known: {reason}")
     return None
 
@@ -197,16 +223,24 @@ def _asked(found: Diagnosis) -> list[str]:
     return list(dict.fromkeys(taken))
 
 
-def _proposal(found: Diagnosis, request: Request, say: Callable[[str], None]) -> NextReadings | None:
-    """Set-ups that would settle what is open; None where nothing is."""
-    if found.verdict in ("named", "uninformative") or request.next_poses == 0:
-        return None
+def _proposal(
+    given: Arm, found: Diagnosis, still_open: dict[str, tuple[str, ...]], request: Request,
+    say: Callable[[str], None], progress: Progress | None,
+) -> tuple[NextReadings | None, str]:  # fmt: skip
+    """Set-ups that would settle what is open; None where nothing is, or where none would, and why not."""
+    settled = found.verdict == "uninformative" or (found.verdict == "named" and not still_open)
+    if settled or request.next_poses == 0:
+        return None, ""
+    zone = parse_zone(given.description, FLOOR, (), None) if request.zone is None else request.zone
     try:
         say(f"looking for {request.next_poses} set-ups that would tell the rest")
-        return propose(found.start, found, poses=request.next_poses, rng=np.random.default_rng(request.seed))
+        rng = np.random.default_rng(request.seed)
+        return propose(
+            found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng, progress=progress
+        ), ""
     except InputError as reason:
         say(f"note: no readings are proposed: {reason}")
-        return None
+        return None, str(reason)
 
 
 def _calibrated(given: Arm, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:

@@ -23,6 +23,7 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
+NAMED_ODD = 6
 NEXT: dict[Kind, str] = {
     "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
@@ -242,6 +243,19 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
     return tuple(out)
 
 
+def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
+    """Which readings hardly count; none where all do."""
+    if not d.odd or not d.tells:
+        return ()
+    p, loads = d.found.before.setting.data, d.used.loads_N
+    told = [f"pose {p.poses[p.pose[k]]} at {loads[p.row[k]]:g} N" for k in d.odd[:NAMED_ODD]]
+    more = f" and {len(d.odd) - NAMED_ODD} more" if len(d.odd) > NAMED_ODD else ""
+    return (
+        f"{len(d.odd)} of {len(p)} readings hardly count, for they are far from what all others make of them: "
+        f"{', '.join(dict.fromkeys(told))}{more}. Look at them first.",
+    )
+
+
 def next_sentence(d: Diagnosed) -> str:
     """What to do next."""
     if d.found.verdict == "ambiguous" and d.found.same:
@@ -250,9 +264,38 @@ def next_sentence(d: Diagnosed) -> str:
             f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
             "readings measured against the robot's base, the tool point); further readings help only where they differ."
         )
+    if d.nothing_next:
+        return f"No further set-up would settle it: {d.nothing_next}."
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."
+    if d.still_open:
+        return _still_open(d)
+    if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
+        return _beside_twins(d)
     return NEXT[d.found.verdict]
+
+
+def _still_open(d: Diagnosed) -> str:
+    """What a name could still be instead."""
+    parts = []
+    for code, others in d.still_open.items():
+        best = max((r for r in d.found.rankings if any(h.code == code for h in r.hypotheses)),
+                   key=lambda r: r.of(code).probability)  # fmt: skip
+        listed = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
+        parts.append(f"{code} could still be {listed}")
+    return f"{_and(parts)}: readings that differ between them would settle it."
+
+
+def _beside_twins(d: Diagnosed) -> str:
+    """Why nothing is left to settle of a name that others could imitate."""
+    parts = []
+    for f in d.found.effects:
+        if others := d.twins.get(f.code):
+            parts.append(f"{_and(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}")
+    return (
+        f"{_and(parts)}, but only with implausible numbers: each is less than a hundredth as probable. Readings in new "
+        "poses would confirm the name."
+    )
 
 
 def proposal_text(n: NextReadings) -> str:
@@ -287,6 +330,6 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
 
 def summary(d: Diagnosed) -> list[str]:
     """The lines that a terminal shows."""
-    out = [headline(d), how_sure(d), gap_sentence(d)]
+    out = [headline(d), how_sure(d), gap_sentence(d), *odd_sentences(d)]
     out += [f"{f.code}: {numbers_sentence(d, f)}" for f in d.in_model]
     return out

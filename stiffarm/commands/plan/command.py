@@ -10,7 +10,8 @@ import typer
 
 from doe import Measurements, bundled_data
 from doe.planning.optimal_choice import CRITERIA
-from doe.planning.pose_designs import METHODS, Zone
+from doe.planning.pose_designs import METHODS
+from doe.planning.zones import Zone
 from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.plan import iso9283, sheets
@@ -21,10 +22,13 @@ from stiffarm.session import parsing
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
+    Clearance,
     ConfirmUnits,
     DataArg,
     Debug,
+    Floor,
     Json,
+    KeepOut,
     Links,
     LoadPathOpt,
     ModelArg,
@@ -33,6 +37,7 @@ from stiffarm.session.options import (
     Sets,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.zones import FLOOR, parse_zone
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"
 
@@ -125,23 +130,9 @@ def plan(
             " is out of range.",
         ),
     ] = None,
-    floor: Annotated[
-        str, typer.Option("--floor-mm", help="Height of the floor in mm: no part of the arm may be below it; or none.")
-    ] = "0",
-    keep_out: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--keep-out", help="Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated."
-        ),
-    ] = None,
-    clearance: Annotated[
-        float | None,
-        typer.Option(
-            "--clearance-mm",
-            help="Distance of wrist and tool from base and upper arm, in mm; 0 for no limit. Default: what the"
-            " casings need.",
-        ),
-    ] = None,
+    floor: Floor = FLOOR,
+    keep_out: KeepOut = None,
+    clearance: Clearance = None,
     random_order: Annotated[
         bool,
         typer.Option(
@@ -183,7 +174,7 @@ def plan(
     with command(out, as_json=as_json, debug=debug) as frame:
         _check_kind(poses, design_only, iso)
         given = frame.model(model, links, load_path, without="the plan", sets=sets)
-        zone = plan_options.parse_zone(given.description, floor, keep_out or (), clearance)
+        zone = parse_zone(given.description, floor, keep_out or (), clearance)
         if iso:
             _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)
             _iso_sheet(given, pose, rated, zone, frame)

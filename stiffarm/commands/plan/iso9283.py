@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from doe.planning.pose_designs import Zone, pose_design
+from doe.planning.pose_designs import pose_design
 from doe.planning.protocol import Protocol
+from doe.planning.zones import Zone
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from stiffarm.commands.plan.options import resting_pose

@@ -25,8 +25,9 @@ from doe.planning.plan import (
     plan,
     seen_by,
 )
-from doe.planning.pose_designs import Method, Zone, pose_design, short_tour
-from doe.planning.protocol import Protocol, new_labels
+from doe.planning.pose_designs import Method, pose_design, short_tour
+from doe.planning.protocol import Protocol, new_labels, usual_directions, usual_point
+from doe.planning.zones import Zone
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
@@ -36,13 +37,7 @@ from robots.progress import Progress
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
-from stiffarm.commands.plan.options import (
-    resting_pose,
-    usual_components,
-    usual_directions,
-    usual_loads,
-    usual_point,
-)
+from stiffarm.commands.plan.options import resting_pose, usual_components, usual_loads
 from stiffarm.session import steps
 from stiffarm.session.reading_checks import refuse_useless
 
@@ -158,9 +153,13 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
 
 def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protocol:
     forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
-    directions = usual_directions(data) if request.directions is None else request.directions
+    read = np.zeros((0, 3)) if data is None else data.wrench[:, :3]
+    directions = usual_directions(read) if request.directions is None else request.directions
     components = usual_components(data) if request.components is None else request.components
-    return Protocol(forces, directions, components, request.repeats, request.unloading, usual_point(data))
+    # A table leaves the point empty where it is the model's tool point.
+    tool = given.robot.T_flange_tool[:3, 3] - given.model.load_point
+    point = None if data is None else usual_point(data.point, tool)
+    return Protocol(forces, directions, components, request.repeats, request.unloading, point)
 
 
 def _free(

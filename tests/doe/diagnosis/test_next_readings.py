@@ -14,14 +14,24 @@ from scipy.stats import norm, truncnorm
 
 from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.diagnose import Diagnosis, diagnose
-from doe.diagnosis.discrimination import Predictions, choose, divergence, information, joint, right_names
+from doe.diagnosis.discrimination import (
+    Predictions,
+    choose,
+    divergence,
+    information,
+    joint,
+    outcomes,
+    without_idle,
+)
 from doe.diagnosis.evidence import Base
-from doe.diagnosis.next_readings import NextReadings, propose
+from doe.diagnosis.foresight import verdicts
+from doe.diagnosis.next_readings import NextReadings, at_random, possible_poses, propose
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.rivals import (
     Question,
     foreseen,
     noise_factors,
+    open_twins,
     predictions,
     question_of,
     truncated,
@@ -29,8 +39,8 @@ from doe.diagnosis.rivals import (
 )
 from doe.diagnosis.setting import Setting, setting_of
 from doe.estimation.noise import Noise
-from doe.planning.pose_designs import Zone
 from doe.planning.protocol import Protocol
+from doe.planning.zones import Zone
 from doe.tables.joined import join
 from doe.tables.loaded import history_of
 from fem import ArmModel, build_model, deflection
@@ -110,12 +120,56 @@ def test_exchange_finds_the_best_pair(seed: int) -> None:
     assert sum(v > found.information * (1.0 + 1e-9) for v in value.values()) <= 1
 
 
-def test_right_names_agree_with_the_overlap_of_two_normals(rng: np.random.Generator) -> None:
+def sure(belief: np.ndarray) -> np.ndarray:
+    """The number of what holds four fifths of the probability, else -1."""
+    return np.where(belief.max(axis=1) >= 0.8, belief.argmax(axis=1), -1)
+
+
+def test_outcomes_agree_with_the_overlap_of_two_normals(rng: np.random.Generator) -> None:
     p = rivals(np.array([[[0.0]], [[2.0]]]), np.array([0.5, 0.5]))
-    right = right_names(p, [0], {"a": "a", "b": "b"}, rng, draws=40_000)
-    # Half the distance of the means, in standard deviations; four standard errors of 20 000 draws.
-    assert right["a"] == pytest.approx(norm.cdf(1.0), abs=4.0 * 0.37 / np.sqrt(20_000))
-    assert right_names(p, [0], {"a": "f", "b": "f"}, rng)["a"] == 1.0
+    found = outcomes(p, [0], ("a", "b"), sure, rng, draws=40_000)
+    # The log odds are 2 - 2 y; they exceed ln 4 on the near side of y = 1 - ln 2, of N(0, 1) and N(2, 1).
+    few = 4.0 * 0.5 / np.sqrt(20_000)
+    assert found["a"].right == pytest.approx(norm.cdf(1.0 - np.log(2.0)), abs=few)
+    assert found["a"].wrong == pytest.approx(norm.sf(1.0 + np.log(2.0)), abs=few)
+    assert found["a"].open == pytest.approx(1.0 - found["a"].right - found["a"].wrong)
+    y = np.linspace(-8.0, 8.0, 4001)
+    belief = np.trapezoid(norm.pdf(y) * norm.pdf(y) / (norm.pdf(y) + norm.pdf(y, 2.0)), y)
+    assert found["a"].belief == pytest.approx(belief, abs=few)
+
+
+def test_before_any_reading_an_outcome_is_what_stands(rng: np.random.Generator) -> None:
+    p = rivals(np.array([[[0.0]], [[2.0]], [[2.0]]]), np.array([0.1, 0.45, 0.45]))
+    found = outcomes(p, [], ("a", "f", "f"), sure, rng)
+    assert found["b"].belief == pytest.approx(0.9)
+    assert (found["b"].right, found["b"].wrong, found["b"].open) == (0.0, 0.0, 1.0)
+    # Two of one name are as good as one another.
+    named = outcomes(p, [], ("a", "f", "f"), lambda belief: np.full(len(belief), 1), rng)
+    assert (named["c"].right, named["a"].wrong) == (1.0, 1.0)
+
+
+def test_set_ups_that_tell_nothing_beside_the_others_are_left_out() -> None:
+    mean = np.zeros((2, 4, 1))
+    mean[1, :, 0] = [0.0, 6.0, 1e-3, 5.0]
+    p = rivals(mean, np.array([0.5, 0.5]))
+    open_ = choose(p, 3).entropy
+    assert without_idle(p, [0, 1, 2], 0.01 * open_) == [1]
+    assert without_idle(p, [0, 2], 0.01 * open_) == []
+    assert set(without_idle(p, [3, 1], 1e-9)) == {1, 3}
+
+
+def test_what_is_said_by_probabilities() -> None:
+    codes = ["none", "unknown", "backlash:j2", "hardening:j2"]
+    belief = np.array(
+        [
+            [0.9, 0.05, 0.03, 0.02],  # nothing missing
+            [0.5, 0.1, 0.4, 0.0],  # not asked for, nor ruled out
+            [0.01, 0.7, 0.2, 0.09],  # the unknown
+            [0.01, 0.1, 0.8, 0.09],  # a name
+            [0.01, 0.1, 0.5, 0.39],  # two names
+        ]
+    )
+    assert verdicts(codes, belief).tolist() == [0, -1, 1, 2, -1]
 
 
 def test_numbers_are_cut_off_at_their_limit() -> None:
@@ -228,13 +282,14 @@ def test_a_hidden_effect_is_made_visible(proposed: NextReadings, diagnosis: Diag
     tilt = next(r for r in proposed.rivals if r.code == "joint-tilt:j3")
     assert tilt.hidden
     assert tilt.against_none > np.log(20.0)
-    assert tilt.right_after > 0.5 > tilt.right_before
+    assert tilt.after.belief > 0.5 > tilt.before.belief
     # No vertical load turns joint 6 by much, whatever the pose: it stays hidden, and the words do not promise it.
     last = next(r for r in proposed.rivals if r.code == "joint-compliance:j6")
     assert last.against_none < np.log(20.0)
-    assert "joint-tilt:j3" in proposed.words[1]
-    assert "joint-compliance:j6" not in proposed.words[1]
-    assert proposed.right_after > proposed.right_before
+    assert "joint-tilt:j3" in proposed.words[2]
+    assert "joint-compliance:j6" not in proposed.words[2]
+    assert proposed.after.belief > proposed.before.belief
+    assert 0.0 < proposed.after.open < proposed.before.open
     assert 0.0 < proposed.information <= proposed.entropy
 
 
@@ -244,7 +299,7 @@ def test_every_kind_of_rival_predicts_what_its_own_fit_does(setting: Setting, di
     r = diagnosis.ranking
     # Far from where the springs stand, so that it matters about which point the columns are taken.
     far = replace(setting, typical=3.0 * setting.typical)
-    question = Question(far, r, weight, ("gauge-zero",))
+    question = Question(far, r, weight, ("gauge-zero",), {c: c for c in weight})
     cycle = Protocol(np.array([375.0]), DOWN, repeats=3)
     q = np.radians([[0.0, 20.0, 90.0, 0.0, -30.0, 0.0], [60.0, -20.0, 60.0, 90.0, 60.0, 0.0]])
     wrench = np.tile([0.0, 0.0, -375.0, 0.0, 0.0, 0.0], (2, 1))
@@ -272,7 +327,8 @@ def test_a_law_whose_shapes_are_all_alike_still_has_one(setting: Setting, diagno
     fine = replace(ripple.parameters[tooth], grid=tuple(np.linspace(100.0, 160.0, 40).tolist()))
     many = replace(ripple, parameters=(*ripple.parameters[:tooth], fine, *ripple.parameters[tooth + 1 :]))
     s = replace(setting, known={"gear-ripple:j2": many})
-    question = Question(s, rank(s, diagnosis.weight), {"none": 0.5, "gear-ripple:j2": 0.5}, ())
+    weight = {"none": 0.5, "gear-ripple:j2": 0.5}
+    question = Question(s, rank(s, diagnosis.weight), weight, (), {c: c for c in weight})
     cycle = Protocol(np.array([375.0]), DOWN, repeats=1)
     at = setting.data.free.at
     p = predictions(
@@ -307,6 +363,39 @@ def test_twins_of_one_family_are_asked_about_beside_something_else(setting: Sett
     assert list(q.weight) == ["joint-tilt:j2", "joint-tilt:j3", "none"]
 
 
+def test_rivals_of_a_name_that_are_not_ruled_out_are_asked_about(setting: Setting) -> None:
+    """A gauge zero is named, and a twin of it is made a tenth as probable: which of the two is the question."""
+    s = replace(setting, data=replace(setting.data, value=setting.data.value + 2e-4))
+    d = diagnose(s)
+    first = d.rankings[0]
+    twin = {h.code: 0.1 if h.code == "backlash:j2" else h.probability for h in first.hypotheses}
+    r = replace(first, hypotheses=tuple(replace(h, probability=twin[h.code]) for h in first.hypotheses))
+    doubted = replace(d, rankings=(r, *d.rankings[1:]))
+    assert open_twins(d, {"gauge-zero": ("backlash:j2",)}) == {}
+    still = open_twins(doubted, {"gauge-zero": ("backlash:j2",)})
+    assert still == {"gauge-zero": ("backlash:j2",)}
+    assert open_twins(doubted, {}) == {}
+    q = question_of(s, doubted, still)
+    assert list(q.weight) == ["gauge-zero", "backlash:j2"]
+    assert min(q.weight.values()) >= 1e-3 * 0.99
+    assert [e.effect.code for e in q.setting.accepted] == []
+    n = propose(s, doubted, still_open=still, poses=1, candidates=30, rng=np.random.default_rng(0))
+    assert {r.code for r in n.rivals} == {"gauge-zero", "backlash:j2"}
+
+
+def test_where_no_set_up_tells_anything_none_is_proposed(setting: Setting, diagnosis: Diagnosis) -> None:
+    """Two codes of one law predict the same readings whatever is measured."""
+    zero = setting.known["gauge-zero"]
+    again = replace(zero, code="gauge-null")
+    s = replace(
+        setting, data=replace(setting.data, value=setting.data.value + 2e-4), known={zero.code: zero, again.code: again}
+    )
+    d = diagnose(s)
+    assert d.verdict == "ambiguous"
+    with pytest.raises(InputError, match=r"gauge-.* from gauge-"):
+        propose(s, d, poses=2, candidates=30, rng=np.random.default_rng(0))
+
+
 def test_chosen_set_ups_tell_more_than_random_ones(setting: Setting, diagnosis: Diagnosis) -> None:
     few = propose(setting, diagnosis, poses=2, candidates=60, rng=np.random.default_rng(5))
     # With no more candidates than set-ups nothing is chosen.
@@ -328,6 +417,7 @@ def test_limits_are_kept(setting: Setting, diagnosis: Diagnosis, proposed: NextR
     robot = setting.model.robot
     assert robot.reachable(proposed.q).all()
     assert Zone(floor=0.0).free(robot, proposed.q).all()
+    assert Zone(floor=0.0).hangs_free(robot, proposed.q).all()
     np.testing.assert_array_equal(proposed.protocol.forces, [150.0, 375.0, 650.0])
     np.testing.assert_allclose(proposed.direction, [[0.0, 0.0, -1.0]] * 3)
     bad = {
@@ -340,6 +430,40 @@ def test_limits_are_kept(setting: Setting, diagnosis: Diagnosis, proposed: NextR
     for word, change in bad.items():
         with pytest.raises(InputError, match=word):
             propose(setting, diagnosis, rng=np.random.default_rng(0), **change)  # type: ignore[arg-type]
+
+
+def test_poses_are_possible_and_new(setting: Setting) -> None:
+    """Off the floor, the base and boxes, with room for the load, and none that was read already."""
+    robot = setting.model.robot
+    protocol = Protocol(np.array([150.0]), DOWN)
+    zone = Zone(0.2, (((0.5, -3.0, 0.0), (3.0, 0.0, 3.0)),), 0.4)
+    q = possible_poses(setting, 60, protocol, zone, None, np.random.default_rng(0))
+    assert len(q) >= 15
+    assert (robot.reachable(q) & zone.free(robot, q) & zone.hangs_free(robot, q)).all()
+    read = np.unique(setting.data.free.at.q, axis=0)
+    near = replace(setting.data.free.at, q=np.tile(q[:1] + np.radians(2.0), (len(setting.data.free.at.q), 1)))
+    there = replace(setting, data=replace(setting.data, free=replace(setting.data.free, at=near)))
+    again = possible_poses(there, 60, protocol, zone, None, np.random.default_rng(0))
+    assert not (again == q[0]).all(axis=1).any()
+    assert (np.abs(q[:, None] - read[None]).max(axis=2) >= np.radians(5.0) - 1e-12).all()
+    with pytest.raises(InputError, match=r"tried|room for a load"):
+        possible_poses(setting, 60, protocol, Zone(3.0), None, np.random.default_rng(0))
+
+
+def test_directions_are_those_of_the_readings(setting: Setting, diagnosis: Diagnosis) -> None:
+    n = propose(setting, diagnosis, poses=1, candidates=30, rng=np.random.default_rng(0))
+    np.testing.assert_allclose(n.protocol.directions, DOWN)
+    assert n.protocol.hangs
+    assert not replace(n.protocol, directions=np.array([[1.0, 0.0, 0.0]])).hangs
+
+
+def test_random_set_ups_are_measured_like_the_proposed_ones(
+    setting: Setting, diagnosis: Diagnosis, proposed: NextReadings
+) -> None:
+    n = at_random(proposed, setting, Zone(floor=0.0), np.random.default_rng(3))
+    assert (len(n.q), n.protocol, n.labels) == (3, proposed.protocol, proposed.labels)
+    assert not np.array_equal(n.q, proposed.q)
+    assert Zone(floor=0.0).hangs_free(setting.model.robot, n.q).all()
 
 
 def test_directions_and_loads_as_asked(setting: Setting, diagnosis: Diagnosis) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doe.planning.pose_designs import METHODS, Zone, pose_design
+from doe.planning.pose_designs import METHODS, pose_design
+from doe.planning.zones import Zone
 from robots import InputError, bundled_names, forward_kinematics, load_robot, tool_position
 
 

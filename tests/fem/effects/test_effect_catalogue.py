@@ -75,6 +75,17 @@ def test_nothing_at_zero_and_in_proportion(code: str, arm: ArmModel, known: dict
     assert np.abs(whole - 2.0 * half).max() <= bent * max(np.abs(whole).max(), 1e-12)
 
 
+@pytest.mark.parametrize("code", CODES)
+def test_repeats_read_as_the_first_time(code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses) -> None:
+    rows = np.tile(np.arange(len(at)), 2)
+    again = LoadedPoses(at.q[rows], at.wrench[rows], at.point[rows])
+    assert len(again.distinct[0]) == len(at)
+    then = replace(HISTORY.take(rows), cycle=HISTORY.cycle[rows] + 6 * (np.arange(len(rows)) >= len(at)))
+    placed = [plausible(known[code])]
+    once = observed(arm, at, placed, HISTORY)
+    np.testing.assert_allclose(observed(arm, again, placed, then), once[rows], rtol=0.0, atol=1e-16)
+
+
 @pytest.mark.parametrize("code", [c for c in CODES if c.split(":")[0] in BENT])
 def test_bent_laws_are_linear_for_small_amplitudes(
     code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses

@@ -14,8 +14,8 @@ import pytest
 from cli_runs import HOSTILE_TITLE
 
 from doe import read_measurements
-from doe.planning.pose_designs import Zone
 from doe.planning.protocol import Protocol
+from doe.planning.zones import Zone
 from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
 from stiffarm.commands.plan import iso9283
 from stiffarm.commands.plan.sheets import Sheet, grid, render_sheet, write_table
