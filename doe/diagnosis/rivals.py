@@ -172,6 +172,8 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
         (*p.poses, *(f"new {k}" for k in range(n))),
         np.concatenate([p.replicate, int(p.replicate.max()) + 1 + np.arange(new)]),
         np.concatenate([p.sigma, np.full(new, sigma)]),
+        None if p.when is None else p.when.followed(np.repeat(np.arange(n), forces * len(c))),
+        p.apart,
     )
     first = int(h.cycle.max(initial=-1)) + 1
     # New readings come after all others; how long after is not known yet.

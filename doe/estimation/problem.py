@@ -40,6 +40,16 @@ class When:
         """Keep the components where ``mask`` (m,) is true."""
         return When(self.clock[mask], self.session[mask], self.visit[mask])
 
+    def followed(self, visit: Integers) -> When:
+        """The same and further components, of visits (k,) counted from 0 beyond these, at times that are not known."""
+        new = np.full(len(visit), int(self.session.max(initial=0)))
+        first = int(self.visit.max(initial=-1)) + 1
+        return When(
+            np.concatenate([self.clock, np.full(len(visit), np.nan)]),
+            np.concatenate([self.session, new]),
+            np.concatenate([self.visit, first + visit]),
+        )
+
 
 @dataclass(frozen=True)
 class Problem:
