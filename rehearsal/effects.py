@@ -231,10 +231,15 @@ def gear_ripple(c: Context) -> dict[str, Any]:
     return {"law": "ripple", "amplitude": c.between(0.1, 0.3), "teeth": teeth, "phase_rad": c.angle()}
 
 
+def wrist(dof: int) -> int:
+    """Number, from 0, of the axis that turns the next one: the third last of six or more, the fourth of five."""
+    return max(dof - 3, 3)
+
+
 def wrist_coupling(c: Context) -> dict[str, Any]:
     """A torque about one wrist axis turns the other, not quite the same both ways."""
-    k4, k5 = c.springs[3], c.springs[4]
-    size = c.sign() * c.between(0.3, 0.7) / np.sqrt(k4 * k5)
+    first = wrist(c.arm.dof)
+    size = c.sign() * c.between(0.3, 0.7) / np.sqrt(c.springs[first] * c.springs[first + 1])
     return {"law": "asymmetric", "per_Nm": [float(size), float(size * c.between(0.8, 1.2))]}
 
 

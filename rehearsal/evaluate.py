@@ -10,7 +10,7 @@ import numpy as np
 
 from rehearsal import laws, nuisance
 from rehearsal.arm import Arm
-from rehearsal.effects import FACTOR_LAWS, TORQUE_LAWS
+from rehearsal.effects import FACTOR_LAWS, TORQUE_LAWS, wrist
 from rehearsal.kinematics import Frames, frames, rotation_of
 from rehearsal.links import MODES, described_bar, link_compliances
 from rehearsal.readings import Readings, path_index
@@ -170,8 +170,9 @@ def twists(truth: Truth, r: Readings, tau: Array, c: Array, start: Array) -> Arr
         theta[:, j] = on_paths(law, tau[:, j], c[:, j], start[:, j], r)
     for e in truth.of("wrist-coupling"):
         a, b = e["per_Nm"]
-        theta[:, 4] += a * tau[:, 3]
-        theta[:, 3] += b * tau[:, 4]
+        k = wrist(theta.shape[1])
+        theta[:, k + 1] += a * tau[:, k]
+        theta[:, k] += b * tau[:, k + 1]
     return theta
 
 

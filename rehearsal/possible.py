@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rehearsal.arm import Arm
-from rehearsal.effects import DRAWS
+from rehearsal.effects import DRAWS, wrist
 from rehearsal.kinematics import frames
 from robots.errors import InputError
 
@@ -72,7 +72,7 @@ def _has(kind: str, arm: Arm, springs: list[int]) -> bool:
     if kind == "load-path":
         return arm.bar is not None
     if kind == "wrist-coupling":
-        return {3, 4} <= {*springs}
+        return {wrist(arm.dof), wrist(arm.dof) + 1} <= {*springs}
     return True
 
 

@@ -53,8 +53,8 @@ class ArmClass:
         return self.low / BEYOND_CLASS, self.high * BEYOND_CLASS
 
 
-def arm_class(description: ModelDescription, robot: Robot) -> ArmClass:
-    """The class of a robot by what its file says of mass and payload, and by its reach."""
+def arm_class(description: ModelDescription | None, robot: Robot) -> ArmClass:
+    """The class of a robot by what its file says of mass and payload, if there is one, and by its reach."""
     torque, wider, size = _torque(description, reach_of(robot))
     main = np.arange(robot.dof) < MAIN_JOINTS
     scale = torque / REFERENCE_TORQUE_Nm
@@ -71,10 +71,10 @@ def reach_of(robot: Robot) -> float:
     return float(stretched_length(robot, np.zeros(3)) - lifted)
 
 
-def _torque(description: ModelDescription, reach: float) -> tuple[float, float, str]:
+def _torque(description: ModelDescription | None, reach: float) -> tuple[float, float, str]:
     """Torque (N m) that the arm is made for, how much wider the class is for what is not known, and both in words."""
-    mass = None if description.mass is None else description.mass.si
-    payload = None if description.payload is None else description.payload.si
+    mass = None if description is None or description.mass is None else description.mass.si
+    payload = None if description is None or description.payload is None else description.payload.si
     if mass is None and payload is None:
         factor, power = TORQUE_OF_REACH
         size = f"{reach:.2g} m reach, mass and payload not given"
@@ -84,7 +84,7 @@ def _torque(description: ModelDescription, reach: float) -> tuple[float, float, 
         mass = payload / PAYLOAD_OF_MASS
     elif payload is None and mass is not None:
         payload = PAYLOAD_OF_MASS * mass
-    wider = 1.0 if description.mass is not None and description.payload is not None else WIDER_WITHOUT_ONE
+    wider = 1.0 if len(known) > 2 else WIDER_WITHOUT_ONE
     load = (payload or 0.0) + MASS_AT_REACH * (mass or 0.0)
     return STANDARD_GRAVITY * max(reach, SHORTEST) * load, wider, ", ".join(known)
 

@@ -162,7 +162,11 @@ def _needed(steps: Sequence[dict[str, Any]]) -> int:
 
 
 def forecasts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What proposals promised, beside what came of them at the next diagnosis: mean chances and shares."""
+    """What proposals promised by the rivals alone, in sum, beside what came of them at the next diagnosis.
+
+    The figures of :mod:`doe.diagnosis.foresight` (PROMISED, CAME, ASTRAY, PROPOSALS) are those of the detectable and
+    undetectable singles of ``benchmarks/worlds/screws``.
+    """
     pairs = [
         (here["forecast"], there["end"])
         for r in rows
@@ -172,7 +176,7 @@ def forecasts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     out: dict[str, Any] = {"proposals": len(pairs)}
     for end in ("right", "wrong"):
         out[end] = {
-            "promised": round(float(np.mean([f[end] for f, _ in pairs])), 3) if pairs else None,
+            "promised": round(float(sum(f[end] for f, _ in pairs)), 2),
             **share(Share(sum(e == end for _, e in pairs), len(pairs))),
         }
     return out
@@ -224,9 +228,7 @@ def page(content: dict[str, Any]) -> str:
         out.append(f"\nProposed set-ups were right sooner in {s['proposed']} sets, random ones in {s['random']} "
                    f"(sign test: p = {s['p']:.2g}).")  # fmt: skip
         if f["proposals"]:
-            told = ", ".join(
-                f"{end} {100 * f[end]['promised']:.0f} %, came {_cell(f[end])}" for end in ("right", "wrong")
-            )
+            told = ", ".join(f"{end} {f[end]['promised']:.1f}, came {_cell(f[end])}" for end in ("right", "wrong"))
             out.append(f"Of {f['proposals']} proposals, promised by the next diagnosis: {told}.")
     return "\n".join(out) + "\n"
 

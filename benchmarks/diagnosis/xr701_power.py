@@ -84,8 +84,8 @@ def counted(outcomes: Iterable[Outcome], holds: Callable[[Outcome], bool]) -> di
 
 
 def is_sure(o: Outcome) -> bool:
-    """Whether the load path is named."""
-    return o["verdict"] == "named" and PATH in o["named"]
+    """Whether the load path is named for sure, whatever is open beside it."""
+    return o["verdict"] in ("named", "ambiguous") and PATH in o["named"]
 
 
 def of_cell(some: Sequence[Outcome]) -> dict[str, Any]:

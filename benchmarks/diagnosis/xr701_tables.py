@@ -76,15 +76,16 @@ def campaign() -> Campaign:
     rows, names = real_rows(), arm("xr701").coordinates
     n = len(rows)
     number = np.arange(n)
+    q_deg = np.array([[float(row.get(name, 0.0)) for name in names] for row in rows])
     labels = [row["pose"] for row in rows]
     setup = np.array([sorted(set(labels)).index(label) for label in labels])
     force = np.zeros((n, 3))
     force[:, 2] = [float(row["fz_N"]) for row in rows]
+    time_s = np.arange(0.0, 60.0 * n, 60.0)
     return Campaign(
-        q_deg=np.array([[float(row.get(name, 0.0)) for name in names] for row in rows]), force=force,
-        point=np.zeros((n, 3)), setup=setup, repeat=np.ones(n, dtype=np.int64), visit=number, cycle=number, stay=setup,
-        unloading=np.zeros(n, dtype=np.bool_), time_s=np.arange(0.0, 60.0 * n, 60.0), session=np.zeros(n, dtype=np.int64),
-        air_celsius=np.full(n, 20.0),
+        q_deg=q_deg, force=force, point=np.zeros((n, 3)), setup=setup, repeat=np.ones(n, dtype=np.int64), visit=number,
+        cycle=number, stay=setup, unloading=np.zeros(n, dtype=np.bool_), time_s=time_s,
+        session=np.zeros(n, dtype=np.int64), air_celsius=np.full(n, 20.0),
     )  # fmt: skip
 
 

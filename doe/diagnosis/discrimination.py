@@ -87,10 +87,11 @@ def divergence(mean: Array, covariance: Array) -> Array:
     trace = covariance.reshape(flat) @ np.swapaxes(inverse.reshape(flat), -1, -2)
     # Differences of products lose digits where all means are far from zero.
     m = mean - mean.mean(axis=-2, keepdims=True)
-    Am = np.einsum("...jkl,...il->...ijk", inverse, m)
-    left = np.einsum("...ik,...ijk->...ij", m, Am)
-    own = np.einsum("...jjk->...jk", Am)
-    both = np.einsum("...ik,...jk->...ij", m, own)
+    across = np.swapaxes(m, -1, -2)[..., None, :, :]
+    Am = inverse @ across
+    left = np.swapaxes(np.sum(Am * across, axis=-2), -1, -2)
+    own = np.einsum("...jkj->...jk", Am)
+    both = m @ np.swapaxes(own, -1, -2)
     square = left - 2.0 * both + np.einsum("...jk,...jk->...j", m, own)[..., None, :]
     out = 0.5 * (trace - k + log_det[..., None, :] - log_det[..., :, None] + np.maximum(square, 0.0))
     return np.asarray(np.maximum(out, 0.0))

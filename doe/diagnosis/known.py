@@ -20,6 +20,8 @@ SPRING = 1.5
 ROUNDS, HALVINGS = 12, 5
 # Steps stop when the sum of squares with priors falls by less.
 LAST = 1e-3
+# Shapes that are found between the points of their grid.
+REFINED = ("torque", "force", "time")
 
 
 def base_of(s: Setting, doubts: Array | None = None) -> Base:
@@ -77,11 +79,11 @@ def _accepted_priors(s: Setting) -> tuple[Array, Array, Array]:
 
 
 def free_numbers(placed: PlacedEffect) -> list[tuple[int, EffectParameter]]:
-    """Parameters of an accepted effect that stay free: its amplitudes, and torques that shape its law."""
+    """Parameters of an accepted effect that stay free: amplitudes, and torques, forces and times that shape its law."""
     return [
         (k, p)
         for k, p in enumerate(placed.effect.parameters)
-        if p.role == "amplitude" or (p.dimension == "torque" and len(p.grid) > 1 and min(p.grid) > 0.0)
+        if p.role == "amplitude" or (p.dimension in REFINED and len(p.grid) > 1 and min(p.grid) > 0.0)
     ]
 
 

@@ -14,7 +14,7 @@ from doe.diagnosis.foresight import Rival, called, foresee
 from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import pose_design
-from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_point
+from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_loads, usual_point
 from doe.planning.zones import Zone
 from doe.tables.measurements import Measurements
 from fem.effects.base import PlacedEffect
@@ -24,8 +24,6 @@ from robots.arrays import Array, Bools
 from robots.constants import STANDARD_GRAVITY
 from robots.progress import Progress
 
-# Loads are taken from the readings so far, at most so many of them.
-MOST_LOADS = 4
 # Candidates of a proposal, each with one direction of the load: poses that fill the ranges, in whole degrees, as a
 # sheet is set by hand.
 CANDIDATES = 200
@@ -45,7 +43,8 @@ class NextReadings:
     ``q`` (n, dof) rad; ``direction`` (n, 3) of the loads, base axes; ``protocol``: what is done in each; ``labels``
     (n,) of the set-ups; ``first_step``: number of the first new reading. ``rivals``: most probable first.
     ``information`` of the name gained (nat, lower estimate) of ``entropy`` still open; ``before``, ``after``: what the
-    verdict is worth by the readings so far, and what it is expected to be with the new ones, over all rivals.
+    verdict is worth by the readings so far and with the new ones, over all rivals; ``expected``: as far as such
+    forecasts came true.
     """
 
     q: Array
@@ -58,6 +57,7 @@ class NextReadings:
     entropy: float
     before: Outcome
     after: Outcome
+    expected: Outcome
     words: tuple[str, ...]
 
     @property
@@ -92,7 +92,7 @@ def propose(
     s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
     still_open : rivals of effects that were named (:func:`doe.diagnosis.rivals.open_twins`)
     poses : how many set-ups at most, 1 to 30; each takes one direction with all loads
-    loads : N, put on in rising order; default: those of the readings (four at most). None may exceed the payload's
+    loads : N, put on in rising order; default: those of the readings (few of many). None may exceed the payload's
         weight, or the largest load so far if that is more.
     directions : of the load, base axes, any length; default those of the readings
     components : 0 to 5 to read (dx .. rz); default: those read so far; X, Y and Z where these alone tell nothing
@@ -140,7 +140,7 @@ def propose(
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
         len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
-        (*foreseen.words, *remark),
+        foreseen.expected, (*foreseen.words, *remark),
     )  # fmt: skip
 
 
@@ -179,12 +179,10 @@ def _protocol(
 ) -> Protocol:  # fmt: skip
     """What is done in a new set-up, checked."""
     so_far = s.data.free.at
-    known = np.unique(np.round(np.linalg.norm(so_far.wrench[:, :3], axis=1), 1))
-    known = known[known > 0.0]
+    known = usual_loads(so_far.wrench[:, :3])
     if loads is None and len(known) == 0:
         raise InputError("loads to measure next", value="none", remedy="name them: the readings so far have no force")
-    usual = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_LOADS)).round().astype(int))]
-    up = usual if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
+    up = known if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
     payload = s.description.payload
     most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * STANDARD_GRAVITY)
     if len(up) == 0 or not np.isfinite(up).all() or up[0] <= 0.0 or up[-1] > most:

@@ -29,7 +29,6 @@ from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
 from doe.planning.protocol import Protocol
-from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
 
@@ -73,9 +72,8 @@ def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tu
     """
     out = {}
     for found in d.effects:
-        probability = [{h.code: h.probability for h in r.hypotheses} for r in d.rankings]
-        best = max(range(len(probability)), key=lambda k: probability[k].get(found.code, 0.0))
-        here, credible = probability[best], d.rankings[best].credible()
+        best = look_of(d, found.code)
+        here, credible = {h.code: h.probability for h in best.hypotheses}, best.credible()
         own = here.get(found.code, 0.0)
         taken = {NONE, UNKNOWN, *(f.code for f in d.effects)}
         some = [
@@ -85,6 +83,11 @@ def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tu
         if own > 0.0 and some:
             out[found.code] = tuple(some)
     return out
+
+
+def look_of(d: Diagnosis, code: str) -> Ranking:
+    """The look in which a code stood best."""
+    return max(d.rankings, key=lambda r: max((h.probability for h in r.hypotheses if h.code == code), default=0.0))
 
 
 def question_of(s: Setting, d: Diagnosis, still_open: Mapping[str, Sequence[str]] | None = None) -> Question:
@@ -112,8 +115,9 @@ def _twins_question(d: Diagnosis, still_open: Mapping[str, Sequence[str]]) -> Qu
     after = d.after.setting
     s = after.moved(after.springs, [e for e in after.accepted if e.effect.code != code])
     r = rank(s, d.weight, further=len(s.accepted) > len(d.start.accepted))
-    ranked = {h.code: h.probability for h in r.hypotheses}
-    some = [c for c in (code, *still_open[code]) if c in ranked]
+    # As probable as was said when the name was given.
+    ranked = {h.code: h.probability for h in look_of(d, code).hypotheses}
+    some = [h.code for h in r.hypotheses if h.code in (code, *still_open[code])]
     total = sum(ranked[c] for c in some)
     # Numerically nothing is still a twin: its readings would look the same.
     weight = {c: max(ranked[c], LEAST * total) for c in some}
@@ -175,17 +179,9 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
         None if p.when is None else p.when.followed(np.repeat(np.arange(n), forces * len(c))),
         p.apart,
     )
-    first = int(h.cycle.max(initial=-1)) + 1
     # New readings come after all others; how long after is not known yet.
     later = LATER if np.isfinite(h.clock).all() and len(h.clock) else np.nan
-    history = History(
-        np.concatenate([h.cycle, first + np.repeat(np.arange(n), forces)]).astype(np.intp),
-        np.concatenate([h.order, np.tile(np.arange(forces), n)]).astype(np.intp),
-        np.concatenate([h.clock, np.full(len(loaded), later)]),
-        h.is_known,
-        # A visit of its own, where visits are told apart.
-        np.concatenate([h.session, np.full(len(loaded), int(h.session.max(initial=0)) + int(h.session.any()))]),
-    )
+    history = h.followed(n, forces, later)
     joint = replace(s, data=data, history=history, errors=np.zeros((len(data), 0)))
     return replace(joint, errors=errors_of(joint))
 

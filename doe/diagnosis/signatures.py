@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -47,13 +46,15 @@ def prior(p: EffectParameter) -> tuple[float, float]:
 def shapes(effect: Effect) -> Iterator[Array]:
     """Values (k,) of all parameters, amplitudes at their prior means, for every point of the shapes' grid."""
     choices = [p.grid if p.role == "shape" else (prior(p)[0],) for p in effect.parameters]
-    for values in product(*choices):
-        yield np.array(values, dtype=np.float64)
+    for one in product(*choices):
+        values = np.array(one, dtype=np.float64)
+        if effect.differs is None or effect.differs(values):
+            yield values
 
 
 def shape_count(effect: Effect) -> int:
     """Number of points on the shapes' grid."""
-    return math.prod(len(p.grid) for p in effect.parameters if p.role == "shape")
+    return sum(1 for _ in shapes(effect))
 
 
 def signatures(s: Setting, effect: Effect) -> list[Signature]:

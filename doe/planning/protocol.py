@@ -15,8 +15,8 @@ from robots import InputError
 from robots.arrays import Array
 
 DOWN = (0.0, 0.0, -1.0)
-# A plan is made for a few nominal directions.
-MOST_DIRECTIONS = 6
+# A table may hold a measured force for each reading; a plan is made for a few nominal loads and directions.
+MOST_LOADS, MOST_DIRECTIONS = 5, 6
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,12 @@ class Protocol:
         """Every pose (N, dof) rad under every direction and these forces (l,) N, poses slowest, forces fastest."""
         loads = (self.directions[:, None] * forces[:, None]).reshape(-1, 3)
         return self.loaded(model, np.repeat(poses, len(loads), axis=0), np.tile(loads, (len(poses), 1)))
+
+
+def usual_loads(forces: Array) -> Array:
+    """Magnitudes (l,) N of forces (n, 3), rising, to three digits; of many the least, a middle and the largest."""
+    loads = np.unique([float(f"{v:.3g}") for v in np.linalg.norm(forces, axis=1) if v > 0.0])
+    return loads[np.unique([0, len(loads) // 2, len(loads) - 1])] if len(loads) > MOST_LOADS else loads
 
 
 def usual_directions(forces: Array) -> Array:

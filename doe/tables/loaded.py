@@ -43,7 +43,9 @@ def history_of(data: Measurements) -> History:
             cycle[rows], order[rows] = count, ordered
             count += 1
     session = np.unique(np.array(data.session, dtype=object).astype(str), return_inverse=True)[1].astype(np.intp)
-    return History(cycle, order, _clock(data, cycle), known and data.n > 0, session.reshape(-1))
+    seconds = data.time - data.time.min() if data.n and np.isfinite(data.time).all() else np.full(data.n, np.nan)
+    clock = _clock(data, cycle)
+    return History(cycle, order, clock, known and data.n > 0, session.reshape(-1), seconds, data.temperature)
 
 
 def history_of_part(

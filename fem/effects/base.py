@@ -30,7 +30,9 @@ from robots.schema.units import DIMENSIONS, factor
 Stage = Literal["frame", "model", "load", "arm", "gauge"]
 Role = Literal["amplitude", "shape"]
 Scale = Literal["linear", "compliance"]
-DependsOn = Literal["torque", "angle", "clock"]
+DependsOn = Literal["torque", "angle", "load", "pose", "clock", "temperature", "session"]
+# What tells an effect from others: where readings must differ to show it.
+Axis = Literal["pose", "load", "load history", "clock", "temperature", "session", "direction"]
 
 # What a law may be off by, as a share of the effect (one standard deviation each way): laws of torque, angle and clock
 # are assumed, a structure's compliance is nearly straight, and geometry is exact.
@@ -128,7 +130,8 @@ class Effect:
     What a diagnosis asks of it:
 
     ``depends_on``: what its law varies with: the torque at its place if that is a joint (else the load's size), its
-    joint's angle, or the time in the campaign. ``doubt``: what its law may be off by as a share of itself, one
+    joint's angle, the load, the pose as a whole, or when it was read. ``differs``: which points (k,) of the shapes'
+    grid give a law of their own, where not all do. ``doubt``: what its law may be off by as a share of itself, one
     standard deviation; None: as usual at its stage (``DOUBTS``). ``chance``: beforehand, over that of others of its
     family. ``slot``: of effects with the same slot at one place only one is weighed, a second one would correct the
     first; empty: none. ``spring``: the joint whose axial spring it is in series with: where that is fitted, nothing is
@@ -147,6 +150,7 @@ class Effect:
     needs_history: bool = False
     own: bool = False
     depends_on: DependsOn = "torque"
+    differs: Callable[[Array], bool] | None = None
     doubt: float | None = None
     chance: float = 1.0
     slot: str = ""
@@ -167,9 +171,21 @@ class Effect:
         return self.code.partition(":")[2]
 
     @property
+    def axis(self) -> Axis:
+        """Along what it acts: poses, loads, their history, time, or how the table's axes lie."""
+        if self.depends_on in ("clock", "temperature", "session"):
+            return self.depends_on
+        if self.needs_history:
+            return "load history"
+        if self.stage == "frame":
+            return "direction"
+        bent = self.stage == "arm" and self.depends_on == "torque"
+        return "load" if bent or self.depends_on == "load" else "pose"
+
+    @property
     def needs_clock(self) -> bool:
         """Whether readings must say when, in the whole campaign, they were taken."""
-        return self.depends_on == "clock"
+        return self.depends_on in ("clock", "temperature", "session")
 
     @property
     def has_memory(self) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,17 @@ from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.frames import frame_effects
 from fem.effects.joint_laws import joint_laws
+from fem.effects.lagging_laws import lagging_laws
+from fem.effects.load_paths import load_path, partial_load_path
+from fem.effects.loose_parts import loose_parts
 from fem.effects.observed import observed
 from fem.effects.set_up import set_up_effects
 from fem.effects.situation import plain_history
-from fem.effects.structure import link_flexibility, load_path, structure, wrist_coupling
-from fem.model import ArmModel, build_model
+from fem.effects.sizes import usual
+from fem.effects.structure import link_flexibility, structure, wrist_coupling
+from fem.model import ArmModel, BarPart, build_model
 from fem.statics.loads import LoadedPoses
-from robots import InputError, ModelDescription, require_one_of
+from robots import InputError, LoadPath, ModelDescription, require_one_of
 
 # A user's own effects: for a model, the effects that it can have.
 Maker = Callable[[ArmModel], Iterable[Effect]]
@@ -109,9 +114,11 @@ def catalogue(
     InputError
         A code is given twice.
     """
-    effects = [*structure(model), *wrist_coupling(model), *_of_links(model, description)]
+    of = usual(model, description)
+    effects = [*structure(model, of), *wrist_coupling(model, of), *_of_links(model, description)]
     effects += _other_path(model, description)
-    effects += [*joint_laws(model), *set_up_effects(model), *frame_effects(model)]
+    effects += [*joint_laws(model, of), *lagging_laws(model, of), *loose_parts(model, of)]
+    effects += [*set_up_effects(model, of), *frame_effects(model)]
     for make in own:
         effects += list(make(model))
     out: dict[str, Effect] = {}
@@ -143,5 +150,10 @@ def _of_links(model: ArmModel, description: ModelDescription | None) -> list[Eff
 def _other_path(model: ArmModel, description: ModelDescription | None) -> list[Effect]:
     if description is None or model.robot.parallelogram is None:
         return []
-    other = build_model(description, model.link_kind, "serial" if model.bar is not None else "parallelogram")
-    return [load_path(other)]
+
+    @cache
+    def bar() -> BarPart | None:
+        return model.bar or build_model(description, model.link_kind, "parallelogram").bar
+
+    path: LoadPath = "parallelogram" if model.bar is None else "serial"
+    return [load_path(path, bar), partial_load_path(path, bar)]

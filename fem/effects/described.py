@@ -9,8 +9,8 @@ import numpy as np
 
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
+from fem.effects.load_paths import load_path as load_path_effect
 from fem.effects.observed import act
-from fem.effects.structure import load_path as load_path_effect
 from fem.model import ArmModel, LinkKind, build_model
 from robots import InputError, LoadPath, ModelDescription
 from robots.errors import raise_any
@@ -97,10 +97,10 @@ def described_effects(
     if model.load_path != path_of(description) and any(table.code == LOAD_PATH for table in description.effect):
         # Built without its effects: the others belong to the arm with the other load path.
         model = build_plain(description, model.link_kind)
-    # Only links that are held rigid ask for the description; the other load path would build all links again.
-    known = catalogue(model, description if model.link_kind == "rigid" else None, own)
+    known = catalogue(model, description, own)
     if model.robot.parallelogram is not None:
-        known[LOAD_PATH] = load_path_effect(model)
+        # The model has it already.
+        known[LOAD_PATH] = load_path_effect(model.load_path, lambda: model.bar)
     faults: list[InputError] = []
     placed = []
     for table in description.effect:

@@ -24,6 +24,9 @@ LEVEL, AZIMUTH = float(np.radians(0.3)), float(np.radians(5.0))
 # Axes are parallel up to this.
 PARALLEL = 1e-9
 
+# By how much conventions of a joint's zero differ, rad: 45 and 90 deg each way, and a half turn.
+OFFSETS = (-np.pi / 2.0, -np.pi / 4.0, np.pi / 4.0, np.pi / 2.0, np.pi)
+
 # Of all angles (n, dof), a law's numbers and a joint's index: the joint's real angles (n,).
 Angle = Callable[[Array, Array, int], Array]
 
@@ -66,10 +69,9 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
     axes = forward_kinematics(model.robot, np.zeros((1, model.robot.dof))).axis[0]
     for index, name in enumerate(model.robot.joint_names):
         yield _convention("sign", index, name, f"the sign of {name}'s angle is flipped", (), lambda q, v, k: -q[:, k])
-        quarter = np.pi / 2.0
         yield _convention(
-            "offset", index, name, f"{name}'s angle counts from another zero, a quarter or half turn away",
-            (_choice("offset", "angle", "deg", (-quarter, quarter, np.pi), "what the angle is off by"),),
+            "offset", index, name, f"{name}'s angle counts from another zero, an eighth of a turn away or more",
+            (_choice("offset", "angle", "deg", OFFSETS, "what the angle is off by"),),
             lambda q, v, k: q[:, k] + v[0],
         )  # fmt: skip
         if index and abs(axes[index] @ axes[index - 1]) > 1.0 - PARALLEL:

@@ -1,7 +1,8 @@
 """Joint springs that vary with the joint's angle, or are not linear in the torque.
 
 Linear in the load, but different from pose to pose: a gear's bearing, its mesh, a gravity compensator. Bent over the
-torque: hardening, softening, backlash, friction.
+torque: hardening, softening, backlash, friction. Torques are tried in shares of what is usual for the joint
+(:mod:`fem.effects.sizes`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
 from fem.effects.situation import Situation
+from fem.effects.sizes import Usual
 from fem.effects.structure import ASSUMED, CLASS
 from fem.model import ArmModel, JointPart
 from fem.springs import VaryingSpring
@@ -31,7 +33,7 @@ def share(
     return EffectParameter(name, "ratio", "1", lower, upper, source, signed=signed, meaning=meaning)
 
 
-def joint_laws(model: ArmModel) -> Iterator[Effect]:
+def joint_laws(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
     for joint in model.joints:
         yield _angle_dependent(joint)
@@ -39,10 +41,11 @@ def joint_laws(model: ArmModel) -> Iterator[Effect]:
     if model.robot.dof >= 2:
         yield _gravity_compensator(model)
     for joint in model.joints:
-        yield _hardening(joint)
-        yield _softening(joint)
-        yield _backlash(joint)
-        yield _friction(joint)
+        torque = float(usual.torque[joint.joint])
+        yield _hardening(joint, torque)
+        yield _softening(joint, torque)
+        yield _backlash(joint, torque, weighs=bool(model.masses))
+        yield _friction(joint, torque)
 
 
 def _angle_dependent(joint: JointPart) -> Effect:
@@ -124,21 +127,29 @@ def _gear_ripple(joint: JointPart) -> Effect:
     )  # fmt: skip
 
 
-# Of laws that bend one joint's turn over the torque, a second one only corrects the first.
-SLOT = "bend"
+# Of laws that bend one joint's turn over the torque, a second one only corrects the first; so with those that lag.
+SLOT, LAG = "bend", "lag"
 
 
-def _torque(name: str, lower: float, upper: float, points: int, meaning: str, source: str = ASSUMED) -> EffectParameter:
-    """A torque as a shape, tried on a logarithmic grid."""
-    grid = tuple(float(x) for x in np.geomspace(lower, upper, points))
+def torque_shape(
+    name: str, usual: float, shares: tuple[float, float], points: int, meaning: str, source: str = ASSUMED
+) -> EffectParameter:
+    """A torque as a shape, tried on a logarithmic grid between two shares of the usual one, N m.
+
+    A single point lies in the middle: a law that the torque only scales needs no other.
+    """
+    lower, upper = (float(share * usual) for share in shares)
+    tried = np.geomspace(lower, upper, points) if points > 1 else [np.sqrt(lower * upper)]
+    grid = tuple(float(x) for x in tried)
     return EffectParameter(name, "torque", "N m", lower, upper, source, role="shape", grid=grid, meaning=meaning)
 
 
-def _hardening(joint: JointPart) -> Effect:
+def _hardening(joint: JointPart, torque: float) -> Effect:
     """``theta = c (tau - a (tau - t g(tau / t)))``.
 
     g = tanh bends at the knee t, beyond which the compliance is c (1 - a); with a power below one,
-    g = sgn |tau / t|^power bends all the way, as contact that grows does.
+    g = sgn |tau / t|^power bends all the way, as contact that grows does. There the knee only shares the spring's turn
+    out between c and a, so that one knee does for all.
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
@@ -149,14 +160,19 @@ def _hardening(joint: JointPart) -> Effect:
     power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65), default=1.0,
                             meaning="1: a bend, below: bends all the way")  # fmt: skip
     lost = share("share", 0.1, 0.9, "share of the compliance that is lost at large torques", signed=False)
+    knee = torque_shape("knee", torque, (0.06, 1.2), 5, "torque at which it bends")
+    middle = knee.grid[len(knee.grid) // 2]
     return Effect(
-        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
-        (lost, _torque("knee", 60.0, 1500.0, 7, "torque at which it bends"), power), law, "hardening", slot=SLOT,
+        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm", (lost, knee, power), law,
+        "hardening", slot=SLOT, differs=lambda v: bool(v[2] >= 1.0 or v[1] == middle),
     )  # fmt: skip
 
 
-def _softening(joint: JointPart) -> Effect:
-    """``theta = c tau (1 + s (|tau| / t)^p)``: a housing that opens, bolts that let go."""
+def _softening(joint: JointPart, torque: float) -> Effect:
+    """``theta = c tau (1 + s (|tau| / t)^p)``: a housing that opens, bolts that let go.
+
+    Another t is another s: one is tried.
+    """
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau = s.torque(joint.name)
@@ -164,18 +180,19 @@ def _softening(joint: JointPart) -> Effect:
 
     power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0),
                             meaning="how steeply it grows")  # fmt: skip
-    added = share("share", 0.1, 0.7, "share of the compliance that is added at the torque named", signed=False)
-    at = _torque("torque", 100.0, 1500.0, 4, "torque that the share belongs to")
+    added = share("share", 0.05, 0.7, "share of the compliance that is added at the torque named", signed=False)
+    at = torque_shape("torque", torque, (0.1, 1.5), 1, "torque that the share belongs to")
     return Effect(
         f"softening:{joint.name}", f"joint {joint.name} gets softer with the torque", "arm",
         (added, at, power), law, "softening", slot=SLOT,
     )  # fmt: skip
 
 
-def _backlash(joint: JointPart) -> Effect:
+def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     """``theta = c tau + b/2 (tanh((tau + w g)/t) - tanh(w g / t))``: g the torque of the links' own weight.
 
-    A gap b between flanks that the preload w g has closed on one side already, or not; it takes t to cross it.
+    A gap b between flanks that the preload w g has closed on one side already, or not; it takes t to cross it, up to a
+    quarter of what a test load brings. ``weighs``: whether the model says what the links weigh.
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
@@ -185,16 +202,18 @@ def _backlash(joint: JointPart) -> Effect:
         return s.turned(joint.name, 0.5 * v[0] * way)
 
     gap = EffectParameter("gap", "angle", "mrad", 0.2e-3, 1.8e-3, CLASS, meaning="play between the flanks")
-    preload = EffectParameter("preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0), default=0.0,
-                              meaning="1: the links' weight presses the flanks together, 0: it does not")  # fmt: skip
-    crossing = _torque("crossing", 3.0, 60.0, 4, "torque that it takes to cross the gap")
+    preload = EffectParameter(
+        "preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
+        meaning="1: the links' weight presses the flanks together, 0: it does not",
+    )  # fmt: skip
+    crossing = torque_shape("crossing", torque, (0.005, 0.25), 4, "torque that it takes to cross the gap")
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
         (gap, crossing, preload), law, "backlash", slot=SLOT,
     )  # fmt: skip
 
 
-def _friction(joint: JointPart) -> Effect:
+def _friction(joint: JointPart, torque: float) -> Effect:
     """``theta = c (tau - a (tau - y))``, y the play of tau with the friction torque: a spring behind dry friction.
 
     With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element).
@@ -206,8 +225,8 @@ def _friction(joint: JointPart) -> Effect:
         return s.turned(joint.name, -v[0] * s.compliance(joint.name) * held)
 
     held = share("share", 0.4, 1.2, "share of the spring that the friction holds back", signed=False)
-    slips = _torque("friction", 15.0, 350.0, 12, "torque at which it slips", CLASS)
+    slips = torque_shape("friction", torque, (0.015, 0.4), 11, "torque at which it slips", CLASS)
     return Effect(
         f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm", (held, slips), law, "friction",
-        needs_history=True,
+        needs_history=True, slot=LAG,
     )  # fmt: skip

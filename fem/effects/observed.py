@@ -15,10 +15,14 @@ from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.situation import History, Situation, plain_history
 from fem.model import ArmModel
+from fem.springs import SumSpring
 from fem.statics.flexibility import spring_influence
 from fem.statics.loads import LoadedPoses, turned
 from robots import InputError
 from robots.arrays import Array
+
+# A compliance, rad/(N m), by which springs are made softer to see what laws make of it; straight lines: any will do.
+SOFTER = 1e-7
 
 
 def act(placed: PlacedEffect, subject: Any, situation: Situation | None) -> Any:
@@ -77,8 +81,7 @@ def observed(
 ) -> Array:
     """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection.
 
-    ``start``: a situation asked before at the same loaded poses (the same object) and history, whose statics serve
-    again.
+    ``start``: a situation of these loaded poses and that history, where there is one already.
     """
     before = start or Situation(model, at, history or plain_history(len(at)))
     # What has no memory is the same for repeats, and on the way up and down.
@@ -94,7 +97,6 @@ def observed(
     if few is not before:
         d = d[where]
         situation = before.of(changed, at if loads is few.at else loads.repeated(where))
-        situation.__dict__["few"] = there
     for e in _of_stage(effects, "arm"):
         if e.effect.has_memory:
             d = d + act(e, None, situation)
@@ -119,20 +121,41 @@ def spring_influences(
     joints: Sequence[str],
     history: History | None = None,
 ) -> Array | None:
-    """Derivatives (n, 6, k) of the readings by the compliances of joints' springs, exact; None with a law on top."""
-    if any(e.effect.stage in ("arm", "gauge") for e in effects):
-        return None
-    before, where = Situation(model, at, history or plain_history(len(at))), at.distinct[1]
+    """Derivatives (n, 6, k) of the readings by the compliances of joints' springs, exact; None with a user's effect.
+
+    Every effect of the catalogue is linear in them: readings go by each spring's own part, and by what laws make of it.
+    """
     if any(e.effect.own for e in effects):
-        where = np.arange(len(at))
-    else:
-        before = before.few
-    changed, loads, R = _loaded(model, before.at, effects, before)
+        return None
+    whole, where = Situation(model, at, history or plain_history(len(at))), at.distinct[1]
+    few = whole.few
+    changed, loads, R = _loaded(model, few.at, effects, few)
     influence = spring_influence(changed, loads.q, loads.wrench, loads.point)[0]
-    columns = influence[:, [model.robot.joint_names.index(name) for name in joints]]
-    if R is not None:
-        columns = np.concatenate([columns[..., :3] @ R, columns[..., 3:] @ R], axis=2)
-    return np.moveaxis(columns, 1, 2)[where]
+    full = at if loads is few.at else loads.repeated(where)
+    before = whole.of(changed, full)
+    laws, gauges = _of_stage(effects, "arm"), _of_stage(effects, "gauge")
+    own = [added(e, before) for e in laws]
+    nothing = np.zeros((len(at), 6))
+    zero = nothing
+    for e in gauges:
+        zero = act(e, zero, before)
+    columns = []
+    for name in joints:
+        k = model.robot.joint_names.index(name)
+        softer = model.with_joint(name, axial=SumSpring(model.joints[k].axial, SOFTER))
+        for e in _of_stage(effects, "model"):
+            softer = act(e, softer, None)
+        more = (softer.joints[k].axial.compliance(loads.q) - changed.joints[k].axial.compliance(loads.q)) / SOFTER
+        column = (more[:, None] * influence[:, k])[where]
+        after = whole.of(softer, full)
+        for e, was in zip(laws, own, strict=True):
+            column = column + (added(e, after) - was) / SOFTER
+        if R is not None:
+            column = np.hstack([column[:, :3] @ R, column[:, 3:] @ R])
+        for e in gauges:
+            column = act(e, column, before)
+        columns.append(column - zero)
+    return np.stack(columns, axis=2) if columns else np.zeros((len(at), 6, 0))
 
 
 def _loaded(

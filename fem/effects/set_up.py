@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, NEARLY_STRAIGHT, Effect, EffectParameter
+from fem.effects.history import settled
 from fem.effects.situation import Situation
+from fem.effects.sizes import Usual
 from fem.effects.structure import ASSUMED
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses, placed
@@ -21,11 +23,13 @@ ZERO_OFF_BY = float(np.radians(0.04))
 BEYOND_MASTERING = 0.3
 
 
-def set_up_effects(model: ArmModel) -> Iterator[Effect]:
+def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
-    force = EffectParameter("force", "force", "N", 10.0, 80.0, ASSUMED, meaning="force that acts with every load")
+    # A hanger that nobody counted, or a load cell or weight that shows too much.
+    force = EffectParameter("force", "force", "N", 0.015 * usual.force, 0.12 * usual.force, ASSUMED, signed=True,
+                            meaning="force that acts with every load; negative: the sheet counts too much")  # fmt: skip
     yield Effect("payload", "a load that the sheet does not count acts with every load", "load", (force,), _payload,
-                 "payload", doubt=NEARLY_STRAIGHT)  # fmt: skip
+                 "payload", depends_on="load", doubt=NEARLY_STRAIGHT)  # fmt: skip
     offset = [
         EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True, meaning=f"along the flange's {a}")
         for a in "xyz"
@@ -46,11 +50,12 @@ def set_up_effects(model: ArmModel) -> Iterator[Effect]:
         EffectParameter(a, "length", "um", 5e-6, 60e-6, ASSUMED, signed=True, meaning=f"reading along {a} without load")
         for a in AXES
     )
-    yield Effect("gauge-zero", "the gauge does not read zero without load", "gauge", zeros, _gauge_zero, "gauge-zero")
+    yield Effect("gauge-zero", "the gauge does not read zero without load", "gauge", zeros, _gauge_zero, "gauge-zero",
+                 depends_on="load")  # fmt: skip
     scale = EffectParameter(
         "share", "ratio", "%", 0.005, 0.1, ASSUMED, signed=True, meaning="share by which it reads too much"
     )
-    yield Effect("gauge-scale", "the gauge's scale is off", "gauge", (scale,), _scale, "gauge-scale")
+    yield Effect("gauge-scale", "the gauge's scale is off", "gauge", (scale,), _scale, "gauge-scale", depends_on="load")
     drifts = tuple(
         EffectParameter(
             a, "length", "um", 10e-6, 120e-6, ASSUMED, signed=True, meaning=f"drift along {a} over the whole campaign"
@@ -107,8 +112,7 @@ def _scale(d: Array, s: Situation, v: Array) -> Array:
 
 
 def _drift(d: Array, s: Situation, v: Array) -> Array:
-    """``d (1 - exp(-t/T)) / (1 - exp(-1/T))``, t from 0 to 1 over the campaign: nearly straight for large T."""
-    t = np.nan_to_num(s.history.clock)
+    """In the course of :func:`fem.effects.history.settled`, t from 0 to 1 over the campaign."""
     out = d.copy()
-    out[:, :3] += ((1.0 - np.exp(-t / v[3])) / (1.0 - np.exp(-1.0 / v[3])))[:, None] * v[:3]
+    out[:, :3] += settled(np.nan_to_num(s.history.clock), float(v[3]))[:, None] * v[:3]
     return out

@@ -9,6 +9,7 @@ import numpy as np
 
 from fem.effects.base import Effect, EffectParameter, Law
 from fem.effects.situation import Situation
+from fem.effects.sizes import Usual
 from fem.model import ArmModel, JointPart, LinkPart
 from fem.springs import SumSpring
 from robots.arrays import Array
@@ -26,36 +27,42 @@ def stiffness(name: str, unit: str, lower: float, upper: float, source: str, mea
     return EffectParameter(name, dimension, unit, lower, upper, source, scale="compliance", meaning=meaning)
 
 
-def structure(model: ArmModel) -> Iterator[Effect]:
-    """Effects of this kind that the model can have."""
+def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
+    """Effects of this kind that the model can have; ranges are those of the reference class, made larger or smaller."""
     for joint in model.joints:
-        yield _joint_compliance(joint)
-        yield _joint_tilt(joint)
-    tilts = [stiffness(f"stiffness_{a}", "N m/rad", 2e6, 1e8, ASSUMED, f"stiffness about the base's {a}") for a in "xy"]
+        yield _joint_compliance(joint, usual)
+        yield _joint_tilt(joint, usual)
+    turning, along = usual.stiff, usual.rigid
+    tilts = [
+        stiffness(f"stiffness_{a}", "N m/rad", 2e6 * turning, 1e8 * turning, ASSUMED, f"stiffness about the base's {a}")
+        for a in "xy"
+    ]
     yield Effect(
         "base-tilt", "the base or floor tilts", "model", tuple(tilts),
         _at_place("base", (3, 4)), "base-tilt",
     )  # fmt: skip
     yield Effect(
         "base-vertical", "the base or rail gives way vertically", "model",
-        (stiffness("stiffness", "N/m", 5e6, 5e8, ASSUMED, "vertical stiffness"),),
+        (stiffness("stiffness", "N/m", 3e6 * along, 5e8 * along, ASSUMED, "vertical stiffness"),),
         _at_place("base", (2,)), "base-vertical",
     )  # fmt: skip
     across = [
         stiffness(
-            f"stiffness_{axis}", "N/m", 1.0 / 6e-7, 1.0 / 1.5e-7, CLASS, f"stiffness across the tool, along its {axis}"
+            f"stiffness_{axis}", "N/m", along / 6e-7, along / 1.5e-7, CLASS,
+            f"stiffness across the tool, along its {axis}",
         )
         for axis in "xy"
-    ]
-    along = stiffness("stiffness_z", "N/m", 1.0 / 1.5e-7, 1.0 / 2e-8, ASSUMED, "stiffness along the tool")
+    ]  # fmt: skip
+    own_axis = stiffness("stiffness_z", "N/m", along / 1.5e-7, along / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
-        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, along),
+        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, own_axis),
         _at_place("tool", (0, 1, 2)), "tool-compliance",
     )  # fmt: skip
     if model.bar is not None:
         yield Effect(
             "parallelogram-bar", "the parallelogram's bar gives way along its length", "model",
-            (stiffness("stiffness", "N/m", 2e7, 1e9, ASSUMED, "stiffness along the bar"),), _bar, "parallelogram-bar",
+            (stiffness("stiffness", "N/m", 2e7 * along, 1e9 * along, ASSUMED, "stiffness along the bar"),), _bar,
+            "parallelogram-bar",
         )  # fmt: skip
 
 
@@ -64,12 +71,12 @@ def joint_is_rigid(joint: JointPart, dof: int) -> bool:
     return not joint.axial.compliance(np.zeros((1, dof))).any()
 
 
-def _joint_compliance(joint: JointPart) -> Effect:
+def _joint_compliance(joint: JointPart, usual: Usual) -> Effect:
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
         old = model.joints[joint.joint]
         return model.with_joint(joint.name, axial=SumSpring(old.axial, float(v[0])))
 
-    lower, upper = (1e5, 4e6) if joint.joint < 3 else (2e4, 3e6)
+    lower, upper = float(usual.low[joint.joint]), float(usual.high[joint.joint])
     meaning = "stiffness about the axis that comes on top of the spring"
     return Effect(
         f"joint-compliance:{joint.name}", f"joint {joint.name} gives way about its axis", "model",
@@ -78,7 +85,7 @@ def _joint_compliance(joint: JointPart) -> Effect:
     )  # fmt: skip
 
 
-def _joint_tilt(joint: JointPart) -> Effect:
+def _joint_tilt(joint: JointPart, usual: Usual) -> Effect:
     """Tilt about the two axes across, fixed in the part before the joint (its housing) or in the one behind it.
 
     The two differ where the two stiffnesses do.
@@ -99,10 +106,11 @@ def _joint_tilt(joint: JointPart) -> Effect:
     )  # fmt: skip
     across = (
         stiffness(
-            f"stiffness_{axis}", "N m/rad", 5e5, 5e6, CLASS, f"stiffness against tilting about the joint's {axis} axis"
+            f"stiffness_{axis}", "N m/rad", 5e5 * usual.stiff, 5e6 * usual.stiff, CLASS,
+            f"stiffness against tilting about the joint's {axis} axis",
         )
         for axis in "xy"
-    )
+    )  # fmt: skip
     return Effect(
         f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
         (*across, behind), law, family,
@@ -159,32 +167,21 @@ def softer(part: LinkPart, factor: float) -> LinkPart:
     return LinkPart(part.name, part.body, element, mesh, shell, part.flanges)
 
 
-def load_path(other: ArmModel) -> Effect:
-    """The other way for the forearm's moment: down the parallelogram's bar, or through joint 2 as in a serial chain."""
-
-    def law(model: ArmModel, _: object, v: Array) -> ArmModel:
-        return replace(model, load_path=other.load_path, bar=other.bar)
-
-    if other.load_path == "parallelogram":
-        words = "the forearm's moment goes down the parallelogram's bar, not through joint 2"
-    else:
-        words = "the forearm's moment goes through joint 2 as in a serial chain, not down the bar"
-    return Effect("load-path", words, "model", (), law, "load-path")
-
-
-def wrist_coupling(model: ArmModel) -> Iterator[Effect]:
+def wrist_coupling(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     """A torque about the second last but one axis turns the next one, and back (Maxwell's reciprocity)."""
     if model.robot.dof < 5:
         return
     names = model.robot.joint_names
     # The two wrist axes before the last of six; the last two of five.
-    first, second = (names[3], names[4]) if len(names) >= 6 else (names[-2], names[-1])
+    k = len(names) - (3 if len(names) >= 6 else 2)
+    first, second = names[k], names[k + 1]
 
     def law(_: object, s: Situation, v: Array) -> Array:
         return np.asarray(s.turned(second, v[0] * s.torque(first)) + s.turned(first, v[0] * s.torque(second)))
 
-    # Of the order of the wrist joints' own compliances (2e4 to 3e6 N m/rad), below their geometric mean.
-    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 1e-7, 3e-6, CLASS, signed=True,
+    # Of the order of the two joints' own compliances; no coupling is above their geometric mean.
+    mean = float(np.sqrt(usual.softness[k] * usual.softness[k + 1]))
+    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 0.05 * mean, 0.7 * mean, CLASS, signed=True,
                             meaning="turn of one wrist axis for a torque about the other")  # fmt: skip
     words = f"torque about {first} turns {second}, and back"
-    yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling")
+    yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling", depends_on="pose")

@@ -23,7 +23,7 @@ from fem.compiled.compliance import deflection
 from fem.effects.base import PlacedEffect
 from fem.effects.frames import turned_further
 from fem.effects.observed import observed
-from fem.effects.situation import History, Situation, plain_history
+from fem.effects.situation import History, plain_history
 from fem.free.base import Flexibility, Given, Parameter, Shifts
 from fem.free.parameters import AXIAL, FreeLaw, law_compliance
 from fem.model import ArmModel
@@ -142,16 +142,7 @@ class FreeModel:
             offset, tilt = model.load_offset + self._shift(u, "load"), model.load_tilt + self._shift(u, "tilt")
             model = replace(model, load_offset=offset, load_tilt=tilt)
         moved = self._moved(u, self.at, arm)
-        start = self._start if moved is self.at and arm is self.model else None
-        return observed(model, moved, effects, self.history or plain_history(len(self.at)), start)
-
-    @cached_property
-    def _start(self) -> Situation:
-        """Statics at the loaded poses as they are, for all numbers that leave them there."""
-        situation = Situation(self.model, self.at, self.history or plain_history(len(self.at)))
-        if any(e.effect.stage == "arm" and not e.effect.own for e in self.effects):
-            _ = situation.places, situation.preload
-        return situation
+        return observed(model, moved, effects, self.history or plain_history(len(self.at)))
 
     def _differences(self, u: Array, value: Array) -> Array:
         """Derivatives (n, 6, p) with effects: exact by what is linear, else good to some 1e-8."""

@@ -45,6 +45,7 @@ DIMENSIONS: Final[Mapping[str, Dimension]] = MappingProxyType(
         "translational stiffness": Dimension({"N/m": 1.0, "N/mm": 1e3, "N/um": 1e6}, 1e-3, 1e15),
         # An SI unit for each pair of kinds of rows.
         "compliance": Dimension({"m/N": 1.0, "mm/N": 1e-3, "rad/N": 1.0, "rad/(N m)": 1.0}, 1e-18, 1e3),
+        "time": Dimension({"s": 1.0, "min": 60.0, "h": 3600.0}, 1e-3, 1e9),
         "ratio": Dimension({"1": 1.0, "%": 1e-2}, 1e-9, 1e6),
     }
 )

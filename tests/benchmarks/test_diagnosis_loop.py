@@ -62,7 +62,7 @@ def test_what_is_counted() -> None:
     }  # fmt: skip
     f = forecasts(ran)
     assert f["proposals"] == 3
-    assert (f["right"]["promised"], f["right"]["count"], f["wrong"]["count"]) == (0.7, 1, 1)
+    assert (f["right"]["promised"], f["right"]["count"], f["wrong"]["count"]) == (2.1, 1, 1)
     found = summary(ROWS)
     assert (found["sets"], found["refused"], found["failed"]) == (4, 1, 0)
     last = found["groups"]["single"]["proposed"][-1]

@@ -241,9 +241,7 @@ def noise_parts(noise: Noise, p: Problem) -> list[tuple[str, str]]:
     if noise.vector:
         out.append(("each reading, share of the displacement's length", f"{noise.vector * 100:.2g} %"))
     if noise.tail:
-        out.append(
-            ("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are its middle's")
-        )
+        out.append(("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are its middle's"))
     if noise.pose_share:
         out.append(("each set-up, share of the deflection", f"{noise.pose_share * 100:.2g} %"))
     return out

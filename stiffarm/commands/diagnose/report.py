@@ -181,8 +181,8 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
             heads = ("number", "value", "95 % interval", "thought plausible", "what it is")
             blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4)))
         if curve is not None:
-            friction = f.placed.effect.needs_history
-            loop = "The way up differs from the way down by what friction holds back. " if friction else ""
+            remembers = f.placed.effect.needs_history
+            loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
             blocks.append(
                 pictures.add(
                     law_figure(curve, f"{f.code}: {f.placed.effect.words}"), f"law_{number + 1}",

@@ -9,6 +9,7 @@ from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
 from doe.diagnosis.next_readings import NextReadings
+from doe.diagnosis.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
@@ -279,8 +280,7 @@ def _still_open(d: Diagnosed) -> str:
     """What a name could still be instead."""
     parts = []
     for code, others in d.still_open.items():
-        best = max((r for r in d.found.rankings if any(h.code == code for h in r.hypotheses)),
-                   key=lambda r: r.of(code).probability)  # fmt: skip
+        best = look_of(d.found, code)
         listed = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
         parts.append(f"{code} could still be {listed}")
     return f"{_and(parts)}: readings that differ between them would settle it."

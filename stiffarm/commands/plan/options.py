@@ -8,6 +8,7 @@ import re
 import numpy as np
 
 from doe import Measurements
+from doe.planning import protocol
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
@@ -15,8 +16,6 @@ from stiffarm.session.parsing import LARGEST_LOAD, parse_numbers
 
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)
-# A table may hold a measured force for each reading; a plan is made for a few nominal ones.
-MOST_LOADS = 5
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _AXIS = re.compile(r"([+-]?)([xyz])")
@@ -96,9 +95,7 @@ def usual_loads(description: ModelDescription, data: Measurements | None) -> Arr
         Neither is known.
     """
     if data is not None:
-        loads = np.unique([float(f"{v:.3g}") for v in data.loads_N if v > 0.0])
-        if len(loads) > MOST_LOADS:
-            loads = loads[np.unique([0, len(loads) // 2, len(loads) - 1])]
+        loads = protocol.usual_loads(data.wrench[:, :3])
         if len(loads):
             return loads
     rated = rated_load(description, None, "--loads", "as in --loads 150,375,650")

@@ -111,3 +111,21 @@ def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
     assert diagnose(setting(told)).verdict == "none"
     # Without the column the same readings ask for something.
     assert diagnose(setting(replace(told, session=()))).verdict != "none"
+
+
+@pytest.mark.parametrize(
+    ("code", "values"),
+    [
+        ("creep:j3", {"share": 0.25, "time": 300.0}),
+        ("slip:j2", {"angle": 3e-4, "torque": 150.0}),
+        ("slip:base", {"angle": 3e-4, "moment": 150.0}),
+        ("warming:j2", {"share": 0.2, "settling": 0.3}),
+        ("loose-base", {"gap": 3e-4, "closing": 80.0}),
+    ],
+)
+def test_what_lags_slips_warms_or_rocks_is_named(code: str, values: dict[str, float]) -> None:
+    found = diagnose(setting(read({code: values}, share=0.01, setup=0.003)))
+    assert found.verdict == "named"
+    assert [e.code for e in found.effects] == [code]
+    first = next(iter(values))
+    assert found.effects[0].placed.by_name[first] == pytest.approx(values[first], rel=0.25)

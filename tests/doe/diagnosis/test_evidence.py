@@ -60,7 +60,7 @@ def test_signed_amplitudes_add_their_columns_to_the_covariance(small: Setting, c
 def test_a_positive_amplitude_is_integrated_above_zero_only(small: Setting) -> None:
     base = unbounded(base_of(small))
     V = covariance(small, NOISE, np.ones(len(small.data)))
-    c = signatures(small, small.known["payload"])[0]
+    c = signatures(small, small.known["base-vertical"])[0]
     fit = fit_all(Whitened(base, V), [c])[0]
     grid = np.linspace(0.0, c.mean[0] + 8.0 * c.sd[0], 4001)
     at = [

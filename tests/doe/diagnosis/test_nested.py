@@ -18,6 +18,7 @@ from doe.diagnosis.where import hold_out
 from doe.estimation.problem import problem
 from doe.tables.measurements import Measurements
 from fem import build_model
+from fem.effects.frames import OFFSETS
 from robots import InputError, load_description
 
 FRICTION = {"share": 0.9, "friction": 120.0}
@@ -111,7 +112,7 @@ def test_a_convention_that_a_pose_left_out_could_not_have_is_no_candidate(flat: 
     elsewhere = problem(s.model, unseen, ()).free.at
     narrowed = standing(there, elsewhere)
     grid = narrowed["angle-offset:j3"].parameters[0].grid
-    assert grid == ((np.pi,) if flat else (-QUARTER, QUARTER, np.pi))
+    assert grid == ((-QUARTER / 2.0, QUARTER / 2.0, np.pi) if flat else OFFSETS)
     assert narrowed["payload"] is known["payload"]
     d = diagnose(there)
     assert [f.code for f in d.effects] == ["angle-offset:j3"]

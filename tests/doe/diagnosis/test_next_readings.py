@@ -15,6 +15,7 @@ from scipy.stats import norm, truncnorm
 from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.discrimination import (
+    Outcome,
     Predictions,
     choose,
     divergence,
@@ -24,7 +25,7 @@ from doe.diagnosis.discrimination import (
     without_idle,
 )
 from doe.diagnosis.evidence import Base
-from doe.diagnosis.foresight import verdicts
+from doe.diagnosis.foresight import CAME, PROMISED, tempered, verdicts
 from doe.diagnosis.next_readings import NextReadings, at_random, possible_poses, propose
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.rivals import (
@@ -158,6 +159,18 @@ def test_set_ups_that_tell_nothing_beside_the_others_are_left_out() -> None:
     assert set(without_idle(p, [3, 1], 1e-9)) == {1, 3}
 
 
+def test_a_forecast_goes_by_what_such_ones_came_to() -> None:
+    before = Outcome(0.5, 0.0, 0.0)
+    sure = tempered(before, Outcome(1.0, 1.0, 0.0))
+    assert before.belief < sure.belief < 1.0
+    assert sure.right == pytest.approx((CAME + 0.5) / (PROMISED + 1.0))
+    assert sure.right + sure.wrong + sure.open == pytest.approx(1.0)
+    nothing = tempered(before, before)
+    assert (nothing.belief, nothing.right, nothing.wrong, nothing.open) == (0.5, 0.0, 0.0, 1.0)
+    # What rivals themselves expect to go wrong stays.
+    assert tempered(before, Outcome(0.5, 0.0, 0.6)).wrong == pytest.approx(0.6)
+
+
 def test_what_is_said_by_probabilities() -> None:
     codes = ["none", "unknown", "backlash:j2", "hardening:j2"]
     belief = np.array(
@@ -286,10 +299,13 @@ def test_a_hidden_effect_is_made_visible(proposed: NextReadings, diagnosis: Diag
     # No vertical load turns joint 6 by much, whatever the pose: it stays hidden, and the words do not promise it.
     last = next(r for r in proposed.rivals if r.code == "joint-compliance:j6")
     assert last.against_none < np.log(20.0)
-    assert "joint-tilt:j3" in proposed.words[2]
-    assert "joint-compliance:j6" not in proposed.words[2]
+    assert "joint-tilt:j3" in proposed.words[3]
+    assert "joint-compliance:j6" not in proposed.words[3]
     assert proposed.after.belief > proposed.before.belief
     assert 0.0 < proposed.after.open < proposed.before.open
+    # What candidates promise by themselves is more than what came of such promises.
+    assert proposed.before.belief < proposed.expected.belief < proposed.after.belief
+    assert proposed.after.open < proposed.expected.open
     assert 0.0 < proposed.information <= proposed.entropy
 
 

@@ -10,6 +10,7 @@ from effect_arms import SPRINGS, extra, of, plausible
 
 from fem import ArmModel, build_model, deflection
 from fem.effects import Effect, History, PlacedEffect, catalogue, effect_of, observed
+from fem.effects.observed import spring_influences
 from fem.statics.loads import LoadedPoses
 from robots import InputError, ModelDescription, load_description
 from robots.kinematics import forward_kinematics
@@ -19,7 +20,7 @@ CODES = list(catalogue(build_model(DESCRIPTION), DESCRIPTION))
 # Turning a load or an arm is linear in the angle but for its square; a spring's share may end at a tenth.
 BENT = (
     "joint-zero-offset", "load-misalignment", "gravity-compensator", "link-flexibility", "turned-frame",
-    "tool-point-offset",
+    "tool-point-offset", "partial-load-path", "cable-package",
 )  # fmt: skip
 
 
@@ -56,7 +57,8 @@ def test_codes_of_the_issue() -> None:
         "payload", "gravity-compensator", "base-tilt", "base-vertical", "parallelogram-bar", "load-path",
         "link-flexibility", "tool-compliance", "load-point-offset", "load-misalignment", "joint-zero-offset",
         "gauge-zero", "gauge-scale", "drift", "gear-ripple", "wrist-coupling", "turned-frame", "tool-point-offset",
-        "angle-sign", "angle-offset", "angle-coupling",
+        "angle-sign", "angle-offset", "angle-coupling", "creep", "warming", "slip", "stick-slip", "loose-base",
+        "cable-package", "partial-load-path",
     }  # fmt: skip
     assert len(CODES) == len(set(CODES))
 
@@ -84,6 +86,21 @@ def test_repeats_read_as_the_first_time(code: str, arm: ArmModel, known: dict[st
     placed = [plausible(known[code])]
     once = observed(arm, at, placed, HISTORY)
     np.testing.assert_allclose(observed(arm, again, placed, then), once[rows], rtol=0.0, atol=1e-16)
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_readings_go_straight_with_the_springs(
+    code: str, arm: ArmModel, known: dict[str, Effect], at: LoadedPoses
+) -> None:
+    placed = [plausible(known[code])]
+    joints = ("j2", "j5")
+    exact = spring_influences(arm, at, placed, joints, HISTORY)
+    assert exact is not None
+    softer = {name: 1.0 / (1.0 / SPRINGS[name] + 1e-7) for name in joints}
+    now = observed(arm, at, placed, HISTORY)
+    for k, name in enumerate(joints):
+        slope = (observed(arm.with_springs({name: softer[name]}), at, placed, HISTORY) - now) / 1e-7
+        np.testing.assert_allclose(exact[:, :, k], slope, rtol=0.0, atol=1e-7 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("code", [c for c in CODES if c.split(":")[0] in BENT])

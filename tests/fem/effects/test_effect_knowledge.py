@@ -55,10 +55,10 @@ def test_what_a_diagnosis_takes_of_an_effect(known: dict[str, Effect]) -> None:
     doubts = {code: known[code].law_doubt for code in ("friction:j2", "base-tilt", "payload", "drift", "gauge-zero")}
     assert doubts == {"friction:j2": 0.1, "base-tilt": 0.04, "payload": 0.04, "drift": 0.1, "gauge-zero": 0.0}
     assert known["load-path"].law_doubt == 0.0  # nothing of it is free
-    assert {e.code for e in known.values() if e.needs_clock} == {"drift"}
+    assert {e.family for e in known.values() if e.needs_clock} == {"drift", "warming"}
     drawn = {family: known[f"{family}:j2"].drawn_over for family in ("friction", "gear-ripple", "joint-tilt")}
     assert drawn == {"friction": "torque", "gear-ripple": "angle", "joint-tilt": None}
-    assert {e.slot for e in known.values() if e.place == "j2"} == {"", "bend"}
+    assert {e.slot for e in known.values() if e.place == "j2"} == {"", "bend", "lag"}
     usual = {e.family for e in known.values() if e.usual > 0.0}
     assert usual == {"link-flexibility", "joint-zero-offset"}
 

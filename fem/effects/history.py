@@ -1,0 +1,204 @@
+"""When readings were taken, and what remembers it: play, ratchets, what sticks and jumps, what creeps, what warms up.
+
+A law with a memory starts from rest in each load cycle, for that is where a gauge is zeroed; what lags behind recovers
+in the time between cycles, where the table says how long that is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from robots.arrays import Array, Bools, Indices
+
+# Seconds between readings of a cycle where a table has no times: to hang a load, wait and read.
+BETWEEN = 30.0
+# Time to settle, in shares of a campaign's, that leaves a nearly straight course.
+SLOW = 10.0
+# Temperature (deg C) to which laws refer; any would do, for the springs are free.
+ROOM = 20.0
+
+
+@dataclass(frozen=True)
+class History:
+    """When n readings were taken.
+
+    ``cycle`` (n,): number of the load cycle a reading belongs to, each of which starts unloaded; ``order`` (n,): its
+    place in the cycle, from 0, equal for readings taken at one time; ``clock`` (n,): time in the whole campaign, 0 at
+    the first reading, 1 at the last; NaN where it is not known. ``is_known``: whether loading and unloading are told
+    apart; else each reading is taken as a loading from zero. ``session`` (n,): number of the day or visit, all 0 where
+    that is not known. ``seconds`` (n,): time from the first reading; ``temperature`` (n,): deg C; NaN where not known.
+    """
+
+    cycle: Indices
+    order: Indices
+    clock: Array
+    is_known: bool
+    session: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    seconds: Array = field(default_factory=lambda: np.zeros(0))
+    temperature: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        n = len(self.cycle)
+        unknown = {"session": np.zeros(n, dtype=np.intp), "seconds": np.full(n, np.nan)}
+        unknown["temperature"] = unknown["seconds"]
+        for name, nothing in unknown.items():
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, nothing)
+
+    def unloading(self, size: Array) -> Bools:
+        """Whether readings (n,) were taken on the way down; ``size`` (n,): of their loads.
+
+        That is, a larger load came before in the cycle.
+        """
+        most = self.follow(lambda now, last: np.maximum(size[now], last))
+        return np.asarray(size < most - 1e-9)
+
+    def follow(self, law: Callable[[Indices, Array], Array]) -> Array:
+        """A state (n,) along every cycle, 0 before its first reading.
+
+        ``law(now, last)``: the state at readings ``now`` (k,), one of each cycle, from the states ``last`` (k,) before.
+        """
+        y, before = np.zeros(len(self.cycle)), np.zeros(int(self.cycle.max(initial=-1)) + 1)
+        for step in range(int(self.order.max(initial=-1)) + 1):
+            now = np.flatnonzero(self.order == step)
+            mine = self.cycle[now]
+            y[now] = law(now, before[mine])
+            before[mine] = y[now]
+        return y
+
+    def play(self, x: Array, width: Array | float) -> Array:
+        """The play operator over every cycle: y (n,) follows x (n,) at a distance of at most ``width``.
+
+        ``y_i = max(x_i - r, min(x_i + r, y_(i-1)))`` with y = 0 before the first (Visintin 1994,
+        doi:10.1007/978-3-662-11557-2, ch. III).
+        """
+        r = np.broadcast_to(np.asarray(width, dtype=np.float64), x.shape)
+        return self.follow(lambda now, last: np.maximum(x[now] - r[now], np.minimum(x[now] + r[now], last)))
+
+    def stick(self, x: Array, width: float, kept: float) -> Array:
+        """What stays where it is until x (n,) is more than ``width`` away, then jumps to ``kept`` of that from x.
+
+        Static and sliding friction in their simplest form (Armstrong-Helouvry, Dupont, Canudas de Wit 1994,
+        doi:10.1016/0005-1098(94)90209-7), in steps of what was read. Returns (n,).
+        """
+
+        def law(now: Indices, last: Array) -> Array:
+            held = x[now] - last
+            return np.where(np.abs(held) > width, x[now] - np.sign(held) * kept * width, last)
+
+        return self.follow(law)
+
+    def ratchet(self, x: Array, limit: float, *, lasting: bool) -> Array:
+        """What x (n,) at its largest has exceeded a limit by, less at the cycle's start; it never goes back.
+
+        ``lasting``: what slipped in one cycle has slipped for all that come after, by the clock if there is one.
+        """
+        beyond = np.maximum(x - limit, 0.0)
+        if not lasting:
+            return self.follow(lambda now, last: np.maximum(beyond[now], last))
+        row = self._in_time
+        most = np.maximum.accumulate(beyond[row])
+        starts = self._starts(row)
+        before = np.concatenate([[0.0], most[:-1]])[starts][np.cumsum(starts) - 1]
+        out = np.empty(len(x))
+        out[row] = most - before
+        return out
+
+    def lag(self, x: Array, seconds: float) -> Array:
+        """Solution y (n,) of ``T dy/dt = x - y``, less its value at the start of the cycle; T in s.
+
+        A load is put on half way between two readings, and nothing hangs between cycles. Without times readings are
+        taken ``BETWEEN`` seconds apart, and what lags has recovered before the next cycle.
+        """
+        row, half, rest = self._pauses
+        starts = self._starts(row)
+        held, off = np.exp(-half / seconds).tolist(), np.exp(-rest / seconds).tolist()
+        y, zero, last, out = 0.0, 0.0, 0.0, np.empty(len(x))
+        found = []
+        for aim, start, decay, gone in zip(x[row].tolist(), starts.tolist(), held, off, strict=True):
+            if start:
+                y *= gone
+                zero, last = y, 0.0
+            else:
+                y = last + (y - last) * decay
+            y = aim + (y - aim) * decay
+            last = aim
+            found.append(y - zero)
+        out[row] = found
+        return out
+
+    def warmth(self, settling: float) -> Array:
+        """How warm (n,) an arm is that was cold at the start of each session: 1 after the whole campaign.
+
+        ``(1 - exp(-t / T)) / (1 - exp(-1 / T))``, t the session's part of the campaign's time, T ``settling``, a share
+        of it too. T = 0: as warm as was read, 1 for each 10 K above room temperature; where that was not, T = ``SLOW``.
+        """
+        if settling <= 0.0 and np.isfinite(self.temperature).all():
+            return np.asarray((self.temperature - ROOM) / 10.0)
+        settling = settling or SLOW
+        t = np.nan_to_num(self.clock)
+        cold = np.full(int(self.session.max(initial=0)) + 1, np.inf)
+        np.minimum.at(cold, self.session, t)
+        return settled(t - cold[self.session], settling)
+
+    def followed(self, cycles: int, readings: int, clock: float) -> History:
+        """The history and after it, on a visit of its own, so many cycles of so many readings, at a time ``clock``.
+
+        They come ``BETWEEN`` seconds apart, each cycle an hour after the last, at the last temperature.
+        """
+        new = cycles * readings
+        step = np.tile(np.arange(readings), cycles)
+        after = 3600.0 * (1 + np.repeat(np.arange(cycles), readings)) + BETWEEN * step
+        visit = int(self.session.max(initial=0)) + int(self.session.any())
+        return History(
+            np.concatenate([self.cycle, int(self.cycle.max(initial=-1)) + 1 + np.repeat(np.arange(cycles), readings)]),
+            np.concatenate([self.order, step]).astype(np.intp),
+            np.concatenate([self.clock, np.full(new, clock)]),
+            self.is_known,
+            np.concatenate([self.session, np.full(new, visit)]),
+            np.concatenate([self.seconds, self.seconds.max(initial=0.0) + after]),
+            np.concatenate([self.temperature, np.full(new, self.temperature[-1] if len(self.temperature) else np.nan)]),
+        )
+
+    def take(self, rows: Indices) -> History:
+        """The history of some readings; a memory only knows what is still there, so keep whole cycles."""
+        cycle = np.unique(self.cycle[rows], return_inverse=True)[1].astype(np.intp)
+        kept = (getattr(self, name)[rows] for name in ("session", "seconds", "temperature"))
+        return History(cycle, self.order[rows], self.clock[rows], self.is_known, *kept)
+
+    @cached_property
+    def _in_time(self) -> Indices:
+        """Readings (n,) in the order of time; cycle by cycle where that is not known."""
+        by_clock = np.isfinite(self.clock).all()
+        return np.lexsort((self.order, self.cycle, self.clock) if by_clock else (self.order, self.cycle))
+
+    def _starts(self, row: Indices) -> Bools:
+        """Whether readings in the order of time are a cycle's first."""
+        return np.asarray(np.diff(self.cycle[row], prepend=-1) != 0)
+
+    @cached_property
+    def _pauses(self) -> tuple[Indices, Array, Array]:
+        """Readings in the order of time (n,), half of the time since the one before, and the unloaded time before."""
+        if not np.isfinite(self.seconds).all():
+            n = len(self.cycle)
+            return np.lexsort((self.order, self.cycle)), np.full(n, 0.5 * BETWEEN), np.full(n, np.inf)
+        row = np.lexsort((self.order, self.cycle, self.seconds))
+        starts = self._starts(row)
+        gap = np.maximum(np.diff(self.seconds[row], prepend=0.0), 0.0)
+        usual = float(np.median(gap[~starts])) if (~starts).any() else BETWEEN
+        half = 0.5 * np.where(starts, usual, gap)
+        return row, half, np.maximum(gap - half, 0.0)
+
+
+def settled(t: Array, settling: float) -> Array:
+    """``(1 - exp(-t/T)) / (1 - exp(-1/T))`` of times (n,) from 0 to 1: nearly straight for large T."""
+    return np.asarray((1.0 - np.exp(-t / settling)) / (1.0 - np.exp(-1.0 / settling)))
+
+
+def plain_history(n: int) -> History:
+    """Each of n readings a loading of its own, from zero; no clock."""
+    return History(np.arange(n), np.zeros(n, dtype=np.intp), np.full(n, np.nan), is_known=False)
