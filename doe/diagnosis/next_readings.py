@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Outcome, Predictions, choose, told, without_idle
 from doe.diagnosis.foresight import Rival, called, foresee
+from doe.diagnosis.hypotheses import UNKNOWN
 from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import pose_design
@@ -34,6 +35,8 @@ LENGTHS = (0, 1, 2)
 ANOTHER = 5.0
 # A set-up must tell this share of what is open, or it is not worth the while.
 WORTH = 0.01
+# Where less than this (nat) is open, it counts as if so much were: a name of 99.9 % needs no set-up.
+OPEN = 0.5
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,8 @@ def propose(
     s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
     still_open : rivals of effects that were named (:func:`doe.diagnosis.rivals.open_twins`)
     poses : how many set-ups at most, 1 to 30; each takes one direction with all loads
-    loads : N, put on in rising order; default: those of the readings (few of many). None may exceed the payload's
-        weight, or the largest load so far if that is more.
+    loads : N, put on in rising order; default: those of the readings (few of many), others where these tell nothing.
+        None may exceed the payload's weight, or the largest load so far if that is more.
     directions : of the load, base axes, any length; default those of the readings
     components : 0 to 5 to read (dx .. rz); default: those read so far; X, Y and Z where these alone tell nothing
     unloading : whether to read on the way down too; default: if the history of the readings so far is known. Where
@@ -116,21 +119,19 @@ def propose(
         Number of poses, loads, directions or components out of range; hardly any pose that the robot can take; no
         set-up that would tell the rivals apart.
     """
-    protocol = _protocol(s, loads, directions, components, unloading, repeats)
+    usual = _protocol(s, loads, directions, components, unloading, repeats)
     if not 1 <= poses <= MOST_POSES:
         raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
-    count = max(candidates // len(protocol.directions), min(candidates, 60), 4 * poses)
-    q = possible_poses(s, count, protocol, zone, coordinates, rng)
+    count = max(candidates // len(usual.directions), min(candidates, 60), 4 * poses)
+    q = possible_poses(s, count, usual, zone, coordinates, rng)
     question = question_of(s, d, still_open)
     q = q[_standing(question, q)]
     remark: tuple[str, ...] = ()
-    p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
-    if not chosen and components is None and set(protocol.components) < set(LENGTHS):
-        # Readings along the axes that were read so far would tell nothing, wherever.
-        protocol = replace(protocol, components=LENGTHS)
-        remark = ("along the axes read so far no set-up would tell them apart: X, Y and Z are asked for",)
+    for protocol, remark in ways_to_read(usual, loads is None, components is None):  # noqa: B007 - told below
         p, chosen, entropy = _chosen(question, q, protocol, d.weight, poses, progress)
-    if not chosen:
+        if chosen:
+            break
+    else:
         raise InputError(
             f"set-ups that would tell {_one_of(question)}", value=f"none of {len(p)} tried",
             remedy="read other components, load in other directions, or look at the set-up itself",
@@ -139,9 +140,27 @@ def propose(
     foreseen = foresee(question, p, chosen, rng)
     return NextReadings(
         q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
-        len(s.data.free.at) + 1, foreseen.rivals, told(p, chosen), entropy, foreseen.before, foreseen.after,
+        len(s.data.free.at) + 1, foreseen.rivals, told(doubted(p), chosen), entropy, foreseen.before, foreseen.after,
         foreseen.expected, (*foreseen.words, *remark),
     )  # fmt: skip
+
+
+def ways_to_read(protocol: Protocol, loads: bool, components: bool) -> Iterator[tuple[Protocol, tuple[str, ...]]]:
+    """What may be done in a set-up, with a remark: as so far; else X, Y and Z read; else other loads too.
+
+    ``loads``, ``components``: whether these may be others than asked for.
+    """
+    yield protocol, ()
+    if components and set(protocol.components) < set(LENGTHS):
+        protocol = replace(protocol, components=LENGTHS)
+        yield protocol, ("along the axes read so far no set-up would tell them apart: X, Y and Z are asked for",)
+    if loads:
+        least, most = protocol.forces[0], protocol.forces[-1]
+        others = np.unique([float(f"{v:.3g}") for v in (0.5 * least, least, 0.5 * (least + most), most)])
+        yield (
+            replace(protocol, forces=others),
+            ("at the loads and along the axes so far no set-up would tell them apart: others are asked for",),
+        )
 
 
 def _chosen(
@@ -150,8 +169,17 @@ def _chosen(
     """What rivals predict in poses q (N, dof), the best set-ups of which each tells something, and what is open."""
     at = protocol.every(question.setting.model, q, protocol.course)
     p = predictions(question, with_candidates(question.setting, at, protocol), weight, protocol)
-    choice = choose(p, poses, progress)
-    return p, without_idle(p, choice.chosen.tolist(), WORTH * choice.entropy), choice.entropy
+    choice = choose(doubted(p), poses, progress)
+    return p, without_idle(doubted(p), choice.chosen.tolist(), WORTH * max(choice.entropy, OPEN)), choice.entropy
+
+
+def doubted(p: Predictions) -> Predictions:
+    """As if something unknown were no more likely than all else together: no set-up would tell more beside it."""
+    unknown = np.array([code == UNKNOWN for code in p.code])
+    share = float(p.weight[unknown].sum())
+    if share <= 0.5 or share >= 1.0:
+        return p
+    return replace(p, weight=np.where(unknown, 0.5 * p.weight / share, 0.5 * p.weight / (1.0 - share)))
 
 
 def at_random(n: NextReadings, s: Setting, zone: Zone, rng: np.random.Generator, poses: int = 3) -> NextReadings:

@@ -136,6 +136,9 @@ def _question(s: Setting, r: Ranking) -> Question:
         # Twins of one family are no question that a reading could answer: there is always something else beside them.
         if len({family_of(s, code) for code in kept}) < FEWEST:
             kept.append(h.code)
+    if r.best.code == UNKNOWN:
+        # What it may be like is asked of the effects that come nearest.
+        kept += [h.code for h in r.hypotheses if h.code not in (NONE, *kept)][: max(LEADING - len(kept), 0)]
     # A gross error of the table is no matter of further readings.
     hidden = tuple(code for code in r.hidden if not s.known[code].gross)
     prior = log_priors(s, [*(h.code for h in r.hypotheses), *hidden], Options())

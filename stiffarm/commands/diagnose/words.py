@@ -265,7 +265,7 @@ def next_sentence(d: Diagnosed) -> str:
             f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
             "readings measured against the robot's base, the tool point); further readings help only where they differ."
         )
-    if d.nothing_next:
+    if d.nothing_next and d.found.verdict != "unknown":
         return f"No further set-up would settle it: {d.nothing_next}."
     if d.found.verdict == "ambiguous":
         return f"Readings that differ between {_rivals(d)} would settle it."

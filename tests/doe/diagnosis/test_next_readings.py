@@ -25,8 +25,15 @@ from doe.diagnosis.discrimination import (
     without_idle,
 )
 from doe.diagnosis.evidence import Base
-from doe.diagnosis.foresight import CAME, PROMISED, tempered, verdicts
-from doe.diagnosis.next_readings import NextReadings, at_random, possible_poses, propose
+from doe.diagnosis.foresight import CAME, PROMISED, foresee, tempered, verdicts
+from doe.diagnosis.next_readings import (
+    NextReadings,
+    at_random,
+    doubted,
+    possible_poses,
+    propose,
+    ways_to_read,
+)
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.rivals import (
     Question,
@@ -182,7 +189,7 @@ def test_what_is_said_by_probabilities() -> None:
             [0.01, 0.1, 0.5, 0.39],  # two names
         ]
     )
-    assert verdicts(codes, belief).tolist() == [0, -1, 1, 2, -1]
+    assert verdicts(codes, belief).tolist() == [0, -1, -1, 2, -1]
 
 
 def test_numbers_are_cut_off_at_their_limit() -> None:
@@ -410,6 +417,38 @@ def test_where_no_set_up_tells_anything_none_is_proposed(setting: Setting, diagn
     assert d.verdict == "ambiguous"
     with pytest.raises(InputError, match=r"gauge-.* from gauge-"):
         propose(s, d, poses=2, candidates=30, rng=np.random.default_rng(0))
+
+
+def test_where_nothing_tells_rivals_apart_other_axes_and_loads_are_asked_for() -> None:
+    usual = Protocol(np.array([100.0, 300.0]), DOWN)
+    ways = [way for way, _ in ways_to_read(usual, loads=True, components=True)]
+    assert [w.components for w in ways] == [(2,), (0, 1, 2), (0, 1, 2)]
+    assert [w.forces.tolist() for w in ways] == [[100.0, 300.0], [100.0, 300.0], [50.0, 100.0, 200.0, 300.0]]
+    assert [w for w, _ in ways_to_read(usual, loads=False, components=False)] == [usual]
+
+
+def test_set_ups_are_chosen_as_if_the_unknown_were_not_sure() -> None:
+    p = replace(rivals(np.zeros((3, 2, 1)), np.array([0.99, 0.008, 0.002])), code=("unknown", "b", "c"))
+    np.testing.assert_allclose(doubted(p).weight, [0.5, 0.4, 0.1])
+    for some in (replace(p, code=("a", "b", "c")), replace(p, weight=np.array([0.4, 0.3, 0.3]))):
+        assert doubted(some) is some
+
+
+def test_something_unknown_is_no_name(setting: Setting, diagnosis: Diagnosis) -> None:
+    """However sure it is that something unknown is missing, no name is promised."""
+    r = diagnosis.ranking
+    sure = {h.code: 0.998 if h.code == "unknown" else 0.001 for h in r.hypotheses}
+    some = sorted((replace(h, probability=sure[h.code]) for h in r.hypotheses), key=lambda h: -h.probability)
+    shaken = replace(diagnosis, verdict="unknown", rankings=(replace(r, hypotheses=tuple(some), hidden={}),))
+    q = question_of(setting, shaken)
+    q = replace(q, weight={code: 0.998 if code == "unknown" else 0.002 / (len(q.weight) - 1) for code in q.weight})
+    protocol = Protocol(np.array([375.0]), DOWN)
+    at = setting.data.free.at
+    loaded = LoadedPoses(at.q[:1], at.wrench[:1], at.point[:1])
+    p = predictions(q, with_candidates(setting, loaded, protocol), diagnosis.weight, protocol)
+    n = foresee(q, p, [0], np.random.default_rng(0))
+    assert n.before.belief < 0.01
+    assert n.after.right < 0.01
 
 
 def test_chosen_set_ups_tell_more_than_random_ones(setting: Setting, diagnosis: Diagnosis) -> None:
