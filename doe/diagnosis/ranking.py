@@ -19,7 +19,15 @@ from doe.diagnosis.candidates import VAGUE, Tried, candidates_of, hidden_among, 
 from doe.diagnosis.evidence import Base, LeftOut, Whitened, leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, free_columns
-from doe.diagnosis.scatter import NoisePrior, around, covariance, fitted_noise, plain_noises, with_setup
+from doe.diagnosis.scatter import (
+    NoisePrior,
+    around,
+    covariance,
+    fitted_noise,
+    own_doubt,
+    plain_noises,
+    with_setup,
+)
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.diagnosis.unknowns import Process, processes
@@ -98,9 +106,10 @@ def rank(
 
 def _noises(s: Setting, free: Array, weight: Array, first: Noise, smooth: Array, options: Options) -> list[Noise]:
     """Noise by the base alone, and where readings may follow a smooth discrepancy, with more and less scatter."""
-    out = around(first)
+    by = own_doubt(s)
+    out = around(first, by)
     calm = fitted_noise(s, np.hstack([free, _strongest(smooth, len(s.data.poses) // 3)]), weight, first)
-    out += around(calm)
+    out += around(calm, by)
     out += [with_setup(calm, share) for share in (0.005, 0.01, 0.02, 0.03)]
     if len(s.data) < FEW:
         out += plain_noises(s)

@@ -12,6 +12,7 @@ from doe.diagnosis.doubts import bends
 from doe.diagnosis.nuisance import nuisance
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
+from doe.estimation.repeats import repeated
 from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
@@ -199,7 +200,7 @@ def setting_of(
     usual = np.array([ARM if k < 3 else WRIST for k in index])
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
     s = Setting(
-        description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
+        description, model, _by_visit(problem(model, data, ())), _history(data, history), joints, found.u, typical,
         np.zeros((len(p), 0)), {}, tuple(accepted),
     )  # fmt: skip
     s = replace(s, known=known or catalogue(model, description, own) | _learned(s))
@@ -218,6 +219,16 @@ def _learned(s: Setting) -> dict[str, Effect]:
         float(linear.max(initial=0.0)),
     )  # fmt: skip
     return {effect.code: effect for effect in learned_laws(s.model, reach)}
+
+
+def _by_visit(p: Problem) -> Problem:
+    """The readings with set-ups as their repeats have them: where visits to one pose differ, each is its own."""
+    told = repeated(p)
+    if told is None or not told.apart:
+        return p
+    apart = replace(p, apart=True)
+    apart.memory.update(p.memory)
+    return apart
 
 
 def _history(data: Measurements, history: History | None) -> History:
