@@ -213,7 +213,9 @@ def diagnose(
     certain = tuple(f for f, pick in sure if pick.kind == "named")
     learned = tuple(f for f, pick in sure if pick.kind == "learned")
     rest = tuple(f for f in all_found if f not in (*certain, *learned))
-    return Diagnosis(verdict, reason, certain, rest, learned, odds, tuple(rankings), tuple(decisions), before, after, s, weight)
+    return Diagnosis(
+        verdict, reason, certain, rest, learned, odds, tuple(rankings), tuple(decisions), before, after, s, weight
+    )
 
 
 @dataclass(frozen=True)

@@ -172,7 +172,9 @@ def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[
     # Smooth and rough count half each. Where a smooth one was not worked out, at poor noises, it adds nothing.
     alone[frozenset({UNKNOWN})] = float(np.logaddexp(logsumexp(by_process), _mean(rough, count))) - math.log(2.0)
     several = _several(g, table, prior, by_process) if codes else {}
-    worth = {code: alone[frozenset({code} - {NONE})] for code in (NONE, *codes, UNKNOWN)} | _main_of(alone | several, prior)
+    worth = {code: alone[frozenset({code} - {NONE})] for code in (NONE, *codes, UNKNOWN)} | _main_of(
+        alone | several, prior
+    )
 
     row = max(table, key=lambda row: row.none)
     bic = max(row.none_bic for row in table)
@@ -183,8 +185,17 @@ def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[
         bic = max(row.best[code].bic for row in of[code])
         wide = partial(extended, s, g.base, one.bent)
         lines.append(
-            Hypothesis(code, worth[code], -2.0 * bic, math.nan, row.noise, _judged(g, wide, row.noise), one.signature,
-                       one.fit, usual.get(code, math.nan))  # fmt: skip
+            Hypothesis(
+                code,
+                worth[code],
+                -2.0 * bic,
+                math.nan,
+                row.noise,
+                _judged(g, wide, row.noise),
+                one.signature,
+                one.fit,
+                usual.get(code, math.nan),
+            )  # fmt: skip
         )
     lines.append(_line_of_unknown(g, smooth, by_process, worth[UNKNOWN]))
     sets = {key: value + _set_prior(key, prior) for key, value in (alone | several).items()}
@@ -201,9 +212,7 @@ def _judged(g: _Ground, wide: Callable[[], Base], noise: Noise) -> Callable[[], 
     return judge
 
 
-def _line_of_unknown(
-    g: _Ground, smooth: list[tuple[Noise, Array]], by_process: Array, worth: float
-) -> Hypothesis:
+def _line_of_unknown(g: _Ground, smooth: list[tuple[Noise, Array]], by_process: Array, worth: float) -> Hypothesis:
     top = int(np.argmax(by_process))
     noise = max(smooth, key=lambda one: float(one[1][top]))[0]
     wide = partial(g.base.beside, g.unknown[top].columns)
@@ -269,9 +278,7 @@ def _most_probable(sets: Mapping[frozenset[str], float], count: int = 20) -> tup
     return tuple((key, math.exp(sets[key] - total)) for key in order)
 
 
-def _by_probability(
-    lines: list[Hypothesis], prior: Mapping[str, float], options: Options
-) -> tuple[Hypothesis, ...]:
+def _by_probability(lines: list[Hypothesis], prior: Mapping[str, float], options: Options) -> tuple[Hypothesis, ...]:
     """Hypotheses with their probabilities, most probable first."""
     total = np.array([h.worth(options.by) + prior[h.code] for h in lines])
     probability = np.exp(total - logsumexp(total))

@@ -65,7 +65,9 @@ class Setting:
     def read(self, model: ArmModel, effects: Sequence[PlacedEffect]) -> Array:
         """Readings (m,) that a model with effects predicts."""
         p = self.data
-        return np.asarray(observed(model, p.free.at, effects, start=self.statics.of(model, p.free.at))[p.row, p.component])
+        return np.asarray(
+            observed(model, p.free.at, effects, start=self.statics.of(model, p.free.at))[p.row, p.component]
+        )
 
     @cached_property
     def statics(self) -> Situation:

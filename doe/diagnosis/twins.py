@@ -93,7 +93,12 @@ def twins_of(like: Likeness, change: Array, code: str, best: Mapping[str, Signat
     s, out = like.s, []
     taken = {code, *(e.effect.code for e in s.accepted)}
     for other, effect in s.known.items():
-        if other in taken or is_learned(other) or (effect.gross and not s.known[code].gross) or impossible(s, effect) is not None:
+        if (
+            other in taken
+            or is_learned(other)
+            or (effect.gross and not s.known[code].gross)
+            or impossible(s, effect) is not None
+        ):
             continue
         if effect.gross:
             some = possible(s, effect)
