@@ -26,7 +26,7 @@ Bar = Callable[[], BarPart | None]
 # A share of what is changed wholly would change it back.
 SLOT = "load-path"
 # How much likelier than half of the family: a path is mostly taken wholly.
-WHOLLY = 1.6
+WHOLLY = 1.3
 # Arrays of poses that are all worked on at once.
 WHOLE = 10**9
 
