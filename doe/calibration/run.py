@@ -15,7 +15,7 @@ from doe.certainty.lack_of_fit import LackOfFit, lack_of_fit
 from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.campaign import Campaign, Stage
 from doe.estimation.estimate import Estimate, estimate, estimate_at, unrest
-from doe.estimation.noise import Noise, within_readings
+from doe.estimation.noise import NAMES, Noise, within_readings
 from doe.estimation.problem import Problem, problem
 from doe.model_file.applied import apply_estimates, with_springs
 from doe.published.parametric import LevelStudy, level_study
@@ -308,7 +308,7 @@ def _scatter(p: Problem, u: Array, gauge: tuple[float, float]) -> Noise:
 
 def _fault(arrays: Mapping[str, Array], p: Problem, gauge: tuple[float, float], robust: bool) -> str | None:
     """What is wrong with numbers that were kept, None if they are where the estimator comes to rest."""
-    expected = {"u": (len(p.parameters),), "noise": (6,), "weight": (len(p),)}
+    expected = {"u": (len(p.parameters),), "noise": (len(NAMES) + 1,), "weight": (len(p),)}
     if {name: a.shape for name, a in arrays.items()} != expected:
         return "arrays of other shapes"
     if not all(np.isfinite(a).all() for a in arrays.values()):

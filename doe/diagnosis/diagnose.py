@@ -17,6 +17,7 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import shape_count, signature
 from doe.diagnosis.twins import APART, Likeness, beside_twins, likely_amplitude, twins_of
 from doe.estimation.noise import Noise, within_readings
+from doe.estimation.repeats import repeated
 from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
@@ -183,7 +184,7 @@ def diagnose(
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-        if gain < FURTHER * total:
+        if _as_noise(gain, s) < FURTHER * _as_noise(total, s):
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
@@ -199,7 +200,7 @@ def diagnose(
         for k, pick in enumerate(found, start=len(s.accepted))
     )
     odds = _odds_against_unknown(s, rankings, found, options)
-    verdict, reason = _verdict(rankings, decisions, found, odds)
+    verdict, reason = _verdict(s, rankings, decisions, found, odds)
     certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
     # A name that leaves most unexplained is no name: what it took up may not be it.
     rest = tuple(f for f in all_found if f not in certain)
@@ -269,12 +270,23 @@ def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick
     return known - rankings[0].of(UNKNOWN).log_evidence - prior[UNKNOWN]
 
 
-def _verdict(rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float) -> tuple[Kind, str]:
+def _as_noise(gain: float, s: Setting) -> float:
+    """A log evidence as it would be were the noise not known: what is missing would then pass for noise as it can.
+
+    Noise that repeats tell makes of what one effect explains many thousands, beside which no second one counts.
+    """
+    m = len(s.data)
+    return 0.5 * m * math.log1p(2.0 * max(gain, 0.0) / m) if repeated(s.data) is not None else gain
+
+
+def _verdict(
+    s: Setting, rankings: list[Ranking], decisions: list[Decision], found: list[_Pick], odds: float
+) -> tuple[Kind, str]:
     if not found:
         return decisions[0].kind, decisions[0].reason
     last = rankings[min(len(found), len(rankings) - 1)]
     left = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
-    gained = sum(pick.gain for pick in found)
+    left, gained = _as_noise(left, s), _as_noise(sum(pick.gain for pick in found), s)
     first = rankings[0]
     best = max(h.log_evidence for h in first.hypotheses if h.code not in (NONE, UNKNOWN))
     lead = first.of(UNKNOWN).log_evidence - best

@@ -179,6 +179,8 @@ def with_candidates(s: Setting, loaded: LoadedPoses, protocol: Protocol) -> Sett
         (*p.poses, *(f"new {k}" for k in range(n))),
         np.concatenate([p.replicate, int(p.replicate.max()) + 1 + np.arange(new)]),
         np.concatenate([p.sigma, np.full(new, sigma)]),
+        None if p.when is None else p.when.followed(np.repeat(np.arange(n), forces * len(c))),
+        p.apart,
     )
     # New readings come after all others; how long after is not known yet.
     later = LATER if np.isfinite(h.clock).all() and len(h.clock) else np.nan

@@ -10,6 +10,7 @@ import numpy as np
 
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
+from doe.estimation.repeats import repeated
 from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
@@ -234,10 +235,20 @@ def setting_of(
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
     known = known or catalogue(model, description, own)
     s = Setting(
-        description, model, problem(model, data, ()), _history(data, history), joints, found.u, typical,
+        description, model, _by_visit(problem(model, data, ())), _history(data, history), joints, found.u, typical,
         np.zeros((len(p), 0)), known, tuple(accepted),
     )  # fmt: skip
     return replace(s, errors=errors_of(s))
+
+
+def _by_visit(p: Problem) -> Problem:
+    """The readings with set-ups as their repeats have them: where visits to one pose differ, each is its own."""
+    told = repeated(p)
+    if told is None or not told.apart:
+        return p
+    apart = replace(p, apart=True)
+    apart.memory.update(p.memory)
+    return apart
 
 
 def _history(data: Measurements, history: History | None) -> History:

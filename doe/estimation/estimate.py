@@ -9,14 +9,25 @@ contaminated normal), and are named.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from doe.estimation.blocks import Covariance
 from doe.estimation.least_squares import BLIND, minimise, prior_residual
-from doe.estimation.noise import Noise, at_least, fit_noise, own_residual, rms_by_kind, terms_of, within_readings
+from doe.estimation.noise import (
+    OUTLIER,
+    Noise,
+    Structure,
+    at_least,
+    fit_noise,
+    own_residual,
+    rms_by_kind,
+    terms_of,
+    within_readings,
+)
 from doe.estimation.problem import Problem
+from doe.estimation.repeats import repeated
 from doe.estimation.restricted_likelihood import Known
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -33,12 +44,8 @@ SETTLED = 1e-6
 STILL_NOISE = 1e-5
 # Rounds are not counted on to shrink by more than this, though the last ones did.
 LEAST_RATE = 0.05
-# Standardised residual beyond which a reading loses weight; 0.3 % of good ones do.
-OUTLIER = 3.0
 # Median of the absolute value of a standard normal number.
 MEDIAN = 0.6745
-# Outliers are expected to be this share of the readings, with standard deviations so many times as large.
-OUTLIERS, WIDER = 0.02, 10.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +117,8 @@ def estimate(
     check_enough(p)
     weight = np.ones(len(p))
     names: tuple[str, ...] = ()
-    noise = fixed_noise or Noise(white=gauge)
+    tail = repeated(p) if robust and fixed_noise is None else None
+    noise = fixed_noise or Noise(white=gauge, tail=tail.noise.tail if tail else 0.0)
     u = p.free.start
     f, J = p.evaluate(u)
     known: dict[tuple[str, ...], Known | None] = {}
@@ -129,9 +137,9 @@ def estimate(
             settled = True
             break
         if fixed_noise is None:
-            names = terms_of(p, f) if turn in CHOOSING else names
+            names = terms_of(p, f, structure_of(p, noise)) if turn in CHOOSING else names
             told = J[:, seen_columns(p, J)]
-            noise = noise if turn else Noise(white=at_least(rms_by_kind(p, error), gauge))
+            noise = noise if turn else replace(noise, white=at_least(rms_by_kind(p, error), gauge))
             noise = fit_noise(p, f, told, error, noise, gauge, weight, names=names, known=known)
         if robust and len(p) > len(u) + 3:
             own = own_residual(p, noise, f, weight, error)
@@ -143,12 +151,21 @@ def estimate(
             own = own / min(max(middle, 1e-3), 1.0)
             if fixed_noise is None and turn > 0:
                 # Other weights make for another noise, and that for other weights: what it will be, all but a little.
-                factor = float(np.sqrt(outlier_weight(own) @ own**2 / max(float(weight @ own**2), 1e-300)))
+                factor = float(np.sqrt(noise.weigh(own) @ own**2 / max(float(weight @ own**2), 1e-300)))
                 noise, own = noise.times(factor, names, gauge), own / max(factor, 1e-3)
-            weight = outlier_weight(own)
+            weight = noise.weigh(own)
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None)
+
+
+def structure_of(p: Problem, noise: Noise) -> Structure:
+    """What the readings' own scatter depends on: as their repeats tell, a share of the component if none do.
+
+    What the model misses has a structure too: without repeats the residual would be asked the wrong thing.
+    """
+    told = repeated(p)
+    return told.structure if told is not None else noise.structure
 
 
 def _to_go(moved: float, last: float) -> float:
@@ -180,30 +197,15 @@ def unrest(
         return np.inf, np.inf, np.inf
     error, there = p.value - f, solve(p, noise, f, weight, u)
     moved, off = p.predict(there) - f, prior_residual(p, there)[0] - prior_residual(p, u)[0]
-    found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight)
+    names = terms_of(p, f, structure_of(p, noise))
+    found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight, names=names)
     before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
-    judged = outlier_weight(own_residual(p, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
+    judged = found.weigh(own_residual(p, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
     return (
         float(np.max(np.abs(np.concatenate([moved / before, off])), initial=0.0)),
         float(np.max(np.abs(after / before - 1.0), initial=0.0)),
         float(np.max(np.abs(judged - weight), initial=0.0)),
     )
-
-
-def outlier_weight(own: Array) -> Array:
-    """Weights (m,) of standardised residuals: 1 up to OUTLIER, falling to about 1 / WIDER^2 for sure outliers.
-
-    The weights of the likelihood of a contaminated normal distribution (Tukey 1960; Little 1988,
-    doi:10.2307/2347491), maximised in turn with the variances: by its odds a reading belongs to the wider one. An
-    outlier then adds to the sum of squares about what a good reading adds, so that the noise is not taken for larger
-    than it is. Divided by its value at OUTLIER, so that good readings count in full.
-    """
-
-    def weight(x: Array) -> Array:
-        odds = OUTLIERS / (1.0 - OUTLIERS) / WIDER * np.exp(np.minimum(0.5 * x**2 * (1.0 - WIDER**-2), 500.0))
-        return np.asarray(1.0 - odds / (1.0 + odds) * (1.0 - WIDER**-2))
-
-    return np.minimum(1.0, weight(own) / weight(np.array(OUTLIER)))
 
 
 def estimate_at(
@@ -222,7 +224,7 @@ def estimate_at(
     V = noise.covariance(p, f, weight)
     white = V.whiten(np.column_stack([error, J]))
     square = float(white[:, 0] @ white[:, 0]) + float(np.sum(prior_residual(p, u)[0] ** 2))
-    names = () if given else terms_of(p, f)
+    names = () if given else terms_of(p, f, structure_of(p, noise))
     return Estimate(p, u, f, error, noise, weight, own, J, white[:, 1:], settled, square, names, V)
 
 

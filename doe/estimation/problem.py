@@ -19,7 +19,36 @@ from fem.free.parameters import FreeLaw, Parameter
 from fem.statics.loads import as_loaded
 from robots.arrays import Array, Bools, Integers
 
+# Lengths' factor for what was not read, squared: springs of the model as given may be softer or stiffer than the arm's.
+MOST_UNREAD = 9.0
+
 Flexibility = Callable[[float], tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class When:
+    """When components were read: ``clock`` (m,) from 0 to 1, NaN where unknown; ``session`` and ``visit`` (m,) numbers.
+
+    A visit is a stay at a pose: the arm left it and came back where another pose was read between two of its readings.
+    """
+
+    clock: Array
+    session: Integers
+    visit: Integers
+
+    def take(self, mask: Bools) -> When:
+        """Keep the components where ``mask`` (m,) is true."""
+        return When(self.clock[mask], self.session[mask], self.visit[mask])
+
+    def followed(self, visit: Integers) -> When:
+        """The same and further components, of visits (k,) counted from 0 beyond these, at times that are not known."""
+        new = np.full(len(visit), int(self.session.max(initial=0)))
+        first = int(self.visit.max(initial=-1)) + 1
+        return When(
+            np.concatenate([self.clock, np.full(len(visit), np.nan)]),
+            np.concatenate([self.session, new]),
+            np.concatenate([self.visit, first + visit]),
+        )
 
 
 @dataclass(frozen=True)
@@ -29,7 +58,8 @@ class Problem:
     ``value`` (m,) m or rad as read; ``row`` (m,): the reading it belongs to; ``component`` (m,): 0..5 for dx, dy,
     dz, rx, ry, rz; ``pose`` (m,): number of the pose (set-up) it was read in, ``poses`` their labels;
     ``replicate`` (m,): number of the group of readings of one component under the same pose, load, point and
-    phase; ``sigma`` (m,): standard deviation given with the reading, NaN where none was.
+    phase; ``sigma`` (m,): standard deviation given with the reading, NaN where none was; ``when`` they were read, None
+    where nothing is known of it; ``apart``: whether each visit to a pose scatters by itself, not the pose as a whole.
     """
 
     free: FreeModel
@@ -40,6 +70,8 @@ class Problem:
     poses: tuple[str, ...]
     replicate: Integers
     sigma: Array
+    when: When | None = None
+    apart: bool = False
 
     def __len__(self) -> int:
         return len(self.value)
@@ -57,8 +89,44 @@ class Problem:
 
     @cached_property
     def blocks(self) -> Blocks:
-        """Readings of one component in one pose."""
-        return Blocks.of(6 * self.pose + self.component)
+        """Readings of one component in one pose, or in one visit to it where these scatter apart."""
+        place = self.when.visit if self.apart and self.when is not None else self.pose
+        return Blocks.of(6 * place + self.component)
+
+    @cached_property
+    def load(self) -> Array:
+        """Size (m,) of each reading's load: its force in N and its moment in N m, added up."""
+        wrench = self.free.at.wrench[self.row]
+        return np.asarray(np.linalg.norm(wrench[:, :3], axis=1) + np.linalg.norm(wrench[:, 3:], axis=1))
+
+    def lengths(self, f: Array) -> Array:
+        """Lengths (m,) of the displacement vectors whose components are read, of one kind, at predictions f (m,).
+
+        Components that were not read are those of the model as it is given, times a factor for all of them: the lengths
+        are for noise alone.
+        """
+        key = 2 * self.row + (self.component >= 3)
+        read: Array = np.bincount(key, weights=f**2, minlength=2 * len(self.free.at)).astype(np.float64)
+        other, whole = self._unread
+        if other is not None:
+            read = read + other * min(float(f @ f) / max(whole, 1e-300), MOST_UNREAD)
+        return np.sqrt(read)[key]
+
+    @cached_property
+    def _unread(self) -> tuple[Array | None, float]:
+        """Squares (2 n,) of what no gauge read, by reading and kind, and the sum of squares of what one did."""
+        used = np.zeros((len(self.free.at), 6), dtype=np.bool_)
+        used[self.row, self.component] = True
+        if used.all() or (used[:, :3].all() and not used[:, 3:].any()):
+            return None, 0.0
+        d = self.free.displacement(self.free.start)
+        square = np.where(used, 0.0, d**2).reshape(-1, 2, 3).sum(axis=2).reshape(-1)
+        return square, float(np.sum(d[self.row, self.component] ** 2))
+
+    @cached_property
+    def memory(self) -> dict[str, object]:
+        """What was worked out of the readings alone, by name: many fits ask for it again."""
+        return {}
 
     def evaluate(self, u: Array) -> tuple[Array, Array]:
         """Predicted readings (m,) and their derivatives (m, p) by the estimator's variables u (p,)."""
@@ -111,6 +179,8 @@ class Problem:
             tuple(self.poses[k] for k in kept),
             np.unique(self.replicate[mask], return_inverse=True)[1],
             self.sigma[mask],
+            None if self.when is None else self.when.take(mask),
+            self.apart,
         )
 
 
@@ -148,4 +218,17 @@ def problem(
         poses=labels,
         replicate=np.unique(6 * same[row] + component, return_inverse=True)[1].astype(np.int64),
         sigma=data.sigma[row],
+        when=When(then.clock[row], then.session[row], _visits(data, then)[row]),
     )
+
+
+def _visits(data: Measurements, history: History) -> Integers:
+    """Number (n,) of the stay at a pose that each reading belongs to: one a pose where the order is not known."""
+    pose = np.unique(np.array(data.pose, dtype=str), return_inverse=True)[1].reshape(-1)
+    if data.n == 0 or not np.isfinite(history.clock).all():
+        return pose.astype(np.int64)
+    order = np.lexsort((pose, history.clock))
+    visit = np.empty(data.n, dtype=np.int64)
+    visit[order] = np.cumsum(np.diff(pose[order], prepend=pose[order[0]]) != 0)
+    # Readings taken one by one in any order have no visits.
+    return visit if int(visit.max()) < data.n // 2 else pose.astype(np.int64)

@@ -153,12 +153,13 @@ def known_information(e: Estimate, u: Array) -> Array:
 
 def _expected(e: Estimate) -> Noise:
     """Noise of new readings: as estimated; where the readings brought their own sigma, as large as theirs."""
-    white = list(e.noise.white)
+    noise = e.noise.as_share(e.problem, e.prediction)
+    white = list(noise.white)
     for kind, mine in enumerate((e.problem.component < 3, e.problem.component >= 3)):
         sigma = e.problem.sigma[mine]
         if sigma.size and not np.isnan(sigma).any():
             white[kind] = float(np.sqrt(np.mean(sigma**2)))
-    return replace(e.noise, white=(white[0], white[1]))
+    return replace(noise, white=(white[0], white[1]))
 
 
 def check_plannable(parameters: Sequence[Parameter]) -> None:

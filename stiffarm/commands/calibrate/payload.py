@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -208,7 +209,22 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
         "set_up_mrad": (found.pose[1] * 1e3, read[1]),
         "set_up_share": (found.pose_share, True),
     }
-    return {name: number(float(v)) if there else None for name, (v, there) in sizes.items()} | {"source": origin(p)}
+    found_sizes = {name: number(float(v)) if there else None for name, (v, there) in sizes.items()}
+    return found_sizes | noise_structure(found) | {"source": origin(p)}
+
+
+def noise_structure(found: Noise) -> dict[str, Any]:
+    """What readings' own scatter depends on beside white noise, with sizes; no ``tail`` unless heavier than normal."""
+    return {
+        "structure": found.structure,
+        "reading_vector_share": number(found.vector),
+        "reading_mm_per_kN": number(found.load[0] * 1e6),
+        "reading_mrad_per_kN": number(found.load[1] * 1e6),
+        "reading_axes_mm_mrad": [number(1e3 * math.hypot(found.white[k // 3], v)) for k, v in enumerate(found.axes)]
+        if any(found.axes)
+        else None,
+        "tail_degrees_of_freedom": number(found.tail) if found.tail else None,
+    }
 
 
 def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:

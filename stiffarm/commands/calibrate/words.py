@@ -17,6 +17,7 @@ from doe.estimation.noise import FEWEST_POSES, Noise, estimable
 from doe.estimation.problem import Problem
 from doe.plausibility.passive_arm import NOISY
 from doe.published.pose_studies import PoseStudies
+from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
 from stiffarm.session.spring_words import bound_remark
@@ -225,12 +226,22 @@ def noise_parts(noise: Noise, p: Problem) -> list[tuple[str, str]]:
             continue
         if given[mine].all():
             out.append((f"each reading, {what}", "as given in sigma_mm"))
+        elif any(noise.axes[3 * kind : 3 * kind + 3]):
+            for k in np.unique(p.component[mine]).tolist():
+                sd = math.hypot(noise.white[kind], noise.axes[k])
+                out.append((f"each reading, {COMPONENTS[k]}", f"{sd * 1e3:.3g} {unit}"))
         else:
             out.append((f"each reading, {what}", f"{noise.white[kind] * 1e3:.3g} {unit}"))
+        if noise.load[kind]:
+            out.append((f"each reading, {what}, for each kN of load", f"{noise.load[kind] * 1e6:.3g} {unit}"))
         if noise.pose[kind]:
             out.append((f"each set-up, {what}", f"{noise.pose[kind] * 1e3:.3g} {unit}"))
     if noise.share:
         out.append(("each reading, share of the deflection", f"{noise.share * 100:.2g} %"))
+    if noise.vector:
+        out.append(("each reading, share of the displacement's length", f"{noise.vector * 100:.2g} %"))
+    if noise.tail:
+        out.append(("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are its middle's"))
     if noise.pose_share:
         out.append(("each set-up, share of the deflection", f"{noise.pose_share * 100:.2g} %"))
     return out

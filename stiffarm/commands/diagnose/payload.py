@@ -210,5 +210,6 @@ def noise(state: State) -> dict[str, Any]:
         "reading_share": number(n.share),
         "set_up_mm": number(n.pose[0] * 1e3),
         "set_up_share": number(n.pose_share),
+        **calibration_payload.noise_structure(n),
         "source": origin(state.setting.data),
     }

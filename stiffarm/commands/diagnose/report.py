@@ -9,7 +9,7 @@ import numpy as np
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
-from stiffarm.commands.calibrate.words import bound_of
+from stiffarm.commands.calibrate.words import bound_of, noise_parts
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.figures import (
@@ -311,10 +311,8 @@ def how(d: Diagnosed) -> Section:
     )
     n = found.after.refit.noise
     name = scatter_name(found.after.setting.data)
-    noise = (
-        f"{name[0].upper()}{name[1:]} by the best explanation: {n.white[0] * 1e3:.4f} mm and {100 * n.share:.2g} % "
-        f"of the deflection a reading; {n.pose[0] * 1e3:.4f} mm and {100 * n.pose_share:.2g} % in common to a set-up."
-    )
+    sizes = "; ".join(f"{what}: {size}" for what, size in noise_parts(n, found.after.setting.data))
+    noise = f"{name[0].upper()}{name[1:]} by the best explanation. {sizes[0].upper()}{sizes[1:]}."
     blocks: list[Block] = [
         Text(
             "Each candidate's evidence is its probability of giving these readings, averaged over its plausible "
