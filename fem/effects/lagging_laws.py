@@ -22,7 +22,7 @@ CREEPS = (30.0, 3600.0)
 # Gears warm up in 10 min to 3 h; shares of a campaign. 0: as warm as was read.
 SETTLES = (0.1, 0.4, 2.0, 0.0)
 # A slip that stays over cycles is known by its first time only, and stick-slip by its jumps: both fit outliers too.
-SELDOM = 0.5
+SELDOM = 0.3
 
 
 def lagging_laws(model: ArmModel, usual: Usual) -> Iterator[Effect]:

@@ -25,6 +25,8 @@ from robots.arrays import Array
 Bar = Callable[[], BarPart | None]
 # A share of what is changed wholly would change it back.
 SLOT = "load-path"
+# How much likelier than half of the family: a path is mostly taken wholly.
+WHOLLY = 1.3
 # Arrays of poses that are all worked on at once.
 WHOLE = 10**9
 
@@ -42,7 +44,7 @@ def load_path(path: LoadPath, bar: Bar) -> Effect:
         words = "the forearm's moment goes down the parallelogram's bar, not through joint 2"
     else:
         words = "the forearm's moment goes through joint 2 as in a serial chain, not down the bar"
-    return Effect("load-path", words, "model", (), law, "load-path", slot=SLOT)
+    return Effect("load-path", words, "model", (), law, "load-path", slot=SLOT, chance=WHOLLY)
 
 
 def partial_load_path(path: LoadPath, bar: Bar) -> Effect:
@@ -71,7 +73,7 @@ def partial_load_path(path: LoadPath, bar: Bar) -> Effect:
     )
     return Effect(
         "partial-load-path", words, "arm", (share,), law, "load-path", depends_on="pose", doubt=NEARLY_STRAIGHT,
-        slot=SLOT,
+        slot=SLOT, chance=2.0 - WHOLLY,
     )  # fmt: skip
 
 

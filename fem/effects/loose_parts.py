@@ -17,6 +17,8 @@ from robots.arrays import Array
 
 # Rows of a place's wrench: its force, and the moments about the two axes across.
 FORCE, ACROSS = slice(0, 3), slice(3, 5)
+# A base that rocks is seen and heard; what little load moves is more often a gauge or a load.
+UNEASY = 0.5
 # Of a cable package that is wound up little, the pull grows with the way; of one that lies tight, steeply at the end.
 WOUND = (1.5, 3.5)
 
@@ -49,7 +51,7 @@ def _loose_base(usual: Usual) -> Effect:
 
     gap = EffectParameter("gap", "angle", "mrad", 0.05e-3, 0.6e-3, ASSUMED, meaning="angle by which the base can tip")
     closing = torque_shape("closing", usual.moment, (0.02, 0.4), 4, "moment that closes the gap")
-    return Effect("loose-base", "the base rocks on its bolts", "arm", (gap, closing), law, "loose-base")
+    return Effect("loose-base", "the base rocks on its bolts", "arm", (gap, closing), law, "loose-base", chance=UNEASY)
 
 
 def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> Effect:

@@ -28,13 +28,18 @@ def stiffness(name: str, unit: str, lower: float, upper: float, source: str, mea
 
 
 def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
-    """Effects of this kind that the model can have; ranges are those of the reference class, made larger or smaller."""
+    """Effects of this kind that the model can have.
+
+    Ranges are those of the reference class, made larger or smaller; of floors and tools, which do not know what stands
+    on them, made wider only.
+    """
     for joint in model.joints:
         yield _joint_compliance(joint, usual)
         yield _joint_tilt(joint, usual)
-    turning, along = usual.stiff, usual.rigid
+    along, soft, stiff = usual.rigid, min(usual.rigid, 1.0), max(usual.rigid, 1.0)
+    lowest, highest = 2e6 * min(usual.stiff, 1.0), 1e8 * max(usual.stiff, 1.0)
     tilts = [
-        stiffness(f"stiffness_{a}", "N m/rad", 2e6 * turning, 1e8 * turning, ASSUMED, f"stiffness about the base's {a}")
+        stiffness(f"stiffness_{a}", "N m/rad", lowest, highest, ASSUMED, f"stiffness about the base's {a}")
         for a in "xy"
     ]
     yield Effect(
@@ -43,17 +48,17 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     )  # fmt: skip
     yield Effect(
         "base-vertical", "the base or rail gives way vertically", "model",
-        (stiffness("stiffness", "N/m", 3e6 * along, 5e8 * along, ASSUMED, "vertical stiffness"),),
+        (stiffness("stiffness", "N/m", 3e6 * soft, 5e8 * stiff, ASSUMED, "vertical stiffness"),),
         _at_place("base", (2,)), "base-vertical",
     )  # fmt: skip
     across = [
         stiffness(
-            f"stiffness_{axis}", "N/m", along / 6e-7, along / 1.5e-7, CLASS,
+            f"stiffness_{axis}", "N/m", soft / 6e-7, stiff / 1.5e-7, CLASS,
             f"stiffness across the tool, along its {axis}",
         )
         for axis in "xy"
     ]  # fmt: skip
-    own_axis = stiffness("stiffness_z", "N/m", along / 1.5e-7, along / 2e-8, ASSUMED, "stiffness along the tool")
+    own_axis = stiffness("stiffness_z", "N/m", soft / 1.5e-7, stiff / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
         "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, own_axis),
         _at_place("tool", (0, 1, 2)), "tool-compliance",
