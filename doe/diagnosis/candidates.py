@@ -142,7 +142,8 @@ def tried(
             found.sort(key=lambda x: -x[0])
             kept[code] |= {i for z, i in found[:KEPT] if z > found[0][0] - NOTHING}
             best[code] = max(best.get(code, -np.inf), found[0][0])
-    out, plain = {}, {}
+    out: dict[str, list[Signature]] = {}
+    plain: dict[int, Signature] = {}
     leaders = set(sorted(best, key=lambda code: -best[code])[:BENT])
     for code, some in candidates.items():
         if code in gross and lead[code] <= -RULED_OUT:

@@ -195,7 +195,7 @@ def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[
                 one.signature,
                 one.fit,
                 usual.get(code, math.nan),
-            )  # fmt: skip
+            )
         )
     lines.append(_line_of_unknown(g, smooth, by_process, worth[UNKNOWN]))
     sets = {key: value + _set_prior(key, prior) for key, value in (alone | several).items()}

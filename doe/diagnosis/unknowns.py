@@ -102,7 +102,7 @@ def _ways(wrench: Array) -> Array:
         if all(abs(float(way @ head)) < SAME_WAY for head in heads):
             heads.append(way)
     nearest = np.abs(unit @ np.array(heads).T).argmax(axis=1)
-    return (nearest[:, None] == np.arange(len(heads))).astype(float)
+    return np.asarray(nearest[:, None] == np.arange(len(heads)), dtype=np.float64)
 
 
 def _scaled(x: Array) -> Array | None:

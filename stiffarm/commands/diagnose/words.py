@@ -31,8 +31,8 @@ NEXT: dict[Kind, str] = {
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
     "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
     "again with larger loads.",
-    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in the "
-    "new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
+    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in "
+    "the new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
     "unknown": "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
     "can be tried with --effect FILE.py.",
 }
