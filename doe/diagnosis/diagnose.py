@@ -196,7 +196,8 @@ def diagnose(
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
         found.append(_Pick(d.hypothesis, gain, d.kind, d.reason))
-        if len(found) == 2:
+        # What was sure beside all others at once needs no second look.
+        if len(found) == 2 and found[0].kind not in ("named", "learned"):
             here, found = _swapped(s, here, found, weight, options, say)
     # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
     noise = rankings[len(found)].of(NONE).noise if len(found) < len(rankings) else found[-1].hypothesis.noise

@@ -17,11 +17,12 @@ from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect
 from fem.effects.learned import FAMILY as LEARNED
+from fem.effects.learned import axes_of
 
 NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
-# along one variable; the rest is shared by the families of effects that the readings can see, and within a family by its
-# members.
+# along one variable; the rest is shared by the families of effects that the readings can see, and within a family by
+# its members.
 PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.05
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
@@ -173,10 +174,11 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     top, mass = effects[0], sum(h.probability for h in effects)
     if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
-    if unknown.probability > 0.5:
+    same_axis = is_learned(top.code) and unknown.axis in axes_of(top.code)
+    if unknown.probability > 0.5 and not same_axis:
         return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
     if is_learned(top.code):
-        return _learned(top, effects, none)
+        return _learned(top, effects, none, unknown.probability if same_axis else 0.0)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
     if sum(h.probability for h in effects if _is_kin(h, top)) < NAME:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
@@ -215,16 +217,21 @@ def is_learned(code: str) -> bool:
 
 
 def clash(one: Effect, other: Effect) -> bool:
-    """Whether two effects would only correct one another: laws of one slot, or one learned beside another in a place."""
+    """Whether two effects would only correct one another: of one slot, or one learned beside another at one place."""
     if one.place != other.place:
         return False
     return bool(one.slot and one.slot == other.slot) or is_learned(one.code) or is_learned(other.code)
 
 
-def _learned(top: Hypothesis, effects: Sequence[Hypothesis], none: Hypothesis) -> Decision:
-    """A law learned at one place: sure where laws along other axes there are its only rivals."""
+def _learned(top: Hypothesis, effects: Sequence[Hypothesis], none: Hypothesis, unknown: float) -> Decision:
+    """A law learned at one place: sure where laws along other axes there are its only rivals.
+
+    ``unknown``: probability of something unknown along the same axis, which the law stands for.
+    """
     place = top.code.partition(":")[2]
-    there = sum(h.probability for h in effects if is_learned(h.code) and h.code.partition(":")[2] == place)
+    learned = [h for h in effects if is_learned(h.code)]
+    own = sum(h.probability for h in learned if h.code.partition(":")[2] == place)
+    there = own + unknown * own / sum(h.probability for h in learned)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
     if there < NAME:
         return Decision("ambiguous", top, "laws at several places explain the readings about equally well")
