@@ -65,17 +65,7 @@ class Setting:
     def read(self, model: ArmModel, effects: Sequence[PlacedEffect]) -> Array:
         """Readings (m,) that a model with effects predicts."""
         p = self.data
-        return np.asarray(
-            observed(model, p.free.at, effects, start=self.statics.of(model, p.free.at))[p.row, p.component]
-        )
-
-    @cached_property
-    def statics(self) -> Situation:
-        """The arm at the loaded poses, with what its places carry worked out."""
-        start = Situation(self.model, self.data.free.at, self.history)
-        # Asked for once: whatever springs and effects are, they are the same.
-        _ = start.places, start.preload, start.few.places, start.few.preload
-        return start
+        return np.asarray(observed(model, p.free.at, effects, self.history)[p.row, p.component])
 
     @cached_property
     def prediction(self) -> Array:
@@ -106,7 +96,7 @@ class Setting:
     @cached_property
     def situation(self) -> Situation:
         """The arm as accepted so far, for laws that act on top; loads as the sheet says."""
-        return self.statics.of(self.arm, self.data.free.at)
+        return Situation(self.arm, self.data.free.at, self.history)
 
     @cached_property
     def spring_columns(self) -> Array:
@@ -130,9 +120,7 @@ class Setting:
 
     def moved(self, springs: Array, accepted: Sequence[PlacedEffect]) -> Setting:
         """Copy with other numbers."""
-        other = replace(self, springs=springs, accepted=tuple(accepted))
-        other.__dict__["statics"] = self.statics
-        return other
+        return replace(self, springs=springs, accepted=tuple(accepted))
 
 
 def with_compliances(model: ArmModel, joints: Sequence[str], compliance: Array) -> ArmModel:

@@ -45,6 +45,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "learned": [
             effect(d, f) | {"place": learned_place(f.code), "axes": list(axes_of(f.code))} for f in found.learned
         ],
+        "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
         "provisional": [effect(d, f) for f in found.provisional],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),

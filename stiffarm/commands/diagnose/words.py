@@ -25,6 +25,11 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
+# What something unknown varies with, for a sentence.
+BY = {
+    "pose": "the pose", "load": "the load", "load history": "whether loads come on or off", "clock": "the time",
+    "session": "the day or visit", "direction": "the direction of the load", "": "the pose",
+}  # fmt: skip
 NAMED_ODD = 6
 NEXT: dict[Kind, str] = {
     "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
@@ -110,7 +115,8 @@ def how_sure(d: Diagnosed) -> str:
         most = max(r.of(UNKNOWN).probability for r in d.found.rankings)
         return (
             f"Probability of something unknown: {percent(most)}, against "
-            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}."
+            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}. "
+            f"It goes by {BY[first.of(UNKNOWN).axis]} first of all."
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
