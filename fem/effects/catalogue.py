@@ -130,13 +130,19 @@ def catalogue(
     return out
 
 
+def learned_among(model: ArmModel, codes: Iterable[str]) -> dict[str, Effect]:
+    """Of some codes the laws that were learned; their reach stands in their numbers."""
+    if not any(code.startswith(FAMILY) for code in codes):
+        return {}
+    return {effect.code: effect for effect in learned_laws(model, plain_reach(model))}
+
+
 def effect_of(
     code: str, model: ArmModel, description: ModelDescription | None = None, own: Sequence[Maker] = ()
 ) -> Effect:
     """One effect by its code; raises InputError where the model cannot have it."""
     known = catalogue(model, description, own)
-    if code.startswith(FAMILY):
-        known |= {effect.code: effect for effect in learned_laws(model, plain_reach(model))}
+    known |= learned_among(model, [code])
     require_one_of("effect", code, known)
     return known[code]
 

@@ -36,6 +36,8 @@ SOURCE = "learned from readings"
 KNOTS = (0.25, 0.5, 0.75, 1.0)
 PIECE = 0.5
 WAVES = 4
+# Angles that a joint may have stood at, rad, to either side.
+TURN = 4.0 * np.pi
 # Moments at which something may have changed.
 MOMENTS = tuple(round(0.05 + 0.1 * k, 2) for k in range(10))
 
@@ -89,9 +91,8 @@ def axes_of(code: str) -> tuple[str, ...]:
 
 def _held(name: str, dimension: str, unit: str, value: float, meaning: str) -> EffectParameter:
     """A shape that the readings fix: one point on its grid."""
-    spread = max(abs(value), 1e-9)
-    return EffectParameter(name, dimension, unit, value - 0.5 * spread, value + 0.5 * spread, SOURCE, role="shape",
-                           grid=(value,), meaning=meaning)  # fmt: skip
+    lower, upper = (-TURN, TURN) if dimension == "angle" else (1e-4 * value, 1e4 * value)
+    return EffectParameter(name, dimension, unit, lower, upper, SOURCE, role="shape", grid=(value,), meaning=meaning)
 
 
 def _pieces(names: Sequence[str], meaning: str) -> tuple[EffectParameter, ...]:
