@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
@@ -138,8 +140,18 @@ def gap_sentence(d: Diagnosed) -> str:
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
         f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
-        f"{_sentence(_floor(d))}."
+        f"{_without_odd(d)}{_sentence(_floor(d))}."
     )
+
+
+def _without_odd(d: Diagnosed) -> str:
+    """The error in the fit without readings that hardly count, where there are some: they swell an RMS."""
+    if not d.odd:
+        return ""
+    keep, component = np.ones(len(d.found.weight), dtype=bool), d.found.start.data.component
+    keep[d.odd] = False
+    a, b = (rms_mm(state.residual[keep], component[keep]) for state in (d.found.before, d.found.after))
+    return f"Without the {len(d.odd)} readings that hardly count it went from {a:.3f} to {b:.3f} mm in the fit. "
 
 
 def unseen_poses(d: Diagnosed) -> str:
