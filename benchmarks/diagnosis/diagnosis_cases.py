@@ -106,7 +106,7 @@ def run_set(spec: SetSpec, seed: int, options: Options) -> Row:
     seconds = time.perf_counter() - start
     # What drifts with the clock cannot be foretold from the pose.
     before, after = (np.nan, np.nan) if "drift" in spec.effects else unseen_errors(spec, seed, d)
-    found = (*d.effects, *d.provisional)
+    found = d.found
     top = d.rankings[0].best
     return Row(
         spec.name, spec.group, spec.robot, tuple(spec.effects), spec.setup_scatter, float(made.key["excess_chi2"]),

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from doe.diagnosis.evidence import Base, Whitened, fit_all
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shapes, signature, signatures
-from doe.diagnosis.weighing import as_if, extended
+from doe.diagnosis.weighing import as_if, bent, extended
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.observed import observed
@@ -25,8 +25,14 @@ from robots.arrays import Array
 VAGUE = 30.0
 # An effect of usual size must raise chi-square by this to be seen at all.
 SEEN = 2.0
-# Laws with more shapes than this keep only the best few of them at each of a few noises.
-MANY, KEPT = 40, 8
+# Laws with more shapes than this stand for themselves by their best one only.
+MANY = 40
+# Of each law the best few shapes at each of a few noises are kept: those this far behind in log evidence add nothing.
+KEPT, NOTHING = 8, 12.0
+# Effects this far behind the best one in log evidence, by the best of a few noises, need no closer look by themselves.
+BEHIND = 30.0
+# Effects that lead by so many noises have their laws bent.
+BENT = 24
 # An effect of usual size must raise chi-square by this to be told by name.
 TESTABLE = 30.0
 # An effect without sizes that lags behind nothing missing by this log evidence, at any noise, is ruled out.
@@ -42,7 +48,7 @@ def candidates_of(s: Setting, *, priors: bool = True, further: bool = False) -> 
         if code not in taken
         and not (further and effect.gross)
         and impossible(s, effect) is None
-        and not _same_law(effect, s.accepted)
+        and not any(clash(effect, e.effect) for e in s.accepted)
     }
     out = {code: some for code, some in out.items() if some}
     return out if priors else {code: [_vague(c) for c in some] for code, some in out.items()}
@@ -95,37 +101,62 @@ def _vague(c: Signature) -> Signature:
     return replace(c, mean=0.0 * c.mean, sd=VAGUE * c.sd, positive=np.zeros_like(c.positive))
 
 
-def pruned(
-    s: Setting, base: Base, weight: Array, noises: Sequence[Noise], candidates: dict[str, list[Signature]]
-) -> dict[str, list[Signature]]:
-    """Candidates of many shapes with those only that count for something, by a few of the noises; none ruled out.
+@dataclass(frozen=True)
+class Tried:
+    """Candidates with the shapes that count, those of the leaders bent.
 
-    The evidence stays an average over all shapes: what is left out adds next to nothing to it.
+    ``plain``: what the bent ones are without; ``close``: codes that are not far behind the best one.
+    """
+
+    candidates: dict[str, list[Signature]]
+    plain: dict[int, Signature]
+    close: set[str]
+
+
+def tried(
+    s: Setting, base: Base, weight: Array, noises: Sequence[Noise], candidates: dict[str, list[Signature]]
+) -> Tried:
+    """Candidates with those shapes only that count for something, by a few noises; none ruled out for its shape.
+
+    The evidence stays an average over all shapes: what is left out adds next to nothing to it. Leaders' laws are bent
+    (:mod:`doe.diagnosis.doubts`) at the amplitudes that go best with the readings.
     """
     gross = {code: some for code, some in candidates.items() if some[0].effect.gross}
     lead = dict.fromkeys(gross, -np.inf)
-    many = [code for code, some in candidates.items() if len(some) > MANY]
-    kept: dict[str, set[int]] = {code: set() for code in many}
-    flat = [c for code in many for c in candidates[code]]
-    for noise in (noises[0], noises[len(noises) // 2], noises[-1]) if many or gross else ():
+    flat = [(code, i, c) for code, some in candidates.items() for i, c in enumerate(some) if c.shift is None]
+    kept: dict[str, set[int]] = {code: set() for code in candidates}
+    best: dict[str, float] = {}
+    amplitude: dict[int, tuple[float, Array]] = {}
+    for noise in noises:
         w = Whitened(base, covariance(s, noise, weight))
         for code, some in gross.items():
-            best = max(Whitened(extended(s, base, c), w.V).log_evidence for c in some)
-            lead[code] = max(lead[code], best - w.log_evidence)
-        fits = iter(fit_all(w, flat))
-        for code in many:
-            z = np.array([next(fits).log_evidence for _ in candidates[code]])
-            kept[code] |= set(np.argsort(-z)[:KEPT].tolist())
-    return {
-        code: [c for i, c in enumerate(some) if code not in kept or i in kept[code]]
-        for code, some in candidates.items()
-        if code not in gross or lead[code] > -RULED_OUT
-    }
-
-
-def _same_law(effect: Effect, accepted: Sequence[PlacedEffect]) -> bool:
-    taken = {(e.effect.slot, e.effect.place) for e in accepted if e.effect.slot}
-    return (effect.slot, effect.place) in taken
+            z = max(Whitened(extended(s, base, c), w.V).log_evidence for c in some)
+            lead[code] = max(lead[code], z - w.log_evidence)
+        by_code: dict[str, list[tuple[float, int]]] = {}
+        for (code, i, c), fit in zip(flat, fit_all(w, [c for _, _, c in flat]), strict=True):
+            gain = fit.log_evidence - w.log_evidence
+            by_code.setdefault(code, []).append((gain, i))
+            if gain > amplitude.get(id(c), (-np.inf, c.mean))[0]:
+                amplitude[id(c)] = gain, fit.mean
+        for code, found in by_code.items():
+            found.sort(key=lambda x: -x[0])
+            kept[code] |= {i for z, i in found[:KEPT] if z > found[0][0] - NOTHING}
+            best[code] = max(best.get(code, -np.inf), found[0][0])
+    out: dict[str, list[Signature]] = {}
+    plain: dict[int, Signature] = {}
+    leaders = set(sorted(best, key=lambda code: -best[code])[:BENT])
+    for code, some in candidates.items():
+        if code in gross and lead[code] <= -RULED_OUT:
+            continue
+        mine = [c for i, c in enumerate(some) if i in kept[code] or c.shift is not None]
+        if code in leaders:
+            curved = [bent(s, c, amplitude[id(c)][1]) for c in mine]
+            plain |= {id(x): c for x, c in zip(curved, mine, strict=True)}
+            mine = curved
+        out[code] = mine
+    top = max([0.0, *best.values()])
+    close = {code for code in out if best.get(code, top) > top - BEHIND}
+    return Tried(out, plain, close)
 
 
 def impossible(s: Setting, effect: Effect) -> str | None:
@@ -176,7 +207,7 @@ def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str,
     out: dict[str, str] = {}
     taken = {e.effect.code for e in s.accepted}
     for code, effect in s.known.items():
-        if code in found or code in taken:
+        if code in found or code in taken or is_learned(code):
             continue
         reason = impossible(s, effect)
         if reason is not None:
@@ -184,7 +215,7 @@ def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str,
         elif code in r.hidden:
             out[code] = _hidden(r.hidden[code])
     for h in r.hypotheses:
-        if h.code in (NONE, UNKNOWN, *found, *r.credible()) or not h.usual_excess < TESTABLE:
+        if h.code in (NONE, UNKNOWN, *found, *r.credible()) or is_learned(h.code) or not h.usual_excess < TESTABLE:
             continue
         out[h.code] = (
             f"an effect of usual size would raise chi-square by {h.usual_excess:.2g} only, beyond what springs and "

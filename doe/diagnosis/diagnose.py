@@ -31,8 +31,8 @@ MOST = 3
 FURTHER = 0.01
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.05, 0.9
-# Where the unknown beats the best single effect by this log evidence, effects that imitate it together are no names.
-LEADS = 6.0
+# What is left to the unknown with more than this probability makes names provisional.
+HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ class Diagnosis:
 
     ``rankings``: one for each look, the first with nothing accepted; ``decisions`` go with them. ``before`` and
     ``after``: the model without and with the effects found (the most probable one where the verdict is ambiguous);
-    ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure; ``odds``: log
+    ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure; ``learned``: laws
+    without a name, each of one place along one axis; ``odds``: log
     odds of all effects taken up against something unknown.
     """
 
@@ -85,6 +86,7 @@ class Diagnosis:
     reason: str
     effects: tuple[Found, ...]
     provisional: tuple[Found, ...]
+    learned: tuple[Found, ...]
     odds: float
     rankings: tuple[Ranking, ...]
     decisions: tuple[Decision, ...]
@@ -93,9 +95,14 @@ class Diagnosis:
     start: Setting = field(repr=False)
     weight: Array = field(repr=False)
 
+    @property
+    def found(self) -> tuple[Found, ...]:
+        """All that was taken up, the sure ones first, in the order of the model's accepted effects otherwise."""
+        return (*self.effects, *self.learned, *self.provisional)
+
     def not_testable(self) -> dict[str, str]:
         """Codes that these readings cannot judge, with the reason."""
-        found = [f.code for f in (*self.effects, *self.provisional)]
+        found = [f.code for f in self.found]
         # What would give the same readings as what was found was judged with it.
         found += self.same
         look = min(len(found), len(self.rankings) - 1)
@@ -104,7 +111,7 @@ class Diagnosis:
     @property
     def same(self) -> tuple[str, ...]:
         """Codes that would give the very same readings as what was found."""
-        taken = len(self.effects) + len(self.provisional)
+        taken = len(self.found)
         return tuple(dict.fromkeys(code for d in self.decisions[:taken] for code in d.same))
 
     def twins(self, codes: Sequence[str] | None = None) -> dict[str, tuple[str, ...]]:
@@ -113,7 +120,7 @@ class Diagnosis:
         What was found is asked about with all else that was found in the model; its rivals, and all others, where they
         were ranked. One that hardly shows there, so that anything would imitate it, has no entry.
         """
-        found = [f.code for f in (*self.effects, *self.provisional)]
+        found = [f.code for f in self.found]
         r = self.ranking if not found else self.rankings[min(len(found), len(self.rankings)) - 1]
         best = {h.code: h.signature for h in r.hypotheses if h.signature is not None}
         out = {}
@@ -188,8 +195,9 @@ def diagnose(
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
-        found.append(_Pick(d.hypothesis, gain, d.kind != "ambiguous", d.reason))
-        if len(found) == 2:
+        found.append(_Pick(d.hypothesis, gain, d.kind, d.reason))
+        # What was sure beside all others at once needs no second look.
+        if len(found) == 2 and found[0].kind not in ("named", "learned"):
             here, found = _swapped(s, here, found, weight, options, say)
     # Both models at the scatter that the better one leaves: by its own the poorer one would fit its springs loosely.
     noise = rankings[len(found)].of(NONE).noise if len(found) < len(rankings) else found[-1].hypothesis.noise
@@ -201,19 +209,23 @@ def diagnose(
     )
     odds = _odds_against_unknown(s, rankings, found, options)
     verdict, reason = _verdict(s, rankings, decisions, found, odds)
-    certain = tuple(f for f, pick in zip(all_found, found, strict=True) if pick.named and verdict != "unknown")
     # A name that leaves most unexplained is no name: what it took up may not be it.
-    rest = tuple(f for f in all_found if f not in certain)
-    return Diagnosis(verdict, reason, certain, rest, odds, tuple(rankings), tuple(decisions), before, after, s, weight)
+    sure = () if verdict == "unknown" else tuple(zip(all_found, found, strict=True))
+    certain = tuple(f for f, pick in sure if pick.kind == "named")
+    learned = tuple(f for f, pick in sure if pick.kind == "learned")
+    rest = tuple(f for f in all_found if f not in (*certain, *learned))
+    return Diagnosis(
+        verdict, reason, certain, rest, learned, odds, tuple(rankings), tuple(decisions), before, after, s, weight
+    )
 
 
 @dataclass(frozen=True)
 class _Pick:
-    """A hypothesis taken up, the log evidence it gained, whether no other explains as much, and why not."""
+    """A hypothesis taken up, the log evidence it gained, how sure it is, and why."""
 
     hypothesis: Hypothesis
     gain: float
-    named: bool
+    kind: Kind
     reason: str
 
 
@@ -235,7 +247,7 @@ def _swapped(
     if d.hypothesis is None:
         return here, found
     gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-    again = _Pick(d.hypothesis, gain, d.kind == "named", d.reason)
+    again = _Pick(d.hypothesis, gain, d.kind, d.reason)
     if d.hypothesis.code == first.hypothesis.code:
         return here, [again, second]
     # Order of acceptance is order of the accepted: the second one now stands first.
@@ -287,15 +299,16 @@ def _verdict(
     last = rankings[min(len(found), len(rankings) - 1)]
     left = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
     left, gained = _as_noise(left, s), _as_noise(sum(pick.gain for pick in found), s)
-    first = rankings[0]
-    best = max(h.log_evidence for h in first.hypotheses if h.code not in (NONE, UNKNOWN))
-    lead = first.of(UNKNOWN).log_evidence - best
-    # One effect may have a law that is not quite right; two or more that take the unknown's place are too many.
-    together = len(found) > 1 and UNKNOWN in first.credible()
-    if odds < 0.0 or lead > LEADS or together:
+    if odds < 0.0:
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
-    if not all(pick.named for pick in found):
-        return "ambiguous", next(pick.reason for pick in found if not pick.named)
+    for kind in ("unknown", "ambiguous"):
+        for pick in found:
+            if pick.kind == kind:
+                return "ambiguous", pick.reason
+    if last.of(UNKNOWN).probability > HALF:
+        return "ambiguous", "something unknown is left beside what was found"
+    if found[0].kind == "learned":
+        return "learned", found[0].reason
     return "named", "explains the readings and predicts poses left out"

@@ -92,31 +92,45 @@ class Whitened:
         before = self.base.floor[k] * np.sqrt(self.base.precision[k])
         return np.asarray(np.sum(log_ndtr((u[:, k] - self.base.floor[k]) / sd) - log_ndtr(-before), axis=1))
 
-    def cleared(self, X: Array) -> tuple[Array, Array]:
-        """Whitened columns (m, k) and what the base leaves of their products with the readings (k,)."""
-        WX = self.V.whiten(X)
-        return WX, WX.T @ self.r - (WX.T @ self.W) @ self.u
 
-    def schur(self, WX: Array, WZ: Array) -> Array:
-        """``X^T V^-1 Z`` less what the base follows (k, l), of whitened columns."""
-        return np.asarray(WX.T @ WZ - (WX.T @ self.W) @ cho_solve((self.L, True), self.W.T @ WZ))
+@dataclass(frozen=True)
+class Whitening:
+    """Columns WX (m, k) of many candidates, whitened at one noise, and their products ``own`` (n, a, a) by width."""
+
+    V: Covariance
+    candidates: Sequence[Signature]
+    WX: Array
+    starts: Integers
+    own: dict[int, tuple[list[int], Array]]
+
+    @staticmethod
+    def of(V: Covariance, candidates: Sequence[Signature]) -> Whitening:
+        """Whiten candidates' columns; those without amplitudes are not for here."""
+        widths = [c.columns.shape[1] for c in candidates]
+        starts = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+        columns = [c.columns for c in candidates] or [np.zeros((len(V.variance), 0))]
+        WX, own = V.whiten(np.hstack(columns)), {}
+        for width in sorted(set(widths)):
+            mine = [i for i, k in enumerate(widths) if k == width]
+            x = np.moveaxis(WX[:, starts[mine][:, None] + np.arange(width)], 1, 0)
+            own[width] = mine, np.asarray(np.swapaxes(x, 1, 2) @ x)
+        return Whitening(V, candidates, WX, starts, own)
 
 
-def fit_all(w: Whitened, candidates: Sequence[Signature]) -> list[Fitted]:
+def fit_all(w: Whitened, candidates: Sequence[Signature] | Whitening) -> list[Fitted]:
     """Every candidate's fit on a base; those without amplitudes are not for here."""
-    widths = [c.columns.shape[1] for c in candidates]
-    starts = np.concatenate([[0], np.cumsum(widths)])
-    WX, g = w.cleared(np.hstack([c.columns for c in candidates]) if candidates else np.zeros((len(w.r), 0)))
-    half = solve_triangular(w.L, w.W.T @ WX, lower=True)
-    solved = w.inverse @ (w.W.T @ WX)
-    out: list[Fitted | None] = [None] * len(candidates)
-    for width in sorted(set(widths)):
-        mine = [i for i, k in enumerate(widths) if k == width]
-        at = starts[mine][:, None] + np.arange(width)
-        x, h = WX[:, at], half[:, at]
-        G = np.einsum("mik,mil->ikl", x, x) - np.einsum("bik,bil->ikl", h, h)
+    x = candidates if isinstance(candidates, Whitening) else Whitening.of(w.V, candidates)
+    across = w.W.T @ x.WX
+    g = x.WX.T @ w.r - across.T @ w.u
+    half = solve_triangular(w.L, across, lower=True)
+    solved = w.inverse @ across
+    out: list[Fitted | None] = [None] * len(x.candidates)
+    for width, (mine, own) in x.own.items():
+        at = x.starts[mine][:, None] + np.arange(width)
+        h = np.moveaxis(half[:, at], 1, 0)
+        G = own - np.swapaxes(h, 1, 2) @ h
         K = np.moveaxis(solved[:, at], 1, 0)
-        for i, found in zip(mine, _stack(w, [candidates[i] for i in mine], G, g[at], K), strict=True):
+        for i, found in zip(mine, _stack(w, [x.candidates[i] for i in mine], G, g[at], K), strict=True):
             out[i] = found
     return [one for one in out if one is not None]
 

@@ -8,26 +8,36 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+import numpy as np
+
 from doe.diagnosis.evidence import Base, Fitted, LeftOut
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
+from fem.effects.base import Effect
+from fem.effects.learned import FAMILY as LEARNED
+from fem.effects.learned import axes_of
 
 NONE, UNKNOWN = "none", "unknown"
-# Prior probabilities of nothing missing and of something that the catalogue does not know; the rest is shared by
-# the families of effects that the readings can see, and within a family by its members.
-PRIOR_NONE, PRIOR_UNKNOWN = 0.5, 0.1
+# Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
+# along one variable; the rest is shared by the families of effects that the readings can see, and within a family by
+# its members.
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.05
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 
 # Readings that tell nothing about the arm ("uninformative") cannot say either that nothing is missing from its model.
-Kind = Literal["none", "named", "ambiguous", "unknown", "uninformative"]
+Kind = Literal["none", "named", "learned", "ambiguous", "unknown", "uninformative"]
 
 # Below this probability of "nothing missing" there is something to explain.
 ALARM = 0.12
 # A name is sure from this share of the probability of all effects on.
-NAME = 0.8
+NAME = 0.9
+# An amplitude is beyond its plausible range where it is so by this factor, and by so many standard deviations.
+SLACK, SURELY = 1.25, 2.0
+# Then it is a name only where nothing else comes near it in log evidence.
+CLEAR = 20.0
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5
@@ -55,7 +65,7 @@ class Hypothesis:
     ``code``: of an effect, "none" or "unknown"; ``log_evidence``; ``bic``; ``probability``; ``judged``: each pose
     predicted from the others, and the RMS error (mm), worked out when asked for; ``signature`` and ``fit``: the
     effect's best shape and its amplitudes; ``noise``: the noise that goes best with it; ``usual_excess``: rise of chi-
-    square by an effect of usual size.
+    square by an effect of usual size; ``axis``: of the unknown, what it varies with most probably.
     """
 
     code: str
@@ -67,6 +77,7 @@ class Hypothesis:
     signature: Signature | None = None
     fit: Fitted | None = None
     usual_excess: float = math.nan
+    axis: str = ""
 
     @cached_property
     def _judged(self) -> tuple[LeftOut, float]:
@@ -91,11 +102,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Ranking:
-    """All hypotheses, most probable first; ``hidden``: codes that these readings cannot see, with their excess."""
+    """All hypotheses, most probable first; ``hidden``: codes that these readings cannot see, with their excess.
+
+    ``sets``: the most probable sets of what is missing, with their probabilities; "unknown" may be one of several.
+    """
 
     hypotheses: tuple[Hypothesis, ...]
     hidden: dict[str, float]
     base: Base
+    sets: tuple[tuple[frozenset[str], float], ...] = ()
 
     def of(self, code: str) -> Hypothesis:
         """One hypothesis by its code."""
@@ -123,11 +138,13 @@ def log_priors(s: Setting, codes: Sequence[str], options: Options) -> dict[str, 
     for code in codes:
         if code not in (NONE, UNKNOWN):
             families.setdefault(s.known[code].family, []).append(code)
-    rest = 1.0 - options.prior_none - PRIOR_UNKNOWN
+    named = [family for family in families if family != LEARNED]
+    rest = 1.0 - options.prior_none - PRIOR_UNKNOWN - PRIOR_LEARNED
     out = {NONE: math.log(options.prior_none), UNKNOWN: math.log(PRIOR_UNKNOWN)}
-    for members in families.values():
+    for family, members in families.items():
+        share = PRIOR_LEARNED if family == LEARNED else rest / len(named)
         for code in members:
-            out[code] = math.log(s.known[code].chance * rest / len(families) / len(members))
+            out[code] = math.log(s.known[code].chance * share / len(members))
     return out
 
 
@@ -151,17 +168,73 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     is taken up all the same: two of them together may explain what none does alone.
     """
     none, unknown = r.of(NONE), r.of(UNKNOWN)
-    named = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
-    if none.probability >= ALARM or not named:
+    effects = [h for h in r.hypotheses if h.code not in (NONE, UNKNOWN)]
+    if none.probability >= ALARM or not effects:
         return Decision("none", None, "the readings do not ask for more than the model has")
-    top, mass = named[0], sum(h.probability for h in named)
+    top, mass = effects[0], sum(h.probability for h in effects)
     if further and (mass < FURTHER * (1.0 - unknown.probability) or top.log_evidence - none.log_evidence < GAIN):
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
-    if unknown.probability > 0.5:
+    same_axis = is_learned(top.code) and unknown.axis in axes_of(top.code)
+    if unknown.probability > 0.5 and not same_axis:
         return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
+    if is_learned(top.code):
+        return _learned(top, effects, none, unknown.probability if same_axis else 0.0)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
-    if top.probability < NAME * mass:
+    if sum(h.probability for h in effects if _is_kin(h, top)) < NAME:
         return Decision("ambiguous", top, "several effects explain the readings about equally well")
+    outside, others = beyond(top), [h for h in r.hypotheses if not _is_kin(h, top)]
+    if outside and top.log_evidence - max(h.log_evidence for h in others) < CLEAR:
+        return Decision("ambiguous", top, f"its number {outside} lies beyond what is plausible")
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")
     return Decision("named", top, "it explains the readings and predicts poses left out")
+
+
+def _is_kin(h: Hypothesis, top: Hypothesis) -> bool:
+    """Whether a hypothesis is of the same family at the same place: cured alike, it need not be told apart."""
+    if h.signature is None or top.signature is None:
+        return h is top
+    a, b = h.signature.effect, top.signature.effect
+    return a.family == b.family and a.place == b.place
+
+
+def beyond(h: Hypothesis) -> str:
+    """Name of the first amplitude that is surely larger than is plausible; empty where none is."""
+    if h.fit is None or h.signature is None:
+        return ""
+    effect = h.signature.effect
+    sd = np.sqrt(np.diag(h.fit.covariance))
+    for k, v, s in zip(effect.amplitudes, h.fit.mean, sd, strict=True):
+        p = effect.parameters[k]
+        if abs(v) - SURELY * s > SLACK * p.size[1]:
+            return p.name
+    return ""
+
+
+def is_learned(code: str) -> bool:
+    """Whether a code is of a law that was learned, not of an effect of the catalogue."""
+    return code.startswith(LEARNED)
+
+
+def clash(one: Effect, other: Effect) -> bool:
+    """Whether two effects would only correct one another: of one slot, or one learned beside another at one place."""
+    if one.place != other.place:
+        return False
+    return bool(one.slot and one.slot == other.slot) or is_learned(one.code) or is_learned(other.code)
+
+
+def _learned(top: Hypothesis, effects: Sequence[Hypothesis], none: Hypothesis, unknown: float) -> Decision:
+    """A law learned at one place: sure where laws along other axes there are its only rivals.
+
+    ``unknown``: probability of something unknown along the same axis, which the law stands for.
+    """
+    place = top.code.partition(":")[2]
+    learned = [h for h in effects if is_learned(h.code)]
+    own = sum(h.probability for h in learned if h.code.partition(":")[2] == place)
+    there = own + unknown * own / sum(h.probability for h in learned)
+    gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
+    if there < NAME:
+        return Decision("ambiguous", top, "laws at several places explain the readings about equally well")
+    if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
+        return Decision("unknown", top, "no effect of the catalogue explains the pattern over poses and loads")
+    return Decision("learned", top, "no effect of the catalogue does so, but a law learned at this place does")

@@ -131,7 +131,7 @@ def _one(
     p = problem(s.model, data.select(unseen), ())
     there = replace(there, known=standing(there, p.free.at))
     d = diagnose(there, replace(options, for_record=False), within=within)
-    codes = tuple(f.code for f in (*d.effects, *d.provisional))
+    codes = tuple(f.code for f in d.found)
     before, after = (
         replace(state.setting, data=p, history=_part(s.history, unseen), errors=np.zeros((len(p), 0))).residual
         for state in (d.before, d.after)

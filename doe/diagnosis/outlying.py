@@ -2,7 +2,7 @@
 
 A slipped digit must neither hide an effect nor make one. What is missing is not known yet, so readings are held against
 something that can follow any effect that is smooth over poses and loads: springs, and the discrepancy that stands for
-the unknown (:func:`doe.diagnosis.weighing.discrepancies`). A reading that its own repeats confirm is no outlier,
+the unknown (:func:`doe.diagnosis.unknowns.discrepancies`). A reading that its own repeats confirm is no outlier,
 however far off; one that they contradict is one only by the scatter that these readings have, not by an assumed share.
 Weights are those of a contaminated normal distribution, or of Student's t: :meth:`doe.estimation.noise.Noise.weigh`.
 """
@@ -19,7 +19,7 @@ from doe.diagnosis.evidence import Base, Whitened
 from doe.diagnosis.known import base_of, free_columns
 from doe.diagnosis.scatter import NoisePrior, covariance, first_noise, fitted_noise, typical_size
 from doe.diagnosis.setting import FLOOR, Setting
-from doe.diagnosis.weighing import discrepancies
+from doe.diagnosis.unknowns import discrepancies
 from doe.estimation.noise import OUTLIERS, WIDER, Noise
 from doe.estimation.problem import Problem
 from doe.estimation.repeats import repeated

@@ -24,7 +24,8 @@ from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting, errors_of
 from doe.diagnosis.signatures import shapes, signature
 from doe.diagnosis.twins import PLAUSIBLE
-from doe.diagnosis.weighing import discrepancies, extended
+from doe.diagnosis.unknowns import discrepancies
+from doe.diagnosis.weighing import extended
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem
@@ -97,7 +98,7 @@ def question_of(s: Setting, d: Diagnosis, still_open: Mapping[str, Sequence[str]
     """
     if d.verdict == "named" and still_open:
         return _twins_question(d, still_open)
-    found = len(d.effects) + len(d.provisional)
+    found = len(d.found)
     k = min(d.look, len(d.rankings) - 1)
     families = {family_of(s, code) for code in d.rankings[k].credible()}
     if d.verdict != "ambiguous" and len(families) < FEWEST and found == k + 1 < len(d.rankings):

@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from doe.diagnosis.doubts import bends
+from doe.diagnosis.nuisance import nuisance
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
 from doe.estimation.repeats import repeated
@@ -15,6 +17,7 @@ from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
+from fem.effects.learned import Reach, learned_laws
 from fem.effects.observed import observed, spring_influences
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
@@ -27,8 +30,6 @@ from robots.arrays import Array, Bools
 ARM, WRIST = 1.0 / 1.2e6, 1.0 / 3e5
 # Resolution below which no gauge is believed, m and rad.
 FLOOR = (5e-7, 5e-7)
-# What a gauge may be off by from one session to another, m or rad: at least, and as a share of what was read.
-OFFSET, OFFSET_SHARE = 1e-5, 0.02
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,7 @@ class Setting:
     def doubts(self) -> Array:
         """Change of the readings (m, d) by one standard deviation of what accepted effects' laws are off by.
 
-        No law is exact: each accepted effect's part of the readings may be off by a share of itself
-        (:attr:`fem.effects.Effect.law_doubt`), in a way that is smooth in the torque (or load) it acts on, and another
-        on the way down.
+        Each accepted effect's part of the readings may bend as :mod:`doe.diagnosis.doubts` says.
         """
         columns = [np.zeros((len(self.data), 0))]
         for number, placed in enumerate(self.accepted):
@@ -86,29 +85,8 @@ class Setting:
                 continue
             rest = [e for k, e in enumerate(self.accepted) if k != number]
             own = self.prediction - self.read(self.arm, rest)
-            columns.append(doubt * own[:, None] * self._bends(placed))
+            columns.append(doubt * own[:, None] * bends(placed.effect, self.data, self.situation, self.unloading))
         return np.hstack(columns)
-
-    def _bends(self, placed: PlacedEffect) -> Array:
-        """Smooth functions (m, d) of what an effect's law depends on: torque and phase, joint's angle, clock."""
-        p, effect = self.data, placed.effect
-        joint = effect.place
-        if effect.depends_on == "angle":
-            q = p.free.at.q[p.row, self.model.robot.joint_names.index(joint)]
-            return np.stack([f(k * q) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
-        if effect.depends_on == "clock":
-            t = np.nan_to_num(self.history.clock)[p.row]
-            return np.stack([np.cos(np.pi * k * t) for k in range(1, 5)], axis=1)
-        if joint in self.model.robot.joint_names:
-            x = np.abs(self.situation.torque(joint))[p.row]
-        else:
-            x = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
-        u = 2.0 * x / max(float(x.max(initial=0.0)), 1e-12) - 1.0
-        powers = np.stack([u**k for k in range(4)], axis=1)
-        if not (self.history.is_known and effect.needs_history):
-            return powers[:, 1:]
-        way = np.where(self.unloading[p.row], 1.0, -1.0)
-        return np.hstack([powers[:, 1:], way[:, None] * powers[:, :3]])
 
     @property
     def residual(self) -> Array:
@@ -180,29 +158,7 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
 
 def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model and table has."""
-    columns = [np.zeros((len(s.data), 0)), session_offsets(s.data, s.history)]
-    for effect in s.known.values():
-        if effect.usual > 0.0:
-            ends = [s.read(s.arm, (PlacedEffect(effect, np.array([x])),)) for x in (effect.usual, -effect.usual)]
-            columns.append(0.5 * (ends[0] - ends[1])[:, None])
-    return np.hstack(columns)
-
-
-def session_offsets(p: Problem, history: History) -> Array:
-    """Columns (m, k) of one standard deviation of what a session's readings have in common, component by component.
-
-    Instruments are set up anew on another day. Of one session alone nothing can be told.
-    """
-    session = history.session[p.row]
-    count = int(session.max(initial=0)) + 1
-    if count < 2:
-        return np.zeros((len(p), 0))
-    columns = []
-    for component in np.unique(p.component):
-        mine = p.component == component
-        sd = max(OFFSET, OFFSET_SHARE * float(np.sqrt(np.mean(p.value[mine] ** 2))))
-        columns += [np.where(mine & (session == k), sd, 0.0) for k in range(count)]
-    return np.stack(columns, axis=1)
+    return nuisance(s.read, s.arm, s.data, s.history, s.known)
 
 
 def setting_of(
@@ -233,12 +189,26 @@ def setting_of(
     index = [model.robot.joint_names.index(name) for name in joints]
     usual = np.array([ARM if k < 3 else WRIST for k in index])
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
-    known = known or catalogue(model, description, own)
     s = Setting(
         description, model, _by_visit(problem(model, data, ())), _history(data, history), joints, found.u, typical,
-        np.zeros((len(p), 0)), known, tuple(accepted),
+        np.zeros((len(p), 0)), {}, tuple(accepted),
     )  # fmt: skip
+    s = replace(s, known=known or catalogue(model, description, own) | _learned(s))
     return replace(s, errors=errors_of(s))
+
+
+def _learned(s: Setting) -> dict[str, Effect]:
+    """Laws that could be learned of each place, over what was read there."""
+    p, at = s.data, s.data.free.at
+    force = np.linalg.norm(at.wrench[:, :3], axis=1)
+    torque = np.array([np.abs(s.situation.torque(name)).max() for name in s.model.robot.joint_names])
+    moment = np.abs(s.situation.places["base"].carried[3:5]).max()
+    linear = np.abs(p.value[p.component < 3])
+    reach = Reach(
+        torque, np.stack([at.q.min(axis=0), at.q.max(axis=0)], axis=1), float(moment), float(force.max(initial=0.0)),
+        float(linear.max(initial=0.0)),
+    )  # fmt: skip
+    return {effect.code: effect for effect in learned_laws(s.model, reach)}
 
 
 def _by_visit(p: Problem) -> Problem:

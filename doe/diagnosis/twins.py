@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from doe.diagnosis.candidates import MANY, impossible, possible
 from doe.diagnosis.evidence import Whitened
-from doe.diagnosis.hypotheses import Decision, Hypothesis, Ranking
+from doe.diagnosis.hypotheses import Decision, Hypothesis, Ranking, is_learned
 from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
@@ -29,7 +29,7 @@ APART = 9.0
 # Below this chi-square the readings would be the same, however small their noise were told to be.
 EXACT = 1.0
 # A twin whose numbers are this much less plausible than the best one's is none that a verdict must wait for.
-PLAUSIBLE = 0.01
+PLAUSIBLE = 0.03
 # Set-ups scatter at least this much where twins are looked for, unless they are known to scatter less.
 USUAL_SETUP = 0.01
 
@@ -93,7 +93,12 @@ def twins_of(like: Likeness, change: Array, code: str, best: Mapping[str, Signat
     s, out = like.s, []
     taken = {code, *(e.effect.code for e in s.accepted)}
     for other, effect in s.known.items():
-        if other in taken or (effect.gross and not s.known[code].gross) or impossible(s, effect) is not None:
+        if (
+            other in taken
+            or is_learned(other)
+            or (effect.gross and not s.known[code].gross)
+            or impossible(s, effect) is not None
+        ):
             continue
         if effect.gross:
             some = possible(s, effect)
@@ -127,6 +132,7 @@ def beside_twins(s: Setting, r: Ranking, weight: Array, d: Decision) -> Decision
         x.code
         for x in r.hypotheses
         if x.signature is not None
+        and not is_learned(x.code)
         and x.signature.effect.family != h.signature.effect.family
         and x.probability > PLAUSIBLE * h.probability
         and _same(like, h, x)

@@ -1,75 +1,118 @@
-"""Evidence of every hypothesis at one noise, that of the rival which no catalogue names among them.
+"""Evidence of every hypothesis at one noise: nothing missing, each effect, several at once, something unknown.
 
-That rival is a smooth discrepancy over pose and load, a share of the deflection: a normal process over the joint angles
-that matter, with a squared-exponential kernel (Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294), written as
-columns: the poses' kernel has as many directions as there are poses. It may change with the load and differ between
-loading and unloading.
+Effects are weighed together, not one after the other: what two of them explain, one alone may not, and what is left of
+one may be another or something that no catalogue names. From the leading effects on, every other one is weighed beside
+them (a beam search over sets); what is unknown is a rival beside every set as well.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
-from doe.diagnosis.evidence import Base, Fitted, Whitened, fit_all
-from doe.diagnosis.hypotheses import Options
+from doe.diagnosis.doubts import bends
+from doe.diagnosis.evidence import Base, Fitted, Whitened, Whitening, fit_all
+from doe.diagnosis.hypotheses import UNKNOWN, Options, clash
 from doe.diagnosis.scatter import covariance, typical_size
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count
+from doe.diagnosis.unknowns import Process
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
-from fem.compiled.compliance import deflection
-from robots.arrays import Array, Bools
+from robots.arrays import Array
 
-# Lengths over which it varies, in half ranges of the joints as read; sizes as shares of the deflection.
-LENGTHS = (0.8, 1.8)
-SIZES = (0.03, 0.08, 0.2)
-# Shares of the size with which it changes with the load and the phase.
-LOAD, PHASE = 0.7, 0.5
-# Directions of the kernel weaker than this carry nothing.
-NEGLIGIBLE = 1e-4
+# Effects beside which all others are weighed, and pairs beside which again.
+BEAM, PAIRS = 6, 2
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """An effect at one noise: log evidence averaged over its shapes, BIC's half, its best shape and that one's fit.
+
+    ``bent``: the best shape with the columns of what its law may be off by; ``offset``: log evidence of all shapes over
+    that of the best one.
+    """
+
+    worth: float
+    bic: float
+    signature: Signature
+    bent: Signature
+    fit: Fitted | None
+    offset: float
 
 
 @dataclass(frozen=True)
 class Row:
-    """One noise: what is known of it beforehand plus each hypothesis's log evidence, by code; fits by code."""
+    """One noise: what is known of it beforehand plus each hypothesis's log evidence, by code."""
 
     noise: Noise
+    density: float
     none: float
     none_bic: float
-    best: dict[str, tuple[float, float, Signature, Fitted | None]]
+    best: dict[str, Weighed]
+
+    @property
+    def most(self) -> float:
+        """Largest log evidence at this noise."""
+        return max([self.none, *(x.worth for x in self.best.values())])
 
 
 def at_noise(
-    s: Setting, base: Base, weight: Array, noise: Noise, candidates: dict[str, list[Signature]], options: Options
-) -> Row:
-    """Evidence of nothing missing and of every candidate, averaged over its shapes, with its best shape."""
+    s: Setting, base: Base, weight: Array, noise: Noise, candidates: Mapping[str, Sequence[Signature]],
+    options: Options, plain: Mapping[int, Signature],
+) -> Row:  # fmt: skip
+    """Evidence of nothing missing and of every candidate, averaged over its shapes, with its best shape.
+
+    ``plain``: of candidates that are bent, by identity, what they are without.
+    """
     V = covariance(s, noise, weight)
     w = Whitened(base, V)
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
     flat = [c for some in candidates.values() for c in some if c.shift is None]
     fits = dict(zip(map(id, flat), fit_all(w, flat), strict=True))
-    m, plain = len(s.data), -0.5 * (V.log_det + w.square)
-    best: dict[str, tuple[float, float, Signature, Fitted | None]] = {}
+    m, none_bic = len(s.data), -0.5 * (V.log_det + w.square)
+    best: dict[str, Weighed] = {}
     for code, some in candidates.items():
         if some[0].shift is not None:
             wide = [Whitened(extended(s, base, c), V) for c in some]
             z = np.array([one.log_evidence for one in wide])
             top = int(np.argmax(z))
-            worth = float(logsumexp(z)) - math.log(len(some))
-            best[code] = (worth + density, -0.5 * (V.log_det + wide[top].square), some[top], None)
-            continue
-        found = [fits[id(c)] for c in some]
-        z = np.array([f.log_evidence for f in found])
-        top = int(np.argmax(z))
-        numbers = len(some[0].effect.parameters)
-        bic = plain + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
-        best[code] = (float(logsumexp(z)) - math.log(shape_count(some[0].effect)) + density, bic, some[top], found[top])
-    return Row(noise, w.log_evidence + density, plain, best)
+            bic = -0.5 * (V.log_det + wide[top].square)
+            count, fit = len(some), None
+        else:
+            found = [fits[id(c)] for c in some]
+            z = np.array([f.log_evidence for f in found])
+            top = int(np.argmax(z))
+            numbers = len(some[0].effect.parameters)
+            bic = none_bic + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
+            count, fit = shape_count(some[0].effect), _own(found[top], some[top])
+        worth = log_sum(z) - math.log(count)
+        own = plain.get(id(some[top]), some[top])
+        best[code] = Weighed(worth + density, bic, own, some[top], fit, worth - float(z[top]))
+    return Row(noise, density, w.log_evidence + density, none_bic, best)
+
+
+def _own(f: Fitted, c: Signature) -> Fitted:
+    """The fit of an effect's amplitudes alone, without what its law may be off by."""
+    a = len(c.effect.amplitudes)
+    return replace(f, mean=f.mean[:a], covariance=f.covariance[:a, :a])
+
+
+def bent(s: Setting, c: Signature, amplitude: Array) -> Signature:
+    """A signature with what its law may be off by at amplitudes (a,), as further columns."""
+    doubt = c.effect.law_doubt
+    own = c.columns @ amplitude
+    if c.shift is not None or doubt == 0.0 or not own.any():
+        return c
+    more = doubt * own[:, None] * bends(c.effect, s.data, s.situation, s.unloading)
+    k = more.shape[1]
+    return replace(
+        c, columns=np.hstack([c.columns, more]), mean=np.concatenate([c.mean, np.zeros(k)]),
+        sd=np.concatenate([c.sd, np.ones(k)]), positive=np.concatenate([c.positive, np.zeros(k, dtype=bool)]),
+    )  # fmt: skip
 
 
 def as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
@@ -93,76 +136,97 @@ def extended(s: Setting, base: Base, c: Signature) -> Base:
 
 
 def unknown_at(
-    s: Setting, base: Base, weight: Array, noise: Noise, smooth: Sequence[Array], options: Options
-) -> tuple[Noise, float, Base]:
-    """Log evidence of a discrepancy, averaged over its lengths and sizes (``smooth``), and the best one as a base."""
+    s: Setting, base: Base, weight: Array, noise: Noise, some: Sequence[Process], options: Options
+) -> tuple[Noise, Array]:
+    """Log evidence (k,) of every process at a noise."""
     V = covariance(s, noise, weight)
-    out: list[tuple[float, Base]] = []
-    for columns in smooth:
-        wide = base.beside(columns)
-        out.append((Whitened(wide, V).log_evidence, wide))
-    z = np.array([one[0] for one in out])
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
-    return noise, float(logsumexp(z) - math.log(len(z))) + density, out[int(np.argmax(z))][1]
+    return noise, np.array([Whitened(base.beside(x.columns), V).log_evidence + density for x in some])
 
 
-def rough_at(s: Setting, base: Base, row: Row, wild: Options, options: Options) -> tuple[Noise, float, Base]:
+def rough_at(s: Setting, row: Row, wild: Options, options: Options) -> float:
     """Log evidence of set-ups that scatter more than set-ups do: something unknown, however rough over the poses."""
     size = typical_size(s)
     change = wild.noise.log_density(row.noise, size) - options.noise.log_density(row.noise, size)
-    return row.noise, row.none + (change if options.priors else 0.0), base
+    return row.none + (change if options.priors else 0.0)
 
 
-def discrepancies(s: Setting) -> Iterator[Array]:
-    """Columns (m, k), standard normal each, for every length and size."""
-    p = s.data
-    q = np.array([p.free.at.q[p.row[p.pose == g][0]] for g in range(len(p.poses))])
-    moving = np.ptp(q, axis=0) > 1e-6
-    moving &= _matters(s)
-    x = q[:, moving]
-    x = (x - x.mean(axis=0)) / np.maximum(0.5 * np.ptp(x, axis=0), 1e-9)
-    factors = _load_factors(s)
-    for length in LENGTHS:
-        distance = np.sum((x[:, None] - x[None]) ** 2, axis=2)
-        values, vectors = np.linalg.eigh(np.exp(-0.5 * distance / length**2))
-        kept = values > NEGLIGIBLE * values.max(initial=1.0)
-        poses = vectors[:, kept] * np.sqrt(values[kept])
-        for size in SIZES:
-            yield np.hstack([size * f[:, None] * poses[p.pose] for f in factors])
+def sets_at(
+    s: Setting, base: Base, weight: Array, row: Row, bent_candidates: Mapping[str, Sequence[Signature]],
+    log_prior: Mapping[str, float], unknown: Sequence[Process],
+) -> dict[frozenset[str], float]:  # fmt: skip
+    """Log evidence of pairs and triples of effects, and of effects beside something unknown, at one noise.
 
-
-def _matters(s: Setting) -> Bools:
-    """Joints (dof,) whose angle changes any reading."""
-    at, out = s.data.free.at, []
-    for k in range(at.q.shape[1]):
-        q = at.q.copy()
-        q[:, k] += 0.05
-        d = deflection(s.arm, q, at.wrench, at.point)[s.data.row, s.data.component]
-        out.append(bool(np.max(np.abs(d - s.prediction)) > 1e-6 * np.max(np.abs(s.prediction), initial=1e-300)))
-    return np.array(out)
-
-
-def _load_factors(s: Setting) -> list[Array]:
-    """Size of the deflection (m,), alone and times load and phase, for each component."""
-    p = s.data
-    size = _size_of_pose(s)
-    force = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
-    spread = float(np.ptp(force))
-    load = (force - force.mean()) / (0.5 * spread) if spread > 1e-9 else np.zeros(len(force))
-    out = []
-    for component in np.unique(p.component):
-        mine = np.where(p.component == component, size, 0.0)
-        out.append(mine)
-        if spread > 1e-9:
-            out.append(LOAD * load * mine)
-        if s.history.is_known:
-            out.append(PHASE * np.where(s.unloading[p.row], 1.0, -1.0) * mine)
+    Beside the leading effects at their best shapes all others are weighed in all their shapes, then beside the leading
+    pairs. All are weighed beside each process of ``unknown`` as well.
+    """
+    V = covariance(s, row.noise, weight)
+    flat = [(code, c) for code, some in bent_candidates.items() for c in some if c.shift is None]
+    whitened = Whitening.of(V, [c for _, c in flat])
+    out: dict[frozenset[str], float] = {}
+    chosen: dict[frozenset[str], list[tuple[str, Signature, float]]] = {}
+    leaders = sorted(row.best, key=lambda code: -(row.best[code].worth + log_prior[code]))[:BEAM]
+    beam = [[(code, row.best[code].bent, row.best[code].offset)] for code in leaders]
+    besides: dict[str, list[float]] = {}
+    for x in unknown:
+        w = Whitened(base.beside(x.columns), V)
+        for code, found in _by_code(flat, fit_all(w, whitened)).items():
+            besides.setdefault(code, []).append(_over_shapes(found)[0])
+    for code, z in besides.items():
+        out[frozenset({code, UNKNOWN})] = log_sum(np.array(z)) - math.log(len(z)) + row.density
+    for _ in range(2):
+        for members in beam:
+            _beside(s, base, row, members, flat, whitened, out, chosen)
+        pairs = [key for key in chosen if UNKNOWN not in key]
+        pairs.sort(key=lambda key: -(out[key] + sum(log_prior[code] for code in key)))
+        beam = [chosen[key] for key in pairs[:PAIRS]]
+        if not beam or len(beam[0]) > 2:
+            break
     return out
 
 
-def _size_of_pose(s: Setting) -> Array:
-    """Length of the predicted displacement (m,), of the kind that was read."""
-    p = s.data
-    square = np.zeros((len(p.free.at), 2))
-    np.add.at(square, (p.row, (p.component >= 3).astype(int)), s.prediction**2)
-    return np.asarray(np.sqrt(square)[p.row, (p.component >= 3).astype(int)])
+def _beside(
+    s: Setting, base: Base, row: Row, members: list[tuple[str, Signature, float]],
+    flat: list[tuple[str, Signature]], whitened: Whitening, out: dict[frozenset[str], float],
+    chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
+) -> None:  # fmt: skip
+    """Weigh everything beside some effects, into ``out`` (log evidence) and ``chosen`` (the best shapes)."""
+    taken, offset, wide = {code for code, _, _ in members}, 0.0, base
+    # One without amplitudes changes the springs' own columns: it goes first.
+    for _, c, more in sorted(members, key=lambda x: x[1].shift is None):
+        wide, offset = extended(s, wide, c), offset + more
+    w = Whitened(wide, whitened.V)
+    given = offset + row.density
+    for code, found in _by_code(flat, fit_all(w, whitened)).items():
+        if code in taken or any(clash(found[0][1].effect, other.effect) for _, other, _ in members):
+            continue
+        worth, top = _over_shapes(found)
+        key = frozenset({*taken, code})
+        if _larger(out, key, worth + given):
+            chosen[key] = [*members, (code, found[top][1], worth - found[top][0])]
+
+
+def _by_code(flat: Sequence[tuple[str, Signature]], fits: Sequence[Fitted]) -> dict[str, list[tuple[float, Signature]]]:
+    out: dict[str, list[tuple[float, Signature]]] = {}
+    for (code, c), fit in zip(flat, fits, strict=True):
+        out.setdefault(code, []).append((fit.log_evidence, c))
+    return out
+
+
+def _over_shapes(found: Sequence[tuple[float, Signature]]) -> tuple[float, int]:
+    """Log evidence averaged over all shapes of a law, and which of those given is the best."""
+    z = np.array([one[0] for one in found])
+    return log_sum(z) - math.log(shape_count(found[0][1].effect)), int(np.argmax(z))
+
+
+def log_sum(z: Array) -> float:
+    """Logarithm of the sum of numbers given by their logarithms."""
+    top = float(z.max())
+    return top + math.log(float(np.exp(z - top).sum())) if math.isfinite(top) else top
+
+
+def _larger(out: dict[frozenset[str], float], key: frozenset[str], value: float) -> bool:
+    if value <= out.get(key, -np.inf):
+        return False
+    out[key] = value
+    return True

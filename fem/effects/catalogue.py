@@ -17,6 +17,7 @@ from fem.effects.base import Effect, PlacedEffect
 from fem.effects.frames import frame_effects
 from fem.effects.joint_laws import joint_laws
 from fem.effects.lagging_laws import lagging_laws
+from fem.effects.learned import FAMILY, learned_laws, plain_reach
 from fem.effects.load_paths import load_path, partial_load_path
 from fem.effects.loose_parts import loose_parts
 from fem.effects.observed import observed
@@ -129,11 +130,19 @@ def catalogue(
     return out
 
 
+def learned_among(model: ArmModel, codes: Iterable[str]) -> dict[str, Effect]:
+    """Of some codes the laws that were learned; their reach stands in their numbers."""
+    if not any(code.startswith(FAMILY) for code in codes):
+        return {}
+    return {effect.code: effect for effect in learned_laws(model, plain_reach(model))}
+
+
 def effect_of(
     code: str, model: ArmModel, description: ModelDescription | None = None, own: Sequence[Maker] = ()
 ) -> Effect:
     """One effect by its code; raises InputError where the model cannot have it."""
     known = catalogue(model, description, own)
+    known |= learned_among(model, [code])
     require_one_of("effect", code, known)
     return known[code]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
-from fem.effects.catalogue import Maker, catalogue
+from fem.effects.catalogue import Maker, catalogue, learned_among
 from fem.effects.load_paths import load_path as load_path_effect
 from fem.effects.observed import act
 from fem.model import ArmModel, LinkKind, build_model
@@ -98,6 +98,7 @@ def described_effects(
         # Built without its effects: the others belong to the arm with the other load path.
         model = build_plain(description, model.link_kind)
     known = catalogue(model, description, own)
+    known |= learned_among(model, [table.code for table in description.effect])
     if model.robot.parallelogram is not None:
         # The model has it already.
         known[LOAD_PATH] = load_path_effect(model.load_path, lambda: model.bar)

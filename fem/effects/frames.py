@@ -19,8 +19,9 @@ from robots.arrays import Array
 from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
 
-# A tracker is levelled to a fraction of a degree; its azimuth is often set by hand.
-LEVEL, AZIMUTH = float(np.radians(0.3)), float(np.radians(5.0))
+# Azimuths are often set by hand. A tracker is levelled, to a tenth of what an arm may stand out of level by.
+TILT, AZIMUTH = float(np.radians(3.0)), float(np.radians(5.0))
+LEVELLED = (0.1, 1.0)
 # Axes are parallel up to this.
 PARALLEL = 1e-9
 
@@ -33,15 +34,17 @@ Angle = Callable[[Array, Array, int], Array]
 
 def _turned_frame() -> Effect:
     def law(_: object, __: object, v: Array) -> Array:
-        return rotation_rpy(v)
+        return rotation_rpy(v[:3] * np.array([v[3], v[3], 1.0]))
 
     turns = (
         EffectParameter(f"r{axis}", "angle", "deg", 0.1 * most, most, ASSUMED, signed=True, default=0.0,
                         meaning=f"turn of the table's frame about the base's {axis}")
-        for axis, most in zip("xyz", (LEVEL, LEVEL, AZIMUTH), strict=True)
+        for axis, most in zip("xyz", (TILT, TILT, AZIMUTH), strict=True)
     )  # fmt: skip
     words = "the frame of forces and displacements is turned against the robot's base"
-    return Effect("turned-frame", words, "frame", tuple(turns), law, "turned-frame")
+    share = EffectParameter("levelled", "ratio", "1", *LEVELLED, ASSUMED, role="shape", grid=LEVELLED, default=1.0,
+                            meaning="share of the turns about x and y that is there")  # fmt: skip
+    return Effect("turned-frame", words, "frame", (*turns, share), law, "turned-frame")
 
 
 TURNED_FRAME = _turned_frame()
@@ -51,8 +54,9 @@ def turned_further(effects: Sequence[PlacedEffect], turn: Array) -> tuple[Placed
     """The effects with the table's frame turned by ``turn`` (3,) rad more, about the base's axes."""
     mine = next((e for e in effects if e.effect is TURNED_FRAME), None)
     if mine is None:
-        return (*effects, PlacedEffect(TURNED_FRAME, turn))
-    return tuple(replace(e, values=e.values + turn) if e is mine else e for e in effects)
+        return (*effects, PlacedEffect(TURNED_FRAME, np.append(turn, 1.0)))
+    further = np.append(turn / [mine.values[3], mine.values[3], 1.0], 0.0)
+    return tuple(replace(e, values=e.values + further) if e is mine else e for e in effects)
 
 
 def frame_effects(model: ArmModel) -> Iterator[Effect]:

@@ -77,13 +77,9 @@ def observed(
     at: LoadedPoses,
     effects: Sequence[PlacedEffect],
     history: History | None = None,
-    start: Situation | None = None,
 ) -> Array:
-    """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection.
-
-    ``start``: a situation of these loaded poses and that history, where there is one already.
-    """
-    before = start or Situation(model, at, history or plain_history(len(at)))
+    """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection."""
+    before = Situation(model, at, history or plain_history(len(at)))
     # What has no memory is the same for repeats, and on the way up and down.
     where = at.distinct[1]
     few = before if any(e.effect.own for e in effects if e.effect.stage in ("frame", "load")) else before.few

@@ -157,7 +157,10 @@ def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
 
     words = f"link {link.name} is softer or stiffer than described" if is_there else f"link {link.name} is flexible"
     usual = OFF_BY if is_there else 0.0
-    return Effect(f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility", usual=usual)
+    return Effect(
+        f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility", usual=usual,
+        held_rigid=not is_there,
+    )  # fmt: skip
 
 
 def softer(part: LinkPart, factor: float) -> LinkPart:

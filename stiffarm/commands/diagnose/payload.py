@@ -12,6 +12,7 @@ from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
 from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
+from fem.effects.learned import axes_of, learned_place
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
@@ -41,6 +42,10 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "verdict": found.verdict,
         "reason": found.reason,
         "effects": [effect(d, f) for f in found.effects],
+        "learned": [
+            effect(d, f) | {"place": learned_place(f.code), "axes": list(axes_of(f.code))} for f in found.learned
+        ],
+        "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
         "provisional": [effect(d, f) for f in found.provisional],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),

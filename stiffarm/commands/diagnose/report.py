@@ -35,8 +35,10 @@ from stiffarm.session.spring_words import mega
 
 # Candidates drawn: the most probable ones, and nothing missing and something unknown wherever they stand.
 DRAWN = 10
-VERDICTS = {"named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "none": "nothing missing",
-            "uninformative": "readings tell nothing"}  # fmt: skip
+VERDICTS = {
+    "named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "learned": "learned, no name",
+    "none": "nothing missing", "uninformative": "readings tell nothing",
+}  # fmt: skip
 
 
 def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:

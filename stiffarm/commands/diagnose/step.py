@@ -115,7 +115,7 @@ class Diagnosed:
     @property
     def in_model(self) -> tuple[Found, ...]:
         """Effects of the new model: those accepted, and those that are provisional."""
-        return (*self.found.effects, *self.found.provisional)
+        return self.found.found
 
     @property
     def in_model_in_order(self) -> tuple[Found, ...]:
@@ -216,7 +216,7 @@ def _asked(found: Diagnosis) -> list[str]:
     """Codes whose twins matter: what was found; where it is not settled, the rivals; else the most probable ones."""
     if found.verdict == "uninformative":
         return []
-    taken = [f.code for f in (*found.effects, *found.provisional)]
+    taken = [f.code for f in found.found]
     if found.verdict != "named":
         codes = [h.code for h in found.rankings[max(len(taken) - 1, 0)].hypotheses if h.code not in (NONE, UNKNOWN)]
         taken += codes[:ASKED]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
@@ -12,6 +14,7 @@ from doe.diagnosis.next_readings import NextReadings
 from doe.diagnosis.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
+from fem.effects.learned import axes_of
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
@@ -24,12 +27,19 @@ LARGE = 0.15
 HALF = 0.5
 NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
 NAMED = 3
+# What something unknown varies with, for a sentence.
+BY = {
+    "pose": "the pose", "load": "the load", "load history": "whether loads come on or off", "clock": "the time",
+    "session": "the day or visit", "direction": "the direction of the load", "": "the pose",
+}  # fmt: skip
 NAMED_ODD = 6
 NEXT: dict[Kind, str] = {
     "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
     "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
     "again with larger loads.",
+    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in "
+    "the new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
     "unknown": "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
     "can be tried with --effect FILE.py.",
 }
@@ -51,7 +61,10 @@ def headline(d: Diagnosed) -> str:
         return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
     if found.verdict == "named":
         names = _and([what(f) for f in found.effects])
-        return f"What is missing has a name: {names}."
+        beside = f" Beside that, with no name: {_learned(found.learned)}." if found.learned else ""
+        return f"What is missing has a name: {names}.{beside}"
+    if found.verdict == "learned":
+        return f"Something is missing that the catalogue has no name for: {_learned(found.learned)}."
     if found.verdict == "ambiguous" and found.effects:
         names = _and([what(f) for f in found.effects])
         return f"Missing: {names}. Beyond that these readings cannot tell which it is: {_rivals(d)}."
@@ -61,6 +74,11 @@ def headline(d: Diagnosed) -> str:
         codes = _and([f.code for f in found.provisional])
         return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
     return "Something is missing that no effect of the catalogue explains."
+
+
+def _learned(found: Sequence[Found]) -> str:
+    """``joint j2 turns by a law of its own over its torque (along load, pose; learned-torque:j2)``."""
+    return _and([f"{f.placed.effect.words} (along {' and '.join(axes_of(f.code))}; {f.code})" for f in found])
 
 
 def hints(d: Diagnosed) -> bool:
@@ -83,6 +101,9 @@ def how_sure(d: Diagnosed) -> str:
     if d.found.verdict == "named":
         parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
         return f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}."
+    if d.found.verdict == "learned":
+        parts = [f"{f.code} {percent(f.probability)}" for f in d.found.learned]
+        return f"Probability when it was found: {', '.join(parts)}; {d.found.reason}."
     if d.found.verdict == "none":
         none = first.of(NONE).probability
         other = next(h for h in first.hypotheses if h.code != NONE)
@@ -96,7 +117,8 @@ def how_sure(d: Diagnosed) -> str:
         most = max(r.of(UNKNOWN).probability for r in d.found.rankings)
         return (
             f"Probability of something unknown: {percent(most)}, against "
-            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}."
+            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}. "
+            f"It goes by {BY[first.of(UNKNOWN).axis]} first of all."
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
@@ -118,8 +140,18 @@ def gap_sentence(d: Diagnosed) -> str:
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
         f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
-        f"{_sentence(_floor(d))}."
+        f"{_without_odd(d)}{_sentence(_floor(d))}."
     )
+
+
+def _without_odd(d: Diagnosed) -> str:
+    """The error in the fit without readings that hardly count, where there are some: they swell an RMS."""
+    if not d.odd:
+        return ""
+    keep, component = np.ones(len(d.found.weight), dtype=bool), d.found.start.data.component
+    keep[d.odd] = False
+    a, b = (rms_mm(state.residual[keep], component[keep]) for state in (d.found.before, d.found.after))
+    return f"Without the {len(d.odd)} readings that hardly count it went from {a:.3f} to {b:.3f} mm in the fit. "
 
 
 def unseen_poses(d: Diagnosed) -> str:

@@ -9,7 +9,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
 
+from doe.diagnosis.hypotheses import is_learned
 from fem.arm import Arm
+from fem.effects.learned import axes_of, learned_place
 from robots import InputError
 from robots.progress import Progress, report_progress
 from stiffarm.commands.diagnose import step as diagnosing
@@ -78,10 +80,13 @@ def said(truth: Row, d: Diagnosed) -> Row:
     sure = tuple(one.code for one in f.effects) if f.verdict in ("named", "ambiguous") else ()
     all_found = tuple(one.code for one in d.in_model)
     probability = d.in_model[0].probability if d.in_model else f.ranking.best.probability
+    learned = tuple(
+        (axis, learned_place(one.code)) for one in f.found if is_learned(one.code) for axis in axes_of(one.code)
+    )
     before, after = (NAN, NAN) if d.held_out is None else d.unseen_rms_mm
     return replace(
         truth, verdict=f.verdict, reason=f.reason, named=sure, found=all_found, probability=probability,
-        set95=d.credible, not_testable=tuple(d.not_testable), before_mm=before, after_mm=after,
+        set95=d.credible, learned=learned, not_testable=tuple(d.not_testable), before_mm=before, after_mm=after,
     )  # fmt: skip
 
 

@@ -185,7 +185,7 @@ def test_what_is_said_by_probabilities() -> None:
             [0.9, 0.05, 0.03, 0.02],  # nothing missing
             [0.5, 0.1, 0.4, 0.0],  # not asked for, nor ruled out
             [0.01, 0.7, 0.2, 0.09],  # the unknown
-            [0.01, 0.1, 0.8, 0.09],  # a name
+            [0.01, 0.04, 0.9, 0.05],  # a name
             [0.01, 0.1, 0.5, 0.39],  # two names
         ]
     )
@@ -409,7 +409,7 @@ def test_rivals_of_a_name_that_are_not_ruled_out_are_asked_about(setting: Settin
 def test_where_no_set_up_tells_anything_none_is_proposed(setting: Setting, diagnosis: Diagnosis) -> None:
     """Two codes of one law predict the same readings whatever is measured."""
     zero = setting.known["gauge-zero"]
-    again = replace(zero, code="gauge-null")
+    again = replace(zero, code="gauge-null", family="gauge-null")
     s = replace(
         setting, data=replace(setting.data, value=setting.data.value + 2e-4), known={zero.code: zero, again.code: again}
     )

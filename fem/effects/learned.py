@@ -1,0 +1,312 @@
+"""Laws that nobody wrote down: what one place does along one variable, learned from the readings.
+
+A law is a sum of pieces with a number each: straight between knots over a torque, a force or the clock, waves over a
+joint's travel. Knots lie in shares of the largest value that was read (``reach``, ``low``, ``high``), beyond which the
+last piece holds. With all numbers zero nothing happens. Such an effect has no name, only a place and an axis; but it is
+an effect like any other: in model files, in simulations, and on readings held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fem.effects.base import Effect, EffectParameter
+from fem.effects.joint_laws import SLOT
+from fem.effects.situation import Situation
+from fem.model import ArmModel
+from fem.statics.loads import LoadedPoses
+from robots.arrays import Array
+
+FAMILY = "learned"
+# What each head acts along, as studies and reports say it.
+AXES: dict[str, tuple[str, ...]] = {
+    "learned-torque": ("load", "pose"),
+    "learned-history": ("load history", "load"),
+    "learned-angle": ("pose",),
+    "learned-clock": ("clock", "temperature", "session"),
+    "learned-coupling": ("pose", "load"),
+    "learned-load": ("load", "pose"),
+    "learned-step": ("clock", "session"),
+}
+SOURCE = "learned from readings"
+# Knots, in shares of the largest value read; shares of a joint's turn or of a displacement that a piece may have.
+KNOTS = (0.25, 0.5, 0.75, 1.0)
+PIECE = 0.5
+WAVES = 4
+# Angles that a joint may have stood at, rad, to either side.
+TURN = 4.0 * np.pi
+# Moments at which something may have changed.
+MOMENTS = tuple(round(0.05 + 0.1 * k, 2) for k in range(10))
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far the readings go: torques (dof,) N m, travel (dof, 2) rad, moment at the base N m, force N, reading m."""
+
+    torque: Array
+    travel: Array
+    moment: float
+    force: float
+    size: float
+
+
+def plain_reach(model: ArmModel) -> Reach:
+    """A reach to write laws down with, where their numbers come from a file."""
+    dof = model.robot.dof
+    return Reach(np.full(dof, 1000.0), np.asarray(model.robot.limits, dtype=np.float64), 1000.0, 1000.0, 1e-3)
+
+
+def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
+    """Every law of this kind that the model can have."""
+    names = model.robot.joint_names
+    for index, name in enumerate(names):
+        top = _held("reach", "torque", "N m", float(max(reach.torque[index], 1e-6)), "largest torque that was read")
+        yield _torque(name, top)
+        yield _history(name, top)
+        yield _angle(index, name, reach.travel[index])
+        yield _clock(name)
+        yield _step(name)
+        yield _coupling(name, [other for other in names if other != name])
+    yield _base(reach)
+    yield _gauge_clock(reach)
+    yield _gauge_step(reach)
+    yield _gauge_history(reach)
+    force = _held("reach", "force", "N", max(reach.force, 1e-6), "largest force that was read")
+    yield _load(force)
+    yield _load_history(force)
+
+
+def learned_place(code: str) -> str:
+    """Where a learned law acts."""
+    return code.partition(":")[2]
+
+
+def axes_of(code: str) -> tuple[str, ...]:
+    """What a learned law acts along."""
+    return AXES[code.partition(":")[0]]
+
+
+def _held(name: str, dimension: str, unit: str, value: float, meaning: str) -> EffectParameter:
+    """A shape that the readings fix: one point on its grid."""
+    lower, upper = (-TURN, TURN) if dimension == "angle" else (1e-4 * value, 1e4 * value)
+    return EffectParameter(name, dimension, unit, lower, upper, SOURCE, role="shape", grid=(value,), meaning=meaning)
+
+
+def _pieces(names: Sequence[str], meaning: str) -> tuple[EffectParameter, ...]:
+    return tuple(
+        EffectParameter(name, "ratio", "1", 0.01, PIECE, SOURCE, signed=True, meaning=meaning) for name in names
+    )
+
+
+def hats(u: Array, knots: Sequence[float] = KNOTS) -> Array:
+    """Pieces (k, n) that are straight between 0 and the knots, one at one knot each; the last one holds beyond it."""
+    x = np.array([0.0, *knots])
+    return np.stack([np.interp(np.minimum(u, x[-1]), x, np.eye(len(x))[k]) for k in range(1, len(x))])
+
+
+def _both_ways(u: Array) -> Array:
+    """Pieces (2 k, n) for each sign of u by itself."""
+    return np.vstack([hats(np.maximum(u, 0.0)), hats(np.maximum(-u, 0.0))])
+
+
+def _down(s: Situation) -> Array:
+    return s.history.unloading(np.linalg.norm(s.at.wrench[:, :3], axis=1)).astype(float)
+
+
+UP = tuple(f"{sign}{k}" for sign in ("plus", "minus") for k in range(1, len(KNOTS) + 1))
+BACK = tuple(f"{name}_down" for name in UP)
+TIMES = tuple(f"at{k}" for k in range(1, len(KNOTS) + 1))
+
+
+def _torque(name: str, top: EffectParameter) -> Effect:
+    """``theta = c T sum v_k N_k(tau / T)``: a joint's turn over its torque."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        turn = v[:-1] @ _both_ways(s.torque(name) / v[-1])
+        return s.turned(name, s.compliance(name) * v[-1] * turn)
+
+    return Effect(
+        f"learned-torque:{name}", f"joint {name} turns by a law of its own over its torque", "arm",
+        (*_pieces(UP, "share of the turn that the largest torque gives"), top), law, FAMILY, doubt=0.0,
+        slot=SLOT,
+    )  # fmt: skip
+
+
+def _history(name: str, top: EffectParameter) -> Effect:
+    """A joint's turn over its torque, another one on the way down."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        N = _both_ways(s.torque(name) / v[-1])
+        turn = v[: len(N)] @ N + _down(s) * (v[len(N) : -1] @ N)
+        return s.turned(name, s.compliance(name) * v[-1] * turn)
+
+    return Effect(
+        f"learned-history:{name}", f"joint {name} turns by a law of its own, another one on the way down", "arm",
+        (*_pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top), law, FAMILY,
+        needs_history=True, doubt=0.0, slot=SLOT,
+    )  # fmt: skip
+
+
+def _angle(index: int, name: str, travel: Array) -> Effect:
+    """``theta = c tau sum v_k cos(pi k u)``, u from 0 to 1 over the travel: a stiffness that varies with the angle."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        low, high = v[WAVES], v[WAVES + 1]
+        u = np.clip((s.at.q[:, index] - low) / max(float(high - low), 1e-9), 0.0, 1.0)
+        share = v[:WAVES] @ np.cos(np.pi * np.outer(np.arange(1, WAVES + 1), u))
+        return s.turned(name, s.compliance(name) * s.torque(name) * share)
+
+    ends = (
+        _held("low", "angle", "deg", float(travel[0]), "smallest angle that was read"),
+        _held("high", "angle", "deg", float(travel[1]), "largest angle that was read"),
+    )
+    waves = _pieces([f"wave{k}" for k in range(1, WAVES + 1)], "share of the compliance")
+    return Effect(
+        f"learned-angle:{name}", f"joint {name}'s stiffness varies with its angle by a law of its own", "arm",
+        (*waves, *ends), law, FAMILY, depends_on="angle", doubt=0.0,
+    )  # fmt: skip
+
+
+def _clock(name: str) -> Effect:
+    """``theta = c tau sum v_k N_k(t)``: a joint's stiffness that changes over the campaign."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        share = v @ hats(np.nan_to_num(s.history.clock))
+        return s.turned(name, s.compliance(name) * s.torque(name) * share)
+
+    return Effect(
+        f"learned-clock:{name}", f"joint {name}'s stiffness changes over the campaign", "arm",
+        _pieces(TIMES, "share of the compliance that is added by then"), law, FAMILY, depends_on="clock", doubt=0.0,
+    )  # fmt: skip
+
+
+def _when() -> EffectParameter:
+    return EffectParameter("when", "ratio", "1", 0.0, 1.0, SOURCE, role="shape", grid=MOMENTS,
+                           meaning="when it happened, in shares of the campaign")  # fmt: skip
+
+
+def _step(name: str) -> Effect:
+    """``theta = c tau v`` from a moment on: a joint that was changed in the middle of the campaign."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        after = np.nan_to_num(s.history.clock) > v[1]
+        return s.turned(name, v[0] * s.compliance(name) * s.torque(name) * after)
+
+    return Effect(
+        f"learned-step:{name}", f"joint {name}'s stiffness changed at one moment of the campaign", "arm",
+        (*_pieces(["share"], "share of the compliance that is added from then on"), _when()), law, FAMILY,
+        depends_on="clock", doubt=0.0,
+    )  # fmt: skip
+
+
+def _coupling(name: str, others: Sequence[str]) -> Effect:
+    """``theta = c sum v_k tau_k``: torques at other joints turn this one."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        felt = sum(x * s.torque(other) for x, other in zip(v, others, strict=True))
+        return s.turned(name, s.compliance(name) * felt)
+
+    shares = _pieces([f"by_{other}" for other in others], "share of the compliance by which a torque there turns it")
+    return Effect(f"learned-coupling:{name}", f"torques at other joints turn joint {name}", "arm", shares, law, FAMILY,
+                  doubt=0.0)  # fmt: skip
+
+
+def _base(reach: Reach) -> Effect:
+    """The base turns about two level axes by a law of its own over the moment."""
+
+    def law(_: object, s: Situation, v: Array) -> Array:
+        port, top, turn = s.places["base"], v[-2], v[-1]
+        moment = port.carried[3:5]
+        N = [_both_ways(moment[k] / top) for k in range(2)]
+        half = len(N[0])
+        angle = [turn * (v[k * half : (k + 1) * half] @ N[k]) for k in range(2)]
+        return np.asarray((port.T[3] * angle[0] + port.T[4] * angle[1]).T)
+
+    pieces = _pieces([f"{axis}_{name}" for axis in "xy" for name in UP], "share of the turn named")
+    ends = (
+        _held("reach", "torque", "N m", max(reach.moment, 1e-6), "largest moment that was read"),
+        _held("turn", "angle", "mrad", reach.size * reach.force / max(reach.moment, 1e-6), "turn that shares are of"),
+    )
+    return Effect("learned-load:base", "the base gives way by a law of its own", "arm", (*pieces, *ends), law, FAMILY,
+                  doubt=0.0)  # fmt: skip
+
+
+def _gauge_clock(reach: Reach) -> Effect:
+    """Readings move over the campaign by a law of their own."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        N = hats(np.nan_to_num(s.history.clock))
+        out, k = d.copy(), len(N)
+        for axis in range(3):
+            out[:, axis] += v[-1] * (v[axis * k : (axis + 1) * k] @ N)
+        return out
+
+    pieces = _pieces([f"{axis}_{name}" for axis in "xyz" for name in TIMES], "share of the size named")
+    size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    return Effect("learned-clock:gauge", "readings move over the campaign by a law of their own", "gauge",
+                  (*pieces, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
+
+
+def _gauge_step(reach: Reach) -> Effect:
+    """Readings move at one moment of the campaign: someone touched the gauge."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        out, after = d.copy(), np.nan_to_num(s.history.clock) > v[3]
+        out[:, :3] += np.outer(after, v[:3]) * v[4]
+        return out
+
+    size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    return Effect("learned-step:gauge", "readings moved at one moment of the campaign", "gauge",
+                  (*_pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
+                  doubt=0.0)  # fmt: skip
+
+
+def _gauge_history(reach: Reach) -> Effect:
+    """Readings lag behind: on the way down, and more or less with the load, by a length of its own."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        down = _down(s)
+        share = np.linalg.norm(s.at.wrench[:, :3], axis=1)
+        share = share / max(float(share.max(initial=0.0)), 1e-9)
+        out = d.copy()
+        for axis in range(3):
+            up, back, slope = v[3 * axis : 3 * axis + 3]
+            out[:, axis] += v[9] * (up + down * (back + slope * share))
+        return out
+
+    names = [f"{axis}_{part}" for axis in "xyz" for part in ("always", "back", "back_with_load")]
+    size = _held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
+    return Effect("learned-history:gauge", "readings lag behind the load", "gauge",
+                  (*_pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
+                  doubt=0.0)  # fmt: skip
+
+
+def _scaled(at: LoadedPoses, share: Array) -> LoadedPoses:
+    return LoadedPoses(at.q, at.wrench * (1.0 + share)[:, None], at.point)
+
+
+def _load(top: EffectParameter) -> Effect:
+    """Another force than the sheet says, by a law of its own over the force."""
+
+    def law(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
+        return _scaled(at, v[:-1] @ hats(np.linalg.norm(at.wrench[:, :3], axis=1) / v[-1]))
+
+    pieces = _pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
+    return Effect("learned-load:load", "forces are others than the sheet says, by a law of their own", "load",
+                  (*pieces, top), law, FAMILY, doubt=0.0)  # fmt: skip
+
+
+def _load_history(top: EffectParameter) -> Effect:
+    """Readings as if forces were others than the sheet says, others again on the way down."""
+
+    def law(d: Array, s: Situation, v: Array) -> Array:
+        N = hats(np.linalg.norm(s.at.wrench[:, :3], axis=1) / v[-1])
+        return np.asarray(d * (1.0 + v[: len(N)] @ N + _down(s) * (v[len(N) : -1] @ N))[:, None])
+
+    names = [f"share{k}" for k in range(1, len(KNOTS) + 1)]
+    pieces = _pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
+    return Effect("learned-history:load", "forces are others than the sheet says, others again on the way down",
+                  "gauge", (*pieces, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip
