@@ -10,7 +10,7 @@ from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
 from doe.diagnosis.known import Refit, accept, base_of, refit
-from doe.diagnosis.outlying import reading_weights
+from doe.diagnosis.outlying import ODD, reading_weights
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
@@ -21,7 +21,7 @@ from doe.estimation.repeats import repeated
 from doe.plausibility.passive_arm import told_by
 from doe.tables.loaded import rms_mm
 from fem.effects.base import PlacedEffect
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.progress import Messages, Progress
 
 # Effects looked for one after the other.
@@ -56,7 +56,10 @@ class Found:
 
 @dataclass(frozen=True)
 class State:
-    """A model on the readings: fitted numbers, and how far off it is, also on poses left out (mm)."""
+    """A model on the readings: fitted numbers, and how far off it is, also on poses left out (mm, RMS).
+
+    Readings that hardly count (:data:`doe.diagnosis.outlying.ODD`) are in the errors (m,), not in their RMS.
+    """
 
     refit: Refit
     residual: Array
@@ -99,6 +102,11 @@ class Diagnosis:
     def found(self) -> tuple[Found, ...]:
         """All that was taken up, the sure ones first, in the order of the model's accepted effects otherwise."""
         return (*self.effects, *self.learned, *self.provisional)
+
+    @property
+    def counts(self) -> Bools:
+        """Which readings (m,) count: not those that are far from what all others make of them."""
+        return self.weight >= ODD
 
     def not_testable(self) -> dict[str, str]:
         """Codes that these readings cannot judge, with the reason."""
@@ -264,9 +272,9 @@ def state_of(s: Setting, noise: Noise, weight: Array) -> State:
     # The noise was found at the predictions that were ranked, and shares of the deflection move with these.
     fitted = replace(fitted, noise=within_readings(here.data, f, noise))
     floor = rms_mm(fitted.noise.spread(here.data, f), component) if (component < 3).any() else 0.0
-    return State(
-        fitted, here.residual, left.error, rms_mm(here.residual, component), rms_mm(left.error, component), floor
-    )
+    good = weight >= ODD
+    own, out = (rms_mm(error[good], component[good]) for error in (here.residual, left.error))
+    return State(fitted, here.residual, left.error, own, out, floor)
 
 
 def _odds_against_unknown(s: Setting, rankings: list[Ranking], found: list[_Pick], options: Options) -> float:

@@ -33,7 +33,7 @@ class Nested:
     """Errors (m,), read minus predicted, of poses that a fold had not seen; RMS of the translations in mm.
 
     ``fold`` (m,): in which fold a reading was left out; ``before``: springs alone, ``after``: with what each fold
-    found, ``found`` its codes.
+    found, ``found`` its codes; ``counts`` (m,): readings in the RMS, odd ones are not.
     """
 
     fold: Integers
@@ -41,6 +41,7 @@ class Nested:
     after: Array
     component: Integers
     found: tuple[tuple[str, ...], ...]
+    counts: Bools
 
     @property
     def folds(self) -> int:
@@ -56,12 +57,12 @@ class Nested:
     @property
     def rms_before_mm(self) -> float:
         """RMS of the springs alone."""
-        return rms_mm(self.before, self.component)
+        return rms_mm(self.before[self.counts], self.component[self.counts])
 
     @property
     def rms_after_mm(self) -> float:
         """RMS of the diagnosed models."""
-        return rms_mm(self.after, self.component)
+        return rms_mm(self.after[self.counts], self.component[self.counts])
 
 
 def check_folds(folds: int) -> None:
@@ -85,13 +86,15 @@ def nested(
     *,
     folds: int = FOLDS,
     seed: int = 0,
+    counts: Bools | None = None,
     progress: Messages | None = None,
     within: Progress | None = None,
 ) -> Nested:
     """Diagnose once for every fold, without its poses, and predict these.
 
     ``s``: the setting of all readings ``data``, of whose springs and accepted numbers nothing is taken over;
-    ``folds``: into which the poses are split at random by ``seed``; fewer than ten poses are left out one at a time.
+    ``folds``: into which the poses are split at random by ``seed``; fewer than ten poses are left
+    out one at a time. ``counts`` (m,): readings that count, by default all.
 
     Raises
     ------
@@ -114,7 +117,8 @@ def nested(
         before[mine], after[mine] = errors
         found.append(codes)
         say(f"fold {k + 1} of {int(fold.max()) + 1}: {', '.join(codes) or 'nothing found'}")
-    return Nested(fold[row], before, after, component.astype(np.int64), tuple(found))
+    good = np.ones(len(row), dtype=bool) if counts is None else counts
+    return Nested(fold[row], before, after, component.astype(np.int64), tuple(found), good)
 
 
 def _one(

@@ -25,6 +25,8 @@ from doe.estimation.problem import Problem
 from doe.estimation.repeats import repeated
 from robots.arrays import Array
 
+# A reading that counts for less than this share is odd.
+ODD = 0.5
 ROUNDS = 6
 # Weights have settled when none changes by more.
 SETTLED = 0.02

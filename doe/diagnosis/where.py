@@ -64,11 +64,11 @@ def shares(z: Array, residual: Array, labels: Sequence[str]) -> tuple[Group, ...
 def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
     """Disagreement of the model before with its readings, by ``pose``, ``load``, ``direction`` and ``phase``.
 
-    Where nothing is missing, or the readings tell nothing, there are no shares.
+    Where nothing is missing, or the readings tell nothing, there are no shares. Odd readings are left out.
     """
-    s = d.before.setting
-    z = d.before.residual / spread(s, own_noise(d))
-    found = {kind: shares(z, d.before.residual, labels) for kind, labels in labels_of(s).items()}
+    s, good = d.before.setting, np.flatnonzero(d.counts)
+    z, residual = (d.before.residual / spread(s, own_noise(d)))[good], d.before.residual[good]
+    found = {kind: shares(z, residual, [labels[k] for k in good]) for kind, labels in labels_of(s).items()}
     if d.verdict not in ("none", "uninformative"):
         return found
     # What is beyond the expected by chance is no disagreement that could lie anywhere.
@@ -93,9 +93,10 @@ def noise_floor_mm(d: Diagnosis) -> float:
     return rms_mm(spread(s, own_noise(d)), s.data.component)
 
 
-def least_rms_mm(s: Setting) -> float:
+def least_rms_mm(d: Diagnosis) -> float:
     """The smallest RMS of the translations (mm) that any springs of the free joints could reach by themselves."""
-    linear = s.data.component < 3
+    s = d.before.setting
+    linear = (s.data.component < 3) & d.counts
     if not linear.any():
         return float("nan")
     A, y = s.spring_columns[linear], s.residual[linear] + s.spring_columns[linear] @ s.springs

@@ -82,7 +82,7 @@ class Diagnosis(Shown):
             "readings fitted": (g.fit_before_mm, g.fit_after_mm),
             "unseen poses": (g.held_out_before_mm, g.held_out_after_mm),
         }
-        least = least_rms_mm(self.found.found.before.setting)
+        least = least_rms_mm(self.found.found)
         return Picture.of(gap_figure(rows, g.noise_floor_mm, least)).kept(file)
 
 

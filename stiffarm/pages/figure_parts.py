@@ -65,10 +65,13 @@ def named_rows(ax: Axes, names: Sequence[str], **look: Any) -> None:
     ax.grid(visible=False, axis="y")
 
 
-def named_columns(ax: Axes, names: Sequence[str]) -> None:
-    """Name the columns 0, 1, ... of a chart; of many names only some are written, of long ones upright."""
+def named_columns(ax: Axes, names: Sequence[str], part: int = 1) -> None:
+    """Name the columns 0, 1, ... of a chart; of many names only some are written, of long ones upright.
+
+    ``part``: how many charts share the page's width.
+    """
     shown = range(0, len(names), -(-len(names) // _MOST_NAMES))
-    upright = sum(len(names[k]) + 1 for k in shown) > _NAMES_UPRIGHT
+    upright = sum(len(names[k]) + 1 for k in shown) > _NAMES_UPRIGHT // part
     ax.set_xticks(list(shown), [names[k] for k in shown], rotation=90 if upright else 0)
     ax.set_xlim(-0.6, len(names) - 0.4)
     ax.grid(visible=False, axis="x")

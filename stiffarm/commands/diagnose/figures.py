@@ -208,11 +208,11 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Fi
         ):
             axes = part.subplots(1, len(kinds), squeeze=False)[0]
             for ax, kind in zip(axes, kinds, strict=True):
-                _share_bars(ax, kind, groups[kind], values=number > 0)
+                _share_bars(ax, kind, groups[kind], values=number > 0, part=len(kinds))
     return figure
 
 
-def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]], *, values: bool) -> None:
+def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]], *, values: bool, part: int) -> None:
     labels = [g[0] for g in groups]
     share = 100.0 * np.array([g[1] for g in groups])
     known = bool(np.isfinite(share).all())
@@ -227,7 +227,7 @@ def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]],
             v = heights[k]
             note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
         ax.margins(y=0.16)
-    named_columns(ax, labels)
+    named_columns(ax, labels, part)
     ax.set(
         ylabel="share (%)" if known else "mean square",
         xlabel=f"by {kind}" + (" (dashed: all alike)" if known and not values else ""),

@@ -127,7 +127,7 @@ def gap(d: Diagnosed) -> dict[str, Any]:
             "noise_floor_mm": number(noise_floor_mm(d.found)),
             "left_one_pose_out_rms_mm": number(state.left_out_rms_mm),
         }
-    out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found.before.setting))
+    out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found))
     out["nested"] = n and {
         "folds": n.folds,
         "seed": d.request.seed,

@@ -222,7 +222,7 @@ def shrunk(d: Diagnosed, pictures: Pictures) -> Section:
         Text(words.gap_sentence(d)),
         pictures.add(
             gap_figure(
-                rows, noise_floor_mm(found), least_rms_mm(found.before.setting), floor_name(found.after.setting.data)
+                rows, noise_floor_mm(found), least_rms_mm(found), floor_name(found.after.setting.data)
             ),
             "gap",
             "RMS errors. What counts is the error at poses that the fit has not seen.",
@@ -255,7 +255,7 @@ def _fit(d: Diagnosed, state: State, name: str) -> Fit:
     """Translations in mm; rotations only where nothing else was read."""
     p = state.setting.data
     linear = p.component < 3
-    mine = np.flatnonzero(linear if linear.any() else ~linear)
+    mine = np.flatnonzero((linear if linear.any() else ~linear) & d.found.counts)
     labels = labels_of(state.setting)
     noise = noise_floor_mm(d.found) if linear.any() else state.refit.noise.white[1] * 1e3
     of = {kind: [labels[kind][i] for i in mine] for kind in ("pose", "load", "phase")}

@@ -35,8 +35,6 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.session.zones import FLOOR, parse_zone
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
-# A reading that counts for less than this share is odd.
-ODD = 0.5
 # Twins are looked for among the codes that a reader asks about, most probable first.
 ASKED = 6
 
@@ -89,7 +87,7 @@ class Diagnosed:
     def odd(self) -> list[int]:
         """Numbers of the readings that hardly count, least first: what the others make of them is far off."""
         weight = self.found.weight
-        return [int(k) for k in np.argsort(weight, kind="stable") if weight[k] < ODD]
+        return [int(k) for k in np.argsort(weight, kind="stable") if not self.found.counts[k]]
 
     @property
     def tells(self) -> bool:
@@ -207,7 +205,9 @@ def _nested(
         return None
     reason = why_not_nested(used, request.folds)
     if reason is None:
-        return nested(s, used, options, folds=request.folds, seed=request.seed, progress=say, within=progress)
+        return nested(
+            s, used, options, folds=request.folds, seed=request.seed, counts=found.counts, progress=say, within=progress
+        )
     say(f"note: how well the diagnosis predicts poses it has not seen is not known: {reason}")
     return None
 

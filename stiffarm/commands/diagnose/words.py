@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
@@ -139,19 +137,14 @@ def gap_sentence(d: Diagnosed) -> str:
     where = f"At {unseen_poses(d)}" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
-        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(before.setting):.3f} mm). "
+        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(d.found):.3f} mm). "
         f"{_without_odd(d)}{_sentence(_floor(d))}."
     )
 
 
 def _without_odd(d: Diagnosed) -> str:
-    """The error in the fit without readings that hardly count, where there are some: they swell an RMS."""
-    if not d.odd:
-        return ""
-    keep, component = np.ones(len(d.found.weight), dtype=bool), d.found.start.data.component
-    keep[d.odd] = False
-    a, b = (rms_mm(state.residual[keep], component[keep]) for state in (d.found.before, d.found.after))
-    return f"Without the {len(d.odd)} readings that hardly count it went from {a:.3f} to {b:.3f} mm in the fit. "
+    """That an RMS leaves out readings that hardly count, where there are some."""
+    return f"The {len(d.odd)} readings that hardly count are left out of this. " if d.odd else ""
 
 
 def unseen_poses(d: Diagnosed) -> str:

@@ -103,7 +103,7 @@ def answer_figure(draws: Sequence[Rehearsed]) -> Figure:
         rows["poses held out,\nwithout noise"] = r.gap_mm
     if not r.verdict.found:
         rows = {name: (before, nan) for name, (before, _) in rows.items()}
-    return gap_figure(rows, noise_floor_mm(d), least_rms_mm(d.before.setting))
+    return gap_figure(rows, noise_floor_mm(d), least_rms_mm(d))
 
 
 def many(draws: Sequence[Rehearsed], pictures: Pictures) -> list[Section]:
