@@ -57,7 +57,7 @@ def test_two_effects_are_found_one_after_the_other() -> None:
 def test_friction_cannot_be_judged_without_a_history() -> None:
     data = read({"friction:j2": FRICTION}, poses=10, repeats=1)
     up = data.select(np.array([phase == "loading" for phase in data.phase]))
-    up = replace(up, phase=(None,) * up.n, step=np.full(up.n, np.nan))
+    up = replace(up, phase=(None,) * up.n, step=np.full(up.n, np.nan), time=np.full(up.n, np.nan))
     d = diagnose(setting(up))
     assert "loading" in d.not_testable()["friction:j2"]
     assert "step" in d.not_testable()["drift"]
