@@ -8,7 +8,19 @@ from dataclasses import dataclass, field, replace
 
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
+from doe.diagnosis.hypotheses import (
+    NAME,
+    NONE,
+    UNKNOWN,
+    Decision,
+    Hypothesis,
+    Kind,
+    Options,
+    Ranking,
+    decide,
+    is_learned,
+    log_priors,
+)
 from doe.diagnosis.known import Refit, accept, base_of, refit
 from doe.diagnosis.outlying import ODD, reading_weights
 from doe.diagnosis.ranking import rank
@@ -193,6 +205,7 @@ def diagnose(
             if told.anything
             else Decision("uninformative", None, told.words)
         )
+        d = _with_partner(rankings, found, r, d)
         rankings.append(r)
         decisions.append(d)
         say(f"look {look + 1}: {_words(r) if told.anything else 'these readings tell nothing about the arm'}")
@@ -218,7 +231,7 @@ def diagnose(
     odds = _odds_against_unknown(s, rankings, found, options)
     verdict, reason = _verdict(s, rankings, decisions, found, odds)
     # A name that leaves most unexplained is no name: what it took up may not be it.
-    sure = () if verdict == "unknown" else tuple(zip(all_found, found, strict=True))
+    sure = () if verdict == "unknown" or len(found) == MOST else tuple(zip(all_found, found, strict=True))
     certain = tuple(f for f, pick in sure if pick.kind == "named")
     learned = tuple(f for f, pick in sure if pick.kind == "learned")
     rest = tuple(f for f in all_found if f not in (*certain, *learned))
@@ -235,6 +248,20 @@ class _Pick:
     gain: float
     kind: Kind
     reason: str
+
+
+def _with_partner(rankings: Sequence[Ranking], found: Sequence[_Pick], r: Ranking, d: Decision) -> Decision:
+    """The decision of a second look, or what the first look saw beside the effect that is now accepted.
+
+    Alone it was fitted to what both do, and what is left may look like neither.
+    """
+    if len(found) != 1 or d.kind in ("none", "named"):
+        return d
+    code, share = rankings[0].partner(found[0].hypothesis.code)
+    if share < HALF or is_learned(code) or all(h.code != code for h in r.hypotheses):
+        return d
+    kind: Kind = "named" if share >= NAME else "ambiguous"
+    return Decision(kind, replace(r.of(code), probability=share), "it explains the readings together with what was found before it")
 
 
 def _words(r: Ranking) -> str:
@@ -311,6 +338,10 @@ def _verdict(
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
+    if len(found) == MOST:
+        if len(decisions) > MOST and decisions[MOST].kind != "none":
+            return "unknown", f"even {MOST} effects of the catalogue leave something unexplained"
+        return "ambiguous", f"it takes {MOST} effects to explain the readings: one that nobody catalogued is as likely"
     for kind in ("unknown", "ambiguous"):
         for pick in found:
             if pick.kind == kind:

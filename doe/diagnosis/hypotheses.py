@@ -121,6 +121,16 @@ class Ranking:
         """The most probable one."""
         return self.hypotheses[0]
 
+    def partner(self, code: str) -> tuple[str, float]:
+        """The effect that most probably acts beside one, and with what probability if that one does; "" if none."""
+        with_it = [(key - {code, UNKNOWN}, p) for key, p in self.sets if code in key]
+        beside: dict[str, float] = {}
+        for key, p in with_it:
+            for other in key:
+                beside[other] = beside.get(other, 0.0) + p
+        best = max(beside, key=lambda other: beside[other], default="")
+        return best, beside.get(best, 0.0) / max(sum(p for _, p in with_it), 1e-300)
+
     def credible(self, share: float = 0.95) -> tuple[str, ...]:
         """The fewest codes that together hold a share of the probability."""
         total, out = 0.0, []
