@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import (
+    GAIN,
     NAME,
     NONE,
     UNKNOWN,
@@ -42,7 +43,7 @@ MOST = 3
 # quite right.
 FURTHER = 0.01
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
-LEFT_OVER, SURE = 0.05, 0.9
+LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
 HALF = 0.5
 
@@ -169,6 +170,17 @@ class Diagnosis:
         return s.moved(s.springs, [e for e in s.accepted if e.effect.code != code])
 
     @property
+    def suspect(self) -> Hypothesis | None:
+        """Of laws learned at one place the one that alone goes best with the readings: where something unknown acts.
+
+        None where none of them explains anything.
+        """
+        first = self.rankings[0]
+        laws = [h for h in first.hypotheses if is_learned(h.code)]
+        best = max(laws, key=lambda h: h.log_evidence, default=None)
+        return best if best is not None and best.log_evidence > first.of(NONE).log_evidence + GAIN else None
+
+    @property
     def ranking(self) -> Ranking:
         """The ranking that the verdict rests on."""
         return self.rankings[self.look]
@@ -261,7 +273,8 @@ def _with_partner(rankings: Sequence[Ranking], found: Sequence[_Pick], r: Rankin
     if share < HALF or is_learned(code) or all(h.code != code for h in r.hypotheses):
         return d
     kind: Kind = "named" if share >= NAME else "ambiguous"
-    return Decision(kind, replace(r.of(code), probability=share), "it explains the readings together with what was found before it")
+    picked = replace(r.of(code), probability=share)
+    return Decision(kind, picked, "it explains the readings together with what was found before it")
 
 
 def _words(r: Ranking) -> str:

@@ -41,6 +41,8 @@ CLEAR = 20.0
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5
+# Beside something unknown a further effect must have at least this probability to be taken up.
+CREDIBLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,8 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
     same_axis = is_learned(top.code) and unknown.axis in axes_of(top.code)
     if unknown.probability > 0.5 and not same_axis:
+        if further and top.probability < CREDIBLE:
+            return Decision("ambiguous", None, "what is left is nothing that the catalogue knows")
         return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
     if is_learned(top.code):
         return _learned(top, effects, none, unknown.probability if same_axis else 0.0)

@@ -41,7 +41,9 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     along, soft, stiff = usual.rigid, min(usual.rigid, 1.0), max(usual.rigid, 1.0)
     lowest, highest = 2e6 * min(usual.stiff, 1.0), 1e8 * max(usual.stiff, 1.0)
     tilts = [
-        stiffness(f"stiffness_{a}", "N m/rad", lowest, highest, ASSUMED, f"stiffness about the {which} of two level axes")
+        stiffness(
+            f"stiffness_{a}", "N m/rad", lowest, highest, ASSUMED, f"stiffness about the {which} of two level axes"
+        )
         for a, which in zip("xy", ("first", "second"), strict=True)
     ]
     yield Effect(
@@ -154,8 +156,6 @@ def _vertical(model: ArmModel, _: object, v: Array) -> ArmModel:
     C = model.base.copy()
     C[2, 2] += v[0]
     return replace(model, base=C)
-
-    return law
 
 
 def _bar(model: ArmModel, _: object, v: Array) -> ArmModel:
