@@ -17,7 +17,7 @@ from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect
 from fem.effects.learned import FAMILY as LEARNED
-from fem.effects.learned import axes_of
+from fem.effects.learned import axes_of, learned_place
 
 NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
@@ -228,9 +228,9 @@ def _learned(top: Hypothesis, effects: Sequence[Hypothesis], none: Hypothesis, u
 
     ``unknown``: probability of something unknown along the same axis, which the law stands for.
     """
-    place = top.code.partition(":")[2]
+    place = learned_place(top.code)
     learned = [h for h in effects if is_learned(h.code)]
-    own = sum(h.probability for h in learned if h.code.partition(":")[2] == place)
+    own = sum(h.probability for h in learned if learned_place(h.code) == place)
     there = own + unknown * own / sum(h.probability for h in learned)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
     if there < NAME:

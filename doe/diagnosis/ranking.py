@@ -139,14 +139,14 @@ def _leaders(table: Sequence[Row]) -> list[Weighed]:
     return [one for one in order if one.signature.shift is None]
 
 
-def _unknown(g: _Ground, table: Sequence[Row]) -> tuple[list[tuple[Noise, Array]], list[float], Options]:
+def _unknown(g: _Ground, table: Sequence[Row]) -> tuple[list[tuple[Noise, Array]], list[float]]:
     """Log evidence of every process at the noises that go with it, and of set-ups that scatter too much at all."""
     o = g.options
     wild = Options(o.pose_term, o.priors, o.by, o.prior_none, NoisePrior(WILD))
     order = sorted(table, key=lambda row: -row.most)[:UNKNOWNS]
     chosen = [row.noise for row in (*order, max(table, key=lambda row: row.none))]
     smooth = [unknown_at(g.s, g.base, g.weight, n, g.unknown, wild) for n in dict.fromkeys(chosen)]
-    return smooth, [rough_at(g.s, row, wild, o) for row in table], wild
+    return smooth, [rough_at(g.s, row, wild, o) for row in table]
 
 
 def _axis_priors(some: Sequence[Process]) -> Array:
@@ -161,7 +161,7 @@ def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[
     s, options = g.s, g.options
     codes = list(g.found.candidates)
     prior = log_priors(s, [NONE, UNKNOWN, *codes], options)
-    smooth, rough, _ = _unknown(g, table)
+    smooth, rough = _unknown(g, table)
     among = _axis_priors(g.unknown)
     by_process = logsumexp(np.array([z for _, z in smooth]), axis=0) - math.log(len(table)) + among
     count = len(table)

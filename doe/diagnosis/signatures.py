@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -54,6 +55,8 @@ def shapes(effect: Effect) -> Iterator[Array]:
 
 def shape_count(effect: Effect) -> int:
     """Number of points on the shapes' grid."""
+    if effect.differs is None:
+        return math.prod(len(p.grid) for p in effect.parameters if p.role == "shape")
     return sum(1 for _ in shapes(effect))
 
 

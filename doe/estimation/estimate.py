@@ -46,6 +46,8 @@ STILL_NOISE = 1e-5
 LEAST_RATE = 0.05
 # Median of the absolute value of a standard normal number.
 MEDIAN = 0.6745
+# The middle half of good readings' residuals is at most so many times as wide as the noise says.
+MOST_WIDE = 2.0
 
 
 @dataclass(frozen=True)
@@ -146,17 +148,30 @@ def estimate(
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
             # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
             # beside almost as many parameters would lose weight, and intervals come out too narrow.
-            followed = np.sqrt(1.0 - len(u) / len(p))
-            middle = float(np.median(np.abs(own))) / (MEDIAN * followed) if turn == 0 else 1.0
+            middle = _middle(own) / np.sqrt(1.0 - len(u) / len(p)) if turn == 0 else 1.0
             own = own / min(max(middle, 1e-3), 1.0)
             if fixed_noise is None and turn > 0:
                 # Other weights make for another noise, and that for other weights: what it will be, all but a little.
                 factor = float(np.sqrt(noise.weigh(own) @ own**2 / max(float(weight @ own**2), 1e-300)))
                 noise, own = noise.times(factor, names, gauge), own / max(factor, 1e-3)
-            weight = noise.weigh(own)
+            weight = _weights(noise, own)
     if fixed_noise is None:
         noise = within_readings(p, f, noise, gauge)
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None)
+
+
+def _middle(own: Array) -> float:
+    """How wide the middle half of standardised residuals (m,) is, over that of standard normal numbers."""
+    return float(np.median(np.abs(own))) / MEDIAN
+
+
+def _weights(noise: Noise, own: Array) -> Array:
+    """Weights (m,) of residuals over the readings' own standard deviations; most readings are no outliers.
+
+    Where half of all stand out the noise is too small, not the readings wrong: without that a fit may end at the few
+    readings that it follows exactly, all others taken for outliers.
+    """
+    return noise.weigh(own / max(_middle(own) / MOST_WIDE, 1.0))
 
 
 def structure_of(p: Problem, noise: Noise) -> Structure:
@@ -200,7 +215,8 @@ def unrest(
     names = terms_of(p, f, structure_of(p, noise))
     found = fit_noise(p, f, J[:, seen_columns(p, J)], error, noise, gauge, weight, names=names)
     before, after = (np.sqrt(n.variance(p, f) + np.sum(n.common(p, f) ** 2, axis=1)) for n in (noise, found))
-    judged = found.weigh(own_residual(p, found, f, weight, error)) if robust and len(p) > len(u) + 3 else weight
+    own = own_residual(p, found, f, weight, error)
+    judged = _weights(found, own) if robust and len(p) > len(u) + 3 else weight
     return (
         float(np.max(np.abs(np.concatenate([moved / before, off])), initial=0.0)),
         float(np.max(np.abs(after / before - 1.0), initial=0.0)),

@@ -9,7 +9,7 @@ an effect like any other: in model files, in simulations, and on readings held o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -284,15 +284,12 @@ def _gauge_history(reach: Reach) -> Effect:
                   doubt=0.0)  # fmt: skip
 
 
-def _scaled(at: LoadedPoses, share: Array) -> LoadedPoses:
-    return LoadedPoses(at.q, at.wrench * (1.0 + share)[:, None], at.point)
-
-
 def _load(top: EffectParameter) -> Effect:
     """Another force than the sheet says, by a law of its own over the force."""
 
     def law(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
-        return _scaled(at, v[:-1] @ hats(np.linalg.norm(at.wrench[:, :3], axis=1) / v[-1]))
+        share = v[:-1] @ hats(np.linalg.norm(at.wrench[:, :3], axis=1) / v[-1])
+        return replace(at, wrench=at.wrench * (1.0 + share)[:, None])
 
     pieces = _pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
     return Effect("learned-load:load", "forces are others than the sheet says, by a law of their own", "load",

@@ -47,7 +47,7 @@ def arm(effects: Sequence[str] = (), *, path: str = "parallelogram", **tables: A
 
 
 def _plausible(effect: Any) -> PlacedEffect:
-    values = [p.grid[0] if p.role == "shape" else float(np.mean(p.size)) for p in effect.parameters]
+    values = [p.grid[len(p.grid) // 2] if p.role == "shape" else float(np.mean(p.size)) for p in effect.parameters]
     return PlacedEffect(effect, np.array(values))
 
 
