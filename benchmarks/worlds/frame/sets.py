@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import noise
 from .arms import SPRINGS
@@ -25,6 +26,7 @@ UNSEEN = 12
 UNSEEN_FIRST = 5000
 Dealt = TypeVar("Dealt")
 Rng = np.random.Generator
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -180,8 +182,8 @@ def unseen(spec: Spec, after: Row) -> list[Row]:
     ]  # fmt: skip
 
 
-def key(spec: Spec, rows: list[Row]) -> dict[str, Any]:
-    """The truth, and how much of it shows."""
+def key(spec: Spec, rows: list[Row], real: Array) -> dict[str, Any]:
+    """The truth and how much of it shows; beside it, with all that is off too, of readings ``real`` (n, 3)."""
     whole = readings(spec, rows)
     effects = []
     for e in spec.effects:
@@ -201,7 +203,7 @@ def key(spec: Spec, rows: list[Row]) -> dict[str, Any]:
     }  # fmt: skip
     return {
         "schema": "stiffarm-study-key/1", "world": WORLD, "effects": effects, "excess_chi2": total, "tags": tags,
-        WORLD: spec.text(),
+        "excess_chi2_with_nuisance": round(excess(spec, rows, real, whole), 2), WORLD: spec.text(),
     }  # fmt: skip
 
 
@@ -209,14 +211,15 @@ def write_set(folder: Path, spec: Spec) -> None:
     """A set's folder."""
     rows = campaign(spec)
     others = unseen(spec, rows[-1])
-    said = noise.measured(spec, rows, readings(spec, rows, off=Off()), 0)
+    real = readings(spec, rows, off=Off())
+    said = noise.measured(spec, rows, real, 0)
     true = readings(spec, others, off=Off(loads=False))
     write(
         folder,
         spec,
         table(spec, rows, said),
         table(spec, others, true, len(rows) + 1, 6),
-        key(spec, rows),
+        key(spec, rows, real),
     )
 
 
