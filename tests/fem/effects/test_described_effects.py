@@ -51,7 +51,7 @@ def test_numbers_come_in_si() -> None:
     d = read(BACKLASH)
     (placed,) = described_effects(d, build_arm(d))
     assert placed.effect.code == "backlash:j2"
-    assert placed.by_name == pytest.approx({"gap": 5e-4, "crossing": 20.0, "preload": 1.0})
+    assert placed.by_name == pytest.approx({"gap": 5e-4, "crossing": 20.0, "preload": 1.0, "pressed": 0.0})
     assert reading_effects(d, build_arm(d)) == (placed,) or len(reading_effects(d, build_arm(d))) == 1
 
 
