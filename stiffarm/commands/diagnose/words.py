@@ -327,8 +327,7 @@ def _beside_twins(d: Diagnosed) -> str:
         if others := d.twins.get(f.code):
             parts.append(f"{_and(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}")
     return (
-        f"{_and(parts)}, but only with implausible numbers: each is less than a hundredth as probable. Readings in new "
-        "poses would confirm the name."
+        f"{_and(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the name."
     )
 
 
