@@ -103,21 +103,18 @@ def _judged(code: Code, effect: str, passed: bool | None, evidence: str, by: flo
 
 def _plausible(f: Found) -> Check:
     """Numbers within their ranges, give or take their uncertainty; too small is an effect only as a whole."""
-    effect, values = f.placed.effect, f.placed.values
-    numbers = [(p, float(values[k]), f.sd[p.name]) for k, p in free_numbers(f.placed)]
+    numbers = [(p, float(f.placed.values[k]), f.sd[p.name]) for k, p in free_numbers(f.placed)]
     if not numbers:
         reason = "it has no number that could be implausible: it is there or it is not"
         return _judged("plausible-parameters", f.code, None, reason)
     sizes = [n for n in numbers if n[0].role == "amplitude"]
-    small = sizes if all(too_small(*n) for n in sizes) else []
-    small += [n for n in numbers if n[0].role == "shape" and too_small(*n)]
-    large = [n for n in numbers if too_large(*n)]
-    if not small and not large:
+    nothing = all(too_small(*n) for n in sizes)
+    odd = [n for n in numbers if too_large(*n) or (too_small(*n) and (nothing or n[0].role == "shape"))]
+    if not odd:
         text = _listed([_number(*n) for n in numbers]) + " within what is plausible"
         return _judged("plausible-parameters", f.code, True, text)
-    odd = [n for n in numbers if n in small or n in large]
     text = _listed([f"{_number(*n)} where {_range(n[0])} is plausible" for n in odd])
-    return _judged("plausible-parameters", effect.code, False, text)
+    return _judged("plausible-parameters", f.code, False, text)
 
 
 def _number(p: EffectParameter, acts: float, sd: float) -> str:
