@@ -315,17 +315,19 @@ def test_a_fit_that_follows_every_reading_leaves_nothing_to_judge(
 
 
 def test_runs_leave_as_much_as_theory_says() -> None:
-    """A base of four numbers with priors: the mean sum of squares of what a refit leaves, and its scatter."""
+    """A base of many numbers with priors that matter: the mean sum of squares of what a refit leaves."""
     rng = np.random.default_rng(1)
-    m, b = 60, 4
-    base = Base(rng.normal(size=(m, b)), rng.normal(size=m), np.full(b, 0.1), np.full(b, -np.inf))
+    m, b = 60, 40
+    base = Base(rng.normal(size=(m, b)), rng.normal(size=m), np.full(b, 30.0), np.full(b, -np.inf))
     w = Whitened(base, Covariance(None, np.ones(m), None))  # type: ignore[arg-type] - no blocks are asked for
     left = leftovers(w, np.random.default_rng(0), 4000)
     np.testing.assert_allclose(left[:, 0], base.residual - base.columns @ w.u, atol=1e-12)  # round-off
     # With R = I - W S^-1 W^T: E|R y|^2 = |R W u|^2 + tr(R W S^-1 W^T R) + tr(R R).
     H = w.W @ w.inverse @ w.W.T
     R = np.eye(m) - H
-    mean = float(np.sum((R @ w.W @ w.u) ** 2) + np.trace(R @ H @ R) + np.trace(R @ R))
+    numbers = float(np.trace(R @ H @ R))
+    mean = float(np.sum((R @ w.W @ w.u) ** 2) + numbers + np.trace(R @ R))
+    assert numbers > 2.0  # what the numbers' own scatter adds can be seen
     # 4000 runs of a sum with a variance of about 2 m: four standard deviations of its mean.
     assert np.mean(np.sum(left[:, 1:] ** 2, axis=0)) == pytest.approx(mean, abs=4.0 * math.sqrt(2.0 * m / 4000))
 

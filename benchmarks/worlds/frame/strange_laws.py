@@ -1,0 +1,327 @@
+"""Laws that no catalogue has: a third of them in time or behind the load."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body_laws import AtBase
+from .deck import Deck, Material
+from .history_laws import rubbing
+from .joint_laws import HUGE, table
+from .laws import Law, Moment, Scene, log_uniform, sign, unit
+from .plan import Nodes, Plan
+from .setup_laws import AtGauge, AtLoad
+from .spec import Effect, Row
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+
+def tilting(scene: Scene, rng: Rng) -> float:
+    """A base's stiffness against tilting that readings show."""
+    return log_uniform(rng, 2e6, 1.2e7) * min(scene.arm.size, 1.2)
+
+
+class Strange(Law):
+    """Its code is a word of its own."""
+
+    bare = True
+
+
+class GroutCreep(AtBase):
+    """Grout under the base gives way with time, and comes back."""
+
+    family = "grout-creep"
+    axis = ("load history",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"stiffness": tilting(scene, rng), "time_s": log_uniform(rng, 40, 600), "at_once": rng.uniform(4, 15)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        k, first = e.numbers["stiffness"], e.numbers["at_once"]
+        slow: Material = ("Maxwell", first * k, first * k * e.numbers["time_s"], 1.0, 1.0)
+        grout: Material = ("Parallel", ("Elastic", k), slow)
+        plan.base.append({4: grout, 5: grout})
+
+
+class PadCreep(Strange):
+    """A rubber pad under the hook settles."""
+
+    family = "pad-creep"
+    axis = ("load history",)
+    spot = "tool"
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        k = scene.force / rng.uniform(1e-4, 4e-4)
+        return {"stiffness": k, "time_s": log_uniform(rng, 40, 400), "at_once": rng.uniform(3, 12)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        k, first = e.numbers["stiffness"], e.numbers["at_once"]
+        slow: Material = ("Maxwell", first * k, first * k * e.numbers["time_s"], 1.0, 1.0)
+        pad: Material = ("Parallel", ("Elastic", k), slow)
+        plan.tool.append({1: pad, 2: pad, 3: pad})
+
+
+class BaseRub(AtBase):
+    """The base shifts on its plate: it tilts, and rubs."""
+
+    family = "base-rub"
+    axis = ("load history",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {
+            "stiffness": tilting(scene, rng),
+            "moment": rng.uniform(0.08, 0.25) * scene.force * 0.5 * scene.arm.reach,
+            "stiffer": rng.uniform(3, 12),
+        }
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        n = e.numbers
+        plate: Material = (
+            "Parallel", ("Elastic", n["stiffness"]), *rubbing(n["moment"], n["stiffer"] * n["stiffness"], 0.0)
+        )  # fmt: skip
+        plan.base.append({4: plate, 5: plate})
+
+
+class StylusPlay(AtGauge):
+    """The stylus hangs back until the spindle has taken up its play."""
+
+    family = "stylus-play"
+    axis = ("load history",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"half_m": rng.uniform(12e-6, 40e-6)}
+
+    def read(self, e: Effect, rows: list[Row], moved: Array) -> Array:
+        half, said, out = e.numbers["half_m"], np.zeros(3), []
+        for d in moved:
+            said = np.clip(said, d - half, d + half)
+            out.append(said)
+        return np.array(out)
+
+
+class ServoRecovery(Strange):
+    """The drive's integrator brings a joint back: it gives way at once, and less and less while the load hangs."""
+
+    family = "servo-recovery"
+    axis = ("load history",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"amount": rng.uniform(0.12, 0.35), "time_s": log_uniform(rng, 30, 300)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        def law(k: float) -> Material:
+            less = -e.numbers["amount"] * k
+            return ("Parallel", ("Elastic", k), ("Maxwell", less, less * e.numbers["time_s"], 1.0, 1.0))
+
+        plan.joints[plan.arm.index(e.place)].law = law
+
+
+class FadingBase(AtBase):
+    """An anchor works loose around one moment, and stays so."""
+
+    family = "fading-base"
+    axis = ("clock",)
+    by_clock = True
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {
+            "stiffness": tilting(scene, rng),
+            "at_s": float(np.quantile(scene.times_s, rng.uniform(0.3, 0.7))),
+            "within_s": rng.uniform(0.02, 0.08) * scene.duration_s,
+        }
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        n = e.numbers
+        gone = 0.5 * (1 + np.tanh((moment.time_s - n["at_s"]) / n["within_s"]))
+        k = n["stiffness"] / (0.02 + gone)
+        plan.base.append({4: ("Elastic", k), 5: ("Elastic", k)})
+
+
+class CrackedLink(Strange):
+    """A crack half way along a casing opens under tension and closes under pressure."""
+
+    family = "cracked-link"
+    axis = ("load", "pose")
+    arms = ("xr701", "kr60-3", "tx200", "crane6", "reed7")
+
+    def place(self, rng: Rng, scene: Scene) -> str:
+        return str(rng.choice([link.name for link in scene.arm.links if link.body in ("j2", "j3", "j4")]))
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        k = log_uniform(rng, 5e5, 3e6) * min(scene.arm.size, 1.2)
+        return {"open": k, "shut": 12 * k, "side": sign(rng)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        n = e.numbers
+        link = next(link for link in plan.arm.links if link.name == e.place)
+        plus, minus = (n["open"], n["shut"]) if n["side"] > 0 else (n["shut"], n["open"])
+        # About the joint before it: a crack in the upper or the lower wall.
+        plan.split[plan.arm.index(link.body) + 1] = {5: ("Elastic", plus, 0.0, minus)}
+
+
+class TiltPlay(Strange):
+    """A cross-roller bearing with play: a joint tilts freely a little, both ways across its axis."""
+
+    family = "tilt-play"
+    axis = ("load",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"half": rng.uniform(1e-4, 4e-4), "beyond": log_uniform(rng, 3e6, 1.5e7) * min(scene.arm.size, 1.2)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        n = e.numbers
+        k, half = n["beyond"], n["half"]
+        play: Material = (
+            "Parallel", ("Elastic", 0.03 * k), ("ElasticPPGap", k, HUGE, half), ("ElasticPPGap", k, -HUGE, -half)
+        )  # fmt: skip
+        plan.joints[plan.arm.index(e.place)].bearing |= {5: play, 6: play}
+
+
+class ToolRubber(Strange):
+    """A rubber coupling that stiffens with the load's cube root."""
+
+    family = "tool-rubber"
+    axis = ("load",)
+    spot = "tool"
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"force": scene.force, "amount": rng.uniform(1.2e-4, 4e-4), "power": rng.uniform(0.25, 0.5)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        n = e.numbers
+        x = np.geomspace(0.01, 30, 50)
+        forces = n["force"] * x
+        ways = n["amount"] * ((x + 0.02) ** n["power"] - 0.02 ** n["power"])
+        rubber = table(np.concatenate([-forces[::-1], [0], forces]), np.concatenate([-ways[::-1], [0], ways]))
+        plan.tool.append({1: rubber, 2: rubber, 3: rubber})
+
+
+class GaugeBend(AtGauge):
+    """A stylus that swings on an arc says less the further it goes."""
+
+    family = "gauge-bend"
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"arm_m": rng.uniform(0.003, 0.009), "lean": rng.uniform(0.2, 0.8)}
+
+    def read(self, e: Effect, rows: list[Row], moved: Array) -> Array:
+        arm, lean = e.numbers["arm_m"], e.numbers["lean"]
+        return arm * (np.sin(moved / arm + lean) - np.sin(lean)) / np.cos(lean)
+
+
+class BaseBySession(AtBase):
+    """Bolted down anew for every session, never alike."""
+
+    family = "base-by-session"
+    axis = ("session",)
+    by_session = True
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        k = tilting(scene, rng)
+        order = rng.permutation([1.0, 4.0, 2.0, 9.0]).tolist()
+        return {"by_session": [k * x for x in order]}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        by = e.numbers["by_session"]
+        k = by[moment.session % len(by)]
+        plan.base.append({4: ("Elastic", k), 5: ("Elastic", 1.3 * k)})
+
+
+class WeightsMixedUp(AtLoad):
+    """Another box of weights on one of the days."""
+
+    family = "weights-mixed-up"
+    axis = ("session",)
+    by_session = True
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"session": int(rng.integers(scene.spec.sessions)), "by": rng.uniform(0.04, 0.12) * sign(rng)}
+
+    def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
+        wrong = row.session == e.numbers["session"]
+        return force * (1 + e.numbers["by"] * wrong), load_at, read_at
+
+
+class OneSided(Strange):
+    """A gear whose flanks are not alike: one way it is much stiffer."""
+
+    family = "one-sided"
+    axis = ("direction", "pose")
+
+    def place(self, rng: Rng, scene: Scene) -> str:
+        return scene.some_joint(rng, scene.arm.joints[3:])
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"by": rng.uniform(1.5, 2.6) ** sign(rng)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        by = float(np.sqrt(e.numbers["by"]))
+        plan.joints[plan.arm.index(e.place)].law = lambda k: ("Elastic", k * by, 0.0, k / by)
+
+
+class SlidingHook(AtLoad):
+    """A hook slides along its bar as the load pulls it."""
+
+    family = "sliding-hook"
+    axis = ("load",)
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        return {"by_m": [rng.uniform(0.03, 0.09) * x for x in unit(rng)], "force": scene.force}
+
+    def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
+        share = float(np.linalg.norm(force)) / e.numbers["force"]
+        return force, load_at + share**1.5 * np.array(e.numbers["by_m"]), read_at
+
+
+class Hanger(Strange):
+    """A hose hangs between the ceiling and the forearm, taut enough to carry."""
+
+    family = "hanger"
+    axis = ("pose",)
+
+    def place(self, rng: Rng, scene: Scene) -> str:
+        return scene.arm.joints[-4]
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        r = scene.arm.reach
+        return {
+            "stiffness": log_uniform(rng, 1e5, 6e5) * min(scene.arm.size, 1.2),
+            "from_m": [r * rng.uniform(0.1, 0.5), r * rng.uniform(-0.4, 0.4), 1.6 * r],
+        }
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        def add(deck: Deck, nodes: Nodes) -> None:
+            ceiling = deck.node(np.array(e.numbers["from_m"]))
+            deck.fix(ceiling)
+            deck.bar(ceiling, nodes.before[-3], e.numbers["stiffness"])
+
+        plan.beside.append(add)
+
+
+class SoftBearing(Strange):
+    """A joint's bearing gives way sideways."""
+
+    family = "soft-bearing"
+    axis = ("pose",)
+
+    def place(self, rng: Rng, scene: Scene) -> str:
+        return scene.some_joint(rng, scene.arm.joints[1:])
+
+    def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
+        k = scene.force / rng.uniform(8e-5, 3e-4)
+        return {"stiffness": k, "other_way": k * rng.uniform(0.6, 1.6)}
+
+    def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
+        joint = plan.joints[plan.arm.index(e.place)]
+        joint.bearing |= {2: ("Elastic", e.numbers["stiffness"]), 3: ("Elastic", e.numbers["other_way"])}
+
+
+LAWS = (
+    GroutCreep, PadCreep, BaseRub, StylusPlay, ServoRecovery, FadingBase,
+    CrackedLink, TiltPlay, ToolRubber, GaugeBend, BaseBySession, WeightsMixedUp, OneSided, SlidingHook, Hanger,
+    SoftBearing,
+)  # fmt: skip
