@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from doe.diagnosis.evidence import Base, Fitted, LeftOut
+from doe.diagnosis.evidence import Base, LeftOut
+from doe.diagnosis.fits import Fitted
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature

@@ -65,7 +65,7 @@ class _Ground:
 
     def row(self, noise: Noise, *, every: bool) -> Row:
         """All hypotheses at one noise; ``every``: also effects that are far behind."""
-        some = {code: x for code, x in self.found.candidates.items() if every or code in self.found.close}
+        some = self.found.stack if every else self.found.near
         return at_noise(self.s, self.base, self.weight, noise, some, self.options, self.found.plain)
 
     def noise_beside(self, some: Iterable[Signature], start: Noise) -> Noise:
@@ -238,7 +238,7 @@ def _several(
     beside = [g.unknown[k] for k in np.argsort(-by_process)[:3]]
     found: dict[frozenset[str], list[float]] = {}
     for row in sorted(table, key=lambda row: -row.most)[:SETS]:
-        some = sets_at(g.s, g.base, g.weight, row, g.found.candidates, prior, beside)
+        some = sets_at(g.s, g.base, g.weight, row, g.found.stack, prior, beside)
         for key, value in some.items():
             found.setdefault(key, []).append(value)
     return {key: _mean(z, len(table)) for key, z in found.items()}

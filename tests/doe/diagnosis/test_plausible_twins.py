@@ -60,7 +60,8 @@ def test_of_an_effect_of_both_kinds_the_one_without_a_sign_keeps_to_it(s: Settin
     both = replace(
         gap,
         effect=replace(gap.effect, parameters=(*gap.effect.parameters, *force.effect.parameters)),
-        columns=np.hstack([gap.columns, force.columns]),
+        rows=np.hstack([gap.columns, force.columns]),
+        alike=None,
         positive=np.array([True, False]),
     )
     plus, minus = gap.columns[:, 0] * 8e-4, force.columns[:, 0] * -20.0
