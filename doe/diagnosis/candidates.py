@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from doe.diagnosis.evidence import Base, Whitened, fit_all
+from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.fits import Stack, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
@@ -29,6 +30,9 @@ SEEN = 2.0
 MANY = 40
 # Of each law the best few shapes at each of a few noises are kept: those this far behind in log evidence add nothing.
 KEPT, NOTHING = 8, 12.0
+# Shapes that the readings cannot tell apart are taken in their own order, not as rounding has it: equal to so many
+# decimals of the log evidence.
+TIED = 6
 # Effects this far behind the best one in log evidence, by the best of a few noises, need no closer look by themselves.
 BEHIND = 30.0
 # Effects that lead by so many noises have their laws bent.
@@ -112,6 +116,16 @@ class Tried:
     plain: dict[int, Signature]
     close: set[str]
 
+    @cached_property
+    def stack(self) -> Stack:
+        """All candidates."""
+        return Stack(self.candidates)
+
+    @cached_property
+    def near(self) -> Stack:
+        """Those that are close."""
+        return Stack({code: some for code, some in self.candidates.items() if code in self.close})
+
 
 def tried(
     s: Setting, base: Base, weight: Array, noises: Sequence[Noise], candidates: dict[str, list[Signature]]
@@ -123,25 +137,25 @@ def tried(
     """
     gross = {code: some for code, some in candidates.items() if some[0].effect.gross}
     lead = dict.fromkeys(gross, -np.inf)
-    flat = [(code, i, c) for code, some in candidates.items() for i, c in enumerate(some) if c.shift is None]
+    stack = Stack(candidates)
     kept: dict[str, set[int]] = {code: set() for code in candidates}
     best: dict[str, float] = {}
-    amplitude: dict[int, tuple[float, Array]] = {}
+    amplitude: dict[int, Array] = {}
+    most = np.full(len(stack.flat), -np.inf)
     for noise in noises:
         w = Whitened(base, covariance(s, noise, weight))
         for code, some in gross.items():
             z = max(Whitened(extended(s, base, c), w.V).log_evidence for c in some)
             lead[code] = max(lead[code], z - w.log_evidence)
-        by_code: dict[str, list[tuple[float, int]]] = {}
-        for (code, i, c), fit in zip(flat, fit_all(w, [c for _, _, c in flat]), strict=True):
-            gain = fit.log_evidence - w.log_evidence
-            by_code.setdefault(code, []).append((gain, i))
-            if gain > amplitude.get(id(c), (-np.inf, c.mean))[0]:
-                amplitude[id(c)] = gain, fit.mean
-        for code, found in by_code.items():
-            found.sort(key=lambda x: -x[0])
-            kept[code] |= {i for z, i in found[:KEPT] if z > found[0][0] - NOTHING}
-            best[code] = max(best.get(code, -np.inf), found[0][0])
+        fits = fit_all(w, stack)
+        gain = fits.log_evidence - w.log_evidence
+        for i in np.flatnonzero(gain > most).tolist():
+            most[i], amplitude[id(stack.flat[i])] = gain[i], fits.mean(i)
+        for code, place in stack.place.items():
+            here = gain[place]
+            order = np.argsort(-np.round(here, TIED), kind="stable")[:KEPT]
+            kept[code] |= {int(i) for i in order if here[i] > here[order[0]] - NOTHING}
+            best[code] = max(best.get(code, -np.inf), float(here[order[0]]))
     out: dict[str, list[Signature]] = {}
     plain: dict[int, Signature] = {}
     leaders = set(sorted(best, key=lambda code: -best[code])[:BENT])
@@ -150,7 +164,7 @@ def tried(
             continue
         mine = [c for i, c in enumerate(some) if i in kept[code] or c.shift is not None]
         if code in leaders:
-            curved = [bent(s, c, amplitude[id(c)][1]) for c in mine]
+            curved = [bent(s, c, amplitude[id(c)]) for c in mine]
             plain |= {id(x): c for x, c in zip(curved, mine, strict=True)}
             mine = curved
         out[code] = mine
@@ -180,12 +194,14 @@ def hidden_among(
     common = min(noise.pose_share, 0.01)
     w = Whitened(base, covariance(s, with_setup(noise, common), weight))
     hidden, usual = {}, {}
-    every = [c for some in candidates.values() for c in some]
-    columns = [as_if(s, base, c, w.V)[:, None] if c.shift is not None else c.columns for c in every]
-    WX = w.V.whiten(np.hstack(columns)) if columns else np.zeros((len(s.data), 0))
-    shows = np.sum(WX**2, axis=0) - np.sum(solve_triangular(w.L, w.W.T @ WX, lower=True) ** 2, axis=0)
-    ends = np.cumsum([x.shape[1] for x in columns])
-    excess = {id(c): shows[end - x.shape[1] : end] for c, x, end in zip(every, columns, ends, strict=True)}
+    stack = Stack(candidates)
+    fits = fit_all(w, stack)
+    excess = {id(c): fits.shows(i) for i, c in enumerate(stack.flat)}
+    for some in candidates.values():
+        for c in some:
+            if c.shift is not None:
+                WX = w.V.whiten(as_if(s, base, c, w.V)[:, None])
+                excess[id(c)] = np.sum(WX**2, axis=0) - np.sum((w.root @ (w.W.T @ WX)) ** 2, axis=0)
     for code, some in candidates.items():
         found = [_usual_excess(c, excess[id(c)]) for c in some]
         usual[code] = float(np.median(found))

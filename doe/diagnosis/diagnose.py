@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
+from doe.diagnosis import checks as checking
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import (
@@ -27,7 +29,7 @@ from doe.diagnosis.outlying import ODD, reading_weights
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import shape_count, signature
+from doe.diagnosis.signatures import Signature, shape_count, signature
 from doe.diagnosis.twins import APART, Likeness, beside_twins, likely_amplitude, twins_of
 from doe.estimation.noise import Noise, within_readings
 from doe.estimation.repeats import repeated
@@ -46,6 +48,8 @@ FURTHER = 0.01
 LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
 HALF = 0.5
+# A name that its checks leave less probable than this is not settled; at 0 checks only speak, and no verdict changes.
+STATED = 0.0
 
 
 @dataclass(frozen=True)
@@ -141,19 +145,14 @@ class Diagnosis:
         What was found is asked about with all else that was found in the model; its rivals, and all others, where they
         were ranked. One that hardly shows there, so that anything would imitate it, has no entry.
         """
-        found = [f.code for f in self.found]
-        r = self.ranking if not found else self.rankings[min(len(found), len(self.rankings)) - 1]
-        best = {h.code: h.signature for h in r.hypotheses if h.signature is not None}
+        found, r, best = [f.code for f in self.found], self._named_by, self._shapes
         out = {}
-        ranked = Likeness(self._without(found[-1]) if found else self.start, r.best.noise, self.weight)
+        ranked = Likeness(self.without(found[-1]) if found else self.start, r.best.noise, self.weight)
         for code in [*best] if codes is None else codes:
             if code in found:
-                placed = next(e for e in self.after.setting.accepted if e.effect.code == code)
-                like = Likeness(self._without(code), self.after.refit.noise, self.weight)
-                # Straight like the columns that imitate it: what bends with a large turn would tell it from itself.
-                own = signature(like.s, placed.effect, placed.values)
-                change = like.change(own, placed.values[placed.effect.amplitudes])
-            elif code in best:
+                out[code] = self._imitated[code]
+                continue
+            if code in best:
                 like = ranked
                 own = signature(like.s, best[code].effect, best[code].values)
                 change = like.change(own, likely_amplitude(r.of(code)))
@@ -164,7 +163,43 @@ class Diagnosis:
             out[code] = twins_of(like, change, code, best)
         return out
 
-    def _without(self, code: str) -> Setting:
+    def plausible_twins(self, code: str) -> tuple[str, ...] | None:
+        """Of an effect that was found, those twins that are so with numbers that are plausible for them.
+
+        None where it hardly shows, so that anything would imitate it. Others of its family at its place are none: they
+        are cured alike.
+        """
+        like, change = self._likeness(code)
+        if like.strength(change) < APART:
+            return None
+        own, known = next(f.placed.effect for f in self.found if f.code == code), self.start.known
+        other = [c for c in self._imitated[code] if (known[c].family, known[c].place) != (own.family, own.place)]
+        return twins_of(like, change, code, self._shapes, among=other)
+
+    @cached_property
+    def _imitated(self) -> dict[str, tuple[str, ...]]:
+        """Twins of each effect that was found."""
+        return {f.code: twins_of(*self._likeness(f.code), f.code, self._shapes) for f in self.found}
+
+    def _likeness(self, code: str) -> tuple[Likeness, Array]:
+        """Of an effect that was found: readings with all else in the model, and what it changes of them (m,)."""
+        placed = next(f.placed for f in self.found if f.code == code)
+        like = Likeness(self.without(code), self.after.refit.noise, self.weight)
+        # Straight like the columns that imitate it: what bends with a large turn would tell it from itself.
+        own = signature(like.s, placed.effect, placed.values)
+        return like, like.change(own, placed.values[placed.effect.amplitudes])
+
+    @property
+    def _named_by(self) -> Ranking:
+        """The look that took up the last effect; the verdict's own where nothing was."""
+        return self.rankings[min(len(self.found), len(self.rankings)) - 1] if self.found else self.ranking
+
+    @property
+    def _shapes(self) -> dict[str, Signature]:
+        """The best shape of each effect there."""
+        return {h.code: h.signature for h in self._named_by.hypotheses if h.signature is not None}
+
+    def without(self, code: str) -> Setting:
         """The setting with all that was found but one."""
         s = self.after.setting
         return s.moved(s.springs, [e for e in s.accepted if e.effect.code != code])
@@ -191,6 +226,16 @@ class Diagnosis:
         named = len(self.effects)
         return named if named and self.provisional else max(named - 1, 0)
 
+    @cached_property
+    def checks(self) -> tuple[checking.Check, ...]:
+        """What speaks for and against everything that was taken up, worked out when asked for."""
+        return checking.checks(self)
+
+    @cached_property
+    def stated(self) -> float:
+        """Probability of the first name after these checks; NaN where nothing was taken up."""
+        return checking.stated(self, self.checks)
+
 
 def diagnose(
     s: Setting,
@@ -206,7 +251,8 @@ def diagnose(
     say = progress or (lambda text: None)
     weight = reading_weights(s)
     say(f"{len(s.data)} readings in {len(s.data.poses)} poses, {len(s.known)} candidates")
-    rankings, decisions = [], []
+    rankings: list[Ranking] = []
+    decisions: list[Decision] = []
     found: list[_Pick] = []
     told = told_by(s.data)
     here, total = s, 0.0
@@ -247,9 +293,22 @@ def diagnose(
     certain = tuple(f for f, pick in sure if pick.kind == "named")
     learned = tuple(f for f, pick in sure if pick.kind == "learned")
     rest = tuple(f for f in all_found if f not in (*certain, *learned))
-    return Diagnosis(
-        verdict, reason, certain, rest, learned, odds, tuple(rankings), tuple(decisions), before, after, s, weight
+    return _doubted(
+        Diagnosis(
+            verdict, reason, certain, rest, learned, odds, tuple(rankings), tuple(decisions), before, after, s, weight
+        )
     )
+
+
+def _doubted(d: Diagnosis) -> Diagnosis:
+    """The diagnosis, not settled where the checks leave too little of the first name: the place that decides it."""
+    if d.verdict != "named" or STATED <= 0.0 or d.stated >= STATED:
+        return d
+    against = next((c.evidence for c in d.checks if c.passed is False), "too little of its probability is left")
+    return replace(
+        d, verdict="ambiguous", reason=f"checks speak against it: {against}", effects=(),
+        provisional=(*d.effects, *d.provisional),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,25 @@
-"""Evidence of linear models with normal priors, for given noise: many candidates on one base at once.
+"""Evidence of linear models with normal priors, for given noise; of many candidates at once: :mod:`doe.diagnosis.fits`.
 
 ``y = f + A u + X v + e``, e normal with covariance V (blocks), u and v normal with means mu and precisions L:
 
 ``ln Z = -(ln|2 pi V| + ln|S| - ln|L|  + r^T V^-1 r - b^T S^-1 b) / 2``, S = A^T V^-1 A + L,
 
-and a candidate's columns X add to a base's evidence by their Schur complement (Bishop 2006, section 3.5;
-MacKay 1992, doi:10.1162/neco.1992.4.3.415). An amplitude that cannot be negative multiplies the evidence by the
-ratio of the posterior's and the prior's mass above zero.
+(Bishop 2006, section 3.5; MacKay 1992, doi:10.1162/neco.1992.4.3.415). A number that cannot be negative multiplies the
+evidence by the ratio of the posterior's and the prior's mass above zero.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr
 
-from doe.diagnosis.signatures import Signature
-from doe.estimation.blocks import Covariance
+from doe.estimation.blocks import Alike, Covariance
 from robots.arrays import Array, Integers
 
 
@@ -47,117 +47,73 @@ class Base:
         )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """A candidate at one noise: log evidence, posterior means and covariance of its amplitudes, excess of chi-square.
+class Whitened:
+    """A base at one noise, ready for candidates.
 
-    ``excess``: fall of the weighted sum of squares by the candidate's columns, the base free to follow;
-    ``base`` (b,): posterior means of the base's numbers, from their prior means.
+    ``W`` (m, b), ``r`` (m,): whitened columns and residual; ``L`` (b, b): Cholesky factor of ``W^T W`` plus precisions,
+    ``root`` its inverse; ``u`` (b,): posterior means. ``within``: at the same noise, a base whose numbers are the first
+    of this one's, those before ``new``: what is known of it serves again.
     """
 
-    log_evidence: float
-    mean: Array
-    covariance: Array
-    excess: float
-    base: Array
-
-
-class Whitened:
-    """A base at one noise, ready for candidates."""
-
-    def __init__(self, base: Base, V: Covariance) -> None:
-        self.base, self.V = base, V
-        self.W = V.whiten(base.columns)
-        self.r = V.whiten(base.residual[:, None])[:, 0]
-        S = self.W.T @ self.W + np.diag(base.precision)
-        self.L = np.linalg.cholesky(S)
-        b = self.W.T @ self.r
-        self.u = np.asarray(cho_solve((self.L, True), b))
-        m = len(self.r)
+    def __init__(self, base: Base, V: Covariance, within: Whitened | None = None) -> None:
+        self.base, self.V, self.within = base, V, within
+        known = 0 if within is None else len(within.base.precision)
+        self.new = slice(known, len(base.precision))
+        white = V.whiten(np.column_stack([base.columns[:, self.new], base.residual]))
+        new, self.r = white[:, :-1], white[:, -1]
+        S = new.T @ new + np.diag(base.precision[self.new])
+        if within is None:
+            self.W, self.L = new, np.linalg.cholesky(S)
+            self.root = _inverse(self.L)
+        else:
+            self.W = np.hstack([within.W, new])
+            low = within.root @ (within.W.T @ new)
+            own = np.linalg.cholesky(S - low.T @ low)
+            root, none = _inverse(own), np.zeros_like(low)
+            self.L = np.block([[within.L, none], [low.T, own]])
+            self.root = np.block([[within.root, none], [-root @ (low.T @ within.root), root]])
+        # What is left to fit in the numbers' own units.
+        self.z = self.root @ (self.W.T @ self.r)
+        self.u = self.root.T @ self.z
         log_det = V.log_det + 2.0 * float(np.log(np.diag(self.L)).sum()) - float(np.log(base.precision).sum())
-        self.square = float(self.r @ self.r - b @ self.u)
-        self.inverse = np.asarray(cho_solve((self.L, True), np.eye(len(S))))
+        self.square = float(self.r @ self.r - self.z @ self.z)
         self.bounded = np.flatnonzero(np.isfinite(base.floor))
-        self.inside = float(self.above(self.u[None], np.zeros((1, len(S), 0)), np.zeros((1, 0, 0)))[0])
-        self.log_evidence = -0.5 * (m * float(np.log(2.0 * np.pi)) + log_det + self.square) + self.inside
+        self.inside = float(self.above(self.u[None, self.bounded], np.zeros((1, len(self.bounded))))[0])
+        self.unbounded = -0.5 * (len(self.r) * float(np.log(2.0 * np.pi)) + log_det + self.square)
+        self.log_evidence = self.unbounded + self.inside
+        self._means: dict[int, tuple[Array, Array]] = {}
 
-    def above(self, u: Array, K: Array, covariance: Array) -> Array:
+    @cached_property
+    def inverse(self) -> Array:
+        """Posterior covariance (b, b) of the base's numbers."""
+        return np.asarray(self.root.T @ self.root)
+
+    def of_means(self, alike: Alike, V: Covariance) -> tuple[Array, Array]:
+        """Whitened columns (g, b) and residuals (g,) of the means of readings that are alike; V is the means' own."""
+        if id(alike) not in self._means:
+            both = np.column_stack([self.base.columns[:, self.new], self.base.residual])
+            white = V.whiten(alike.mean(both, self.V.variance))
+            W = white[:, :-1]
+            if self.within is not None:
+                W = np.hstack([self.within.of_means(alike, V)[0], W])
+            self._means[id(alike)] = W, white[:, -1]
+        return self._means[id(alike)]
+
+    def above(self, u: Array, extra: Array) -> Array:
         """Log of the share of posterior over prior (n,) in which the base's numbers keep above their floors.
 
-        u (n, b): posterior means; their covariance is the base's own and ``K covariance K^T``. Marginals only.
+        u (n, f): posterior means of those that have one; ``extra`` (n, f): variance beyond the base's own. Marginals
+        only.
         """
         k = self.bounded
-        extra = np.einsum("nbk,nkl,nbl->nb", K[:, k], covariance, K[:, k])
-        sd = np.sqrt(self.inverse[k, k] + extra)
+        sd = np.sqrt(np.sum(self.root[:, k] ** 2, axis=0) + extra)
         before = self.base.floor[k] * np.sqrt(self.base.precision[k])
-        return np.asarray(np.sum(log_ndtr((u[:, k] - self.base.floor[k]) / sd) - log_ndtr(-before), axis=1))
+        return np.asarray(np.sum(log_ndtr((u - self.base.floor[k]) / sd) - log_ndtr(-before), axis=1))
 
 
-@dataclass(frozen=True)
-class Whitening:
-    """Columns WX (m, k) of many candidates, whitened at one noise, and their products ``own`` (n, a, a) by width."""
-
-    V: Covariance
-    candidates: Sequence[Signature]
-    WX: Array
-    starts: Integers
-    own: dict[int, tuple[list[int], Array]]
-
-    @staticmethod
-    def of(V: Covariance, candidates: Sequence[Signature]) -> Whitening:
-        """Whiten candidates' columns; those without amplitudes are not for here."""
-        widths = [c.columns.shape[1] for c in candidates]
-        starts = np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
-        columns = [c.columns for c in candidates] or [np.zeros((len(V.variance), 0))]
-        WX, own = V.whiten(np.hstack(columns)), {}
-        for width in sorted(set(widths)):
-            mine = [i for i, k in enumerate(widths) if k == width]
-            x = np.moveaxis(WX[:, starts[mine][:, None] + np.arange(width)], 1, 0)
-            own[width] = mine, np.asarray(np.swapaxes(x, 1, 2) @ x)
-        return Whitening(V, candidates, WX, starts, own)
-
-
-def fit_all(w: Whitened, candidates: Sequence[Signature] | Whitening) -> list[Fitted]:
-    """Every candidate's fit on a base; those without amplitudes are not for here."""
-    x = candidates if isinstance(candidates, Whitening) else Whitening.of(w.V, candidates)
-    across = w.W.T @ x.WX
-    g = x.WX.T @ w.r - across.T @ w.u
-    half = solve_triangular(w.L, across, lower=True)
-    solved = w.inverse @ across
-    out: list[Fitted | None] = [None] * len(x.candidates)
-    for width, (mine, own) in x.own.items():
-        at = x.starts[mine][:, None] + np.arange(width)
-        h = np.moveaxis(half[:, at], 1, 0)
-        G = own - np.swapaxes(h, 1, 2) @ h
-        K = np.moveaxis(solved[:, at], 1, 0)
-        for i, found in zip(mine, _stack(w, [x.candidates[i] for i in mine], G, g[at], K), strict=True):
-            out[i] = found
-    return [one for one in out if one is not None]
-
-
-def _stack(w: Whitened, candidates: Sequence[Signature], G: Array, g: Array, K: Array) -> list[Fitted]:
-    """Fits of candidates with as many amplitudes; G (n, k, k), g (n, k); K (n, b, k): how the base makes room."""
-    mean = np.stack([c.mean for c in candidates])
-    precision = np.stack([c.sd for c in candidates]) ** -2.0
-    S = G + precision[:, :, None] * np.eye(G.shape[1])
-    covariance: Array = np.asarray(np.linalg.inv(S), dtype=np.float64)
-    h = g + precision * mean
-    v = np.einsum("nkl,nl->nk", covariance, h)
-    gain = 0.5 * np.einsum("nk,nk->n", h, v) - 0.5 * np.sum(precision * mean**2, axis=1)
-    gain += 0.5 * (np.log(precision).sum(axis=1) - np.linalg.slogdet(S)[1])
-    positive = np.stack([c.positive for c in candidates])
-    sd = np.sqrt(np.einsum("nkk->nk", covariance))
-    above = log_ndtr(v / sd) - log_ndtr(mean * np.sqrt(precision))
-    gain += np.sum(np.where(positive, above, 0.0), axis=1)
-    u = w.u - np.einsum("nbk,nk->nb", K, v)
-    unbounded = w.log_evidence - w.inside
-    gain += w.above(u, K, covariance)
-    least = np.linalg.pinv(G, rcond=1e-9, hermitian=True)
-    excess = np.einsum("nk,nkl,nl->n", g, least, g)
-    return [
-        Fitted(unbounded + float(a), b, c, float(d), e)
-        for a, b, c, d, e in zip(gain, v, covariance, excess, u, strict=True)
-    ]
+def _inverse(L: NDArray[np.floating[Any]]) -> Array:
+    """Inverse of a lower triangle (b, b)."""
+    return np.asarray(solve_triangular(L, np.eye(len(L)), lower=True, check_finite=False))
 
 
 @dataclass(frozen=True)

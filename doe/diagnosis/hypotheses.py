@@ -10,12 +10,13 @@ from typing import Literal
 
 import numpy as np
 
-from doe.diagnosis.evidence import Base, Fitted, LeftOut
+from doe.diagnosis.evidence import Base, LeftOut
+from doe.diagnosis.fits import Fitted
 from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
-from fem.effects.base import Effect
+from fem.effects.base import Effect, EffectParameter
 from fem.effects.learned import FAMILY as LEARNED
 from fem.effects.learned import axes_of, learned_place
 
@@ -220,9 +221,19 @@ def beyond(h: Hypothesis) -> str:
     sd = np.sqrt(np.diag(h.fit.covariance))
     for k, v, s in zip(effect.amplitudes, h.fit.mean, sd, strict=True):
         p = effect.parameters[k]
-        if abs(v) - SURELY * s > SLACK * p.size[1]:
+        if too_large(p, float(v), float(s)):
             return p.name
     return ""
+
+
+def too_large(p: EffectParameter, acts: float, sd: float) -> bool:
+    """Whether an amplitude, as it acts, or a shape is surely larger than is plausible."""
+    return abs(acts) - SURELY * sd > SLACK * p.size[1]
+
+
+def too_small(p: EffectParameter, acts: float, sd: float) -> bool:
+    """Whether it is surely smaller."""
+    return abs(acts) + SURELY * sd < p.size[0] / SLACK
 
 
 def is_learned(code: str) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.diagnosis.candidates import standing
+from doe.diagnosis.checks import FEWEST
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.setting import Setting, setting_of
@@ -24,8 +25,8 @@ from robots.arrays import Array, Bools, Integers
 from robots.progress import Messages, Progress
 
 FOLDS = 5
-# Fewer poses than this are left out one at a time; with fewer than the second, what is left would be no campaign.
-SPLIT, FEWEST = 10, 4
+# Fewer poses than this are left out one at a time.
+SPLIT = 10
 
 
 @dataclass(frozen=True)

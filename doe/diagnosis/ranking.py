@@ -67,7 +67,7 @@ class _Ground:
 
     def row(self, noise: Noise, *, every: bool) -> Row:
         """All hypotheses at one noise; ``every``: also effects that are far behind."""
-        some = {code: x for code, x in self.found.candidates.items() if every or code in self.found.close}
+        some = self.found.stack if every else self.found.near
         return at_noise(self.s, self.base, self.weight, noise, some, self.options, self.found.plain)
 
     def noise_beside(self, some: Iterable[Signature], start: Noise) -> Noise:
@@ -113,7 +113,7 @@ def _rows_of_pairs(g: _Ground, table: Sequence[Row], prior: Mapping[str, float],
     if not g.found.candidates:
         return []
     row = max(table, key=lambda row: row.most)
-    sets = sets_at(g.s, g.base, g.weight, row, g.found.candidates, prior, ())
+    sets = sets_at(g.s, g.base, g.weight, row, g.found.stack, prior, ())
     pairs = [key for key in sets.best if len(key) == 2]
     pairs.sort(key=lambda key: -(sets.worth[key] + _set_prior(key, prior)))
     noises = [g.noise_beside([c for c in sets.best[key] if c.shift is None], first) for key in pairs[:LEADING_PAIRS]]
@@ -256,7 +256,7 @@ def _several(
     beside = [g.unknown[k] for k in np.argsort(-by_process)[:3]]
     found: dict[frozenset[str], list[float]] = {}
     for row in sorted(table, key=lambda row: -row.most)[:SETS]:
-        some = sets_at(g.s, g.base, g.weight, row, g.found.candidates, prior, beside)
+        some = sets_at(g.s, g.base, g.weight, row, g.found.stack, prior, beside)
         for key, value in some.worth.items():
             found.setdefault(key, []).append(value)
     return {key: _mean(z, len(table)) for key, z in found.items()}

@@ -16,7 +16,8 @@ from scipy.special import log_ndtr, softmax
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.discrimination import Predictions
-from doe.diagnosis.evidence import Base, Whitened, fit_all
+from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.fits import fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
 from doe.diagnosis.ranking import rank
@@ -271,7 +272,7 @@ def _shapes(g: _Ground, code: str, leads: bool) -> list[tuple[float, Array]]:
     s = g.question.setting
     w = Whitened(base_of(s), g.V)
     found = fit_all(w, [signature(s, s.known[code], values) for values in every])
-    share = softmax(np.array([f.log_evidence for f in found]))
+    share = softmax(found.log_evidence)
     order = np.argsort(-share)[:SHAPES]
     top = [k for place, k in enumerate(order) if place == 0 or share[k] >= LEAST_SHARE]
     total = float(share[top].sum())

@@ -10,6 +10,7 @@ import numpy as np
 
 from doe.diagnosis.doubts import bends
 from doe.diagnosis.nuisance import nuisance
+from doe.estimation.blocks import Alike
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
 from doe.estimation.repeats import repeated
@@ -87,6 +88,14 @@ class Setting:
             own = self.prediction - self.read(self.arm, rest)
             columns.append(doubt * own[:, None] * bends(placed.effect, self.data, self.situation, self.unloading))
         return np.hstack(columns)
+
+    @cached_property
+    def alike(self) -> Alike:
+        """Repeats for which a law that has no clock predicts the same: one loaded pose, one phase, one prediction."""
+        p = self.data
+        told = np.unique(self.prediction, return_inverse=True)[1].reshape(-1)
+        case = np.column_stack([p.replicate, p.free.at.distinct[1][p.row], told])
+        return Alike.of(np.unique(case, axis=0, return_inverse=True)[1].reshape(-1), p.blocks)
 
     @property
     def residual(self) -> Array:

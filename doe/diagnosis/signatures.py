@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 
 from doe.diagnosis.setting import Setting
+from doe.estimation.blocks import Alike
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
 from fem.effects.observed import added
 from robots import InputError
@@ -21,18 +22,26 @@ class Signature:
     """An effect with the shapes of its law held: readings change by ``columns`` (m, a) times its amplitudes.
 
     ``values`` (k,): of all parameters, amplitudes at their prior means; ``mean``, ``sd`` (a,): normal priors of the
-    amplitudes; ``positive`` (a,): which of them cannot be negative. ``shift`` (m,) and ``springs`` (m, s): change of
-    the prediction and other derivatives by the springs, of an effect that has no amplitudes; else None.
+    amplitudes; ``positive`` (a,): which of them cannot be negative. ``rows``: the columns, once for each group (g, a)
+    of readings that are ``alike`` (None: the law tells these apart, and the rows are those of the readings). ``shift``
+    (m,) and ``springs`` (m, s): change of the prediction and other derivatives by the springs, of an effect that has no
+    amplitudes; else None.
     """
 
     effect: Effect
     values: Array
-    columns: Array
+    rows: Array
+    alike: Alike | None
     mean: Array
     sd: Array
     positive: Bools
     shift: Array | None = None
     springs: Array | None = None
+
+    @property
+    def columns(self) -> Array:
+        """Change of the readings (m, a) by each amplitude."""
+        return self.rows if self.alike is None else self.rows[self.alike.groups.number]
 
 
 def prior(p: EffectParameter) -> tuple[float, float]:
@@ -83,7 +92,7 @@ def signature(s: Setting, effect: Effect, values: Array) -> Signature:
         changed = s.moved(s.springs, (*s.accepted, PlacedEffect(effect, values)))
         none = np.zeros(0)
         return Signature(
-            effect, values, np.zeros((len(s.data), 0)), none, none, none.astype(bool),
+            effect, values, np.zeros((len(s.data), 0)), None, none, none, none.astype(bool),
             changed.prediction - s.prediction, changed.spring_columns,
         )  # fmt: skip
     chosen = [effect.parameters[k] for k in amplitudes]
@@ -94,7 +103,13 @@ def signature(s: Setting, effect: Effect, values: Array) -> Signature:
         raise InputError(f"effect {effect.code}", value="readings that are not finite", remedy="check its law")
     priors = np.array([prior(p) for p in chosen])
     positive = np.array([not p.signed for p in chosen])
-    return Signature(effect, values, columns, priors[:, 0], priors[:, 1], positive)
+    return Signature(effect, values, *once(s, columns), priors[:, 0], priors[:, 1], positive)
+
+
+def once(s: Setting, columns: Array) -> tuple[Array, Alike | None]:
+    """Columns (m, a), once for each group of readings that are alike where they are the same for all of a group."""
+    rows = s.alike.once(columns)
+    return (columns, None) if rows is None else (rows, s.alike)
 
 
 def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:

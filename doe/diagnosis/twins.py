@@ -6,16 +6,16 @@ beside springs and noise; what is left of the change is the chi-square between t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from doe.diagnosis.candidates import MANY, impossible, possible
 from doe.diagnosis.evidence import Whitened
-from doe.diagnosis.hypotheses import Decision, Hypothesis, Ranking, is_learned
+from doe.diagnosis.hypotheses import SLACK, Decision, Hypothesis, Ranking, is_learned
 from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
@@ -51,18 +51,27 @@ class Likeness:
         cleared = self._cleared(change[:, None])
         return float(np.sum(cleared**2))
 
-    def left(self, change: Array, imitations: Sequence[Signature]) -> float:
-        """Least chi-square that any of the imitations leaves of a change of the readings (m,)."""
-        wanted = self._cleared(change[:, None])[:, 0]
-        return min((self._left(wanted, c) for c in imitations), default=np.inf)
+    def left(self, change: Array, imitations: Sequence[Signature], *, plausible: bool = False) -> float:
+        """Least chi-square that any of the imitations leaves of a change of the readings (m,).
 
-    def _left(self, wanted: Array, c: Signature) -> float:
+        Their amplitudes have the signs that they can have; ``plausible``: and plausible sizes, give or take ``SLACK``,
+        where any sizes would leave less than ``APART``.
+        """
+        wanted = self._cleared(change[:, None])[:, 0]
+        return min((self._left(wanted, c, plausible) for c in imitations), default=np.inf)
+
+    def _left(self, wanted: Array, c: Signature, plausible: bool) -> float:
         if c.shift is not None:
             return float(np.sum((wanted - self._cleared(self.change(c, np.zeros(0))[:, None])[:, 0]) ** 2))
         A = self._cleared(c.columns)
-        if c.positive.all():
-            # A compliance below nothing imitates nothing.
-            return float(nnls(A / np.maximum(np.linalg.norm(A, axis=0), 1e-300), wanted)[1] ** 2)
+        left = self._left_by_any_size(wanted, A, c)
+        return _left_by_plausible_sizes(wanted, A, c) if plausible and left < APART else left
+
+    def _left_by_any_size(self, wanted: Array, A: Array, c: Signature) -> float:
+        if c.positive.any():
+            # A compliance below nothing imitates nothing; what may have either sign stands there with both.
+            both = np.hstack([A, -A[:, ~c.positive]])
+            return float(nnls(both / np.maximum(np.linalg.norm(both, axis=0), 1e-300), wanted)[1] ** 2)
         G = A.T @ A
         size = np.sqrt(np.maximum(np.diag(G), 1e-300))
         b = (A.T @ wanted) / size
@@ -77,6 +86,19 @@ class Likeness:
         return np.vstack([WX - w.W @ follow, np.sqrt(self.base.precision)[:, None] * follow])
 
 
+def _left_by_plausible_sizes(wanted: Array, A: Array, c: Signature) -> float:
+    """Chi-square that amplitudes of plausible sign and size leave; several of one effect may be small, a single not."""
+    size = np.array([c.effect.parameters[k].size for k in c.effect.amplitudes])
+    least, most = size[:, 0] / SLACK, size[:, 1] * SLACK
+    low = np.where(c.positive, 0.0, -most)
+    high = most
+    if len(most) == 1:
+        either = not c.positive[0] and float(A[:, 0] @ wanted) < 0.0
+        low, high = (-most, -least) if either else (least, most)
+    # In shares of the largest: sizes of several kinds differ by many decades.
+    return 2.0 * float(lsq_linear(A * most, wanted, (low / most, high / most), method="bvls").cost)
+
+
 def likely_amplitude(h: Hypothesis) -> Array:
     """Amplitudes of a hypothesis as fitted, or of usual size where the effect is hardly there."""
     assert h.signature is not None  # noqa: S101 - of an effect
@@ -85,16 +107,20 @@ def likely_amplitude(h: Hypothesis) -> Array:
     return np.where(h.signature.mean > 0.0, h.signature.mean, h.signature.sd)
 
 
-def twins_of(like: Likeness, change: Array, code: str, best: Mapping[str, Signature]) -> tuple[str, ...]:
+def twins_of(
+    like: Likeness, change: Array, code: str, best: Mapping[str, Signature], *, among: Collection[str] | None = None
+) -> tuple[str, ...]:
     """Codes of effects that would give the same ``change`` (m,) of the readings as ``code`` does.
 
-    ``best``: shapes that stand for laws of very many, which would imitate anything somehow.
+    ``best``: shapes that stand for laws of very many, which would imitate anything somehow; ``among``: codes of which
+    those are asked for that do so with plausible sizes, None for all effects with any sizes.
     """
     s, out = like.s, []
     taken = {code, *(e.effect.code for e in s.accepted)}
     for other, effect in s.known.items():
         if (
             other in taken
+            or (among is not None and other not in among)
             or is_learned(other)
             or (effect.gross and not s.known[code].gross)
             or impossible(s, effect) is not None
@@ -105,7 +131,7 @@ def twins_of(like: Likeness, change: Array, code: str, best: Mapping[str, Signat
         else:
             many = shape_count(effect) > MANY
             some = [best[k] for k in (other,) if k in best] if many else signatures(s, effect)
-        if like.left(change, some) < APART:
+        if like.left(change, some, plausible=among is not None) < APART:
             out.append(other)
     return tuple(out)
 

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.diagnosis.setting import Setting
+from doe.diagnosis.signatures import once
+from doe.estimation.blocks import Alike
 from fem.compiled.compliance import deflection
 from robots.arrays import Array, Bools
 
@@ -32,23 +34,51 @@ SAME_WAY = 0.95
 
 
 @dataclass(frozen=True)
-class Process:
-    """Columns (m, k), standard normal each, of something unknown along an ``axis``."""
+class Unit:
+    """Columns of something unknown along an ``axis``, for a size of one: ``rows`` (g, k) of readings that are alike."""
 
     axis: str
-    columns: Array
+    rows: Array
+    alike: Alike | None
+
+    @property
+    def columns(self) -> Array:
+        """Columns (m, k) of the readings."""
+        return self.rows if self.alike is None else self.rows[self.alike.groups.number]
+
+
+@dataclass(frozen=True)
+class Process:
+    """Columns (m, k), standard normal each, of something unknown of one ``size`` along an axis."""
+
+    unit: Unit
+    size: float
+
+    @property
+    def axis(self) -> str:
+        """Along what it varies."""
+        return self.unit.axis
+
+    @property
+    def columns(self) -> Array:
+        """Columns (m, k) of the readings."""
+        return self.size * self.unit.columns
 
 
 def processes(s: Setting) -> list[Process]:
     """Every process that these readings could show, in several sizes."""
-    out = [Process("pose", columns) for columns in discrepancies(s)]
-    for axis, columns in _others(s):
-        out += [Process(axis, size * columns) for size in SIZES]
-    return out
+    along = [*(("pose", columns) for columns in _over_poses(s)), *_others(s)]
+    units = [Unit(axis, *once(s, columns)) for axis, columns in along]
+    return [Process(unit, size) for unit in units for size in SIZES]
 
 
 def discrepancies(s: Setting) -> Iterator[Array]:
     """Columns (m, k) of processes over pose and load, for every length and size."""
+    return (size * columns for columns in _over_poses(s) for size in SIZES)
+
+
+def _over_poses(s: Setting) -> Iterator[Array]:
+    """Columns (m, k) of processes over pose and load for a size of one, for every length."""
     p = s.data
     q = np.array([p.free.at.q[p.row[p.pose == g][0]] for g in range(len(p.poses))])
     moving = np.ptp(q, axis=0) > 1e-6
@@ -61,8 +91,7 @@ def discrepancies(s: Setting) -> Iterator[Array]:
         values, vectors = np.linalg.eigh(np.exp(-0.5 * distance / length**2))
         kept = values > NEGLIGIBLE * values.max(initial=1.0)
         poses = vectors[:, kept] * np.sqrt(values[kept])
-        for size in SIZES:
-            yield np.hstack([size * f[:, None] * poses[p.pose] for f in factors])
+        yield np.hstack([f[:, None] * poses[p.pose] for f in factors])
 
 
 def _others(s: Setting) -> Iterator[tuple[str, Array]]:

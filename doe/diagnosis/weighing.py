@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe.diagnosis.doubts import bends
-from doe.diagnosis.evidence import Base, Fitted, Whitened, Whitening, fit_all
+from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.fits import Fits, Fitted, Kept, Stack, fit_all, scaled_evidence
 from doe.diagnosis.hypotheses import UNKNOWN, Options, clash
 from doe.diagnosis.scatter import covariance, typical_size
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import Signature, shape_count
+from doe.diagnosis.signatures import Signature, once, shape_count
 from doe.diagnosis.unknowns import Process
 from doe.estimation.blocks import Covariance
 from doe.estimation.noise import Noise
@@ -61,8 +62,8 @@ class Row:
 
 
 def at_noise(
-    s: Setting, base: Base, weight: Array, noise: Noise, candidates: Mapping[str, Sequence[Signature]],
-    options: Options, plain: Mapping[int, Signature],
+    s: Setting, base: Base, weight: Array, noise: Noise, candidates: Stack, options: Options,
+    plain: Mapping[int, Signature],
 ) -> Row:  # fmt: skip
     """Evidence of nothing missing and of every candidate, averaged over its shapes, with its best shape.
 
@@ -71,11 +72,10 @@ def at_noise(
     V = covariance(s, noise, weight)
     w = Whitened(base, V)
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
-    flat = [c for some in candidates.values() for c in some if c.shift is None]
-    fits = dict(zip(map(id, flat), fit_all(w, flat), strict=True))
+    fits = fit_all(w, candidates)
     m, none_bic = len(s.data), -0.5 * (V.log_det + w.square)
     best: dict[str, Weighed] = {}
-    for code, some in candidates.items():
+    for code, some in candidates.by_code.items():
         if some[0].shift is not None:
             wide = [Whitened(extended(s, base, c), V) for c in some]
             z = np.array([one.log_evidence for one in wide])
@@ -83,12 +83,12 @@ def at_noise(
             bic = -0.5 * (V.log_det + wide[top].square)
             count, fit = len(some), None
         else:
-            found = [fits[id(c)] for c in some]
-            z = np.array([f.log_evidence for f in found])
+            mine = candidates.place[code]
+            z = fits.log_evidence[mine]
             top = int(np.argmax(z))
             numbers = len(some[0].effect.parameters)
-            bic = none_bic + 0.5 * max(f.excess for f in found) - 0.5 * numbers * math.log(m)
-            count, fit = shape_count(some[0].effect), _own(found[top], some[top])
+            bic = none_bic + 0.5 * float(fits.excess[mine].max()) - 0.5 * numbers * math.log(m)
+            count, fit = shape_count(some[0].effect), _own(fits[mine.start + top], some[top])
         worth = log_sum(z) - math.log(count)
         own = plain.get(id(some[top]), some[top])
         best[code] = Weighed(worth + density, bic, own, some[top], fit, worth - float(z[top]))
@@ -104,13 +104,15 @@ def _own(f: Fitted, c: Signature) -> Fitted:
 def bent(s: Setting, c: Signature, amplitude: Array) -> Signature:
     """A signature with what its law may be off by at amplitudes (a,), as further columns."""
     doubt = c.effect.law_doubt
-    own = c.columns @ amplitude
+    columns = c.columns
+    own = columns @ amplitude
     if c.shift is not None or doubt == 0.0 or not own.any():
         return c
     more = doubt * own[:, None] * bends(c.effect, s.data, s.situation, s.unloading)
     k = more.shape[1]
+    rows, alike = once(s, np.hstack([columns, more]))
     return replace(
-        c, columns=np.hstack([c.columns, more]), mean=np.concatenate([c.mean, np.zeros(k)]),
+        c, rows=rows, alike=alike, mean=np.concatenate([c.mean, np.zeros(k)]),
         sd=np.concatenate([c.sd, np.ones(k)]), positive=np.concatenate([c.positive, np.zeros(k, dtype=bool)]),
     )  # fmt: skip
 
@@ -139,9 +141,13 @@ def unknown_at(
     s: Setting, base: Base, weight: Array, noise: Noise, some: Sequence[Process], options: Options
 ) -> tuple[Noise, Array]:
     """Log evidence (k,) of every process at a noise."""
-    V = covariance(s, noise, weight)
+    w = Whitened(base, covariance(s, noise, weight))
     density = options.noise.log_density(noise, typical_size(s)) if options.priors else 0.0
-    return noise, np.array([Whitened(base.beside(x.columns), V).log_evidence + density for x in some])
+    out = np.zeros(len(some))
+    for unit in {id(x.unit): x.unit for x in some}.values():
+        mine = [k for k, x in enumerate(some) if x.unit is unit]
+        out[mine] = scaled_evidence(w, unit.rows, unit.alike, [some[k].size for k in mine])
+    return noise, out + density
 
 
 def rough_at(s: Setting, row: Row, wild: Options, options: Options) -> float:
@@ -160,31 +166,29 @@ class Sets:
 
 
 def sets_at(
-    s: Setting, base: Base, weight: Array, row: Row, bent_candidates: Mapping[str, Sequence[Signature]],
-    log_prior: Mapping[str, float], unknown: Sequence[Process],
+    s: Setting, base: Base, weight: Array, row: Row, bent_candidates: Stack, log_prior: Mapping[str, float],
+    unknown: Sequence[Process],
 ) -> Sets:  # fmt: skip
     """Log evidence of pairs and triples of effects, and of effects beside something unknown, at one noise.
 
     Beside the leading effects at their best shapes all others are weighed in all their shapes, then beside the leading
     pairs. All are weighed beside each process of ``unknown`` as well.
     """
-    V = covariance(s, row.noise, weight)
-    flat = [(code, c) for code, some in bent_candidates.items() for c in some if c.shift is None]
-    whitened = Whitening.of(V, [c for _, c in flat])
+    kept = Kept(Whitened(base, covariance(s, row.noise, weight)), bent_candidates)
     out: dict[frozenset[str], float] = {}
     chosen: dict[frozenset[str], list[tuple[str, Signature, float]]] = {}
     leaders = sorted(row.best, key=lambda code: -(row.best[code].worth + log_prior[code]))[:BEAM]
     beam = [[(code, row.best[code].bent, row.best[code].offset)] for code in leaders]
     besides: dict[str, list[float]] = {}
     for x in unknown:
-        w = Whitened(base.beside(x.columns), V)
-        for code, found in _by_code(flat, fit_all(w, whitened)).items():
-            besides.setdefault(code, []).append(_over_shapes(found)[0])
+        fits = kept.fit(Whitened(base.beside(x.columns), kept.w.V, kept.w))
+        for code in bent_candidates.place:
+            besides.setdefault(code, []).append(_over_shapes(fits, bent_candidates, code)[0])
     for code, z in besides.items():
         out[frozenset({code, UNKNOWN})] = log_sum(np.array(z)) - math.log(len(z)) + row.density
     for _ in range(2):
         for members in beam:
-            _beside(s, base, row, members, flat, whitened, out, chosen)
+            _beside(s, row, members, kept, out, chosen)
         pairs = [key for key in chosen if UNKNOWN not in key]
         pairs.sort(key=lambda key: -(out[key] + sum(log_prior[code] for code in key)))
         beam = [chosen[key] for key in pairs[:PAIRS]]
@@ -194,37 +198,33 @@ def sets_at(
 
 
 def _beside(
-    s: Setting, base: Base, row: Row, members: list[tuple[str, Signature, float]],
-    flat: list[tuple[str, Signature]], whitened: Whitening, out: dict[frozenset[str], float],
-    chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
+    s: Setting, row: Row, members: list[tuple[str, Signature, float]], kept: Kept,
+    out: dict[frozenset[str], float], chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
 ) -> None:  # fmt: skip
     """Weigh everything beside some effects, into ``out`` (log evidence) and ``chosen`` (the best shapes)."""
-    taken, offset, wide = {code for code, _, _ in members}, 0.0, base
+    taken, offset, wide = {code for code, _, _ in members}, 0.0, kept.w.base
     # One without amplitudes changes the springs' own columns: it goes first.
     for _, c, more in sorted(members, key=lambda x: x[1].shift is None):
         wide, offset = extended(s, wide, c), offset + more
-    w = Whitened(wide, whitened.V)
+    grown = all(c.shift is None for _, c, _ in members)
+    fits = kept.fit(Whitened(wide, kept.w.V, kept.w if grown else None))
     given = offset + row.density
-    for code, found in _by_code(flat, fit_all(w, whitened)).items():
-        if code in taken or any(clash(found[0][1].effect, other.effect) for _, other, _ in members):
+    for code, place in kept.stack.place.items():
+        first = kept.stack.flat[place.start]
+        if code in taken or any(clash(first.effect, other.effect) for _, other, _ in members):
             continue
-        worth, top = _over_shapes(found)
+        worth, top, most = _over_shapes(fits, kept.stack, code)
         key = frozenset({*taken, code})
         if _larger(out, key, worth + given):
-            chosen[key] = [*members, (code, found[top][1], worth - found[top][0])]
+            chosen[key] = [*members, (code, kept.stack.flat[place.start + top], worth - most)]
 
 
-def _by_code(flat: Sequence[tuple[str, Signature]], fits: Sequence[Fitted]) -> dict[str, list[tuple[float, Signature]]]:
-    out: dict[str, list[tuple[float, Signature]]] = {}
-    for (code, c), fit in zip(flat, fits, strict=True):
-        out.setdefault(code, []).append((fit.log_evidence, c))
-    return out
-
-
-def _over_shapes(found: Sequence[tuple[float, Signature]]) -> tuple[float, int]:
-    """Log evidence averaged over all shapes of a law, and which of those given is the best."""
-    z = np.array([one[0] for one in found])
-    return log_sum(z) - math.log(shape_count(found[0][1].effect)), int(np.argmax(z))
+def _over_shapes(fits: Fits, stack: Stack, code: str) -> tuple[float, int, float]:
+    """Log evidence averaged over all shapes of a law; which of those given is the best, and that one's."""
+    place = stack.place[code]
+    z = fits.log_evidence[place]
+    top = int(np.argmax(z))
+    return log_sum(z) - math.log(shape_count(stack.flat[place.start].effect)), top, float(z[top])
 
 
 def log_sum(z: Array) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ from scipy.optimize import nnls
 
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.hypotheses import UNKNOWN
+from doe.diagnosis.known import base_of
 from doe.diagnosis.scatter import with_setup
 from doe.diagnosis.setting import Setting
 from doe.estimation.noise import Noise, within_readings
@@ -18,12 +20,14 @@ from doe.tables.checks import refuse_seen
 from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import history_of, rms_mm
 from doe.tables.measurements import Measurements
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 
 # Set-ups scatter by so much of the deflection as a rule; more of it counts as disagreement.
 USUAL_SETUP = 0.01
 # Loads that differ by less (relative) are one load.
 SAME_LOAD = 0.005
+# Draws by which a share has its standard deviation: that of a standard deviation is then 4 %.
+DRAWS = 400
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class Group:
     """Readings of one pose, load, direction or phase.
 
     ``share``: of all squared standardised residuals beyond the expected ones, NaN where there are none;
-    ``mean_square``: of the standardised residuals, 1 where noise is all; ``mean``: mean residual (m or rad as read).
+    ``mean_square``: of the standardised residuals, 1 where noise is all; ``mean``: mean residual (m or rad as read);
+    ``share_sd``: standard deviation of the share by what springs and effects are uncertain by, NaN where not known.
     """
 
     label: str
@@ -39,26 +44,36 @@ class Group:
     share: float
     mean_square: float
     mean: float
+    share_sd: float = math.nan
 
 
-def shares(z: Array, residual: Array, labels: Sequence[str]) -> tuple[Group, ...]:
+def shares(z: Array, residual: Array, labels: Sequence[str], drawn: Array | None = None) -> tuple[Group, ...]:
     """Groups of equal ``labels`` (m,), in order of first appearance.
 
     ``z`` (m,): residuals over their standard deviations, each of which is expected to have a square of 1. A group's
-    excess is its sum of squares less its number, not below zero; its share is that of all groups' excess.
+    excess is its sum of squares less its number, not below zero; its share is that of all groups' excess. ``drawn``
+    (m, k): z as it may be just as well, from which shares have their standard deviations.
     """
     names = list(dict.fromkeys(labels))
     number = np.array([names.index(label) for label in labels], dtype=np.intp)
     count = np.bincount(number, minlength=len(names))
     square = np.bincount(number, z**2, minlength=len(names))
     mean = np.bincount(number, residual, minlength=len(names)) / np.maximum(count, 1)
-    excess = np.maximum(square - count, 0.0)
-    total = float(excess.sum())
-    part = excess / total if total > 0.0 else np.full(len(names), np.nan)
+    part = _parts(np.asarray(square, dtype=np.float64)[:, None], count)[:, 0]
+    sd = np.full(len(names), np.nan)
+    if drawn is not None and np.isfinite(part).all():
+        sd = np.nanstd(_parts((number == np.arange(len(names))[:, None]) @ drawn**2, count), axis=1)
     return tuple(
-        Group(name, int(count[k]), float(part[k]), float(square[k] / count[k]), float(mean[k]))
+        Group(name, int(count[k]), float(part[k]), float(square[k] / count[k]), float(mean[k]), float(sd[k]))
         for k, name in enumerate(names)
     )
+
+
+def _parts(square: Array, count: Integers) -> Array:
+    """Shares (g, k) of what sums of squares (g, k) are beyond their numbers (g,); NaN where none is."""
+    excess = np.maximum(square - count[:, None], 0.0)
+    total = excess.sum(axis=0)
+    return np.asarray(np.where(total > 0.0, excess / np.maximum(total, 1e-300), np.nan))
 
 
 def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
@@ -67,12 +82,28 @@ def where(d: Diagnosis) -> dict[str, tuple[Group, ...]]:
     Where nothing is missing, or the readings tell nothing, there are no shares. Odd readings are left out.
     """
     s, good = d.before.setting, np.flatnonzero(d.counts)
-    z, residual = (d.before.residual / spread(s, own_noise(d)))[good], d.before.residual[good]
-    found = {kind: shares(z, residual, [labels[k] for k in good]) for kind, labels in labels_of(s).items()}
+    sd = spread(s, own_noise(d))
+    z, residual = (d.before.residual / sd)[good], d.before.residual[good]
+    drawn = z[:, None] + (_uncertain(d) / sd[:, None])[good]
+    found = {kind: shares(z, residual, [labels[k] for k in good], drawn) for kind, labels in labels_of(s).items()}
     if d.verdict not in ("none", "uninformative"):
         return found
     # What is beyond the expected by chance is no disagreement that could lie anywhere.
-    return {kind: tuple(replace(g, share=float("nan")) for g in groups) for kind, groups in found.items()}
+    return {
+        kind: tuple(replace(g, share=math.nan, share_sd=math.nan) for g in groups) for kind, groups in found.items()
+    }
+
+
+def _uncertain(d: Diagnosis, rng: np.random.Generator | None = None) -> Array:
+    """What the true readings (m, ``DRAWS``) may be beside those of the model found: its springs and effects drawn.
+
+    The model before stays as it was fitted, so that its disagreement with the truth moves by this.
+    """
+    s, refit = d.after.setting, d.after.refit
+    chosen = [*range(len(s.free)), *(k for number in range(len(s.accepted)) for k in refit.columns(number))]
+    root = np.linalg.cholesky(refit.inverse[np.ix_(chosen, chosen)])
+    numbers = root @ (rng or np.random.default_rng(0)).standard_normal((len(chosen), DRAWS))
+    return np.asarray(base_of(s).columns[:, chosen] @ numbers)
 
 
 def own_noise(d: Diagnosis) -> Noise:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Indices, Integers
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,17 @@ class Blocks:
         """Readings in the largest block."""
         return int(np.bincount(self.number).max(initial=0))
 
+    @cached_property
+    def first(self) -> Indices:
+        """The first reading (b,) of each block."""
+        return np.asarray(self.sums.indices[self.sums.indptr[:-1]], dtype=np.intp)
+
+    def weighted(self, x: Array) -> csr_array:
+        """Sums over blocks with weights x (m, k) (k b, m): the first column's of all blocks, then the next one's."""
+        order, starts, k = self.sums.indices, self.sums.indptr, x.shape[1]
+        ends = np.concatenate([[0], (np.arange(k)[:, None] * len(order) + starts[1:]).reshape(-1)])
+        return csr_array((x[order].T.reshape(-1), np.tile(order, k), ends), shape=(k * len(self), len(x)))
+
     def add(self, x: Array) -> Array:
         """Sums (b, ...) of x (m, ...) over blocks."""
         return np.asarray(self.sums @ x.reshape(len(x), -1)).reshape(len(self), *x.shape[1:])
@@ -47,6 +58,33 @@ class Blocks:
         """V = diag(variance) + common common^T in every block; variance (m,), common (m, 2)."""
         kept = common[:, common.any(axis=0)]
         return Covariance(self, variance, kept if kept.size else None)
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Groups of readings of one block for which a law predicts the same: only the mean of a group tells of it.
+
+    ``groups``: of the readings (m,); ``blocks``: of the groups (g,).
+    """
+
+    groups: Blocks
+    blocks: Blocks
+
+    @staticmethod
+    def of(key: Integers, blocks: Blocks) -> Alike:
+        """Groups of readings of one block with the same ``key`` (m,)."""
+        groups = Blocks.of(blocks.number * (int(key.max(initial=0)) + 1) + key)
+        return Alike(groups, Blocks.of(blocks.number[groups.first]))
+
+    def once(self, x: Array) -> Array | None:
+        """Rows x (m, ...) once for each group (g, ...); None where they differ within one."""
+        out = x[self.groups.first]
+        return out if np.array_equal(out[self.groups.number], x) else None
+
+    def mean(self, x: Array, variance: Array) -> Array:
+        """Means (g, k) of x (m, k), weighted by 1 / variance (m,)."""
+        precision = 1.0 / variance
+        return self.groups.add(x * precision[:, None]) / self.groups.add(precision)[:, None]
 
 
 class Covariance:
@@ -60,6 +98,7 @@ class Covariance:
         self.variance = variance
         self.common = common
         self.log_det = float(np.log(variance).sum())
+        self._of_means: dict[int, tuple[Alike, Covariance | None]] = {}
         if common is not None:
             self.E = common / variance[:, None]
             self.inner = blocks.add(common[:, :, None] * self.E[:, None, :]) + np.eye(common.shape[1])
@@ -78,26 +117,57 @@ class Covariance:
             return np.asarray(plain)
         return np.asarray(plain - np.einsum("mk,mkl,ml->m", self.E, self.middle[self.blocks.number], self.E))
 
+    def of_means(self, alike: Alike) -> Covariance | None:
+        """Covariance of the means of readings that are alike; None where what they have in common differs.
+
+        With P the groups' indicator (m, g) it is ``(P^T V^-1 P)^-1``: columns P X have the same products with all
+        others as their rows X (g, k) have with the others' means (:meth:`Alike.mean`).
+        """
+        if id(alike) not in self._of_means:
+            common = None if self.common is None else alike.once(self.common)
+            apart = self.common is not None and common is None
+            precision = alike.groups.add(1.0 / self.variance)
+            # Kept with the groups themselves, whose number others would bear once they are gone.
+            self._of_means[id(alike)] = alike, None if apart else Covariance(alike.blocks, 1.0 / precision, common)
+        return self._of_means[id(alike)][1]
+
     def solve(self, columns: Array) -> Array:
         """V^-1 times columns (m, c)."""
         out = columns / self.variance[:, None]
-        if self.common is None:
-            return out
-        inner = self.middle @ self.blocks.add(self.E[:, :, None] * columns[:, None, :])
-        return np.asarray(out - np.einsum("mk,mkc->mc", self.E, inner[self.blocks.number]))
+        return out if self.common is None else self._solving.taken_from(out, columns)
 
     def whiten(self, columns: Array) -> Array:
         """V^(-1/2) times columns (m, c), up to a rotation: D^-1/2 first, then the symmetric root of I + U U^T.
 
         With K = U^T U and N = (I + K)^(1/2), ``(I + U U^T)^(-1/2) = I - U (I + K + N)^-1 U^T``.
         """
-        root = np.sqrt(self.variance)[:, None]
-        out = columns / root
-        if self.common is None:
-            return out
-        U = self.common / root
-        inner = _inverse(self.inner + _root(self.inner)) @ self.blocks.add(U[:, :, None] * out[:, None, :])
-        return np.asarray(out - np.einsum("mk,mkc->mc", U, inner[self.blocks.number]))
+        out = columns / np.sqrt(self.variance)[:, None]
+        return out if self.common is None else self._whitening.taken_from(out, out)
+
+    @cached_property
+    def _solving(self) -> _InBlocks:
+        return _InBlocks(self.blocks, self.E, self.middle)
+
+    @cached_property
+    def _whitening(self) -> _InBlocks:
+        assert self.common is not None  # noqa: S101 - asked before
+        U = self.common / np.sqrt(self.variance)[:, None]
+        return _InBlocks(self.blocks, U, _inverse(self.inner + _root(self.inner)))
+
+
+class _InBlocks:
+    """``U middle U^T`` block by block; U (m, k), ``middle`` (b, k, k)."""
+
+    def __init__(self, blocks: Blocks, U: Array, middle: Array) -> None:
+        self.sums = blocks.weighted(U)
+        self.back, self.middle = self.sums.T, middle
+
+    def taken_from(self, out: Array, x: Array) -> Array:
+        """``out`` less this times x (m, c), in place."""
+        b, k, _ = self.middle.shape
+        inner = np.swapaxes((self.sums @ x).reshape(k, b, -1), 0, 1)
+        out -= self.back @ np.swapaxes(self.middle @ inner, 0, 1).reshape(k * b, -1)
+        return out
 
 
 def _determinant(A: Array) -> Array:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from fem.compiled.compliance import deflection
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.situation import History, Situation, plain_history
 from fem.model import ArmModel
@@ -84,8 +83,8 @@ def observed(
     where = at.distinct[1]
     few = before if any(e.effect.own for e in effects if e.effect.stage in ("frame", "load")) else before.few
     changed, loads, R = _loaded(model, few.at, effects, few)
-    d = deflection(changed, loads.q, loads.wrench, loads.point)
     there = few.of(changed, loads)
+    d = there.deflection
     for e in _of_stage(effects, "arm"):
         if not e.effect.has_memory:
             d = d + act(e, None, there)
@@ -166,7 +165,7 @@ def _loaded(
         changed = act(e, changed, None)
     for e in _of_stage(effects, "load"):
         loads = act(e, loads, before.of(changed, loads))
-    return changed, loads, R
+    return changed, loads if loads is at else at.recalled(loads), R
 
 
 def _of_stage(effects: Sequence[PlacedEffect], stage: str) -> list[PlacedEffect]:

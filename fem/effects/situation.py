@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fem.compiled.compliance import deflection
 from fem.effects.history import History, plain_history
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses, gravity_torque
@@ -43,11 +44,53 @@ class _Statics:
         robot = self.model.robot
         return ports(self.model, self.at.q, self.at.wrench, self.at.point, {"base", "tool", *robot.joint_names})
 
+    def deflection(self, model: ArmModel) -> Array:
+        """Displacement (n, 6) of the tool of an arm whose parts carry the same (:meth:`is_of`).
+
+        What other springs, another base and another tool add is linear: the rest is not worked out again.
+        """
+        at = self.at
+        for own, d in self._deflections:
+            if _alike_but_for_springs(own, model):
+                return np.asarray(d + self._further(own, model))
+        d = deflection(model, at.q, at.wrench, at.point)
+        self._deflections[:] = [(model, d), *self._deflections[: GEOMETRIES - 1]]
+        return d.copy()
+
+    @cached_property
+    def _deflections(self) -> list[tuple[ArmModel, Array]]:
+        """The newest arms whose springs, base or tool alone were not those of another one, with their deflections."""
+        return []
+
+    def _further(self, own: ArmModel, model: ArmModel) -> Array:
+        """What springs about joints' axes, base and tool of an arm add (n, 6) to those of its ``own``."""
+        d = np.zeros((len(self.at), 6))
+        for place, C in (("base", model.base - own.base), ("tool", model.tool - own.tool)):
+            if C.any():
+                d += self.places[place].share(C)
+        for joint, was in zip(model.joints, own.joints, strict=True):
+            if joint.axial is not was.axial:
+                port = self.places[joint.name]
+                turn = (joint.axial.compliance(self.at.q) - was.axial.compliance(self.at.q)) * port.carried[5]
+                d += (port.T[5] * turn).T
+        return d
+
     @cached_property
     def preload(self) -> Array:
         """Torque (n, dof) N m of the links' own weight."""
         few, where = self.at.distinct
         return gravity_torque(self.model, few.q)[where]
+
+
+def _alike_but_for_springs(a: ArmModel, b: ArmModel) -> bool:
+    """Whether two arms of one geometry have the same parts, but for springs about joints' axes, base and tool."""
+    joints = zip(a.joints, b.joints, strict=True)
+    return (
+        all(x is y for x, y in zip(a.links, b.links, strict=False))
+        and len(a.links) == len(b.links)
+        and a.bar is b.bar
+        and all(x.bearing is y.bearing and x.housing is y.housing and x.laws is y.laws for x, y in joints)
+    )
 
 
 @dataclass(frozen=True)
@@ -68,6 +111,11 @@ class Situation:
     def places(self) -> dict[str, Port]:
         """Base, joints, tool (and links) with what they carry."""
         return self._statics.places
+
+    @property
+    def deflection(self) -> Array:
+        """Displacement (n, 6) of the tool by the model's own parts, m and rad: the caller's to change."""
+        return self._statics.deflection(self.model)
 
     @property
     def preload(self) -> Array:

@@ -183,11 +183,12 @@ class Bar:
     kind: str
 
 
-def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
+def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float, float]]]) -> Figure:
     """Draw where the disagreement lies: for each kind of group (label, share, mean square of standardised residuals).
 
-    Poses have a row of their own; a kind of which all readings are of one group is left out. Shares are NaN where
-    nothing is beyond the noise; then mean squares are drawn.
+    The fourth is the share's standard deviation, NaN where it is not known. Poses have a row of their own; a
+    kind of which all readings are of one group is left out. Shares are NaN where nothing is beyond the noise; then mean
+    squares are drawn.
 
     Raises
     ------
@@ -212,26 +213,35 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float]]]) -> Fi
     return figure
 
 
-def _share_bars(ax: Axes, kind: str, groups: Sequence[tuple[str, float, float]], *, values: bool, part: int) -> None:
+def _share_bars(
+    ax: Axes, kind: str, groups: Sequence[tuple[str, float, float, float]], *, values: bool, part: int
+) -> None:
     labels = [g[0] for g in groups]
     share = 100.0 * np.array([g[1] for g in groups])
     known = bool(np.isfinite(share).all())
     heights = share if known else np.array([g[2] for g in groups])
     x = np.arange(len(groups))
     ax.bar(x, heights, 0.7, color=OKABE_ITO["vermillion"] if known else FAINT)
+    sd = 100.0 * np.nan_to_num([g[3] if known else 0.0 for g in groups])
+    if sd.any():
+        ax.errorbar(x, heights, [np.minimum(sd, heights), sd], fmt="none", ecolor=INK, elinewidth=0.9, capsize=2.0)
     ax.axhline(100.0 / len(groups) if known else 1.0, color=INK, linewidth=0.9, linestyle="--")
     if values:
         # Many bars leave no room for all their numbers.
         named = np.argsort(-heights)[:_NUMBERED] if len(groups) > _MANY_BARS else range(len(groups))
         for k in named:
             v = heights[k]
-            note(ax, f"{v:.0f} %" if known else f"{v:.2f}", (k, v), (0, 2), va="bottom")
+            note(ax, _with_sd(v, sd[k]) if known else f"{v:.2f}", (k, v + sd[k]), (0, 2), va="bottom")
         ax.margins(y=0.16)
     named_columns(ax, labels, part)
     ax.set(
         ylabel="share (%)" if known else "mean square",
         xlabel=f"by {kind}" + (" (dashed: all alike)" if known and not values else ""),
     )
+
+
+def _with_sd(value: float, sd: float) -> str:
+    return f"{value:.0f} ± {sd:.0f} %" if sd >= 0.5 else f"{value:.0f} %"
 
 
 def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:

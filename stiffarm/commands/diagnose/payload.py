@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from doe.diagnosis.checks import Check
 from doe.diagnosis.diagnose import Found, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
@@ -48,6 +49,8 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
         "unknown_place": None if found.suspect is None else learned_place(found.suspect.code),
         "provisional": [effect(d, f) for f in found.provisional],
+        "stated_probability": number(found.stated),
+        "checks": [check(c) for c in found.checks],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),
         "twins": {code: list(others) for code, others in d.twins.items()},
@@ -89,6 +92,17 @@ def parameter(n: Number) -> dict[str, Any]:
     }
 
 
+def check(c: Check) -> dict[str, Any]:
+    """A check after the name; ``effect`` is null where it is of all that was found, ``passed`` where it applies not."""
+    return {
+        "code": c.code,
+        "effect": c.effect or None,
+        "passed": c.passed,
+        "evidence": c.evidence,
+        "factor": number(c.factor),
+    }
+
+
 def candidate(h: Hypothesis) -> dict[str, Any]:
     """One line of the ranking; ``kind`` tells effects from "none" (nothing missing) and "unknown"."""
     return {
@@ -102,11 +116,15 @@ def candidate(h: Hypothesis) -> dict[str, Any]:
 
 
 def group(g: Group, kind: str) -> dict[str, Any]:
-    """Readings of one pose, load, direction or phase; ``share`` is null where nothing is beyond the noise."""
+    """Readings of one pose, load, direction or phase; ``share`` is null where nothing is beyond the noise.
+
+    ``share_sd``: its standard deviation by what springs and effects are uncertain by.
+    """
     return {
         kind: g.label,
         "readings": g.readings,
         "share": number(g.share, 4),
+        "share_sd": number(g.share_sd, 2),
         "mean_square": number(g.mean_square, 4),
         "mean_residual_mm": number(g.mean * 1e3, 4),
     }

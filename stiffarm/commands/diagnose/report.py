@@ -11,6 +11,7 @@ from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.where import labels_of, least_rms_mm, noise_floor_mm
 from stiffarm.commands.calibrate.words import bound_of, noise_parts
 from stiffarm.commands.diagnose import words
+from stiffarm.commands.diagnose.check_words import check_sentences, check_table, last_doubt
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.figures import (
     Bar,
@@ -83,13 +84,17 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
         label = "RMS that noise alone would give" if name == "noise alone" else f"{name}, no repeats to tell the noise"
         out.append(KeyFigure(f"{noise_floor_mm(found):.3f} mm", label))
     if found.effects:
-        out.append(KeyFigure(words.percent(min(f.probability for f in found.effects)), "probability of the name"))
+        label = f"probability of {found.effects[0].code} after its checks"
+        out.append(KeyFigure(words.percent(found.stated), label))
     return out
 
 
 def in_short(d: Diagnosed) -> Section:
-    """The verdict, how sure, what it did to the gap, what to do."""
-    blocks: list[Block] = [Note(words.headline(d)), Text(words.how_sure(d)), Text(words.gap_sentence(d))]
+    """The verdict, how sure, what speaks against it, what it did to the gap, what to do."""
+    blocks: list[Block] = [Note(words.headline(d)), Text(words.how_sure(d))]
+    if d.found.checks:
+        blocks.append(Bullets((*check_sentences(d.found), *last_doubt(d.found))))
+    blocks.append(Text(words.gap_sentence(d)))
     blocks += [Text(text) for text in words.odd_sentences(d)]
     for f in d.found.effects:
         blocks.append(Text(f"{f.code}: {words.numbers_sentence(d, f)}."))
@@ -99,16 +104,19 @@ def in_short(d: Diagnosed) -> Section:
     blocks.append(Text(words.next_sentence(d)))
     if d.remarks:
         blocks.append(Bullets(d.remarks))
+    if d.found.checks:
+        blocks.append(check_table(d.found))
     return Section("In short", tuple(blocks))
 
 
 def where(d: Diagnosed, pictures: Pictures) -> Section:
     """Where the disagreement lies, before anything was added."""
-    groups = {kind: [(g.label, g.share, g.mean_square) for g in some] for kind, some in d.where.items()}
+    groups = {kind: [(g.label, g.share, g.mean_square, g.share_sd) for g in some] for kind, some in d.where.items()}
     blocks: list[Block] = [
         Text(
             "Residuals of the model with its springs fitted, over the noise of a reading. A square above 1 is more "
-            "than noise makes of it; a group's share is its part of all that is beyond the noise."
+            "than noise makes of it; a group's share is its part of all that is beyond the noise, ± one standard "
+            "deviation by the uncertainty of the springs and effects found."
         ),
         Bullets(words.where_sentences(d)),
         pictures.add(

@@ -14,6 +14,7 @@ from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.base import Effect
 from fem.effects.learned import axes_of
+from stiffarm.commands.diagnose.check_words import check_sentences
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.report import Block, Bullets, Table, Text
@@ -103,7 +104,10 @@ def how_sure(d: Diagnosed) -> str:
         )
     if d.found.verdict == "named":
         parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
-        return f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}."
+        return (
+            f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}. "
+            f"After the checks below {percent(d.found.stated)} are left for {d.found.effects[0].code}."
+        )
     if d.found.verdict == "learned":
         parts = [f"{f.code} {percent(f.probability)}" for f in d.found.learned]
         return f"Probability when it was found: {', '.join(parts)}; {d.found.reason}."
@@ -194,10 +198,15 @@ def _of_kind(kind: str, groups: Sequence[Group]) -> str:
     large = [g for g in order if g.share >= max(LARGE, 1.2 / len(groups))][:NAMED]
     if not large:
         top = order[:NAMED]
-        listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}" for g in top)
+        listed = ", ".join(f"{_place(kind, g)} {share_text(g)}" for g in top)
         return f"By {kind} it is spread out; the largest shares are {listed}."
-    listed = ", ".join(f"{_place(kind, g)} {percent(g.share)}{_sign(g)}" for g in large)
+    listed = ", ".join(f"{_place(kind, g)} {share_text(g)}{_sign(g)}" for g in large)
     return f"By {kind}: {listed} of all that is beyond the noise."
+
+
+def share_text(g: Group) -> str:
+    """``31 ± 6 %``, one standard deviation by the uncertainty of springs and effects."""
+    return f"{100.0 * g.share:.0f} ± {100.0 * g.share_sd:.0f} %" if g.share_sd >= 0.005 else percent(g.share)
 
 
 def _place(kind: str, g: Group) -> str:
@@ -326,8 +335,7 @@ def _beside_twins(d: Diagnosed) -> str:
         if others := d.twins.get(f.code):
             parts.append(f"{_and(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}")
     return (
-        f"{_and(parts)}, but only with implausible numbers: each is less than a hundredth as probable. Readings in new "
-        "poses would confirm the name."
+        f"{_and(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the name."
     )
 
 
@@ -363,6 +371,6 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
 
 def summary(d: Diagnosed) -> list[str]:
     """The lines that a terminal shows."""
-    out = [headline(d), how_sure(d), gap_sentence(d), *odd_sentences(d)]
+    out = [headline(d), how_sure(d), *check_sentences(d.found), gap_sentence(d), *odd_sentences(d)]
     out += [f"{f.code}: {numbers_sentence(d, f)}" for f in d.in_model]
     return out

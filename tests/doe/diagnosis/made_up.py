@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.setting import Setting, setting_of
 from doe.tables.loaded import history_of, loaded_points
 from doe.tables.measurements import Measurements
@@ -17,6 +18,7 @@ from fem.statics.loads import as_loaded
 from robots import ModelDescription, load_description
 
 LOADS = (150.0, 300.0, 450.0)
+FRICTION = {"share": 0.9, "friction": 120.0}
 
 
 @cache
@@ -76,3 +78,11 @@ def exactly(model: ArmModel, data: Measurements, placed: tuple[PlacedEffect, ...
 def setting(data: Measurements) -> Setting:
     description, model = kr60()
     return setting_of(description, model, data)
+
+
+@cache
+def found_friction() -> Diagnosis:
+    """Friction at joint 2, named, on fourteen poses."""
+    out = diagnose(setting(read({"friction:j2": FRICTION}, poses=14, repeats=1, share=0.01, setup=0.003)))
+    assert [f.code for f in out.effects] == ["friction:j2"]
+    return out

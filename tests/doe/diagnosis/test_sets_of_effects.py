@@ -11,11 +11,11 @@ from scipy.stats import multivariate_normal
 
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.doubts import bends
-from doe.diagnosis.evidence import Base, Whitened, Whitening, fit_all
+from doe.diagnosis.evidence import Base
+from doe.diagnosis.fits import Stack
 from doe.diagnosis.hypotheses import Options, log_priors
 from doe.diagnosis.known import base_of
 from doe.diagnosis.ranking import rank
-from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import signatures
 from doe.diagnosis.unknowns import processes
@@ -46,9 +46,9 @@ def dense(s: Setting, base: Base) -> float:
 def test_a_pair_is_the_density_with_both_effects(small: Setting) -> None:
     base, weight = unbounded(base_of(small)), np.ones(len(small.data))
     some = {code: signatures(small, small.known[code]) for code in PAIR}
-    row = at_noise(small, base, weight, NOISE, some, Options(priors=False), {})
+    row = at_noise(small, base, weight, NOISE, Stack(some), Options(priors=False), {})
     prior = dict.fromkeys(PAIR, -3.0)
-    found = sets_at(small, base, weight, row, some, prior, [])
+    found = sets_at(small, base, weight, row, Stack(some), prior, [])
     both = extended(small, extended(small, base, some[PAIR[0]][0]), some[PAIR[1]][0])
     # Two factorisations of a matrix of condition 1e6 or so.
     assert found[frozenset(PAIR)] == pytest.approx(dense(small, both), abs=1e-4)
@@ -58,21 +58,11 @@ def test_an_effect_beside_something_unknown(small: Setting) -> None:
     base, weight = unbounded(base_of(small)), np.ones(len(small.data))
     code = PAIR[0]
     some = {code: signatures(small, small.known[code])}
-    row = at_noise(small, base, weight, NOISE, some, Options(priors=False), {})
+    row = at_noise(small, base, weight, NOISE, Stack(some), Options(priors=False), {})
     process = next(x for x in processes(small) if x.axis == "load")
-    found = sets_at(small, base, weight, row, some, {code: -3.0}, [process])
+    found = sets_at(small, base, weight, row, Stack(some), {code: -3.0}, [process])
     both = extended(small, base.beside(process.columns), some[code][0])
     assert found[frozenset({code, "unknown"})] == pytest.approx(dense(small, both), abs=1e-4)
-
-
-def test_whitening_once_serves_every_base(small: Setting) -> None:
-    base = base_of(small)
-    V = covariance(small, NOISE, np.ones(len(small.data)))
-    some = signatures(small, small.known["hardening:j2"])
-    wide = Whitened(extended(small, base, signatures(small, small.known[PAIR[0]])[0]), V)
-    once = Whitening.of(V, some)
-    for a, b in zip(fit_all(wide, once), fit_all(wide, some), strict=True):
-        assert a.log_evidence == pytest.approx(b.log_evidence, abs=1e-9)
 
 
 def test_a_bent_law_has_columns_of_the_size_of_its_doubt(small: Setting) -> None:

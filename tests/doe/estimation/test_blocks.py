@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from doe.estimation.blocks import Blocks
+from doe.estimation.blocks import Alike, Blocks
 
 # Blocks of 1, 2, 3 and 6 readings, in no order.
 POSE = np.array([3, 0, 3, 1, 3, 2, 1, 3, 2, 3, 2, 3])
@@ -57,3 +57,33 @@ def test_a_common_part_far_above_the_white_one_loses_little(blocks: Blocks) -> N
     x = blocks.covariance(variance, common).solve(V)
     # Both columns at some 100 standard deviations: the 2 x 2 determinant of a single reading keeps eight digits or so.
     np.testing.assert_allclose(x, np.eye(len(POSE)), atol=1e-6)
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_means_of_readings_that_are_alike_tell_all_of_columns_that_are_so(blocks: Blocks, shared: bool) -> None:
+    """``X^T V^-1 y`` by the means, and ``P^T V^-1 P`` by their covariance, for columns X = P rows."""
+    variance, common = _noise(5)
+    alike = Alike.of(np.array([0, 1, 0, 0, 1, 2, 0, 1, 2, 0, 1, 1]), blocks)
+    P = (alike.groups.number[:, None] == np.arange(len(alike.groups))).astype(float)
+    assert 4 < P.shape[1] < len(POSE)
+    common = common[alike.groups.first][alike.groups.number] if shared else np.zeros_like(common)
+    of = blocks.covariance(variance, common)
+    means = of.of_means(alike)
+    assert means is not None
+    assert of.of_means(alike) is means
+    inverse = np.linalg.inv(_whole(blocks, variance, common))
+    rng = np.random.default_rng(6)
+    rows, y = rng.normal(size=(P.shape[1], 2)), rng.normal(size=(len(POSE), 3))
+    # Rounding times the condition number, some 1e3.
+    np.testing.assert_allclose(
+        means.whiten(rows).T @ means.whiten(alike.mean(y, variance)), (P @ rows).T @ inverse @ y, rtol=1e-10, atol=1e-12
+    )
+    np.testing.assert_allclose(means.solve(np.eye(P.shape[1])), P.T @ inverse @ P, rtol=1e-10, atol=1e-12)
+    np.testing.assert_array_equal(alike.once(P @ rows), rows)
+    assert alike.once(y) is None
+
+
+def test_readings_with_other_common_parts_have_no_means_of_their_own(blocks: Blocks) -> None:
+    variance, common = _noise(7)
+    alike = Alike.of(np.zeros(len(POSE), dtype=np.int64), blocks)
+    assert blocks.covariance(variance, common).of_means(alike) is None
