@@ -411,9 +411,7 @@ def _verdict(
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
     if len(found) == MOST:
-        if len(decisions) > MOST and decisions[MOST].kind != "none":
-            return "unknown", f"even {MOST} effects of the catalogue leave something unexplained"
-        return "ambiguous", f"it takes {MOST} effects to explain the readings: one that nobody catalogued is as likely"
+        return "ambiguous", f"it takes {MOST} effects or more: one that nobody catalogued is as likely"
     for kind in ("unknown", "ambiguous"):
         for pick in found:
             if pick.kind == kind:

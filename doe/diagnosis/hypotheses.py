@@ -24,7 +24,7 @@ NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
 # along one variable; the rest is shared by the families of effects that the readings can see, and within a family by
 # its members.
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.05
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.03
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 

@@ -106,9 +106,9 @@ def test_an_amplitude_left_out_is_zero_and_zero_is_left_out() -> None:
     d = read('[[effect]]\ncode = "base-tilt"\n[effect.parameters]\nstiffness_y = '
              '{ value = 2e7, unit = "N m/rad", source = "assumed" }\n')  # fmt: skip
     (placed,) = described_effects(d, build_arm(d))
-    np.testing.assert_allclose(placed.values, [0.0, 5e-8])
+    np.testing.assert_allclose(placed.values, [0.0, 5e-8, 0.0])
     again = with_effects(DESCRIPTION, [placed], "diagnosed")
-    assert set(again.effect[0].parameters) == {"stiffness_y"}
+    assert set(again.effect[0].parameters) == {"stiffness_y", "heading"}
 
 
 def test_load_path_in_a_file() -> None:
