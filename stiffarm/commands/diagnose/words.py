@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
-from doe.diagnosis.next_readings import NextReadings
-from doe.diagnosis.rivals import look_of
+from doe.diagnosis.proposals.next_readings import NextReadings
+from doe.diagnosis.proposals.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.base import Effect

@@ -14,7 +14,8 @@ from scipy.stats import norm, truncnorm
 
 from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.diagnose import Diagnosis, diagnose
-from doe.diagnosis.discrimination import (
+from doe.diagnosis.evidence import Base
+from doe.diagnosis.proposals.discrimination import (
     Outcome,
     Predictions,
     choose,
@@ -24,9 +25,8 @@ from doe.diagnosis.discrimination import (
     outcomes,
     without_idle,
 )
-from doe.diagnosis.evidence import Base
-from doe.diagnosis.foresight import CAME, PROMISED, foresee, tempered, verdicts
-from doe.diagnosis.next_readings import (
+from doe.diagnosis.proposals.foresight import CAME, PROMISED, foresee, tempered, verdicts
+from doe.diagnosis.proposals.next_readings import (
     NextReadings,
     at_random,
     doubted,
@@ -34,8 +34,7 @@ from doe.diagnosis.next_readings import (
     propose,
     ways_to_read,
 )
-from doe.diagnosis.ranking import rank
-from doe.diagnosis.rivals import (
+from doe.diagnosis.proposals.rivals import (
     Question,
     foreseen,
     noise_factors,
@@ -45,6 +44,7 @@ from doe.diagnosis.rivals import (
     truncated,
     with_candidates,
 )
+from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting, setting_of
 from doe.estimation.noise import Noise
 from doe.planning.protocol import Protocol
