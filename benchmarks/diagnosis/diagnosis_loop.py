@@ -32,7 +32,7 @@ from scipy.stats import binomtest
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from doe import write_measurements
-from doe.diagnosis.next_readings import NextReadings, at_random
+from doe.diagnosis.proposals.next_readings import NextReadings, at_random
 from fem.arm import Arm
 from rehearsal.scoring import Share
 from robots import InputError
@@ -164,8 +164,8 @@ def _needed(steps: Sequence[dict[str, Any]]) -> int:
 def forecasts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """What proposals promised by the rivals alone, in sum, beside what came of them at the next diagnosis.
 
-    The figures of :mod:`doe.diagnosis.foresight` (PROMISED, CAME, ASTRAY, PROPOSALS) are those of the detectable and
-    undetectable singles of ``benchmarks/worlds/screws``.
+    The figures of :mod:`doe.diagnosis.proposals.foresight` (PROMISED, CAME, ASTRAY, PROPOSALS) are those of the
+    detectable and undetectable singles of ``benchmarks/worlds/screws``.
     """
     pairs = [
         (here["forecast"], there["end"])

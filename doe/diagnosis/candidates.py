@@ -13,7 +13,7 @@ from doe.diagnosis.fits import Stack, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
 from doe.diagnosis.scatter import covariance, with_setup
 from doe.diagnosis.setting import Setting
-from doe.diagnosis.signatures import Signature, shapes, signature, signatures
+from doe.diagnosis.signatures import Signature, shapes, signature, signatures, widened
 from doe.diagnosis.weighing import as_if, bent, extended
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, PlacedEffect
@@ -47,7 +47,7 @@ def candidates_of(s: Setting, *, priors: bool = True, further: bool = False) -> 
     """Signatures of every effect that these readings might show, by code; ``further``: something was found already."""
     taken = {e.effect.code for e in s.accepted}
     out = {
-        code: possible(s, effect) if effect.gross else signatures(s, effect)
+        code: possible(s, effect) if effect.gross else [w for c in signatures(s, effect) for w in widened(c)]
         for code, effect in s.known.items()
         if code not in taken
         and not (further and effect.gross)

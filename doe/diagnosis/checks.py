@@ -9,7 +9,7 @@ Meng and Stern 1996). Each check that fails multiplies the odds of the name by i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -20,9 +20,8 @@ from doe.diagnosis.known import base_of, free_numbers
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.unknowns import SIZES, processes
-from doe.estimation.blocks import Covariance
 from fem.effects.base import EffectParameter
-from robots.arrays import Array, Integers
+from robots.arrays import Array
 from robots.schema.units import factor
 
 if TYPE_CHECKING:
@@ -149,20 +148,8 @@ def _best_left_out(d: Diagnosis, s: Setting) -> LeftOut:
     """
     base, out = base_of(s), []
     for noise in dict.fromkeys((d.after.refit.noise, d.rankings[0].of(NONE).noise)):
-        V = covariance(s, noise, d.weight)
-        left = leave_one_pose_out(base, V, s.data.pose)
-        # Those densities are of whitened readings: other noises compare only by densities of the readings themselves.
-        out.append(replace(left, log_density=left.log_density - 0.5 * _log_dets(V, s.data.pose)))
+        out.append(leave_one_pose_out(base, covariance(s, noise, d.weight), s.data.pose))
     return max(out, key=lambda one: float(one.log_density.sum()))
-
-
-def _log_dets(V: Covariance, pose: Integers) -> Array:
-    """Log determinant (g,) of the covariance of each pose's readings; a block is of one pose."""
-    out = np.bincount(pose, np.log(V.variance))
-    if V.common is not None:
-        first = np.unique(V.blocks.number, return_index=True)[1]
-        out = out + np.bincount(pose[first], np.linalg.slogdet(V.inner)[1], minlength=len(out))
-    return np.asarray(out)
 
 
 def _predicting(d: Diagnosis, f: Found, after: LeftOut) -> tuple[Check, Check]:

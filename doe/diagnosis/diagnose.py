@@ -10,7 +10,20 @@ from functools import cached_property
 from doe.diagnosis import checks as checking
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Decision, Hypothesis, Kind, Options, Ranking, decide, log_priors
+from doe.diagnosis.hypotheses import (
+    GAIN,
+    NAME,
+    NONE,
+    UNKNOWN,
+    Decision,
+    Hypothesis,
+    Kind,
+    Options,
+    Ranking,
+    decide,
+    is_learned,
+    log_priors,
+)
 from doe.diagnosis.known import Refit, accept, base_of, refit
 from doe.diagnosis.outlying import ODD, reading_weights
 from doe.diagnosis.ranking import rank
@@ -32,7 +45,7 @@ MOST = 3
 # quite right.
 FURTHER = 0.01
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
-LEFT_OVER, SURE = 0.05, 0.9
+LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
 HALF = 0.5
 # A name that its checks leave less probable than this is not settled; at 0 checks only speak, and no verdict changes.
@@ -192,6 +205,17 @@ class Diagnosis:
         return s.moved(s.springs, [e for e in s.accepted if e.effect.code != code])
 
     @property
+    def suspect(self) -> Hypothesis | None:
+        """Of laws learned at one place the one that alone goes best with the readings: where something unknown acts.
+
+        None where none of them explains anything.
+        """
+        first = self.rankings[0]
+        laws = [h for h in first.hypotheses if is_learned(h.code)]
+        best = max(laws, key=lambda h: h.log_evidence, default=None)
+        return best if best is not None and best.log_evidence > first.of(NONE).log_evidence + GAIN else None
+
+    @property
     def ranking(self) -> Ranking:
         """The ranking that the verdict rests on."""
         return self.rankings[self.look]
@@ -227,7 +251,8 @@ def diagnose(
     say = progress or (lambda text: None)
     weight = reading_weights(s)
     say(f"{len(s.data)} readings in {len(s.data.poses)} poses, {len(s.known)} candidates")
-    rankings, decisions = [], []
+    rankings: list[Ranking] = []
+    decisions: list[Decision] = []
     found: list[_Pick] = []
     told = told_by(s.data)
     here, total = s, 0.0
@@ -238,6 +263,7 @@ def diagnose(
             if told.anything
             else Decision("uninformative", None, told.words)
         )
+        d = _with_partner(rankings, found, r, d)
         rankings.append(r)
         decisions.append(d)
         say(f"look {look + 1}: {_words(r) if told.anything else 'these readings tell nothing about the arm'}")
@@ -263,7 +289,7 @@ def diagnose(
     odds = _odds_against_unknown(s, rankings, found, options)
     verdict, reason = _verdict(s, rankings, decisions, found, odds)
     # A name that leaves most unexplained is no name: what it took up may not be it.
-    sure = () if verdict == "unknown" else tuple(zip(all_found, found, strict=True))
+    sure = () if verdict == "unknown" or len(found) == MOST else tuple(zip(all_found, found, strict=True))
     certain = tuple(f for f, pick in sure if pick.kind == "named")
     learned = tuple(f for f, pick in sure if pick.kind == "learned")
     rest = tuple(f for f in all_found if f not in (*certain, *learned))
@@ -293,6 +319,21 @@ class _Pick:
     gain: float
     kind: Kind
     reason: str
+
+
+def _with_partner(rankings: Sequence[Ranking], found: Sequence[_Pick], r: Ranking, d: Decision) -> Decision:
+    """The decision of a second look, or what the first look saw beside the effect that is now accepted.
+
+    Alone it was fitted to what both do, and what is left may look like neither.
+    """
+    if len(found) != 1 or d.kind in ("none", "named"):
+        return d
+    code, share = rankings[0].partner(found[0].hypothesis.code)
+    if share < HALF or is_learned(code) or all(h.code != code for h in r.hypotheses):
+        return d
+    kind: Kind = "named" if share >= NAME else "ambiguous"
+    picked = replace(r.of(code), probability=share)
+    return Decision(kind, picked, "it explains the readings together with what was found before it")
 
 
 def _words(r: Ranking) -> str:
@@ -369,6 +410,8 @@ def _verdict(
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"
+    if len(found) == MOST:
+        return "ambiguous", f"it takes {MOST} effects or more: one that nobody catalogued is as likely"
     for kind in ("unknown", "ambiguous"):
         for pick in found:
             if pick.kind == kind:

@@ -140,4 +140,4 @@ def leave_one_pose_out(base: Base, V: Covariance, pose: Integers) -> LeftOut:
         left = np.linalg.solve(kept, fitted)
         density.append(0.5 * float(np.linalg.slogdet(kept)[1] - left @ fitted - len(left) * np.log(2.0 * np.pi)))
         error[mine] = base.residual[mine] - base.columns[mine] @ (w.u - w.inverse @ (W.T @ left))
-    return LeftOut(error, np.array(density))
+    return LeftOut(error, np.array(density) - 0.5 * V.log_dets(pose))

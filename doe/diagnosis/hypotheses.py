@@ -24,7 +24,7 @@ NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
 # along one variable; the rest is shared by the families of effects that the readings can see, and within a family by
 # its members.
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.05
+PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.03
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 
@@ -42,6 +42,8 @@ CLEAR = 20.0
 # A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
 # what is left of one looks like another.
 FURTHER, GAIN = 0.9, 5.5
+# Beside something unknown a further effect must have at least this probability to be taken up.
+CREDIBLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,16 @@ class Ranking:
         """The most probable one."""
         return self.hypotheses[0]
 
+    def partner(self, code: str) -> tuple[str, float]:
+        """The effect that most probably acts beside one, and with what probability if that one does; "" if none."""
+        with_it = [(key - {code, UNKNOWN}, p) for key, p in self.sets if code in key]
+        beside: dict[str, float] = {}
+        for key, p in with_it:
+            for other in key:
+                beside[other] = beside.get(other, 0.0) + p
+        best = max(beside, key=lambda other: beside[other], default="")
+        return best, beside.get(best, 0.0) / max(sum(p for _, p in with_it), 1e-300)
+
     def credible(self, share: float = 0.95) -> tuple[str, ...]:
         """The fewest codes that together hold a share of the probability."""
         total, out = 0.0, []
@@ -177,6 +189,8 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
     same_axis = is_learned(top.code) and unknown.axis in axes_of(top.code)
     if unknown.probability > 0.5 and not same_axis:
+        if further and top.probability < CREDIBLE:
+            return Decision("ambiguous", None, "what is left is nothing that the catalogue knows")
         return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
     if is_learned(top.code):
         return _learned(top, effects, none, unknown.probability if same_axis else 0.0)

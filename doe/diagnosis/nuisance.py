@@ -21,6 +21,8 @@ from robots.arrays import Array
 
 # What a gauge may be off by from one session to another, m or rad: at least, and as a share of what was read.
 OFFSET, OFFSET_SHARE = 3e-5, 0.05
+# Share of that by which all sessions together are: a gauge that is off in all of them has a zero, which is an effect.
+COMMON = 0.25
 # Lengths, m; loads as shares, all in common and each weight by itself; rigid links as a share of the deflection.
 LENGTH, LOADS, EACH_LOAD, LINK = 1e-3, 0.005, 0.001, 0.02
 # Loads that differ by less (relative) are one weight.
@@ -42,13 +44,16 @@ def nuisance(read: Read, model: ArmModel, p: Problem, history: History, known: M
 
 
 def _sessions(p: Problem, history: History) -> Iterator[Array]:
-    """What a session's readings have in common, component by component; of one session alone nothing can be told."""
+    """What a session's readings are off by, component by component; what all are off by is mostly a gauge's zero."""
     session = history.session[p.row]
     count = int(session.max(initial=0)) + 1
     for component in np.unique(p.component) if count > 1 else ():
         mine = p.component == component
         sd = max(OFFSET, OFFSET_SHARE * float(np.sqrt(np.mean(p.value[mine] ** 2))))
-        yield from (np.where(mine & (session == k), sd, 0.0) for k in range(count))
+        own = np.stack([np.where(mine & (session == k), sd, 0.0) for k in range(count)])
+        middle = own.mean(axis=0)
+        yield from own - middle
+        yield COMMON * np.sqrt(count) * middle
 
 
 def _usual(read: Read, model: ArmModel, known: Mapping[str, Effect]) -> Iterator[Array]:

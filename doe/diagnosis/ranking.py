@@ -45,6 +45,8 @@ LEADERS = 8
 FEW = 80
 # Noises at which sets are weighed, and the unknown.
 SETS, UNKNOWNS = 4, 4
+# Pairs whose own noise joins the set.
+LEADING_PAIRS = 3
 # Probability beforehand that something is missing beside an effect: another one, something unknown.
 ANOTHER, LEFT = 0.25, 0.1
 # Chance of another effect of the same kind over that of one of another kind.
@@ -101,7 +103,22 @@ def rank(
     more = [g.noise_beside([x.signature], first) for x in _leaders(table)]
     table += [g.row(noise, every=False) for noise in _limited(more, options) if noise not in noises]
     report_progress(progress, len(table), steps)
-    return _ranked(g, table, hidden, usual)
+    prior = log_priors(s, [NONE, UNKNOWN, *found.candidates], options)
+    table += _rows_of_pairs(g, table, prior, first)
+    return _ranked(g, table, hidden, usual, prior)
+
+
+def _rows_of_pairs(g: _Ground, table: Sequence[Row], prior: Mapping[str, float], first: Noise) -> list[Row]:
+    """Rows at the noises that go with the leading pairs, where each effect alone would call the other one scatter."""
+    if not g.found.candidates:
+        return []
+    row = max(table, key=lambda row: row.most)
+    sets = sets_at(g.s, g.base, g.weight, row, g.found.stack, prior, ())
+    pairs = [key for key in sets.best if len(key) == 2]
+    pairs.sort(key=lambda key: -(sets.worth[key] + _set_prior(key, prior)))
+    noises = [g.noise_beside([c for c in sets.best[key] if c.shift is None], first) for key in pairs[:LEADING_PAIRS]]
+    known = {row.noise for row in table}
+    return [g.row(noise, every=False) for noise in _limited(noises, g.options) if noise not in known]
 
 
 def _noises(s: Setting, free: Array, weight: Array, first: Noise, smooth: Array, options: Options) -> list[Noise]:
@@ -157,10 +174,11 @@ def _axis_priors(some: Sequence[Process]) -> Array:
     return np.log([share[x.axis] / count[x.axis] for x in some])
 
 
-def _ranked(g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[str, float]) -> Ranking:
+def _ranked(
+    g: _Ground, table: list[Row], hidden: dict[str, float], usual: dict[str, float], prior: Mapping[str, float]
+) -> Ranking:
     s, options = g.s, g.options
     codes = list(g.found.candidates)
-    prior = log_priors(s, [NONE, UNKNOWN, *codes], options)
     smooth, rough = _unknown(g, table)
     among = _axis_priors(g.unknown)
     by_process = logsumexp(np.array([z for _, z in smooth]), axis=0) - math.log(len(table)) + among
@@ -239,7 +257,7 @@ def _several(
     found: dict[frozenset[str], list[float]] = {}
     for row in sorted(table, key=lambda row: -row.most)[:SETS]:
         some = sets_at(g.s, g.base, g.weight, row, g.found.stack, prior, beside)
-        for key, value in some.items():
+        for key, value in some.worth.items():
             found.setdefault(key, []).append(value)
     return {key: _mean(z, len(table)) for key, z in found.items()}
 

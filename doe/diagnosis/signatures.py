@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -63,10 +63,15 @@ def shapes(effect: Effect) -> Iterator[Array]:
 
 
 def shape_count(effect: Effect) -> int:
-    """Number of points on the shapes' grid."""
+    """Number of points on the shapes' grid, times the widths tried."""
     if effect.differs is None:
-        return math.prod(len(p.grid) for p in effect.parameters if p.role == "shape")
-    return sum(1 for _ in shapes(effect))
+        return len(effect.widths) * math.prod(len(p.grid) for p in effect.parameters if p.role == "shape")
+    return len(effect.widths) * sum(1 for _ in shapes(effect))
+
+
+def widened(c: Signature) -> list[Signature]:
+    """A signature with each of the widths that its effect's amplitudes may have."""
+    return [c if width == 1.0 else replace(c, sd=width * c.sd) for width in c.effect.widths]
 
 
 def signatures(s: Setting, effect: Effect) -> list[Signature]:

@@ -157,10 +157,18 @@ def rough_at(s: Setting, row: Row, wild: Options, options: Options) -> float:
     return row.none + (change if options.priors else 0.0)
 
 
+@dataclass(frozen=True)
+class Sets:
+    """Log evidence of sets of effects at one noise, and the best shapes of those that are in several."""
+
+    worth: dict[frozenset[str], float]
+    best: dict[frozenset[str], list[Signature]]
+
+
 def sets_at(
     s: Setting, base: Base, weight: Array, row: Row, bent_candidates: Stack, log_prior: Mapping[str, float],
     unknown: Sequence[Process],
-) -> dict[frozenset[str], float]:  # fmt: skip
+) -> Sets:  # fmt: skip
     """Log evidence of pairs and triples of effects, and of effects beside something unknown, at one noise.
 
     Beside the leading effects at their best shapes all others are weighed in all their shapes, then beside the leading
@@ -186,7 +194,7 @@ def sets_at(
         beam = [chosen[key] for key in pairs[:PAIRS]]
         if not beam or len(beam[0]) > 2:
             break
-    return out
+    return Sets(out, {key: [c for _, c, _ in members] for key, members in chosen.items()})
 
 
 def _beside(

@@ -104,6 +104,14 @@ class Covariance:
             self.inner = blocks.add(common[:, :, None] * self.E[:, None, :]) + np.eye(common.shape[1])
             self.log_det += float(np.log(_determinant(self.inner)).sum())
 
+    def log_dets(self, group: Integers) -> Array:
+        """Log determinant (g,) of each group's part of V; ``group`` (m,): numbers, a block being of one group."""
+        out = np.bincount(group, np.log(self.variance))
+        if self.common is not None:
+            of_block = group[np.unique(self.blocks.number, return_index=True)[1]]
+            out = out + np.bincount(of_block, np.log(_determinant(self.inner)), minlength=len(out))
+        return np.asarray(out)
+
     @cached_property
     def middle(self) -> Array:
         """(I + C^T D^-1 C)^-1 (b, k, k)."""

@@ -137,6 +137,7 @@ class Effect:
     first; empty: none. ``spring``: the joint whose axial spring it is in series with: where that is fitted, nothing is
     left to tell. ``usual``: standard deviation of its only amplitude in every arm, missing or not, SI; 0: none.
     ``gross``: of a kind that nothing hides behind: asked about only while nothing has been found.
+    ``widths``: factors of the amplitudes' standard deviations beforehand that are all tried: of a law of any size.
     ``held_rigid``: of a part that the model holds rigid and that gives way a little in every arm.
     ``lasting``: whether it acts whenever the arm works, measured or not; None: as usual at its stage, parts of the arm
     do and loads and gauges do not.
@@ -158,6 +159,7 @@ class Effect:
     spring: str = ""
     usual: float = 0.0
     gross: bool = False
+    widths: tuple[float, ...] = (1.0,)
     lasting: bool | None = None
     held_rigid: bool = False
 

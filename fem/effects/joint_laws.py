@@ -189,15 +189,16 @@ def _softening(joint: JointPart, torque: float) -> Effect:
 
 
 def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
-    """``theta = c tau + b/2 (tanh((tau + w g)/t) - tanh(w g / t))``: g the torque of the links' own weight.
+    """``theta = c tau + b/2 (tanh((tau + p)/t) - tanh(p / t))``, p the torque that presses the flanks together.
 
-    A gap b between flanks that the preload w g has closed on one side already, or not; it takes t to cross it, up to a
-    quarter of what a test load brings. ``weighs``: whether the model says what the links weigh.
+    A gap b between flanks that has closed on one side already, or not; it takes t to cross it, up to a quarter of what
+    a test load brings. They are pressed by the links' own weight, or by as much in every pose: cables, a balancer, what
+    nobody weighed. ``weighs``: whether the model says what the links weigh.
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau, width = s.torque(joint.name), v[1]
-        rest = v[2] * s.preload[:, joint.joint]
+        rest = v[2] * s.preload[:, joint.joint] + v[3] * width
         way = np.tanh((tau + rest) / width) - np.tanh(rest / width)
         return s.turned(joint.name, 0.5 * v[0] * way)
 
@@ -206,10 +207,15 @@ def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
         "preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
         meaning="1: the links' weight presses the flanks together, 0: it does not",
     )  # fmt: skip
+    pressed = EffectParameter(
+        "pressed", "ratio", "1", -1.5, 1.5, ASSUMED, role="shape", grid=(0.0, -0.8, 0.8), default=0.0,
+        meaning="torque that presses the flanks together in every pose, in shares of the crossing torque",
+    )  # fmt: skip
     crossing = torque_shape("crossing", torque, (0.005, 0.25), 4, "torque that it takes to cross the gap")
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
-        (gap, crossing, preload), law, "backlash", slot=SLOT,
+        (gap, crossing, preload, pressed), law, "backlash", slot=SLOT,
+        differs=lambda v: v[2] == 0.0 or v[3] == 0.0,
     )  # fmt: skip
 
 

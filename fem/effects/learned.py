@@ -36,6 +36,8 @@ SOURCE = "learned from readings"
 KNOTS = (0.25, 0.5, 0.75, 1.0)
 PIECE = 0.5
 WAVES = 4
+# Sizes tried, in shares of the one named: what nobody knows may be small, and is then no less sure.
+WIDTHS = (0.1, 0.33, 1.0)
 # Angles that a joint may have stood at, rad, to either side.
 TURN = 4.0 * np.pi
 # Moments at which something may have changed.
@@ -60,7 +62,11 @@ def plain_reach(model: ArmModel) -> Reach:
 
 
 def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
-    """Every law of this kind that the model can have."""
+    """Every law of this kind that the model can have, of any size."""
+    return (replace(law, widths=WIDTHS) for law in _laws(model, reach))
+
+
+def _laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
     names = model.robot.joint_names
     for index, name in enumerate(names):
         top = _held("reach", "torque", "N m", float(max(reach.torque[index], 1e-6)), "largest torque that was read")

@@ -19,6 +19,8 @@ CLASS = "same-class robots and RV gearboxes"
 ASSUMED = "assumed"
 # What every link's compliance is off by, as a share of it, one standard deviation.
 OFF_BY = 0.07
+# Directions tried of two axes that a part gives way about; beyond a right angle they come again.
+HEADINGS = tuple(np.radians([0.0, 30.0, 60.0]).tolist())
 
 
 def stiffness(name: str, unit: str, lower: float, upper: float, source: str, meaning: str) -> EffectParameter:
@@ -39,29 +41,31 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     along, soft, stiff = usual.rigid, min(usual.rigid, 1.0), max(usual.rigid, 1.0)
     lowest, highest = 2e6 * min(usual.stiff, 1.0), 1e8 * max(usual.stiff, 1.0)
     tilts = [
-        stiffness(f"stiffness_{a}", "N m/rad", lowest, highest, ASSUMED, f"stiffness about the base's {a}")
-        for a in "xy"
+        stiffness(
+            f"stiffness_{a}", "N m/rad", lowest, highest, ASSUMED, f"stiffness about the {which} of two level axes"
+        )
+        for a, which in zip("xy", ("first", "second"), strict=True)
     ]
     yield Effect(
-        "base-tilt", "the base or floor tilts", "model", tuple(tilts),
-        _at_place("base", (3, 4)), "base-tilt",
+        "base-tilt", "the base or floor tilts", "model", (*tilts, _heading("base's x")),
+        _across("base", slice(3, 5)), "base-tilt",
     )  # fmt: skip
     yield Effect(
         "base-vertical", "the base or rail gives way vertically", "model",
         (stiffness("stiffness", "N/m", 3e6 * soft, 5e8 * stiff, ASSUMED, "vertical stiffness"),),
-        _at_place("base", (2,)), "base-vertical",
+        _vertical, "base-vertical",
     )  # fmt: skip
     across = [
         stiffness(
             f"stiffness_{axis}", "N/m", soft / 6e-7, stiff / 1.5e-7, CLASS,
-            f"stiffness across the tool, along its {axis}",
+            f"stiffness along the {which} of two axes across the tool",
         )
-        for axis in "xy"
+        for axis, which in zip("xy", ("first", "second"), strict=True)
     ]  # fmt: skip
     own_axis = stiffness("stiffness_z", "N/m", soft / 1.5e-7, stiff / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
-        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model", (*across, own_axis),
-        _at_place("tool", (0, 1, 2)), "tool-compliance",
+        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model",
+        (*across, own_axis, _heading("flange's x")), _across("tool", slice(0, 2)), "tool-compliance",
     )  # fmt: skip
     if model.bar is not None:
         yield Effect(
@@ -100,7 +104,7 @@ def _joint_tilt(joint: JointPart, usual: Usual) -> Effect:
         old = model.joints[joint.joint]
         place = "bearing" if v[2] >= 0.5 else "housing"
         C = getattr(old, place).copy()
-        C[[3, 4], [3, 4]] += v[:2]
+        C[3:5, 3:5] += turned(v[0], v[1], v[3])
         return model.with_joint(joint.name, **{place: C})
 
     # Behind a vertical first axis the base's tilt and the joint's are one.
@@ -112,23 +116,46 @@ def _joint_tilt(joint: JointPart, usual: Usual) -> Effect:
     across = (
         stiffness(
             f"stiffness_{axis}", "N m/rad", 5e5 * usual.stiff, 5e6 * usual.stiff, CLASS,
-            f"stiffness against tilting about the joint's {axis} axis",
+            f"stiffness against tilting about the {which} of two axes across the joint's",
         )
-        for axis in "xy"
+        for axis, which in zip("xy", ("first", "second"), strict=True)
     )  # fmt: skip
     return Effect(
         f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
-        (*across, behind), law, family,
+        (*across, behind, _heading("joint's x")), law, family,
     )  # fmt: skip
 
 
-def _at_place(place: str, rows: tuple[int, ...]) -> Law:
+def turned(first: float, second: float, heading: float) -> Array:
+    """Compliances about (or along) two axes at right angles, the first by an angle from x, as a matrix (2, 2)."""
+    c, s = np.cos(heading), np.sin(heading)
+    R = np.array([[c, -s], [s, c]])
+    return np.asarray(R @ np.diag([first, second]) @ R.T)
+
+
+def _heading(start: str) -> EffectParameter:
+    """Direction of the first of two axes; a right angle on they have changed places."""
+    return EffectParameter("heading", "angle", "deg", 0.0, np.pi / 2, "definition", role="shape", grid=HEADINGS,
+                           default=0.0, meaning=f"direction of the first axis, from the {start} axis")  # fmt: skip
+
+
+def _across(place: str, rows: slice) -> Law:
+    """Two compliances in the plane of x and y, the rows named, with a heading behind them; others follow on z."""
+
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
         C = getattr(model, place).copy()
-        C[list(rows), list(rows)] += v
+        C[rows, rows] += turned(v[0], v[1], v[-1])
+        if len(v) > 3:
+            C[rows.stop, rows.stop] += v[2]
         return replace(model, **{place: C})
 
     return law
+
+
+def _vertical(model: ArmModel, _: object, v: Array) -> ArmModel:
+    C = model.base.copy()
+    C[2, 2] += v[0]
+    return replace(model, base=C)
 
 
 def _bar(model: ArmModel, _: object, v: Array) -> ArmModel:

@@ -47,6 +47,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
             effect(d, f) | {"place": learned_place(f.code), "axes": list(axes_of(f.code))} for f in found.learned
         ],
         "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
+        "unknown_place": None if found.suspect is None else learned_place(found.suspect.code),
         "provisional": [effect(d, f) for f in found.provisional],
         "stated_probability": number(found.stated),
         "checks": [check(c) for c in found.checks],

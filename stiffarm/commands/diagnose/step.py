@@ -14,8 +14,8 @@ from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
-from doe.diagnosis.next_readings import NextReadings, propose
-from doe.diagnosis.rivals import open_twins
+from doe.diagnosis.proposals.next_readings import NextReadings, propose
+from doe.diagnosis.proposals.rivals import open_twins
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
-from doe.diagnosis.next_readings import NextReadings
-from doe.diagnosis.rivals import look_of
+from doe.diagnosis.proposals.next_readings import NextReadings
+from doe.diagnosis.proposals.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
+from fem.effects.base import Effect
 from fem.effects.learned import axes_of
 from stiffarm.commands.diagnose.check_words import check_sentences
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
@@ -77,7 +78,11 @@ def headline(d: Diagnosed) -> str:
 
 def _learned(found: Sequence[Found]) -> str:
     """``joint j2 turns by a law of its own over its torque (along load, pose; learned-torque:j2)``."""
-    return _and([f"{f.placed.effect.words} (along {' and '.join(axes_of(f.code))}; {f.code})" for f in found])
+    return _and([_law(f.placed.effect) for f in found])
+
+
+def _law(effect: Effect) -> str:
+    return f"{effect.words} (along {' and '.join(axes_of(effect.code))}; {effect.code})"
 
 
 def hints(d: Diagnosed) -> bool:
@@ -117,10 +122,13 @@ def how_sure(d: Diagnosed) -> str:
         return f"Probability that nothing is missing: {percent(none)}; {d.found.reason}.{hint}"
     if d.found.verdict == "unknown":
         most = max(r.of(UNKNOWN).probability for r in d.found.rankings)
+        suspect = d.found.suspect
+        law = None if suspect is None or suspect.signature is None else suspect.signature.effect
+        where = "" if law is None else f" Of laws learned at one place this one goes best with it: {_law(law)}."
         return (
             f"Probability of something unknown: {percent(most)}, against "
             f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}. "
-            f"It goes by {BY[first.of(UNKNOWN).axis]} first of all."
+            f"It goes by {BY[first.of(UNKNOWN).axis]} first of all.{where}"
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]

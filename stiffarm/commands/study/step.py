@@ -80,9 +80,10 @@ def said(truth: Row, d: Diagnosed) -> Row:
     sure = tuple(one.code for one in f.effects) if f.verdict in ("named", "ambiguous") else ()
     all_found = tuple(one.code for one in d.in_model)
     probability = d.in_model[0].probability if d.in_model else f.ranking.best.probability
-    learned = tuple(
-        (axis, learned_place(one.code)) for one in f.found if is_learned(one.code) for axis in axes_of(one.code)
-    )
+    laws = [one.code for one in f.found if is_learned(one.code)]
+    if f.verdict == "unknown" and f.suspect is not None:
+        laws.append(f.suspect.code)
+    learned = tuple((axis, learned_place(code)) for code in dict.fromkeys(laws) for axis in axes_of(code))
     before, after = (NAN, NAN) if d.held_out is None else d.unseen_rms_mm
     return replace(
         truth, verdict=f.verdict, reason=f.reason, named=sure, found=all_found, probability=probability,

@@ -165,7 +165,7 @@ def test_densities_of_poses_left_out_are_of_the_readings(d: Diagnosis) -> None:
     noise = replace(d.after.refit.noise, pose_share=0.01)
     V = noise.covariance(s.data, s.prediction, d.weight)
     whole = np.linalg.inv(V.solve(np.eye(len(s.data))))
-    for g, found in enumerate(checking._log_dets(V, s.data.pose)):
+    for g, found in enumerate(V.log_dets(s.data.pose)):
         mine = np.flatnonzero(s.data.pose == g)
         assert found == pytest.approx(
             np.linalg.slogdet(whole[np.ix_(mine, mine)])[1], abs=1e-6

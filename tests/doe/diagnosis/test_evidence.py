@@ -92,3 +92,22 @@ def test_leaving_a_pose_out_is_fitting_without_it(small: Setting) -> None:
         u = np.linalg.solve(W.T @ W + np.diag(base.precision), W.T @ r)
         expected = base.residual[~rest] - base.columns[~rest] @ u
         np.testing.assert_allclose(left.error[~rest], expected, atol=1e-10)  # m: round-off of 1e-4 m readings
+
+
+def test_the_density_of_a_pose_left_out_is_the_conditional_one(small: Setting) -> None:
+    """At any noise: of the readings themselves, so that hypotheses at different noises compare."""
+    base = unbounded(base_of(small))
+    mine = small.data.pose == 3
+    f = small.prediction
+    for noise in (NOISE, Noise(white=(2e-5, 1e-5), share=0.05)):
+        common = noise.common(small.data, f)
+        same = small.data.blocks.number[:, None] == small.data.blocks.number
+        V = np.diag(noise.variance(small.data, f)) + same * (common @ common.T)
+        V += base.columns @ np.diag(1.0 / base.precision) @ base.columns.T
+        whole, rest = (
+            multivariate_normal(cov=V[np.ix_(k, k)], allow_singular=True).logpdf(base.residual[k])
+            for k in (np.ones(len(mine), dtype=bool), ~mine)
+        )
+        left = leave_one_pose_out(base, covariance(small, noise, np.ones(len(mine))), small.data.pose)
+        # Two factorisations of a matrix of condition 1e6 or so.
+        assert left.log_density[3] == pytest.approx(whole - rest, abs=1e-5)

@@ -12,7 +12,7 @@ from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.nested import folds_of, nested, pose_numbers, why_not_nested
-from doe.diagnosis.next_readings import propose
+from doe.diagnosis.proposals.next_readings import propose
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import hold_out
 from doe.estimation.problem import problem

@@ -14,7 +14,8 @@ from scipy.stats import norm, truncnorm
 
 from doe import Measurements, read_measurements, write_measurements
 from doe.diagnosis.diagnose import Diagnosis, diagnose
-from doe.diagnosis.discrimination import (
+from doe.diagnosis.evidence import Base
+from doe.diagnosis.proposals.discrimination import (
     Outcome,
     Predictions,
     choose,
@@ -24,9 +25,8 @@ from doe.diagnosis.discrimination import (
     outcomes,
     without_idle,
 )
-from doe.diagnosis.evidence import Base
-from doe.diagnosis.foresight import CAME, PROMISED, foresee, tempered, verdicts
-from doe.diagnosis.next_readings import (
+from doe.diagnosis.proposals.foresight import CAME, PROMISED, foresee, tempered, verdicts
+from doe.diagnosis.proposals.next_readings import (
     NextReadings,
     at_random,
     doubted,
@@ -34,8 +34,7 @@ from doe.diagnosis.next_readings import (
     propose,
     ways_to_read,
 )
-from doe.diagnosis.ranking import rank
-from doe.diagnosis.rivals import (
+from doe.diagnosis.proposals.rivals import (
     Question,
     foreseen,
     noise_factors,
@@ -45,6 +44,7 @@ from doe.diagnosis.rivals import (
     truncated,
     with_candidates,
 )
+from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting, setting_of
 from doe.estimation.noise import Noise
 from doe.planning.protocol import Protocol
@@ -362,8 +362,8 @@ def test_a_law_whose_shapes_are_all_alike_still_has_one(setting: Setting, diagno
 
 
 def test_what_comes_after_a_name_is_asked_where_nothing_rivals_it(setting: Setting) -> None:
-    """A gauge zero ten times the noise is named beyond doubt: the question is what else there may be."""
-    off = replace(setting.data, value=setting.data.value + 2e-4)
+    """A gauge zero of the largest usual size is named beyond doubt: the question is what else there may be."""
+    off = replace(setting.data, value=setting.data.value + 5e-5)
     s = replace(setting, data=off)
     d = diagnose(s)
     assert [f.code for f in d.effects] == ["gauge-zero"]
@@ -388,7 +388,7 @@ def test_twins_of_one_family_are_asked_about_beside_something_else(setting: Sett
 
 def test_rivals_of_a_name_that_are_not_ruled_out_are_asked_about(setting: Setting) -> None:
     """A gauge zero is named, and a twin of it is made a tenth as probable: which of the two is the question."""
-    s = replace(setting, data=replace(setting.data, value=setting.data.value + 2e-4))
+    s = replace(setting, data=replace(setting.data, value=setting.data.value + 5e-5))
     d = diagnose(s)
     first = d.rankings[0]
     twin = {h.code: 0.1 if h.code == "backlash:j2" else h.probability for h in first.hypotheses}
@@ -411,7 +411,7 @@ def test_where_no_set_up_tells_anything_none_is_proposed(setting: Setting, diagn
     zero = setting.known["gauge-zero"]
     again = replace(zero, code="gauge-null", family="gauge-null")
     s = replace(
-        setting, data=replace(setting.data, value=setting.data.value + 2e-4), known={zero.code: zero, again.code: again}
+        setting, data=replace(setting.data, value=setting.data.value + 5e-5), known={zero.code: zero, again.code: again}
     )
     d = diagnose(s)
     assert d.verdict == "ambiguous"

@@ -51,7 +51,7 @@ def test_a_pair_is_the_density_with_both_effects(small: Setting) -> None:
     found = sets_at(small, base, weight, row, Stack(some), prior, [])
     both = extended(small, extended(small, base, some[PAIR[0]][0]), some[PAIR[1]][0])
     # Two factorisations of a matrix of condition 1e6 or so.
-    assert found[frozenset(PAIR)] == pytest.approx(dense(small, both), abs=1e-4)
+    assert found.worth[frozenset(PAIR)] == pytest.approx(dense(small, both), abs=1e-4)
 
 
 def test_an_effect_beside_something_unknown(small: Setting) -> None:
@@ -62,7 +62,7 @@ def test_an_effect_beside_something_unknown(small: Setting) -> None:
     process = next(x for x in processes(small) if x.axis == "load")
     found = sets_at(small, base, weight, row, Stack(some), {code: -3.0}, [process])
     both = extended(small, base.beside(process.columns), some[code][0])
-    assert found[frozenset({code, "unknown"})] == pytest.approx(dense(small, both), abs=1e-4)
+    assert found.worth[frozenset({code, "unknown"})] == pytest.approx(dense(small, both), abs=1e-4)
 
 
 def test_a_bent_law_has_columns_of_the_size_of_its_doubt(small: Setting) -> None:

@@ -51,7 +51,7 @@ def test_numbers_come_in_si() -> None:
     d = read(BACKLASH)
     (placed,) = described_effects(d, build_arm(d))
     assert placed.effect.code == "backlash:j2"
-    assert placed.by_name == pytest.approx({"gap": 5e-4, "crossing": 20.0, "preload": 1.0})
+    assert placed.by_name == pytest.approx({"gap": 5e-4, "crossing": 20.0, "preload": 1.0, "pressed": 0.0})
     assert reading_effects(d, build_arm(d)) == (placed,) or len(reading_effects(d, build_arm(d))) == 1
 
 
@@ -106,9 +106,9 @@ def test_an_amplitude_left_out_is_zero_and_zero_is_left_out() -> None:
     d = read('[[effect]]\ncode = "base-tilt"\n[effect.parameters]\nstiffness_y = '
              '{ value = 2e7, unit = "N m/rad", source = "assumed" }\n')  # fmt: skip
     (placed,) = described_effects(d, build_arm(d))
-    np.testing.assert_allclose(placed.values, [0.0, 5e-8])
+    np.testing.assert_allclose(placed.values, [0.0, 5e-8, 0.0])
     again = with_effects(DESCRIPTION, [placed], "diagnosed")
-    assert set(again.effect[0].parameters) == {"stiffness_y"}
+    assert set(again.effect[0].parameters) == {"stiffness_y", "heading"}
 
 
 def test_load_path_in_a_file() -> None:

@@ -8,9 +8,9 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from doe.diagnosis.discrimination import Outcome, Predictions, divergence, joint, outcomes
 from doe.diagnosis.hypotheses import ALARM, NAME, NONE, UNKNOWN
-from doe.diagnosis.rivals import Question
+from doe.diagnosis.proposals.discrimination import Outcome, Predictions, divergence, joint, outcomes
+from doe.diagnosis.proposals.rivals import Question
 from robots.arrays import Array, Integers
 
 # Expected log evidence from which on one rival is as good as ruled out (20 to 1).

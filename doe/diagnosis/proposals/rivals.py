@@ -15,11 +15,11 @@ from scipy.linalg import solve_triangular
 from scipy.special import log_ndtr, softmax
 
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.discrimination import Predictions
 from doe.diagnosis.evidence import Base, Whitened
 from doe.diagnosis.fits import fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of
+from doe.diagnosis.proposals.discrimination import Predictions
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.scatter import covariance
 from doe.diagnosis.setting import Setting, errors_of

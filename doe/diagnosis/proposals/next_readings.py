@@ -9,10 +9,10 @@ import numpy as np
 
 from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
-from doe.diagnosis.discrimination import Outcome, Predictions, choose, told, without_idle
-from doe.diagnosis.foresight import Rival, called, foresee
 from doe.diagnosis.hypotheses import UNKNOWN
-from doe.diagnosis.rivals import Question, predictions, question_of, with_candidates
+from doe.diagnosis.proposals.discrimination import Outcome, Predictions, choose, told, without_idle
+from doe.diagnosis.proposals.foresight import Rival, called, foresee
+from doe.diagnosis.proposals.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import pose_design
 from doe.planning.protocol import Protocol, new_labels, table_to_fill, usual_directions, usual_loads, usual_point
@@ -93,7 +93,7 @@ def propose(
     Parameters
     ----------
     s, d : the setting that was diagnosed and what was found (:func:`doe.diagnosis.diagnose.diagnose`)
-    still_open : rivals of effects that were named (:func:`doe.diagnosis.rivals.open_twins`)
+    still_open : rivals of effects that were named (:func:`doe.diagnosis.proposals.rivals.open_twins`)
     poses : how many set-ups at most, 1 to 30; each takes one direction with all loads
     loads : N, put on in rising order; default: those of the readings (few of many), others where these tell nothing.
         None may exceed the payload's weight, or the largest load so far if that is more.
