@@ -130,8 +130,9 @@ def test_one_factor_common_to_all_cancels_in_the_ratio(kr60: fem.ArmModel, rng: 
     force = ConstantForce(F, covariance=np.outer(0.3 * F, 0.3 * F))
     c = compare(*pair(kr60, task, force, stiffness=assumed_uncertainty(kr60, 0.0)), rng)
     rms = c.changes["rms"]
-    assert rms.factor.low == pytest.approx(rms.factor.value, rel=1e-9)
-    assert rms.factor.high == pytest.approx(rms.factor.value, rel=1e-9)
+    # By rounding a covariance of rank one has others of some 1e-16 of it: directions are off by the root of that.
+    assert rms.factor.low == pytest.approx(rms.factor.value, rel=1e-7)
+    assert rms.factor.high == pytest.approx(rms.factor.value, rel=1e-7)
     assert rms.before.high > 1.5 * rms.before.value
 
 
