@@ -159,7 +159,8 @@ def test_so_does_the_model_that_a_diagnosis_writes(
     back = inputs.read_model(str(tmp_path / "model.toml"), None, load_path)
     error = data.displacement - simulate(back.model, data, back.effects)
     after = found.found.after
-    assert {e.effect.code for e in after.setting.accepted} == set(truth)
+    # What it names is not asked here: a law without a name may take up the last digits of noise-free readings.
+    assert {e.effect.code for e in after.setting.accepted} >= set(truth)
     error = error[np.isin(data.row_numbers, found.used.row_numbers)]
     p = after.setting.data
     assert np.abs(error[p.row, p.component] - after.residual).max() <= NINE_DIGITS
