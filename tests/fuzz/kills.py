@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 JOURNAL = ".publishing.json"
 LINE = "stiffarm: stopped by the user; no half-written files are left"
 # A command that takes longer than this hangs.
-PATIENCE_S = 240.0
+PATIENCE_S = 600.0
 # Share of the kills that aim at the moves, and the time after they have begun in which they come.
 AIMED, MOVES_S = 0.5, 0.01
 # Share of the kills into a folder that is not there yet.

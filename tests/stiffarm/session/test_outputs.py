@@ -23,7 +23,7 @@ from stiffarm.session import console, interruption, outputs
 from stiffarm.session.outputs import OutputFolder
 
 # Long enough for a busy machine, short enough to notice a process that hangs.
-PATIENCE_S = 60.0
+PATIENCE_S = 240.0
 
 
 def folder(target: Path) -> OutputFolder:
