@@ -246,10 +246,10 @@ def _like_noise(d: Diagnosis, rng: np.random.Generator) -> Check:
         return _judged("like-noise", "", None, f"only {free:.1f} of {len(w.r)} readings are left free by the fit")
     left = leftovers(w, rng)
     size = np.sum(left**2, axis=0)
-    runs = {"leave a sum of squares as large": _as_much(size)}
+    runs, every = {"leave a sum of squares as large": _as_much(size)}, processes(s)
     for axis, words in (("pose", "as much of it smooth over the poses"), ("clock", "as much of it along the clock")):
         # Sizes only scale a process: one of each will do.
-        some = [x.columns for x in processes(s) if x.axis == axis][:: len(SIZES)]
+        some = [x.columns for x in every if x.axis == axis][:: len(SIZES)]
         if some:
             smooth = np.sum((w.V.whiten(np.hstack(some)).T @ left) ** 2, axis=0)
             runs[words] = _as_much(smooth / size)

@@ -108,8 +108,8 @@ class Covariance:
         """Log determinant (g,) of each group's part of V; ``group`` (m,): numbers, a block being of one group."""
         out = np.bincount(group, np.log(self.variance))
         if self.common is not None:
-            of_block = group[np.unique(self.blocks.number, return_index=True)[1]]
-            out = out + np.bincount(of_block, np.log(_determinant(self.inner)), minlength=len(out))
+            of_blocks = np.log(_determinant(self.inner))
+            out = out + np.bincount(group[self.blocks.first], of_blocks, minlength=len(out))
         return np.asarray(out)
 
     @cached_property
