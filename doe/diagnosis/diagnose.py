@@ -169,7 +169,7 @@ class Diagnosis:
         None where it hardly shows, so that anything would imitate it. Others of its family at its place are none: they
         are cured alike.
         """
-        like, change = self._likeness(code)
+        like, change = self._likenesses[code]
         if like.strength(change) < APART:
             return None
         own, known = next(f.placed.effect for f in self.found if f.code == code), self.start.known
@@ -179,10 +179,14 @@ class Diagnosis:
     @cached_property
     def _imitated(self) -> dict[str, tuple[str, ...]]:
         """Twins of each effect that was found."""
-        return {f.code: twins_of(*self._likeness(f.code), f.code, self._shapes) for f in self.found}
+        return {code: twins_of(*of, code, self._shapes) for code, of in self._likenesses.items()}
+
+    @cached_property
+    def _likenesses(self) -> dict[str, tuple[Likeness, Array]]:
+        """Of each effect that was found: readings with all else in the model, and what it changes of them (m,)."""
+        return {f.code: self._likeness(f.code) for f in self.found}
 
     def _likeness(self, code: str) -> tuple[Likeness, Array]:
-        """Of an effect that was found: readings with all else in the model, and what it changes of them (m,)."""
         placed = next(f.placed for f in self.found if f.code == code)
         like = Likeness(self.without(code), self.after.refit.noise, self.weight)
         # Straight like the columns that imitate it: what bends with a large turn would tell it from itself.

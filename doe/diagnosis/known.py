@@ -106,6 +106,10 @@ def _slope(s: Setting, number: int, k: int, step: float) -> Array:
         values[k] += by
         return (*s.accepted[:number], PlacedEffect(placed.effect, values), *s.accepted[number + 1 :])
 
+    effect = s.accepted[number].effect
+    if effect.parameters[k].role == "amplitude" and effect.stage in ("arm", "gauge") and not effect.own:
+        # Linear: one step tells the slope.
+        return (s.read(s.arm, stepped(step)) - s.prediction) / step
     return s.slope(stepped, step)
 
 

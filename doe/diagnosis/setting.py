@@ -19,7 +19,7 @@ from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
 from fem.effects.learned import Reach, learned_laws
-from fem.effects.observed import observed, spring_influences
+from fem.effects.observed import observed, seen, spring_influences
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
 from fem.free.parameters import parameter
@@ -69,9 +69,14 @@ class Setting:
         return np.asarray(observed(model, p.free.at, effects, self.history)[p.row, p.component])
 
     @cached_property
+    def seen(self) -> tuple[Array, Situation]:
+        """Readings (n, 6) predicted with what is accepted, and the situation that a gauge's law is asked in."""
+        return seen(self.arm, self.data.free.at, self.accepted, self.history)
+
+    @cached_property
     def prediction(self) -> Array:
         """Readings (m,) predicted with what is accepted."""
-        return self.read(self.arm, self.accepted)
+        return np.asarray(self.seen[0][self.data.row, self.data.component])
 
     @cached_property
     def doubts(self) -> Array:

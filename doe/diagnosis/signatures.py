@@ -12,7 +12,7 @@ import numpy as np
 from doe.diagnosis.setting import Setting
 from doe.estimation.blocks import Alike
 from fem.effects.base import Effect, EffectParameter, PlacedEffect
-from fem.effects.observed import added
+from fem.effects.observed import act, added
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -124,4 +124,8 @@ def _column(s: Setting, effect: Effect, zero: Array, k: int) -> Array:
         # On top of everything else: the rest of the arm need not be worked out again.
         d = added(with_it(step)[-1], s.situation)
         return np.asarray(d[s.data.row, s.data.component] / step)
+    if effect.stage == "gauge" and not effect.own:
+        # After everything else, and linear.
+        before, there = s.seen
+        return np.asarray((act(with_it(step)[-1], before, there) - before)[s.data.row, s.data.component] / step)
     return s.slope(with_it, step) if p.signed else (s.read(s.arm, with_it(step)) - s.prediction) / step

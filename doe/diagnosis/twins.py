@@ -22,6 +22,7 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shape_count, signatures
 from doe.diagnosis.weighing import as_if
 from doe.estimation.noise import Noise
+from fem.effects.base import Effect
 from robots.arrays import Array
 
 # Chi-square by which two effects must differ to be told apart by these readings.
@@ -41,6 +42,13 @@ class Likeness:
         self.s, self.base = s, base_of(s)
         common = with_setup(noise, min(noise.pose_share, USUAL_SETUP))
         self.w = Whitened(self.base, covariance(s, common, weight))
+        self._signatures: dict[str, list[Signature]] = {}
+
+    def signatures(self, effect: Effect) -> list[Signature]:
+        """The signatures of an effect in all its shapes, worked out once."""
+        if effect.code not in self._signatures:
+            self._signatures[effect.code] = possible(self.s, effect) if effect.gross else signatures(self.s, effect)
+        return self._signatures[effect.code]
 
     def change(self, c: Signature, amplitude: Array) -> Array:
         """What an effect changes of the readings (m,)."""
@@ -126,11 +134,10 @@ def twins_of(
             or impossible(s, effect) is not None
         ):
             continue
-        if effect.gross:
-            some = possible(s, effect)
+        if not effect.gross and shape_count(effect) > MANY:
+            some = [best[k] for k in (other,) if k in best]
         else:
-            many = shape_count(effect) > MANY
-            some = [best[k] for k in (other,) if k in best] if many else signatures(s, effect)
+            some = like.signatures(effect)
         if like.left(change, some, plausible=among is not None) < APART:
             out.append(other)
     return tuple(out)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from robots.arrays import Array, Bools, Indices
 
@@ -115,20 +116,18 @@ class History:
         taken ``BETWEEN`` seconds apart, and what lags has recovered before the next cycle.
         """
         row, half, rest = self._pauses
-        starts = self._starts(row)
-        held, off = np.exp(-half / seconds).tolist(), np.exp(-rest / seconds).tolist()
-        y, zero, last, out = 0.0, 0.0, 0.0, np.empty(len(x))
-        found = []
-        for aim, start, decay, gone in zip(x[row].tolist(), starts.tolist(), held, off, strict=True):
-            if start:
-                y *= gone
-                zero, last = y, 0.0
-            else:
-                y = last + (y - last) * decay
-            y = aim + (y - aim) * decay
-            last = aim
-            found.append(y - zero)
-        out[row] = found
+        if not len(row):
+            return np.zeros(0)
+        starts, aim = self._starts(row), x[row]
+        held, off = np.exp(-half / seconds), np.exp(-rest / seconds)
+        # From one reading to the next all is linear, y_i = a_i y_(i-1) + b_i: first the load before, then the new one.
+        a = held * np.where(starts, off, held)
+        last = np.where(starts, 0.0, np.concatenate([[0.0], aim[:-1]]))
+        b = (1.0 - held) * (aim + held * last)
+        y = solve_banded((1, 0), np.stack([np.ones(len(a)), np.append(-a[1:], 0.0)]), b)
+        zero = (off * np.concatenate([[0.0], y[:-1]]))[starts]
+        out = np.empty(len(x))
+        out[row] = y - zero[np.cumsum(starts) - 1]
         return out
 
     def warmth(self, settling: float) -> Array:

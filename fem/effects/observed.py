@@ -78,6 +78,13 @@ def observed(
     history: History | None = None,
 ) -> Array:
     """Readings (n, 6), m and rad, of an arm at loaded poses with effects; without effects its deflection."""
+    return seen(model, at, effects, history)[0]
+
+
+def seen(
+    model: ArmModel, at: LoadedPoses, effects: Sequence[PlacedEffect], history: History | None = None
+) -> tuple[Array, Situation]:
+    """Readings as :func:`observed`, and the situation that a gauge's law is asked in."""
     before = Situation(model, at, history or plain_history(len(at)))
     # What has no memory is the same for repeats, and on the way up and down.
     where = at.distinct[1]
@@ -99,7 +106,7 @@ def observed(
         d = np.hstack([d[:, :3] @ R, d[:, 3:] @ R])
     for e in _of_stage(effects, "gauge"):
         d = act(e, d, situation)
-    return np.asarray(d)
+    return np.asarray(d), situation
 
 
 def added(placed: PlacedEffect, situation: Situation) -> Array:
