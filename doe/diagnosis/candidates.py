@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from doe.diagnosis.evidence import Base, Whitened
+from doe.diagnosis.finer import finer
 from doe.diagnosis.fits import Stack, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
 from doe.diagnosis.scatter import covariance, with_setup
@@ -37,6 +38,8 @@ TIED = 6
 BEHIND = 30.0
 # Effects that lead by so many noises have their laws bent.
 BENT = 24
+# Laws whose shapes are sought between the points of their grids: so many, of those that gain this log evidence.
+REFINED, LEADS = 8, 5.0
 # An effect of usual size must raise chi-square by this to be told by name.
 TESTABLE = 30.0
 # An effect without sizes that lags behind nothing missing by this log evidence, at any noise, is ruled out.
@@ -140,6 +143,7 @@ def tried(
     stack = Stack(candidates)
     kept: dict[str, set[int]] = {code: set() for code in candidates}
     best: dict[str, float] = {}
+    at: dict[str, tuple[Noise, int]] = {}
     amplitude: dict[int, Array] = {}
     most = np.full(len(stack.flat), -np.inf)
     for noise in noises:
@@ -155,7 +159,9 @@ def tried(
             here = gain[place]
             order = np.argsort(-np.round(here, TIED), kind="stable")[:KEPT]
             kept[code] |= {int(i) for i in order if here[i] > here[order[0]] - NOTHING}
-            best[code] = max(best.get(code, -np.inf), float(here[order[0]]))
+            if here[order[0]] > best.get(code, -np.inf):
+                best[code], at[code] = float(here[order[0]]), (noise, int(order[0]))
+    finer_ones = _finer(s, base, weight, candidates, best, at)
     out: dict[str, list[Signature]] = {}
     plain: dict[int, Signature] = {}
     leaders = set(sorted(best, key=lambda code: -best[code])[:BENT])
@@ -163,6 +169,9 @@ def tried(
         if code in gross and lead[code] <= -RULED_OUT:
             continue
         mine = [c for i, c in enumerate(some) if i in kept[code] or c.shift is not None]
+        if code in finer_ones:
+            c, amplitude[id(c)] = finer_ones[code]
+            mine.append(c)
         if code in leaders:
             curved = [bent(s, c, amplitude[id(c)]) for c in mine]
             plain |= {id(x): c for x, c in zip(curved, mine, strict=True)}
@@ -171,6 +180,31 @@ def tried(
     top = max([0.0, *best.values()])
     close = {code for code in out if best.get(code, top) > top - BEHIND}
     return Tried(out, plain, close)
+
+
+def _finer(
+    s: Setting, base: Base, weight: Array, candidates: dict[str, list[Signature]], best: dict[str, float],
+    at: dict[str, tuple[Noise, int]],
+) -> dict[str, tuple[Signature, Array]]:  # fmt: skip
+    """Better shapes of the laws that lead, each at the noise that goes best with it, with their amplitudes.
+
+    ``best``: gain in log evidence of each law's best shape so far; raised where a finer one is better.
+    """
+    out: dict[str, tuple[Signature, Array]] = {}
+    whitened: dict[Noise, Whitened] = {}
+    lead = sorted((code for code in best if best[code] > LEADS), key=lambda code: -best[code])
+    for code in [code for code in lead if _has_fine(candidates[code][0].effect)][:REFINED]:
+        noise, i = at[code]
+        w = whitened.setdefault(noise, Whitened(base, covariance(s, noise, weight)))
+        found = finer(s, w, candidates[code][i])
+        if found is not None:
+            out[code] = found
+            best[code] = max(best[code], float(fit_all(w, [found[0]]).log_evidence[0]) - w.log_evidence)
+    return out
+
+
+def _has_fine(effect: Effect) -> bool:
+    return any(p.fine and len(p.grid) > 1 for p in effect.parameters)
 
 
 def impossible(s: Setting, effect: Effect) -> str | None:

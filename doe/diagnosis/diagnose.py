@@ -11,7 +11,6 @@ from doe.diagnosis import checks as checking
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import (
-    GAIN,
     NAME,
     NONE,
     UNKNOWN,
@@ -20,6 +19,7 @@ from doe.diagnosis.hypotheses import (
     Kind,
     Options,
     Ranking,
+    best_law,
     decide,
     is_learned,
     log_priors,
@@ -44,6 +44,8 @@ MOST = 3
 # A further effect must explain at least this share of what the first one did: less is the first one's law being not
 # quite right.
 FURTHER = 0.01
+# And this many times what its law may be off by, as a share of what it explained.
+BENT_OFF = 3.0
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
@@ -214,10 +216,7 @@ class Diagnosis:
 
         None where none of them explains anything.
         """
-        first = self.rankings[0]
-        laws = [h for h in first.hypotheses if is_learned(h.code)]
-        best = max(laws, key=lambda h: h.log_evidence, default=None)
-        return best if best is not None and best.log_evidence > first.of(NONE).log_evidence + GAIN else None
+        return best_law(self.rankings[0])
 
     @property
     def ranking(self) -> Ranking:
@@ -274,7 +273,7 @@ def diagnose(
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-        if _as_noise(gain, s) < FURTHER * _as_noise(total, s):
+        if _as_noise(gain, s) < FURTHER * _as_noise(total, s) or gain < _bent_off(found):
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
@@ -338,6 +337,12 @@ def _with_partner(rankings: Sequence[Ranking], found: Sequence[_Pick], r: Rankin
     kind: Kind = "named" if share >= NAME else "ambiguous"
     picked = replace(r.of(code), probability=share)
     return Decision(kind, picked, "it explains the readings together with what was found before it")
+
+
+def _bent_off(found: Sequence[_Pick]) -> float:
+    """Log evidence that laws which are not quite right may leave to a further effect."""
+    laws = ((pick.gain, pick.hypothesis.signature) for pick in found)
+    return BENT_OFF * max((gain * c.effect.law_doubt**2 for gain, c in laws if c is not None), default=0.0)
 
 
 def _words(r: Ranking) -> str:

@@ -165,7 +165,8 @@ class _Fits:
 class Stack:
     """Candidates by code with their columns side by side, for one noise and base after the other.
 
-    ``flat``: all that have amplitudes, code after code; ``place``: where in it a code's are.
+    ``flat``: all that have amplitudes, code after code; ``place``: where in it a code's are; ``rarity`` (n,): what the
+    log evidence of each is charged with.
     """
 
     def __init__(self, candidates: Mapping[str, Sequence[Signature]]) -> None:
@@ -177,6 +178,7 @@ class Stack:
             if flat:
                 self.place[code] = slice(len(self.flat), len(self.flat) + len(flat))
                 self.flat += flat
+        self.rarity = np.array([c.rarity for c in self.flat])
         self.chunks = list(self._chunks())
 
     def _chunks(self) -> Iterator[_Chunk]:
@@ -198,7 +200,7 @@ class Fits:
         self.log_evidence = np.zeros(len(stack.flat))
         for k, part in enumerate(self._parts):
             mine = part.chunk.mine
-            self.log_evidence[mine] = part.log_evidence
+            self.log_evidence[mine] = part.log_evidence - stack.rarity[mine]
             self._where[mine] = np.stack([np.full(len(mine), k), np.arange(len(mine))], axis=1)
 
     @cached_property

@@ -189,9 +189,13 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
         return Decision("ambiguous", None, "what is left may be several things, or an effect's law not quite right")
     same_axis = is_learned(top.code) and unknown.axis in axes_of(top.code)
     if unknown.probability > 0.5 and not same_axis:
-        if further and top.probability < CREDIBLE:
+        if top.probability >= CREDIBLE:
+            return Decision(
+                "unknown", top, "no single effect of the catalogue explains the pattern over poses and loads"
+            )
+        if further:
             return Decision("ambiguous", None, "what is left is nothing that the catalogue knows")
-        return Decision("unknown", top, "no single effect of the catalogue explains the pattern over poses and loads")
+        return Decision("unknown", best_law(r), "no effect of the catalogue explains the pattern over poses and loads")
     if is_learned(top.code):
         return _learned(top, effects, none, unknown.probability if same_axis else 0.0)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
@@ -203,6 +207,13 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
     if gain <= 0.0 and top.lopo_rms_mm > none.lopo_rms_mm:
         return Decision("ambiguous", top, "it fits, but does not predict poses left out")
     return Decision("named", top, "it explains the readings and predicts poses left out")
+
+
+def best_law(r: Ranking) -> Hypothesis | None:
+    """Of laws learned at one place the one that goes best with the readings; None where none explains anything."""
+    laws = [h for h in r.hypotheses if is_learned(h.code)]
+    best = max(laws, key=lambda h: h.log_evidence, default=None)
+    return best if best is not None and best.log_evidence > r.of(NONE).log_evidence + GAIN else None
 
 
 def _is_kin(h: Hypothesis, top: Hypothesis) -> bool:

@@ -25,7 +25,7 @@ class Signature:
     amplitudes; ``positive`` (a,): which of them cannot be negative. ``rows``: the columns, once for each group (g, a)
     of readings that are ``alike`` (None: the law tells these apart, and the rows are those of the readings). ``shift``
     (m,) and ``springs`` (m, s): change of the prediction and other derivatives by the springs, of an effect that has no
-    amplitudes; else None.
+    amplitudes; else None. ``rarity``: log of how many such shapes go into one point of the grid.
     """
 
     effect: Effect
@@ -37,6 +37,7 @@ class Signature:
     positive: Bools
     shift: Array | None = None
     springs: Array | None = None
+    rarity: float = 0.0
 
     @property
     def columns(self) -> Array:

@@ -22,6 +22,10 @@ from robots.arrays import Array, Bools, Integers
 # Lengths' factor for what was not read, squared: springs of the model as given may be softer or stiffer than the arm's.
 MOST_UNREAD = 9.0
 
+# First load cycles are told from later ones where so many groups of repeats have both, and their distance is in the
+# middle so many times that of later ones from one another.
+FEWEST_FIRST, FIRST_APART = 8, 6.0
+
 Flexibility = Callable[[float], tuple[Array, Array]]
 
 
@@ -206,20 +210,38 @@ def problem(
     phase = 2 * np.unique([p or "" for p in data.phase], return_inverse=True)[1] + down
     case = np.column_stack([at.q, at.wrench, at.point, phase, [number[p] for p in data.pose]])
     same = np.unique(np.round(case, 12), axis=0, return_inverse=True)[1].reshape(-1)
+    value = data.displacement[row, component]
+    replicate = _first_apart(value, 6 * same[row] + component, then.fresh[row])
     free = FreeModel(
         model, tuple(parameters), at, tuple(laws), dict(walls or {}), tuple(effects), then if effects else None
     )
     return Problem(
         free=free,
-        value=data.displacement[row, component],
+        value=value,
         row=row.astype(np.int64),
         component=component.astype(np.int64),
         pose=np.array([number[data.pose[i]] for i in row], dtype=np.int64),
         poses=labels,
-        replicate=np.unique(6 * same[row] + component, return_inverse=True)[1].astype(np.int64),
+        replicate=np.unique(replicate, return_inverse=True)[1].astype(np.int64),
         sigma=data.sigma[row],
         when=When(then.clock[row], then.session[row], _visits(data, then)[row]),
     )
+
+
+def _first_apart(value: Array, group: Integers, fresh: Bools) -> Integers:
+    """Groups (m,) of repeats, those of a stay's first load cycle (``fresh``) apart where these differ from later ones.
+
+    What sticks, or has to settle, makes the first cycle another one than those after it: no scatter, and no outliers.
+    """
+    out, apart, within = 2 * group, [], []
+    order = np.argsort(group, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        first, later = value[rows[fresh[rows]]], value[rows[~fresh[rows]]]
+        if len(first) and len(later) > 1:
+            apart.append(abs(float(first.mean() - np.median(later))))
+            within.append(float(np.median(np.abs(later - np.median(later)))))
+    differ = len(apart) >= FEWEST_FIRST and np.median(apart) > FIRST_APART * np.median(within)
+    return out + fresh if differ else out
 
 
 def _visits(data: Measurements, history: History) -> Integers:

@@ -46,6 +46,8 @@ MIDDLE_TAIL = 5.0
 ANOTHER = 1.0
 # Log likelihood that tails, and a scatter between visits, must add to be believed.
 TAIL_GAIN, VISIT_GAIN = 2.0, 3.0
+# Half waves over the clock that a drift may have, straight lines apart.
+BENDS = 4
 # Contrasts there must be for each column that follows a drift or a session.
 TO_SPARE = 10
 ROUNDS = 12
@@ -160,14 +162,20 @@ def _helmert(n: int) -> Array:
 
 
 def _trends(p: Problem, f: Array) -> Array:
-    """Columns (m, k) that a drift with the clock and the zeros of sessions have, component by component."""
+    """Columns (m, k) that a drift with the clock and the zeros of sessions have, component by component.
+
+    A drift bends as far as there are readings to tell it from noise.
+    """
     if p.when is None:
         return np.zeros((len(p), 0))
     columns = [np.zeros(len(p))]
-    known = bool(np.isfinite(p.when.clock).all())
+    clock, count = p.when.clock, len(np.unique(p.component))
+    known = bool(np.isfinite(clock).all())
+    spare = len(p) - len(np.unique(p.replicate))
+    waves = [np.cos(np.pi * k * clock) for k in range(1, 1 + min(BENDS, spare // (2 * count * TO_SPARE)))]
     for component in np.unique(p.component):
         mine = p.component == component
-        columns += [np.where(mine, x, 0.0) for x in (p.when.clock, p.when.clock * f) if known]
+        columns += [np.where(mine, x * y, 0.0) for x in (clock, *waves) for y in (1.0, f) if known]
         columns += [(mine & (p.when.session == k)).astype(float) for k in np.unique(p.when.session)[1:]]
     return np.column_stack(columns)
 

@@ -45,7 +45,27 @@ def history_of(data: Measurements) -> History:
     session = np.unique(np.array(data.session, dtype=object).astype(str), return_inverse=True)[1].astype(np.intp)
     seconds = data.time - data.time.min() if data.n and np.isfinite(data.time).all() else np.full(data.n, np.nan)
     clock = _clock(data, cycle)
-    return History(cycle, order, clock, known and data.n > 0, session.reshape(-1), seconds, data.temperature)
+    stay = _stays(data, cycle, clock)
+    return History(cycle, order, clock, known and data.n > 0, session.reshape(-1), seconds, data.temperature, stay)
+
+
+def _stays(data: Measurements, cycle: Indices, clock: Array) -> Indices:
+    """Number (n,) of the stay at a pose that each reading belongs to: cycles at one pose, one right after the other."""
+    if data.n == 0 or not np.isfinite(clock).all():
+        return cycle
+    begun = np.full(int(cycle.max()) + 1, np.inf)
+    np.minimum.at(begun, cycle, clock)
+    over = np.zeros(len(begun))
+    np.maximum.at(over, cycle, clock)
+    order = np.argsort(begun, kind="stable")
+    label = np.unique(np.array(data.pose, dtype=str), return_inverse=True)[1].reshape(-1)
+    pose = np.zeros(len(begun), dtype=np.intp)
+    pose[cycle] = label
+    # Cycles whose readings are mixed in time tell nothing of what was between them.
+    moved = (np.diff(pose[order]) != 0) | (begun[order][1:] < np.maximum.accumulate(over[order])[:-1])
+    stay = np.empty(len(begun), dtype=np.intp)
+    stay[order] = np.cumsum(np.concatenate([[False], moved]))
+    return stay[cycle]
 
 
 def history_of_part(

@@ -56,6 +56,7 @@ class EffectParameter:
     it. ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
     have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
     where none is given. ``unit``: in which files and screens show it. ``meaning``: for the shop floor, may be empty.
+    ``fine``: of a shape that may have any value between those tried, and acts by it.
     """
 
     name: str
@@ -70,6 +71,7 @@ class EffectParameter:
     grid: tuple[float, ...] = ()
     default: float | None = None
     meaning: str = ""
+    fine: bool = False
 
     def __post_init__(self) -> None:
         require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)

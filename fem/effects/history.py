@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -23,6 +24,11 @@ SLOW = 10.0
 ROOM = 20.0
 
 
+# What sticks under no load: gone before the next load cycle (0); still there until the arm moves on, with a gauge that
+# is zeroed before each cycle (1), or once (2).
+Carried = Literal[0, 1, 2]
+
+
 @dataclass(frozen=True)
 class History:
     """When n readings were taken.
@@ -32,6 +38,8 @@ class History:
     the first reading, 1 at the last; NaN where it is not known. ``is_known``: whether loading and unloading are told
     apart; else each reading is taken as a loading from zero. ``session`` (n,): number of the day or visit, all 0 where
     that is not known. ``seconds`` (n,): time from the first reading; ``temperature`` (n,): deg C; NaN where not known.
+    ``stay`` (n,): number of the stay at a pose: between cycles of one stay, in the order of the clock, the arm did not
+    move; where that is not known each cycle is a stay of its own.
     """
 
     cycle: Indices
@@ -41,11 +49,12 @@ class History:
     session: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     seconds: Array = field(default_factory=lambda: np.zeros(0))
     temperature: Array = field(default_factory=lambda: np.zeros(0))
+    stay: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
         n = len(self.cycle)
         unknown = {"session": np.zeros(n, dtype=np.intp), "seconds": np.full(n, np.nan)}
-        unknown["temperature"] = unknown["seconds"]
+        unknown |= {"temperature": unknown["seconds"], "stay": self.cycle}
         for name, nothing in unknown.items():
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, nothing)
@@ -71,27 +80,64 @@ class History:
             before[mine] = y[now]
         return y
 
-    def play(self, x: Array, width: Array | float) -> Array:
+    def play(self, x: Array, width: Array | float, carried: Carried = 0) -> Array:
         """The play operator over every cycle: y (n,) follows x (n,) at a distance of at most ``width``.
 
         ``y_i = max(x_i - r, min(x_i + r, y_(i-1)))`` with y = 0 before the first (Visintin 1994,
-        doi:10.1007/978-3-662-11557-2, ch. III).
+        doi:10.1007/978-3-662-11557-2, ch. III). ``carried``: :data:`Carried`.
         """
-        r = np.broadcast_to(np.asarray(width, dtype=np.float64), x.shape)
-        return self.follow(lambda now, last: np.maximum(x[now] - r[now], np.minimum(x[now] + r[now], last)))
+        z = np.append(x, 0.0)
+        r = np.append(np.broadcast_to(np.asarray(width, dtype=np.float64), x.shape), np.min(width, initial=np.inf))
 
-    def stick(self, x: Array, width: float, kept: float) -> Array:
+        def law(now: Indices, last: Array) -> Array:
+            return np.asarray(np.maximum(z[now] - r[now], np.minimum(z[now] + r[now], last)))
+
+        return self.follow_on(law, zeroed=carried == 1) if carried else self.follow(law)
+
+    def stick(self, x: Array, width: float, kept: float, carried: Carried = 0) -> Array:
         """What stays where it is until x (n,) is more than ``width`` away, then jumps to ``kept`` of that from x.
 
         Static and sliding friction in their simplest form (Armstrong-Helouvry, Dupont, Canudas de Wit 1994,
-        doi:10.1016/0005-1098(94)90209-7), in steps of what was read. Returns (n,).
+        doi:10.1016/0005-1098(94)90209-7), in steps of what was read. ``carried``: :data:`Carried`. Returns (n,).
         """
+        z = np.append(x, 0.0)
 
         def law(now: Indices, last: Array) -> Array:
-            held = x[now] - last
-            return np.where(np.abs(held) > width, x[now] - np.sign(held) * kept * width, last)
+            held = z[now] - last
+            return np.where(np.abs(held) > width, z[now] - np.sign(held) * kept * width, last)
 
-        return self.follow(law)
+        return self.follow_on(law, zeroed=carried == 1) if carried else self.follow(law)
+
+    def follow_on(self, law: Callable[[Indices, Array], Array], *, zeroed: bool) -> Array:
+        """A state (n,) along every stay, 0 before its first reading; ``zeroed``: less what it was at its cycle's start.
+
+        Between cycles the arm is unloaded where it stands: ``law`` is asked for number n there, the load that is none.
+        """
+        n = len(self.cycle)
+        out, stays = np.zeros(n), self._events
+        last, zero = np.zeros(len(stays)), np.zeros(len(stays))
+        for now in stays.T:
+            there = now >= 0
+            last[there] = law(now[there], last[there])
+            zero = np.where((now == n) & zeroed, last, zero)
+            read = there & (now < n)
+            out[now[read]] = (last - zero)[read]
+        return out
+
+    @cached_property
+    def _events(self) -> Indices:
+        """Readings (stays, steps) of each stay in order, n for the unloaded arm between two cycles, -1 after all."""
+        n = len(self.cycle)
+        row = self._in_time
+        row = row[np.argsort(self.stay[row], kind="stable")]
+        stay = np.cumsum(np.diff(self.stay[row], prepend=self.stay[row[0]] if n else 0) != 0)
+        again = self._starts(row) & np.concatenate([[False], np.diff(stay) == 0])[:n]
+        events = np.insert(row, np.flatnonzero(again), n)
+        stay = np.insert(stay, np.flatnonzero(again), stay[again])
+        step = np.arange(len(stay)) - np.searchsorted(stay, stay)
+        out = np.full((int(stay.max(initial=-1)) + 1, int(step.max(initial=-1)) + 1), -1, dtype=np.intp)
+        out[stay, step] = events
+        return out
 
     def ratchet(self, x: Array, limit: float, *, lasting: bool) -> Array:
         """What x (n,) at its largest has exceeded a limit by, less at the cycle's start; it never goes back.
@@ -139,10 +185,26 @@ class History:
         if settling <= 0.0 and np.isfinite(self.temperature).all():
             return np.asarray((self.temperature - ROOM) / 10.0)
         settling = settling or SLOW
-        t = np.nan_to_num(self.clock)
+        t = self.clock_or_middle
         cold = np.full(int(self.session.max(initial=0)) + 1, np.inf)
         np.minimum.at(cold, self.session, t)
         return settled(t - cold[self.session], settling)
+
+    @property
+    def fresh(self) -> Bools:
+        """Whether readings (n,) are of the first of several cycles of a stay."""
+        cycle = np.unique(np.column_stack([self.stay, self.cycle]), axis=0)
+        several = np.unique(cycle[:, 0], return_counts=True)
+        begun = np.full(int(self.cycle.max(initial=-1)) + 1, np.inf)
+        np.minimum.at(begun, self.cycle, self.clock_or_middle)
+        first = np.full(int(self.stay.max(initial=-1)) + 1, np.inf)
+        np.minimum.at(first, self.stay, begun[self.cycle])
+        return np.asarray(np.isin(self.stay, several[0][several[1] > 1]) & (begun[self.cycle] <= first[self.stay]))
+
+    @property
+    def clock_or_middle(self) -> Array:
+        """The clock (n,), half way where it is not known: what changes over a campaign is then as it was on average."""
+        return np.nan_to_num(self.clock, nan=0.5)
 
     def followed(self, cycles: int, readings: int, clock: float) -> History:
         """The history and after it, on a visit of its own, so many cycles of so many readings, at a time ``clock``.
@@ -161,12 +223,13 @@ class History:
             np.concatenate([self.session, np.full(new, visit)]),
             np.concatenate([self.seconds, self.seconds.max(initial=0.0) + after]),
             np.concatenate([self.temperature, np.full(new, self.temperature[-1] if len(self.temperature) else np.nan)]),
+            np.concatenate([self.stay, int(self.stay.max(initial=-1)) + 1 + np.repeat(np.arange(cycles), readings)]),
         )
 
     def take(self, rows: Indices) -> History:
         """The history of some readings; a memory only knows what is still there, so keep whole cycles."""
         cycle = np.unique(self.cycle[rows], return_inverse=True)[1].astype(np.intp)
-        kept = (getattr(self, name)[rows] for name in ("session", "seconds", "temperature"))
+        kept = (getattr(self, name)[rows] for name in ("session", "seconds", "temperature", "stay"))
         return History(cycle, self.order[rows], self.clock[rows], self.is_known, *kept)
 
     @cached_property

@@ -8,10 +8,12 @@ torque: hardening, softening, backlash, friction. Torques are tried in shares of
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
+from fem.effects.history import Carried
 from fem.effects.situation import Situation
 from fem.effects.sizes import Usual
 from fem.effects.structure import ASSUMED, CLASS
@@ -22,6 +24,8 @@ from robots.kinematics import forward_kinematics
 
 # A ripple fits any scatter between poses, if its number of teeth is free: it is believed less easily.
 RARE = 0.1
+# Parts that let go early do so at this share of the friction torque.
+EARLY = 0.3
 # Pins of the gear, or turns of its input, over a turn of the joint.
 TEETH = tuple(float(n) for n in range(6, 241))
 
@@ -42,8 +46,8 @@ def joint_laws(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         yield _gravity_compensator(model)
     for joint in model.joints:
         torque = float(usual.torque[joint.joint])
-        yield _hardening(joint, torque)
-        yield _softening(joint, torque)
+        yield _hardening(joint, torque, weighs=bool(model.masses))
+        yield _softening(joint, torque, weighs=bool(model.masses))
         yield _backlash(joint, torque, weighs=bool(model.masses))
         yield _friction(joint, torque)
 
@@ -141,10 +145,23 @@ def torque_shape(
     lower, upper = (float(share * usual) for share in shares)
     tried = np.geomspace(lower, upper, points) if points > 1 else [np.sqrt(lower * upper)]
     grid = tuple(float(x) for x in tried)
-    return EffectParameter(name, "torque", "N m", lower, upper, source, role="shape", grid=grid, meaning=meaning)
+    return EffectParameter(name, "torque", "N m", lower, upper, source, role="shape", grid=grid, meaning=meaning,
+                           fine=points > 1)  # fmt: skip
 
 
-def _hardening(joint: JointPart, torque: float) -> Effect:
+def _preload(*, weighs: bool, tried: tuple[float, ...] = (0.0, 0.5, 1.0)) -> EffectParameter:
+    """The shape that says whether the links' weight, hanging on a joint all the time, has a part in its law.
+
+    What is read is the turn from weight alone to weight and load. A balancer takes a part of the weight off.
+    """
+    return EffectParameter(
+        "preload", "ratio", "1", 0.0, 1.5, ASSUMED, role="shape", grid=tried if weighs else (0.0,), default=0.0,
+        meaning="share of the links' weight that hangs on the joint; 0: the law goes by the torque of the load alone",
+        fine=True,
+    )  # fmt: skip
+
+
+def _hardening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     """``theta = c (tau - a (tau - t g(tau / t)))``.
 
     g = tanh bends at the knee t, beyond which the compliance is c (1 - a); with a power below one,
@@ -154,8 +171,13 @@ def _hardening(joint: JointPart, torque: float) -> Effect:
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau, knee = s.torque(joint.name), v[1]
-        bent = np.tanh(tau / knee) if v[2] >= 1.0 else np.sign(tau) * np.abs(tau / knee) ** v[2]
-        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - knee * bent))
+
+        def bent(x: Array) -> Array:
+            u = x / knee
+            return np.asarray(knee * (np.tanh(u) if v[2] >= 1.0 else np.sign(u) * np.abs(u) ** v[2]))
+
+        weight = v[3] * s.preload[:, joint.joint]
+        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - bent(tau + weight) + bent(weight)))
 
     power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65), default=1.0,
                             meaning="1: a bend, below: bends all the way")  # fmt: skip
@@ -163,28 +185,33 @@ def _hardening(joint: JointPart, torque: float) -> Effect:
     knee = torque_shape("knee", torque, (0.06, 1.2), 5, "torque at which it bends")
     middle = knee.grid[len(knee.grid) // 2]
     return Effect(
-        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm", (lost, knee, power), law,
-        "hardening", slot=SLOT, differs=lambda v: bool(v[2] >= 1.0 or v[1] == middle),
+        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
+        (lost, knee, power, _preload(weighs=weighs)), law, "hardening", slot=SLOT,
+        differs=lambda v: bool(v[2] >= 1.0 or v[1] == middle),
     )  # fmt: skip
 
 
-def _softening(joint: JointPart, torque: float) -> Effect:
+def _softening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     """``theta = c tau (1 + s (|tau| / t)^p)``: a housing that opens, bolts that let go.
 
     Another t is another s: one is tried.
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        tau = s.torque(joint.name)
-        return s.turned(joint.name, v[0] * s.compliance(joint.name) * tau * (np.abs(tau) / v[1]) ** v[2])
+        def more(x: Array) -> Array:
+            return np.asarray(x * (np.abs(x) / v[1]) ** v[2])
 
-    power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0),
-                            meaning="how steeply it grows")  # fmt: skip
+        weight = v[3] * s.preload[:, joint.joint]
+        turn = more(s.torque(joint.name) + weight) - more(weight)
+        return s.turned(joint.name, v[0] * s.compliance(joint.name) * turn)
+
+    power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0, 3.0),
+                            meaning="how steeply it grows", fine=True)  # fmt: skip
     added = share("share", 0.05, 0.7, "share of the compliance that is added at the torque named", signed=False)
     at = torque_shape("torque", torque, (0.1, 1.5), 1, "torque that the share belongs to")
     return Effect(
         f"softening:{joint.name}", f"joint {joint.name} gets softer with the torque", "arm",
-        (added, at, power), law, "softening", slot=SLOT,
+        (added, at, power, _preload(weighs=weighs)), law, "softening", slot=SLOT,
     )  # fmt: skip
 
 
@@ -203,10 +230,6 @@ def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
         return s.turned(joint.name, 0.5 * v[0] * way)
 
     gap = EffectParameter("gap", "angle", "mrad", 0.2e-3, 1.8e-3, CLASS, meaning="play between the flanks")
-    preload = EffectParameter(
-        "preload", "ratio", "1", 0.0, 1.0, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
-        meaning="1: the links' weight presses the flanks together, 0: it does not",
-    )  # fmt: skip
     pressed = EffectParameter(
         "pressed", "ratio", "1", -1.5, 1.5, ASSUMED, role="shape", grid=(0.0, -0.8, 0.8), default=0.0,
         meaning="torque that presses the flanks together in every pose, in shares of the crossing torque",
@@ -214,25 +237,44 @@ def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     crossing = torque_shape("crossing", torque, (0.005, 0.25), 4, "torque that it takes to cross the gap")
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
-        (gap, crossing, preload, pressed), law, "backlash", slot=SLOT,
+        (gap, crossing, _preload(weighs=weighs, tried=(0.0, 1.0)), pressed), law, "backlash", slot=SLOT,
         differs=lambda v: v[2] == 0.0 or v[3] == 0.0,
     )  # fmt: skip
+
+
+def carried() -> EffectParameter:
+    """The shape that says whether what sticks under no load is still there when the next load cycle begins."""
+    return EffectParameter(
+        "carried", "ratio", "1", 0.0, 2.0, "definition", role="shape", grid=(0.0, 1.0, 2.0), default=0.0,
+        meaning="0: each load cycle begins afresh; 1: what sticks stays until the arm moves on; 2: and only then the "
+        "gauge is zeroed anew",
+    )  # fmt: skip
+
+
+def carried_over(value: float) -> Carried:
+    """The shape's value."""
+    return 0 if value < 0.5 else 1 if value < 1.5 else 2
 
 
 def _friction(joint: JointPart, torque: float) -> Effect:
     """``theta = c (tau - a (tau - y))``, y the play of tau with the friction torque: a spring behind dry friction.
 
-    With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element).
+    With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element). A
+    share of its own is held by parts that let go early, at a fraction of that torque: so the way from sticking to
+    sliding is smooth (Maxwell slip: Iwan 1966, doi:10.1115/1.3625199).
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        tau = s.torque(joint.name)
-        held = tau - s.history.play(tau, v[1])
-        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * held)
+        tau, carry = s.torque(joint.name), carried_over(v[3])
+        held = v[0] * (tau - s.history.play(tau, v[2], carry))
+        if v[1]:
+            held = held + v[1] * (tau - s.history.play(tau, EARLY * v[2], carry))
+        return s.turned(joint.name, -s.compliance(joint.name) * held)
 
     held = share("share", 0.4, 1.2, "share of the spring that the friction holds back", signed=False)
-    slips = torque_shape("friction", torque, (0.015, 0.4), 11, "torque at which it slips", CLASS)
+    early = replace(share("early", 0.02, 0.4, "share held back by parts that slip early", signed=False), default=0.0)
+    slips = torque_shape("friction", torque, (0.015, 0.8), 13, "torque at which it slips", CLASS)
     return Effect(
-        f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm", (held, slips), law, "friction",
-        needs_history=True, slot=LAG,
+        f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm",
+        (held, early, slips, carried()), law, "friction", needs_history=True, slot=LAG,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
-from fem.effects.joint_laws import LAG, share, torque_shape
+from fem.effects.joint_laws import LAG, carried, carried_over, share, torque_shape
 from fem.effects.situation import Situation
 from fem.effects.sizes import Usual
 from fem.effects.structure import ASSUMED
@@ -48,7 +48,7 @@ def _creep(joint: JointPart) -> Effect:
 
     tried = tuple(float(x) for x in np.geomspace(60.0, 1800.0, 4))
     time = EffectParameter("time", "time", "min", *CREEPS, ASSUMED, role="shape", grid=tried,
-                           meaning="after this time 63 % of the creep is there")  # fmt: skip
+                           meaning="after this time 63 % of the creep is there", fine=True)  # fmt: skip
     crept = share("share", 0.03, 0.4, "share of the spring's turn that comes with time", signed=False)
     return Effect(
         f"creep:{joint.name}", f"joint {joint.name} creeps under load", "arm", (crept, time), law, "creep",
@@ -88,16 +88,16 @@ def _stick_slip(joint: JointPart, torque: float) -> Effect:
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau = s.torque(joint.name)
-        held = tau - s.history.stick(tau, float(v[1]), float(v[2]))
+        held = tau - s.history.stick(tau, float(v[1]), float(v[2]), carried_over(v[3]))
         return s.turned(joint.name, -v[0] * s.compliance(joint.name) * held)
 
     stuck = share("share", 0.4, 1.2, "share of the spring that sticks", signed=False)
-    lets_go = torque_shape("torque", torque, (0.03, 0.4), 12, "torque at which it lets go")
+    lets_go = torque_shape("torque", torque, (0.03, 0.8), 14, "torque at which it lets go")
     kept = EffectParameter("kept", "ratio", "1", 0.2, 0.9, ASSUMED, role="shape", grid=(0.35, 0.65), default=0.5,
-                           meaning="share of that torque that is still held after a jump")  # fmt: skip
+                           meaning="share of that torque that is still held after a jump", fine=True)  # fmt: skip
     return Effect(
-        f"stick-slip:{joint.name}", f"joint {joint.name} sticks and lets go in jumps", "arm", (stuck, lets_go, kept),
-        law, "stick-slip", needs_history=True, slot=LAG, chance=SELDOM,
+        f"stick-slip:{joint.name}", f"joint {joint.name} sticks and lets go in jumps", "arm",
+        (stuck, lets_go, kept, carried()), law, "stick-slip", needs_history=True, slot=LAG, chance=SELDOM,
     )  # fmt: skip
 
 

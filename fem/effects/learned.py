@@ -180,7 +180,7 @@ def _clock(name: str) -> Effect:
     """``theta = c tau sum v_k N_k(t)``: a joint's stiffness that changes over the campaign."""
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        share = v @ hats(np.nan_to_num(s.history.clock))
+        share = v @ hats(s.history.clock_or_middle)
         return s.turned(name, s.compliance(name) * s.torque(name) * share)
 
     return Effect(
@@ -191,14 +191,14 @@ def _clock(name: str) -> Effect:
 
 def _when() -> EffectParameter:
     return EffectParameter("when", "ratio", "1", 0.0, 1.0, SOURCE, role="shape", grid=MOMENTS,
-                           meaning="when it happened, in shares of the campaign")  # fmt: skip
+                           meaning="when it happened, in shares of the campaign", fine=True)  # fmt: skip
 
 
 def _step(name: str) -> Effect:
     """``theta = c tau v`` from a moment on: a joint that was changed in the middle of the campaign."""
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        after = np.nan_to_num(s.history.clock) > v[1]
+        after = s.history.clock_or_middle > v[1]
         return s.turned(name, v[0] * s.compliance(name) * s.torque(name) * after)
 
     return Effect(

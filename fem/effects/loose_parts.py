@@ -73,7 +73,7 @@ def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> 
         tried = np.geomspace(0.15 * size, 0.8 * size, 5)
         limit = EffectParameter(
             "force", "force", "N", float(tried[0]), float(tried[-1]), ASSUMED, role="shape",
-            grid=tuple(float(x) for x in tried), meaning="force beyond which it slips",
+            grid=tuple(float(x) for x in tried), meaning="force beyond which it slips", fine=True,
         )  # fmt: skip
     else:
         amount = EffectParameter(
