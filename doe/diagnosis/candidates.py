@@ -213,6 +213,10 @@ def impossible(s: Setting, effect: Effect) -> str | None:
         return "the readings do not tell loading from unloading: give them a phase or a step"
     if effect.needs_clock and not np.isfinite(s.history.clock).all():
         return "the readings do not say in which order they were taken: number them in the column step"
+    if effect.depends_on == "temperature" and not s.history.varies("temperature"):
+        return "the readings do not say at which temperatures they were taken: give them a column temperature_C"
+    if effect.depends_on == "session" and not s.history.varies("session"):
+        return "the readings do not say that there was more than one session: give them a column session"
     if effect.spring in s.free:
         return "the joint's spring is fitted already"
     return None

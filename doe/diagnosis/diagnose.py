@@ -415,7 +415,8 @@ def _verdict(
     last = rankings[min(len(found), len(rankings) - 1)]
     left = last.of(UNKNOWN).log_evidence - last.of(NONE).log_evidence
     left, gained = _as_noise(left, s), _as_noise(sum(pick.gain for pick in found), s)
-    if odds < 0.0:
+    # What is unknown along a learned law's own axis is that law.
+    if odds < 0.0 and found[0].kind != "learned":
         return "unknown", "no effects of the catalogue explain the pattern over poses and loads"
     if last.of(UNKNOWN).probability > SURE and left > LEFT_OVER * (gained + left):
         return "unknown", "the best effects of the catalogue leave much of the pattern unexplained"

@@ -17,8 +17,8 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature
 from doe.estimation.noise import Noise
 from fem.effects.base import Effect, EffectParameter
-from fem.effects.learned import FAMILY as LEARNED
 from fem.effects.learned import axes_of, learned_place
+from fem.effects.learned_parts import FAMILY as LEARNED
 
 NONE, UNKNOWN = "none", "unknown"
 # Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place

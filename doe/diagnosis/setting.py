@@ -18,7 +18,8 @@ from doe.tables.loaded import history_of
 from doe.tables.measurements import Measurements
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.catalogue import Maker, catalogue
-from fem.effects.learned import Reach, learned_laws
+from fem.effects.learned import learned_laws
+from fem.effects.learned_parts import Reach
 from fem.effects.observed import observed, seen, spring_influences
 from fem.effects.situation import History, Situation
 from fem.effects.structure import joint_is_rigid
@@ -220,7 +221,7 @@ def _learned(s: Setting) -> dict[str, Effect]:
     linear = np.abs(p.value[p.component < 3])
     reach = Reach(
         torque, np.stack([at.q.min(axis=0), at.q.max(axis=0)], axis=1), float(moment), float(force.max(initial=0.0)),
-        float(linear.max(initial=0.0)),
+        float(linear.max(initial=0.0)), int(s.history.session.max(initial=0)) + 1,
     )  # fmt: skip
     return {effect.code: effect for effect in learned_laws(s.model, reach)}
 

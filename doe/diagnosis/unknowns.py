@@ -3,8 +3,8 @@
 Along pose and load it is a share of the deflection, a normal process over the joint angles that matter, with a squared-
 exponential kernel (Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294), written as columns: the poses' kernel has as
 many directions as there are poses. It may change with the load and differ between loading and unloading. Along the
-clock it is a displacement or a share of it that wanders over the campaign; along the load history, the load, the
-session and the direction of the load it is a share, the same in every pose.
+clock it is a displacement or a share of it that wanders over the campaign, along the temperature a straight line; along
+the load history, the load, the session and the direction of the load it is a share, the same in every pose.
 """
 
 from __future__ import annotations
@@ -107,6 +107,10 @@ def _others(s: Setting) -> Iterator[tuple[str, Array]]:
         waves = np.stack([np.cos(np.pi * k * t) / k for k in range(1, WAVES + 1)], axis=1)
         yield "clock", np.hstack([mask * waves for mask in own])
         yield "clock", np.hstack([mask * waves for mask in share])
+    if h.varies("temperature"):
+        warm = _scaled(h.temperature[p.row])
+        if warm is not None:
+            yield "temperature", np.hstack([mask * warm[:, None] for mask in (*own, *share)])
     if h.session.max(initial=0) > 0:
         steps = (h.session[p.row][:, None] == np.unique(h.session)).astype(float)
         yield "session", np.hstack([mask * steps for mask in (*own, *share)])

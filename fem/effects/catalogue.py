@@ -17,7 +17,8 @@ from fem.effects.base import Effect, PlacedEffect
 from fem.effects.frames import frame_effects
 from fem.effects.joint_laws import joint_laws
 from fem.effects.lagging_laws import lagging_laws
-from fem.effects.learned import FAMILY, learned_laws, plain_reach
+from fem.effects.learned import learned_laws
+from fem.effects.learned_parts import FAMILY, plain_reach
 from fem.effects.load_paths import load_path, partial_load_path
 from fem.effects.loose_parts import loose_parts
 from fem.effects.observed import observed

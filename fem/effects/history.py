@@ -190,6 +190,11 @@ class History:
         np.minimum.at(cold, self.session, t)
         return settled(t - cold[self.session], settling)
 
+    def varies(self, what: Literal["temperature", "session"]) -> bool:
+        """Whether readings differ in their temperature, which all of them have, or their session."""
+        x = getattr(self, what)
+        return bool(len(x) and np.isfinite(x).all() and np.ptp(x) > 0.0)
+
     @property
     def fresh(self) -> Bools:
         """Whether readings (n,) are of the first of several cycles of a stay."""

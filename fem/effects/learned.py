@@ -9,56 +9,38 @@ an effect like any other: in model files, in simulations, and on readings held o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fem.effects.base import Effect, EffectParameter
 from fem.effects.joint_laws import SLOT
+from fem.effects.learned_parts import FAMILY, SOURCE, Reach, held, pieces
 from fem.effects.situation import Situation
+from fem.effects.surroundings import surroundings
 from fem.model import ArmModel
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
 
-FAMILY = "learned"
 # What each head acts along, as studies and reports say it.
 AXES: dict[str, tuple[str, ...]] = {
     "learned-torque": ("load", "pose"),
     "learned-history": ("load history", "load"),
     "learned-angle": ("pose",),
     "learned-clock": ("clock", "temperature", "session"),
+    "learned-temperature": ("temperature",),
+    "learned-session": ("session",),
     "learned-coupling": ("pose", "load"),
     "learned-load": ("load", "pose"),
     "learned-step": ("clock", "session"),
 }
-SOURCE = "learned from readings"
-# Knots, in shares of the largest value read; shares of a joint's turn or of a displacement that a piece may have.
+# Knots, in shares of the largest value read.
 KNOTS = (0.25, 0.5, 0.75, 1.0)
-PIECE = 0.5
 WAVES = 4
 # Sizes tried, in shares of the one named: what nobody knows may be small, and is then no less sure.
 WIDTHS = (0.1, 0.33, 1.0)
-# Angles that a joint may have stood at, rad, to either side.
-TURN = 4.0 * np.pi
 # Moments at which something may have changed.
 MOMENTS = tuple(round(0.05 + 0.1 * k, 2) for k in range(10))
-
-
-@dataclass(frozen=True)
-class Reach:
-    """How far the readings go: torques (dof,) N m, travel (dof, 2) rad, moment at the base N m, force N, reading m."""
-
-    torque: Array
-    travel: Array
-    moment: float
-    force: float
-    size: float
-
-
-def plain_reach(model: ArmModel) -> Reach:
-    """A reach to write laws down with, where their numbers come from a file."""
-    dof = model.robot.dof
-    return Reach(np.full(dof, 1000.0), np.asarray(model.robot.limits, dtype=np.float64), 1000.0, 1000.0, 1e-3)
 
 
 def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
@@ -69,7 +51,7 @@ def learned_laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
 def _laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
     names = model.robot.joint_names
     for index, name in enumerate(names):
-        top = _held("reach", "torque", "N m", float(max(reach.torque[index], 1e-6)), "largest torque that was read")
+        top = held("reach", "torque", "N m", float(max(reach.torque[index], 1e-6)), "largest torque that was read")
         yield _torque(name, top)
         yield _history(name, top)
         yield _angle(index, name, reach.travel[index])
@@ -80,9 +62,10 @@ def _laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
     yield _gauge_clock(reach)
     yield _gauge_step(reach)
     yield _gauge_history(reach)
-    force = _held("reach", "force", "N", max(reach.force, 1e-6), "largest force that was read")
+    force = held("reach", "force", "N", max(reach.force, 1e-6), "largest force that was read")
     yield _load(force)
     yield _load_history(force)
+    yield from surroundings(model, reach)
 
 
 def learned_place(code: str) -> str:
@@ -93,18 +76,6 @@ def learned_place(code: str) -> str:
 def axes_of(code: str) -> tuple[str, ...]:
     """What a learned law acts along."""
     return AXES[code.partition(":")[0]]
-
-
-def _held(name: str, dimension: str, unit: str, value: float, meaning: str) -> EffectParameter:
-    """A shape that the readings fix: one point on its grid."""
-    lower, upper = (-TURN, TURN) if dimension == "angle" else (1e-4 * value, 1e4 * value)
-    return EffectParameter(name, dimension, unit, lower, upper, SOURCE, role="shape", grid=(value,), meaning=meaning)
-
-
-def _pieces(names: Sequence[str], meaning: str) -> tuple[EffectParameter, ...]:
-    return tuple(
-        EffectParameter(name, "ratio", "1", 0.01, PIECE, SOURCE, signed=True, meaning=meaning) for name in names
-    )
 
 
 def hats(u: Array, knots: Sequence[float] = KNOTS) -> Array:
@@ -136,7 +107,7 @@ def _torque(name: str, top: EffectParameter) -> Effect:
 
     return Effect(
         f"learned-torque:{name}", f"joint {name} turns by a law of its own over its torque", "arm",
-        (*_pieces(UP, "share of the turn that the largest torque gives"), top), law, FAMILY, doubt=0.0,
+        (*pieces(UP, "share of the turn that the largest torque gives"), top), law, FAMILY, doubt=0.0,
         slot=SLOT,
     )  # fmt: skip
 
@@ -151,7 +122,7 @@ def _history(name: str, top: EffectParameter) -> Effect:
 
     return Effect(
         f"learned-history:{name}", f"joint {name} turns by a law of its own, another one on the way down", "arm",
-        (*_pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top), law, FAMILY,
+        (*pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top), law, FAMILY,
         needs_history=True, doubt=0.0, slot=SLOT,
     )  # fmt: skip
 
@@ -166,10 +137,10 @@ def _angle(index: int, name: str, travel: Array) -> Effect:
         return s.turned(name, s.compliance(name) * s.torque(name) * share)
 
     ends = (
-        _held("low", "angle", "deg", float(travel[0]), "smallest angle that was read"),
-        _held("high", "angle", "deg", float(travel[1]), "largest angle that was read"),
+        held("low", "angle", "deg", float(travel[0]), "smallest angle that was read"),
+        held("high", "angle", "deg", float(travel[1]), "largest angle that was read"),
     )
-    waves = _pieces([f"wave{k}" for k in range(1, WAVES + 1)], "share of the compliance")
+    waves = pieces([f"wave{k}" for k in range(1, WAVES + 1)], "share of the compliance")
     return Effect(
         f"learned-angle:{name}", f"joint {name}'s stiffness varies with its angle by a law of its own", "arm",
         (*waves, *ends), law, FAMILY, depends_on="angle", doubt=0.0,
@@ -185,7 +156,7 @@ def _clock(name: str) -> Effect:
 
     return Effect(
         f"learned-clock:{name}", f"joint {name}'s stiffness changes over the campaign", "arm",
-        _pieces(TIMES, "share of the compliance that is added by then"), law, FAMILY, depends_on="clock", doubt=0.0,
+        pieces(TIMES, "share of the compliance that is added by then"), law, FAMILY, depends_on="clock", doubt=0.0,
     )  # fmt: skip
 
 
@@ -203,7 +174,7 @@ def _step(name: str) -> Effect:
 
     return Effect(
         f"learned-step:{name}", f"joint {name}'s stiffness changed at one moment of the campaign", "arm",
-        (*_pieces(["share"], "share of the compliance that is added from then on"), _when()), law, FAMILY,
+        (*pieces(["share"], "share of the compliance that is added from then on"), _when()), law, FAMILY,
         depends_on="clock", doubt=0.0,
     )  # fmt: skip
 
@@ -215,7 +186,7 @@ def _coupling(name: str, others: Sequence[str]) -> Effect:
         felt = sum(x * s.torque(other) for x, other in zip(v, others, strict=True))
         return s.turned(name, s.compliance(name) * felt)
 
-    shares = _pieces([f"by_{other}" for other in others], "share of the compliance by which a torque there turns it")
+    shares = pieces([f"by_{other}" for other in others], "share of the compliance by which a torque there turns it")
     return Effect(f"learned-coupling:{name}", f"torques at other joints turn joint {name}", "arm", shares, law, FAMILY,
                   doubt=0.0)  # fmt: skip
 
@@ -231,12 +202,12 @@ def _base(reach: Reach) -> Effect:
         angle = [turn * (v[k * half : (k + 1) * half] @ N[k]) for k in range(2)]
         return np.asarray((port.T[3] * angle[0] + port.T[4] * angle[1]).T)
 
-    pieces = _pieces([f"{axis}_{name}" for axis in "xy" for name in UP], "share of the turn named")
+    own = pieces([f"{axis}_{name}" for axis in "xy" for name in UP], "share of the turn named")
     ends = (
-        _held("reach", "torque", "N m", max(reach.moment, 1e-6), "largest moment that was read"),
-        _held("turn", "angle", "mrad", reach.size * reach.force / max(reach.moment, 1e-6), "turn that shares are of"),
+        held("reach", "torque", "N m", max(reach.moment, 1e-6), "largest moment that was read"),
+        held("turn", "angle", "mrad", reach.size * reach.force / max(reach.moment, 1e-6), "turn that shares are of"),
     )
-    return Effect("learned-load:base", "the base gives way by a law of its own", "arm", (*pieces, *ends), law, FAMILY,
+    return Effect("learned-load:base", "the base gives way by a law of its own", "arm", (*own, *ends), law, FAMILY,
                   doubt=0.0)  # fmt: skip
 
 
@@ -250,10 +221,10 @@ def _gauge_clock(reach: Reach) -> Effect:
             out[:, axis] += v[-1] * (v[axis * k : (axis + 1) * k] @ N)
         return out
 
-    pieces = _pieces([f"{axis}_{name}" for axis in "xyz" for name in TIMES], "share of the size named")
-    size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    own = pieces([f"{axis}_{name}" for axis in "xyz" for name in TIMES], "share of the size named")
+    size = held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
     return Effect("learned-clock:gauge", "readings move over the campaign by a law of their own", "gauge",
-                  (*pieces, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
+                  (*own, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
 
 
 def _gauge_step(reach: Reach) -> Effect:
@@ -264,9 +235,9 @@ def _gauge_step(reach: Reach) -> Effect:
         out[:, :3] += np.outer(after, v[:3]) * v[4]
         return out
 
-    size = _held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    size = held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
     return Effect("learned-step:gauge", "readings moved at one moment of the campaign", "gauge",
-                  (*_pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
+                  (*pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
                   doubt=0.0)  # fmt: skip
 
 
@@ -284,9 +255,9 @@ def _gauge_history(reach: Reach) -> Effect:
         return out
 
     names = [f"{axis}_{part}" for axis in "xyz" for part in ("always", "back", "back_with_load")]
-    size = _held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
+    size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
     return Effect("learned-history:gauge", "readings lag behind the load", "gauge",
-                  (*_pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
+                  (*pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
                   doubt=0.0)  # fmt: skip
 
 
@@ -297,9 +268,9 @@ def _load(top: EffectParameter) -> Effect:
         share = v[:-1] @ hats(np.linalg.norm(at.wrench[:, :3], axis=1) / v[-1])
         return replace(at, wrench=at.wrench * (1.0 + share)[:, None])
 
-    pieces = _pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
+    own = pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
     return Effect("learned-load:load", "forces are others than the sheet says, by a law of their own", "load",
-                  (*pieces, top), law, FAMILY, doubt=0.0)  # fmt: skip
+                  (*own, top), law, FAMILY, doubt=0.0)  # fmt: skip
 
 
 def _load_history(top: EffectParameter) -> Effect:
@@ -310,6 +281,6 @@ def _load_history(top: EffectParameter) -> Effect:
         return np.asarray(d * (1.0 + v[: len(N)] @ N + _down(s) * (v[len(N) : -1] @ N))[:, None])
 
     names = [f"share{k}" for k in range(1, len(KNOTS) + 1)]
-    pieces = _pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
+    own = pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
     return Effect("learned-history:load", "forces are others than the sheet says, others again on the way down",
-                  "gauge", (*pieces, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip
+                  "gauge", (*own, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip

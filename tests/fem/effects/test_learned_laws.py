@@ -9,7 +9,8 @@ from fem import build_model
 from fem.compiled.compliance import deflection
 from fem.effects.base import PlacedEffect
 from fem.effects.catalogue import effect_of
-from fem.effects.learned import KNOTS, Reach, axes_of, hats, learned_laws, learned_place, plain_reach
+from fem.effects.learned import KNOTS, axes_of, hats, learned_laws, learned_place
+from fem.effects.learned_parts import Reach, plain_reach
 from fem.effects.observed import observed
 from fem.effects.situation import History
 from fem.statics.loads import LoadedPoses
@@ -33,7 +34,10 @@ def at(model) -> LoadedPoses:
 
 @pytest.fixture(scope="module")
 def history() -> History:
-    return History(np.zeros(N, dtype=np.intp), np.arange(N), np.linspace(0.0, 1.0, N), is_known=True)
+    return History(
+        np.zeros(N, dtype=np.intp), np.arange(N), np.linspace(0.0, 1.0, N), is_known=True,
+        session=np.repeat([0, 1], [N // 2, N - N // 2]), temperature=np.linspace(18.0, 27.0, N),
+    )  # fmt: skip
 
 
 def laws(model) -> dict:
