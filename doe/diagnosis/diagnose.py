@@ -45,7 +45,7 @@ MOST = 3
 # quite right.
 FURTHER = 0.01
 # And this many times what its law may be off by, as a share of what it explained.
-BENT_OFF = 3.0
+BENT_OFF = 4.0
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.

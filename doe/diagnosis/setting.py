@@ -208,7 +208,10 @@ def setting_of(
         description, model, _by_visit(problem(model, data, ())), _history(data, history), joints, found.u, typical,
         np.zeros((len(p), 0)), {}, tuple(accepted),
     )  # fmt: skip
-    s = replace(s, known=known or catalogue(model, description, own) | _learned(s))
+    every = known or catalogue(model, description, own) | _learned(s)
+    if not s.history.outlasts_cycles:
+        every = {code: effect.without_stays() for code, effect in every.items()}
+    s = replace(s, known=every)
     return replace(s, errors=errors_of(s))
 
 

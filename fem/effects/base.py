@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -56,7 +56,8 @@ class EffectParameter:
     it. ``scale``: "compliance" for a stiffness, which acts as 1/value; else "linear". ``signed``: an amplitude that may
     have either sign; its range is then that of its size. ``grid``: values tried for a shape; ``default``: its value
     where none is given. ``unit``: in which files and screens show it. ``meaning``: for the shop floor, may be empty.
-    ``fine``: of a shape that may have any value between those tried, and acts by it.
+    ``fine``: of a shape that may have any value between those tried, and acts by it; ``of_stays``: of one that makes a
+    difference only where the arm stayed at a pose for several load cycles.
     """
 
     name: str
@@ -72,6 +73,7 @@ class EffectParameter:
     default: float | None = None
     meaning: str = ""
     fine: bool = False
+    of_stays: bool = False
 
     def __post_init__(self) -> None:
         require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)
@@ -228,6 +230,13 @@ class Effect:
     def shapes(self) -> list[int]:
         """Indices of the shapes among the parameters."""
         return [k for k, p in enumerate(self.parameters) if p.role == "shape"]
+
+    def without_stays(self) -> Effect:
+        """The effect for readings of one load cycle a stay: shapes that make no difference there at their defaults."""
+        if not any(p.of_stays for p in self.parameters):
+            return self
+        held = (replace(p, grid=(p.default,)) if p.of_stays and p.default is not None else p for p in self.parameters)
+        return replace(self, parameters=tuple(held))
 
     def placed(self, values: Mapping[str, float]) -> PlacedEffect:
         """The effect with values in SI for all parameters, by name.

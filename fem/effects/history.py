@@ -190,6 +190,11 @@ class History:
         np.minimum.at(cold, self.session, t)
         return settled(t - cold[self.session], settling)
 
+    @property
+    def outlasts_cycles(self) -> bool:
+        """Whether there is a stay of several load cycles."""
+        return len(np.unique(self.stay)) < len(np.unique(self.cycle))
+
     def varies(self, what: Literal["temperature", "session"]) -> bool:
         """Whether readings differ in their temperature, which all of them have, or their session."""
         x = getattr(self, what)

@@ -149,13 +149,13 @@ def torque_shape(
                            fine=points > 1)  # fmt: skip
 
 
-def _preload(*, weighs: bool, tried: tuple[float, ...] = (0.0, 0.5, 1.0)) -> EffectParameter:
+def _preload(*, weighs: bool) -> EffectParameter:
     """The shape that says whether the links' weight, hanging on a joint all the time, has a part in its law.
 
     What is read is the turn from weight alone to weight and load. A balancer takes a part of the weight off.
     """
     return EffectParameter(
-        "preload", "ratio", "1", 0.0, 1.5, ASSUMED, role="shape", grid=tried if weighs else (0.0,), default=0.0,
+        "preload", "ratio", "1", 0.0, 1.5, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
         meaning="share of the links' weight that hangs on the joint; 0: the law goes by the torque of the load alone",
         fine=True,
     )  # fmt: skip
@@ -237,7 +237,7 @@ def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     crossing = torque_shape("crossing", torque, (0.005, 0.25), 4, "torque that it takes to cross the gap")
     return Effect(
         f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
-        (gap, crossing, _preload(weighs=weighs, tried=(0.0, 1.0)), pressed), law, "backlash", slot=SLOT,
+        (gap, crossing, _preload(weighs=weighs), pressed), law, "backlash", slot=SLOT,
         differs=lambda v: v[2] == 0.0 or v[3] == 0.0,
     )  # fmt: skip
 
@@ -247,7 +247,7 @@ def carried() -> EffectParameter:
     return EffectParameter(
         "carried", "ratio", "1", 0.0, 2.0, "definition", role="shape", grid=(0.0, 1.0, 2.0), default=0.0,
         meaning="0: each load cycle begins afresh; 1: what sticks stays until the arm moves on; 2: and only then the "
-        "gauge is zeroed anew",
+        "gauge is zeroed anew", of_stays=True,
     )  # fmt: skip
 
 
@@ -273,7 +273,7 @@ def _friction(joint: JointPart, torque: float) -> Effect:
 
     held = share("share", 0.4, 1.2, "share of the spring that the friction holds back", signed=False)
     early = replace(share("early", 0.02, 0.4, "share held back by parts that slip early", signed=False), default=0.0)
-    slips = torque_shape("friction", torque, (0.015, 0.8), 13, "torque at which it slips", CLASS)
+    slips = torque_shape("friction", torque, (0.015, 0.8), 8, "torque at which it slips", CLASS)
     return Effect(
         f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm",
         (held, early, slips, carried()), law, "friction", needs_history=True, slot=LAG,
