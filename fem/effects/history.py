@@ -186,6 +186,8 @@ class History:
             return np.asarray((self.temperature - ROOM) / 10.0)
         settling = settling or SLOW
         t = self.clock_or_middle
+        if not np.isfinite(self.clock).all():
+            return settled(t, settling)
         cold = np.full(int(self.session.max(initial=0)) + 1, np.inf)
         np.minimum.at(cold, self.session, t)
         return settled(t - cold[self.session], settling)

@@ -72,9 +72,9 @@ def _warming(joint: JointPart) -> Effect:
         "settling", "ratio", "1", 0.0, 10.0, ASSUMED, role="shape", grid=SETTLES,
         meaning="time to warm up over the campaign's; 0: as warm as was read, per 10 K",
     )  # fmt: skip
-    softer = share("share", 0.03, 0.3, "share of the compliance that comes on top when warm", signed=False)
+    more = share("share", 0.03, 0.4, "share of the compliance that comes on top when warm; negative: it gets stiffer")
     return Effect(
-        f"warming:{joint.name}", f"joint {joint.name} gets softer as it warms up", "arm", (softer, settling), law,
+        f"warming:{joint.name}", f"joint {joint.name}'s stiffness changes as it warms up", "arm", (more, settling), law,
         "warming", depends_on="clock", doubt=ASSUMED_LAW,
     )  # fmt: skip
 

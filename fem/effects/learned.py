@@ -65,7 +65,7 @@ def _laws(model: ArmModel, reach: Reach) -> Iterator[Effect]:
     force = held("reach", "force", "N", max(reach.force, 1e-6), "largest force that was read")
     yield _load(force)
     yield _load_history(force)
-    yield from surroundings(model, reach)
+    yield from surroundings(reach)
 
 
 def learned_place(code: str) -> str:

@@ -11,17 +11,14 @@ from fem.effects.base import Effect
 from fem.effects.history import ROOM
 from fem.effects.learned_parts import FAMILY, Reach, held, pieces
 from fem.effects.situation import Situation
-from fem.model import ArmModel
 from robots.arrays import Array
 
 # Kelvins per which shares and lengths are stated.
 PER_KELVINS = 10.0
 
 
-def surroundings(model: ArmModel, reach: Reach) -> Iterator[Effect]:
-    """Every law of this kind that the model can have."""
-    for name in model.robot.joint_names:
-        yield _joint_temperature(name)
+def surroundings(reach: Reach) -> Iterator[Effect]:
+    """Every law of this kind; a joint's own over the temperature is :mod:`warming <fem.effects.lagging_laws>`."""
     yield _gauge_temperature(reach)
     yield _session(reach)
 
@@ -29,19 +26,6 @@ def surroundings(model: ArmModel, reach: Reach) -> Iterator[Effect]:
 def _warmer(s: Situation) -> Array:
     """How much warmer (n,) than a room it was, in tens of kelvins; nothing where that was not read."""
     return np.asarray(np.nan_to_num((s.history.temperature - ROOM) / PER_KELVINS))
-
-
-def _joint_temperature(name: str) -> Effect:
-    """``theta = v c tau (T - 20) / 10``: a joint's stiffness that changes with the temperature."""
-
-    def law(_: object, s: Situation, v: Array) -> Array:
-        return s.turned(name, v[0] * s.compliance(name) * s.torque(name) * _warmer(s))
-
-    return Effect(
-        f"learned-temperature:{name}", f"joint {name}'s stiffness changes with the temperature", "arm",
-        pieces(["share"], "share of the compliance that is added by ten kelvins"), law, FAMILY,
-        depends_on="temperature", doubt=0.0,
-    )  # fmt: skip
 
 
 def _gauge_temperature(reach: Reach) -> Effect:
