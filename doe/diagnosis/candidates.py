@@ -12,7 +12,8 @@ from doe.diagnosis.evidence import Base, Whitened
 from doe.diagnosis.finer import finer
 from doe.diagnosis.fits import Stack, fit_all
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking, clash, is_learned
-from doe.diagnosis.scatter import covariance, with_setup
+from doe.diagnosis.known import free_columns
+from doe.diagnosis.scatter import covariance, fitted_noise, with_setup
 from doe.diagnosis.setting import Setting
 from doe.diagnosis.signatures import Signature, shapes, signature, signatures, widened
 from doe.diagnosis.weighing import as_if, bent, extended
@@ -186,19 +187,23 @@ def _finer(
     s: Setting, base: Base, weight: Array, candidates: dict[str, list[Signature]], best: dict[str, float],
     at: dict[str, tuple[Noise, int]],
 ) -> dict[str, tuple[Signature, Array]]:  # fmt: skip
-    """Better shapes of the laws that lead, each at the noise that goes best with it, with their amplitudes.
+    """Better shapes of the laws that lead, each at the noise that it leaves, with their amplitudes.
 
     ``best``: gain in log evidence of each law's best shape so far; raised where a finer one is better.
     """
     out: dict[str, tuple[Signature, Array]] = {}
     whitened: dict[Noise, Whitened] = {}
+    free = free_columns(s, base)
     lead = sorted((code for code in best if best[code] > LEADS), key=lambda code: -best[code])
     for code in [code for code in lead if _has_fine(candidates[code][0].effect)][:REFINED]:
         noise, i = at[code]
-        w = whitened.setdefault(noise, Whitened(base, covariance(s, noise, weight)))
-        found = finer(s, w, candidates[code][i])
+        c = candidates[code][i]
+        # The noise that this law leaves: by a larger one all shapes near it would do as well.
+        calm = fitted_noise(s, np.hstack([free, c.columns]), weight, noise)
+        found = finer(s, Whitened(base, covariance(s, calm, weight)), c)
         if found is not None:
             out[code] = found
+            w = whitened.setdefault(noise, Whitened(base, covariance(s, noise, weight)))
             best[code] = max(best[code], float(fit_all(w, [found[0]]).log_evidence[0]) - w.log_evidence)
     return out
 

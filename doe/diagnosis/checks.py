@@ -30,20 +30,22 @@ if TYPE_CHECKING:
 Code = Literal[
     "plausible-parameters", "predicts-left-out", "stable", "nothing-left", "no-twin", "one-of-a-kind", "like-noise"
 ]
-# By how much a failed check multiplies the odds of the name. Guesses, not yet calibrated on studies. Of "nothing-left"
-# it is the least: its factor is the odds by the last look that nothing else is missing.
+# By how much a failed check multiplies the odds of the name, in round numbers by what came of 65 first names on 178
+# sets of two foreign worlds: 59 were right; of those that failed the check 5 of 6 (plausible-parameters), 8 of 12
+# (nothing-left), all 8 (no-twin) and all 7 (like-noise). The rest failed too seldom to tell and are guesses. Of
+# "nothing-left" it is the least: its factor is the odds by the last look that nothing else is missing.
 FACTORS: Final[dict[Code, float]] = {
-    "plausible-parameters": 0.3,
+    "plausible-parameters": 0.5,
     "predicts-left-out": 0.3,
     "stable": 0.5,
     "nothing-left": 0.1,
-    "no-twin": 0.3,
+    "no-twin": 0.8,
     "one-of-a-kind": 0.3,
-    "like-noise": 0.5,
+    "like-noise": 0.8,
 }
-# No name is surer than this before its checks, a guess as well: evidence grows without end with the readings, though no
-# law and no noise is quite right, and a factor would tell nothing beside odds of a million.
-SUREST: Final = 0.95
+# No name is surer than this before its checks, by the same names: of 57 with 99 % and more 51 were right. Evidence
+# grows without end with the readings, though no law and no noise is quite right.
+SUREST: Final = 0.92
 # Fewer poses than these tell nothing when one of them is left out.
 FEWEST: Final = 4
 # The best of the poses are left out of the gain, this share of them; what is left must speak for the name three to one.

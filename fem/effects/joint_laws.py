@@ -8,7 +8,6 @@ torque: hardening, softening, backlash, friction. Torques are tried in shares of
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,8 +23,6 @@ from robots.kinematics import forward_kinematics
 
 # A ripple fits any scatter between poses, if its number of teeth is free: it is believed less easily.
 RARE = 0.1
-# Parts that let go early do so at this share of the friction torque.
-EARLY = 0.3
 # Pins of the gear, or turns of its input, over a turn of the joint.
 TEETH = tuple(float(n) for n in range(6, 241))
 
@@ -259,22 +256,17 @@ def carried_over(value: float) -> Carried:
 def _friction(joint: JointPart, torque: float) -> Effect:
     """``theta = c (tau - a (tau - y))``, y the play of tau with the friction torque: a spring behind dry friction.
 
-    With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element). A
-    share of its own is held by parts that let go early, at a fraction of that torque: so the way from sticking to
-    sliding is smooth (Maxwell slip: Iwan 1966, doi:10.1115/1.3625199).
+    With a = 1 the spring feels y only; less than 1 where a second spring acts beside the friction (Jenkins element).
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        tau, carry = s.torque(joint.name), carried_over(v[3])
-        held = v[0] * (tau - s.history.play(tau, v[2], carry))
-        if v[1]:
-            held = held + v[1] * (tau - s.history.play(tau, EARLY * v[2], carry))
-        return s.turned(joint.name, -s.compliance(joint.name) * held)
+        tau = s.torque(joint.name)
+        held = tau - s.history.play(tau, v[1], carried_over(v[2]))
+        return s.turned(joint.name, -v[0] * s.compliance(joint.name) * held)
 
     held = share("share", 0.4, 1.2, "share of the spring that the friction holds back", signed=False)
-    early = replace(share("early", 0.02, 0.4, "share held back by parts that slip early", signed=False), default=0.0)
     slips = torque_shape("friction", torque, (0.015, 0.8), 8, "torque at which it slips", CLASS)
     return Effect(
         f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm",
-        (held, early, slips, carried()), law, "friction", needs_history=True, slot=LAG,
+        (held, slips, carried()), law, "friction", needs_history=True, slot=LAG,
     )  # fmt: skip

@@ -93,7 +93,7 @@ def _stick_slip(joint: JointPart, torque: float) -> Effect:
 
     stuck = share("share", 0.4, 1.2, "share of the spring that sticks", signed=False)
     lets_go = torque_shape("torque", torque, (0.03, 0.8), 8, "torque at which it lets go")
-    kept = EffectParameter("kept", "ratio", "1", 0.2, 0.9, ASSUMED, role="shape", grid=(0.35, 0.65), default=0.5,
+    kept = EffectParameter("kept", "ratio", "1", 0.2, 0.7, ASSUMED, role="shape", grid=(0.35, 0.65), default=0.5,
                            meaning="share of that torque that is still held after a jump", fine=True)  # fmt: skip
     return Effect(
         f"stick-slip:{joint.name}", f"joint {joint.name} sticks and lets go in jumps", "arm",

@@ -79,7 +79,7 @@ def said(truth: Row, d: Diagnosed) -> Row:
     f = d.found
     sure = tuple(one.code for one in f.effects) if f.verdict in ("named", "ambiguous") else ()
     all_found = tuple(one.code for one in d.in_model)
-    probability = d.in_model[0].probability if d.in_model else f.ranking.best.probability
+    probability = f.stated if d.in_model else f.ranking.best.probability
     laws = [one.code for one in f.found if is_learned(one.code)]
     if f.verdict == "unknown" and f.suspect is not None:
         laws.append(f.suspect.code)

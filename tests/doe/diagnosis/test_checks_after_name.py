@@ -370,16 +370,28 @@ def test_no_name_is_surer_than_is_believed(d: Diagnosis) -> None:
     assert stated(sure, ()) == pytest.approx(SUREST, rel=1e-12)  # round-off
 
 
-def test_a_verdict_goes_by_the_checks_only_where_it_is_told_to(monkeypatch: pytest.MonkeyPatch, d: Diagnosis) -> None:
-    assert diagnosing.STATED == 0.0
-    doubtful = looked(d, 0.2, 0.8)
-    assert diagnosing._doubted(doubtful) is doubtful
-    monkeypatch.setattr(diagnosing, "STATED", 0.9)
-    turned = diagnosing._doubted(doubtful)
-    assert (turned.verdict, turned.effects) == ("ambiguous", ())
-    assert [f.code for f in turned.provisional] == ["friction:j2"]
-    assert "80 % to something unknown" in turned.reason
-    assert diagnosing._doubted(d) is d
+@pytest.mark.parametrize(("code", "sure"), [("no-twin", False), ("predicts-left-out", False), ("stable", True)])
+def test_a_second_name_that_fails_its_checks_is_provisional(
+    monkeypatch: pytest.MonkeyPatch, d: Diagnosis, code: checking.Code, sure: bool
+) -> None:
+    second = a_found("creep:j3", {"share": 0.2, "time": 300.0}, {"share": 0.01, "time": 10.0}, 0.9)
+    made = (
+        Check(code, "friction:j2", passed=False, evidence="of the first", factor=0.5),
+        Check(code, "creep:j3", passed=False, evidence="of the second", factor=0.5),
+    )
+    monkeypatch.setattr(checking, "checks", lambda one: made)
+    both = with_found(d, d.effects[0], second)
+    turned = diagnosing._doubted(both)
+    if sure:
+        assert turned is both
+        return
+    assert turned.verdict == "ambiguous"
+    assert [f.code for f in turned.effects] == ["friction:j2"]
+    assert [f.code for f in turned.provisional] == ["creep:j3"]
+    assert "of the second" in turned.reason
+    # A single name is not judged by its twins.
+    one = replace(d)
+    assert diagnosing._doubted(one) is one
 
 
 def test_checks_are_worked_out_only_when_asked_for(monkeypatch: pytest.MonkeyPatch, d: Diagnosis) -> None:

@@ -60,18 +60,6 @@ def test_rows_in_any_order_give_the_same_stays(rng: np.random.Generator) -> None
     np.testing.assert_array_equal(h.play(x, 0.3, 2)[mixed], h.take(mixed).play(x[mixed], 0.3, 2))
 
 
-def test_friction_with_parts_that_slip_early_is_a_sum_of_two(lever: ArmModel) -> None:
-    at = lever_loads(0.0, 100.0, 300.0, 600.0, 300.0, 100.0)
-    history = History(np.zeros(5, dtype=np.intp), np.arange(5), np.full(5, np.nan), is_known=True)
-
-    def turn(**values: float) -> Array:
-        return angle_of(extra(lever, at, of(lever, "friction:j1", **values), history), at)
-
-    both = turn(share=0.6, early=0.2, friction=200.0)
-    parts = turn(share=0.6, friction=200.0) + turn(share=0.2, friction=0.3 * 200.0)
-    np.testing.assert_allclose(both, parts, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("code", "values", "law"),
     [
