@@ -175,16 +175,19 @@ def explained(d: Diagnosed, pictures: Pictures) -> Section:
             f"Looked at once more with that in the model: {words.percent(last.probability)} for nothing else missing."
         )
         blocks.append(Text(text))
+    more: list[Block] = []
     if d.twins:
-        blocks += [Text("Twins, which these readings could not tell apart:"), Bullets(words.twin_sentences(d))]
+        more += [Text("Twins, which these readings could not tell apart:"), Bullets(words.twin_sentences(d))]
     if any(d.twins.values()):
-        blocks.append(
+        more.append(
             pictures.add(
                 twins_figure(d.twins), "twins",
                 "Rows: an effect as large as fitted, or of usual size where it was not found. A dot: the effect in the "
                 "column can imitate it to within the noise, whatever is measured in these poses.",
             )
         )  # fmt: skip
+    if more:
+        blocks.append(Fold("What could imitate it", tuple(more)))
     return Section("What explains it", tuple(blocks))
 
 
