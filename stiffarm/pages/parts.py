@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from robots import Robot
 from robots.arrays import Array
 from robots.frames import framed
+from stiffarm.session.caution import caution
 
 
 def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], **words: Any) -> str:
@@ -36,7 +37,7 @@ def rendered(template: str, script: str = "", **words: Any) -> str:
 
     Its Content-Security-Policy, ``{{ policy }}`` in the template, lets nothing be loaded, runs no script and applies no
     style but those that stand in the template itself. They are known by their hashes, and these are taken without the
-    content, so that what slipped in with it would not run.
+    content, so that what slipped in with it would not run. ``{{ caution }}`` is what the page must warn of.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("stiffarm.pages", "templates"),
@@ -57,7 +58,8 @@ def rendered(template: str, script: str = "", **words: Any) -> str:
         [*(f"{kind}-src {what}" for kind, what in allowed.items()), "base-uri 'none'", "form-action 'none'"]
     )
     # Hashes and words of our own.
-    return environment.get_template(template).render(policy=Markup(policy), script=script, **words)  # noqa: S704
+    words = {"caution": caution(), "policy": Markup(policy), **words}  # noqa: S704
+    return environment.get_template(template).render(script=script, **words)
 
 
 def as_code(text: object) -> Markup:

@@ -26,6 +26,7 @@ from matplotlib.ticker import MaxNLocator
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.written import written_whole
+from stiffarm.pages.band import banded, in_the_file
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
 # blindness keep apart.
@@ -128,7 +129,7 @@ def new_figure(
 
 
 def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG at ``DPI``, whole or not at all.
+    """Write a figure as PNG at ``DPI``, whole or not at all; with a band above it where there is something to warn of.
 
     Raises
     ------
@@ -136,8 +137,8 @@ def save_png(figure: Figure, path: Path) -> None:
         The folder does not exist.
     """
     require_folder(path)
-    with written_whole(path) as draft, house_style():
-        figure.savefig(draft, format="png", dpi=DPI)
+    with written_whole(path) as draft, house_style(), banded(figure) as shape:
+        figure.savefig(draft, format="png", dpi=DPI, metadata=in_the_file(), **shape)
 
 
 def require_folder(path: Path) -> None:
