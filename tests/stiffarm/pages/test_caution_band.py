@@ -16,7 +16,7 @@ from PIL import Image  # type: ignore[import-not-found, unused-ignore]
 
 from fem.arm import Arm
 from robots import load_description
-from stiffarm.pages.parts import rendered
+from stiffarm.pages.report import render
 from stiffarm.pages.style import new_figure, save_png
 from stiffarm.session.caution import caution, cautioned, uncalibrated
 
@@ -149,8 +149,7 @@ def test_a_model_with_all_its_springs_has_no_band(cli: Command, tmp_path: Path) 
 
 
 def test_a_report_says_it_before_its_title() -> None:
-    words: dict[str, Any] = {"title": "t", "question": "q", "lede": "l", "key": (), "sections": (), "footer": "f"}
     with cautioned("<b>joints</b> are rigid"):
-        page = rendered("report.html.j2", **words)
+        page = render("t", "l", (), (), "f")
     assert page.index("&lt;b&gt;joints&lt;/b&gt; are rigid") < page.index("<h1>")
-    assert 'class="caution"' not in rendered("report.html.j2", **words)
+    assert 'class="caution"' not in render("t", "l", (), (), "f")

@@ -64,7 +64,7 @@ def draw_index_maps(
     # With one angle there is nothing to choose.
     single = len(found.gamma) == 1
     names = [f"gamma = {np.degrees(found.gamma[c]):.4g} deg".replace("-", "−") for c in columns] + [
-        f"each point at its own, {WITHIN}"
+        f"best of each point, {WITHIN}"
     ] * (not single)
     values = what.factor * np.column_stack([found.value[:, list(columns)], best.value])[rows][..., : len(names)]
     look = look_of(what.column, Field(values.ravel(), what.unit, what.quantity))
