@@ -9,7 +9,7 @@ import numpy as np
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
 from robots.arrays import Array
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
-from stiffarm.commands.verify.payload import (
+from stiffarm.commands.verify.words import (
     distance_words,
     offence_words,
     place_words,

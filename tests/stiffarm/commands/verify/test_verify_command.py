@@ -16,7 +16,7 @@ from verify_cases import cell_file, program_at, program_file, verified
 
 from machining.cell import arm_of
 from machining.verification import verify
-from stiffarm.commands.verify.payload import sentence
+from stiffarm.commands.verify.words import sentence
 from stiffarm.commands.verify.picture import offence_picture
 
 
