@@ -32,6 +32,8 @@ COLOURS = {
     "part": "#A9C3D6",
 }
 FIRST, SECOND = style.OKABE_ITO["vermillion"], style.OKABE_ITO["purple"]
+# As high as the first screen of a page, in half of its width.
+SIZE_IN = (5.0, 5.9)
 # Half the width of the near view, m; what is smaller than this around the touch is seen.
 NEAR = 0.22
 # Of a joint beyond its limit more is needed to see which it is.
@@ -60,7 +62,7 @@ class OffencePicture:
 def offence_picture(
     found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None
 ) -> OffencePicture:
-    """Draw an offence at its worst; PNG, the whole cell on the left, the place of the offence on the right.
+    """Draw an offence at its worst; PNG, the place of the offence above, the whole cell below.
 
     Raises
     ------
@@ -76,20 +78,20 @@ def offence_picture(
     floor = _floor(found, placed)
     whole = [*_painted(surfaces, placed, spot), *floor]
     behind = [*_painted(surfaces, placed, spot, hidden), *floor]
-    figure, _ = style.new_figure("wide", rows=0)
+    figure, _ = style.new_figure(SIZE_IN, rows=0)
     with style.house_style():
-        left = figure.add_axes((0.01, 0.02, 0.48, 0.90))
-        right = figure.add_axes((0.51, 0.02, 0.48, 0.90))
+        near_axes = figure.add_axes((0.015, 0.39, 0.97, 0.525))
+        far_axes = figure.add_axes((0.015, 0.01, 0.97, 0.365))
         corners = np.vstack([M_TO_MM * np.vstack(placed), *(surface.vertices for surface in floor)])
         at = camera(M_TO_MM * spot.place)[:2]
-        _frame(figure, right, at + M_TO_MM * near * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-        box = np.stack([right.get_xlim(), right.get_ylim()], axis=1)
-        _frame(figure, left, np.vstack([camera(corners)[:, :2], box]))
+        _frame(figure, near_axes, at + M_TO_MM * near * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        box = np.stack([near_axes.get_xlim(), near_axes.get_ylim()], axis=1)
+        _frame(figure, far_axes, np.vstack([camera(corners)[:, :2], box]))
         nothing = np.zeros((0, 3))
-        for axes, drawn in ((left, whole), (right, behind)):
+        for axes, drawn in ((far_axes, whole), (near_axes, behind)):
             show(figure, axes, Scene(camera, nothing, nothing, (), tuple(drawn)), works)
-        _box_of_near(left, right)
-        _distance(right, camera, spot)
+        _box_of_near(far_axes, near_axes)
+        _distance(near_axes, camera, spot)
         _names(figure, spot)
     style.save_png(figure, path)
     by: Renderer = "pyvista" if works else "matplotlib"
@@ -164,11 +166,11 @@ def _frame(figure: Figure, axes: Axes, flat: Array) -> None:
     axes.grid(visible=False)
 
 
-def _box_of_near(left: Axes, right: Axes) -> None:
+def _box_of_near(far: Axes, near: Axes) -> None:
     """Mark in the whole picture what the near one shows."""
-    (u0, u1), (v0, v1) = right.get_xlim(), right.get_ylim()
-    left.plot([u0, u1, u1, u0, u0], [v0, v0, v1, v1, v0], color=style.INK, linewidth=0.9, zorder=5)
-    for spine in right.spines.values():
+    (u0, u1), (v0, v1) = near.get_xlim(), near.get_ylim()
+    far.plot([u0, u1, u1, u0, u0], [v0, v0, v1, v1, v0], color=style.INK, linewidth=0.9, zorder=5)
+    for spine in near.spines.values():
         spine.set(visible=True, color=style.INK, linewidth=0.9)
 
 
@@ -189,11 +191,11 @@ def _distance(axes: Axes, camera: style.Camera, spot: Spot) -> None:
 
 
 def _names(figure: Figure, spot: Spot) -> None:
-    """Say which colour is which body."""
+    """Say what it is, and which colour is which body."""
+    figure.text(0.015, 0.975, f"line {spot.line}: {spot.offence.kind}", size=11.0, weight="bold", va="center")
     x = 0.015
     for name, colour in zip(spot.bodies, (FIRST, SECOND), strict=False):
-        figure.text(x, 0.95, "■", color=colour, size=13, va="center")
-        label = figure.text(x + 0.018, 0.95, name, size=10.5, va="center")
+        figure.text(x, 0.937, "■", color=colour, size=13, va="center")
+        label = figure.text(x + 0.036, 0.937, name, size=10.5, va="center")
         extent = label.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
-        x += 0.018 + extent.width / (figure.get_size_inches()[0] * figure.dpi) + 0.025
-    figure.text(0.985, 0.95, f"line {spot.line}: {spot.offence.kind}", size=10.5, va="center", ha="right")
+        x += 0.036 + extent.width / (figure.get_size_inches()[0] * figure.dpi) + 0.04
