@@ -28,6 +28,7 @@ from stiffarm.commands.fit.figures.bars import (
 )
 from stiffarm.commands.fit.report import write_report
 from stiffarm.commands.fit.words import choice_words, doubts, relative
+from stiffarm.pages.numbers import typeset
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
 
@@ -98,7 +99,7 @@ def test_the_numbers_of_the_table_are_the_payloads(trained: Trained, page: str) 
         shown = [relative(s[f"{n}_relative_error"]).replace("\u00a0", " ") for n in names]
         assert row[:7] == [s["basis"], str(s["terms"]), str(s["runs_fitted"]), *shown]
         assert row[8] == f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %"
-        assert row[9] == f"{s['condition_number']:.0e}"
+        assert row[9] == typeset(f"{s['condition_number']:.0e}")
     six = content["surrogates"][0]["matrix_max_relative_error"]
     assert [r[7] for r in table] == [relative(six), "–", "–"]
     assert f"are over {UNIFORM} uniform poses" in page
@@ -175,7 +176,9 @@ def test_each_file_with_its_size(page: str) -> None:
 def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:
     best = trained.best
     low, high = np.degrees(best.lower), np.degrees(best.upper)
-    expected = [[n[:2], f"{a:g}", f"{b:g}", "no"] for n, a, b in zip(best.inputs, low, high, strict=True)]
+    expected = [
+        [n[:2], typeset(f"{a:g}"), typeset(f"{b:g}"), "no"] for n, a, b in zip(best.inputs, low, high, strict=True)
+    ]
     assert rows(page, "<caption>Inputs")[:2] == expected
     fixed = {r[0]: r[2] for r in rows(page, "Fixed coordinates")}
     assert fixed["q1"] == "0 %"
