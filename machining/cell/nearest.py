@@ -109,7 +109,7 @@ def _over_floor(scene: Scene, exact: ExactSolid, frame: int, R: Array, p: Array)
 
 
 def _measured(a: _Placed, b: _Placed) -> tuple[float, Array | None]:
-    """Distance or overlap of two solids; and the nearest points (2, 3) of their cores, in the base, if those are apart."""
+    """Distance or overlap of two solids; and nearest points (2, 3) of their cores, in the base, if those are apart."""
     rounding = a.solid.radius + b.solid.radius
     hulls = a.solid.convex and b.solid.convex
     first, second = (a.exact.fixed, b.exact.moving) if hulls else (a.exact.triangles[1], b.exact.triangles[0])
@@ -151,7 +151,7 @@ def _shift(x: Array, solid: Solid, y: Array) -> float:
 
 
 def _middle_of_overlap(x: Array, a: Solid, y: Array, b: Solid) -> Array:
-    """Middle (3,) of those points of two surfaces that are in the other's hull; of the nearest two if there are none."""
+    """Middle (3,) of those points of two surfaces that are in the other's hull; or of the nearest two."""
     points, others = _all_over(x, a), _all_over(y, b)
     shared = [p[_within(p, z, solid)] for p, z, solid in ((points, y, b), (others, x, a))]
     if sum(map(len, shared)):

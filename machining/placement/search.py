@@ -48,8 +48,8 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
-# Postures of one position that are asked for collisions before it is given up, the best first. There must be so many: the
-# stiffest may all be of a branch that is nowhere free, as that with the elbow in the floor.
+# Postures of one position that are asked for collisions before it is given up, the best first. There must be so many:
+# the stiffest may all be of a branch that is nowhere free, as that with the elbow in the floor.
 TRIES = 400
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
@@ -111,7 +111,7 @@ class Looker:
             self.progress(min(self.count, self.total), self.total)
         sites = _with_finer_gamma(self.problem, sites, self.lacking)
         looks = self._looks(x, sites)
-        # Gamma was refined about the best of all postures; where those are in the way, it is about the best that is free.
+        # Gamma was refined about the best of all postures; where those are in the way, about the best that is free.
         best = merits(self.problem, sites).max(axis=(1, 2))
         lesser = [i for i, look in enumerate(looks) if np.isfinite(look.merit) and look.merit < best[i]]
         if lesser and isinstance(self.problem.gamma, GammaRange):
@@ -225,12 +225,12 @@ def find_staying(problem: Problem, e: Array, table: float) -> Found:
     Raises
     ------
     InputError
-        A place that is not among those searched; no angle reaches the path from there, or none can be driven.
+        An axis that the search holds elsewhere; no angle reaches the path from there, or none can be driven.
     """
     x = problem.space.coordinates(e, table)
     there, angle = problem.space.sites(x[None])
     if np.abs(there[0] - e).max(initial=0.0) > 1e-9 or abs(float(angle[0]) - table) > 1e-9:
-        raise InputError("present place of the base", value=problem.space.words(x), allowed="within the ranges searched")
+        raise InputError("present place of the base", value="an axis that is held elsewhere", remedy="widen its range")
     looker, rows = Looker(problem), problem.sure_rows(FINE_ROWS)
     for _ in range(ROUNDS):
         look = looker.at(x[None], rows)[0]

@@ -124,8 +124,10 @@ def merged(offences: Iterable[Offence]) -> tuple[Offence, ...]:
         if place is not None and offence.move - out[place].last <= 1:
             before = out[place]
             worse = abs(offence.value - before.limit) > abs(before.value - before.limit)
-            changed = {"value": offence.value, "worst": offence.move, "worst_values": offence.values} if worse else {}
-            out[place] = replace(before, last=offence.last, **changed)
+            out[place] = replace(before, last=offence.last)
+            if worse:
+                values = offence.worst_values
+                out[place] = replace(out[place], value=offence.value, worst=offence.worst, worst_values=values)
         else:
             running[offence.same] = len(out)
             out.append(offence)

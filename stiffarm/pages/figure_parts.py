@@ -20,7 +20,14 @@ from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
 SERIES: Final = tuple(OKABE_ITO[c] for c in ("blue", "vermillion", "green", "purple", "orange", "sky"))
 MARKERS: Final = "osD^vP"
 # As many kinds of lines as colours: no two series differ by hue alone.
-LINES: Final = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (2.5, 1)), (0, (6, 1, 1, 1, 1, 1)))
+LINES: Final[tuple[Any, ...]] = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1, 1)),
+    (0, (6, 1.5, 1, 1.5)),
+    (0, (2.5, 1)),
+    (0, (6, 1, 1, 1, 1, 1)),
+)
 # Values after a jump by more than this factor leave a linear axis; their number is written instead.
 _JUMP = 3.0
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -72,7 +72,7 @@ def _marked_lines(ax: Axes, marks: Mapping[str, float]) -> None:
     for k, (name, at) in enumerate(marks.items()):
         # A white edge, so that it shows on a hatched zone as well.
         ax.axvline(at, color="white", linewidth=5.0, zorder=4)
-        ax.axvline(at, color=INK, linestyle="-" if k == 0 else LINES[k], linewidth=2.4 if k == 0 else 1.4, zorder=5,
+        ax.axvline(at, color=INK, linestyle="-" if k == 0 else LINES[k + 1], linewidth=2.4 if k == 0 else 1.4, zorder=5,
                    label=name)  # fmt: skip
         if k == 0:
             ax.plot(at, 1.0, marker="v", markersize=11, color=INK, transform=ax.get_xaxis_transform(), clip_on=False,

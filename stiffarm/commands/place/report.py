@@ -39,6 +39,8 @@ AIM_WORDS = {
     "worst": "the stiffness of the softest point along the cutting force",
     "error": "the RMS of the surface error",
 }
+# Changes smaller than this share are not worth moving a base.
+WORTHWHILE = 0.02
 MEANINGS = {
     CHOSEN: "what was found in the mode that was asked for",
     FIXED: "the best single position of the base, with the best single gamma",
@@ -58,10 +60,8 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         how_section(step),
     ]
     missing = [text for text in remarks(step) if "were not looked at" in text]
-    answer = Answer(sure=sure_words(step), todo=TODO, picture=position, warnings=tuple(missing))
-    write_page(
-        folder, title, lede(step), _key_figures(step), sections, "where should the robot stand?", answer=answer
-    )
+    answer = Answer(sure=sure_words(step), todo=TODO + other_aim_words(step), picture=position, warnings=tuple(missing))
+    write_page(folder, title, lede(step), _key_figures(step), sections, "where should the robot stand?", answer=answer)
 
 
 TODO = (
@@ -75,8 +75,8 @@ def lede(step: PlacedStep) -> str:
     after, placed = step.placed.after, step.placed
     softest = after.estimated()["worst"]
     out = (
-        f"Put the base at {where_words(step, after)} with gamma {gamma_words(after)}: the softest point of the path then "
-        f"has {known_to(softest.value * 1e-3, softest.low * 1e-3, softest.high * 1e-3)} N/mm along the cutting force."
+        f"Put the base at {where_words(step, after)} with gamma {gamma_words(after)}: the softest point of the path "
+        f"then has {_stiffness(softest)} along the cutting force."
     )
     if step.placed.how.mode == "moving":
         out = out.replace("Put the base at", "Let the base move over")
@@ -89,17 +89,43 @@ def lede(step: PlacedStep) -> str:
 
 
 def _against(after: Along, now: Along) -> str:
-    gain = after.gain(now, "worst")
-    if gain.low <= 1.0 <= gain.high:
-        return "Against its present place with the best gamma there no difference is proven."
-    return f"That is {gain.value:.3g} times the stiffness at its present place with the best gamma there."
+    """The softest point and the mean against the present place with its best gamma."""
+    worst, mean = after.gain(now, "worst"), after.gain(now)
+    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} in the mean"
+    if max(abs(worst.value - 1.0), abs(mean.value - 1.0)) < WORTHWHILE:
+        return f"Its present place is as good, with gamma {gamma_words(now)}: moving the base changes {gains}."
+    return f"Against its present place with the best gamma there ({gamma_words(now)}) that is {gains}."
+
+
+def percent_more(factor: float) -> str:
+    """A factor as a change, as in "+12 %"."""
+    change = 100.0 * (factor - 1.0)
+    return f"{change:+.0f} %" if abs(change) >= 9.5 else f"{change:+.1f} %"
+
+
+def other_aim_words(step: PlacedStep) -> str:
+    """Where the softest point would be stiffer, if another aim decides where to stand."""
+    values, _ = position_values(step.map)
+    worst, goal = values.get("softest point"), step.placed.problem.goal
+    if worst is None or goal.aim == "worst" or not np.isfinite(worst).any():
+        return ""
+    best = int(np.nanargmax(worst))
+    if worst[best] < (1.0 + 2.0 * WORTHWHILE) * step.placed.after.worst * 1e-3:
+        return ""
+    where = step.placed.problem.space.words(step.map.grid[best].x)
+    return (
+        f" The aim was {AIM_WORDS[goal.aim]}; if the softest point decides, `--aim worst` does better: about "
+        f"{significant(worst[best])} N/mm near {where}."
+    )
 
 
 def sure_words(step: PlacedStep) -> str:
     """How far the figures can be trusted."""
     collisions = step.placed.problem.scene is not None
     looked = "Collisions are looked at in the points of the path." if collisions else ""
-    return f"{sentence(step.placed.problem.uncertainty)} Static stiffness of the arm and its axes only. {looked}".strip()
+    return (
+        f"{sentence(step.placed.problem.uncertainty)} Static stiffness of the arm and its axes only. {looked}".strip()
+    )
 
 
 def gamma_words(one: Along) -> str:
@@ -126,7 +152,7 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
             gain = after.gain(one, "worst")
             out.append(
                 KeyFigure(
-                    f"{gain.value:.3g} x", f"softest point against: {name}", f"95 %: {ranged(gain.low, gain.high, digits=3)}"
+                    f"{gain.value:.3g} x", f"softest point against: {name}", f"95 %: {gain.low:.3g} to {gain.high:.3g}"
                 )
             )
             break
@@ -273,8 +299,8 @@ def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
     ]
     rows = len(step.placed.problem.sure_rows(COARSE_ROWS))
     caption = (
-        f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path. Shaded: no "
-        "gamma lets the base stand there for the whole path, and why."
+        f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path. Shaded: "
+        "no gamma lets the base stand there for the whole path, and why."
     )
     spots = {name: space.coordinates(one.e.mean(axis=0), one.table) * space.shown for name, one in _marked(step)}
     if space.d == 1:
@@ -372,8 +398,8 @@ def how_section(step: PlacedStep) -> Section:
         "How it was found",
         (
             Text(
-                f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them looked at, each over the path with "
-                f"{len(placed.problem.angles)} angles gamma and all branches. A coarse grid, its best basins by "
+                f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them looked "
+                f"at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A coarse grid, its best basins by "
                 "pattern search; steps and motion along the path by dynamic programming on a grid, then finer about "
                 "the result."
             ),

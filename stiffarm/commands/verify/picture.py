@@ -1,4 +1,4 @@
-"""The picture of an offence: robot and cell in its worst pose, the bodies it is about in colour, whole and from near."""
+"""The picture of an offence: robot and cell in its worst pose, its bodies in colour, whole and from near."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from machining.verification import Offence, Verification
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.verify.bodies import BodySurface, body_surfaces, placed_in_world
-from stiffarm.commands.verify.words import value_words
 from stiffarm.commands.verify.sight import dense, in_the_way, near_points, towards
 from stiffarm.commands.verify.spot import Spot, spot_of
+from stiffarm.commands.verify.words import value_words
 from stiffarm.pages import style
 from stiffarm.pages.rendering import Renderer, chosen, show
 from stiffarm.pages.scenes import Scene, Surface

@@ -63,7 +63,8 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
         how_section(found),
     ]
     program = found.program
-    lede = f"{verdict(found)} Program {program.motions.source or 'without a name'}, {program.n} moves, cell {program.cell.name}."
+    source = program.motions.source or "without a name"
+    lede = f"{verdict(found)} Program {source}, {program.n} moves, cell {program.cell.name}."
     worst = drawn[0][1].spot if drawn else None
     answer = Answer(
         sure=sure_words(found),
@@ -86,8 +87,8 @@ def sure_words(found: Verification) -> str:
     """How far the verdict can be trusted."""
     unproven = sum(o.kind is Kind.UNPROVEN for o in found.offences)
     said = (
-        f"Bodies are checked on whole moves, not only at their points: distances at {found.swept.samples} poses, and what "
-        "lies between follows from how far anything can have moved."
+        f"Bodies are checked on whole moves, not only at their points: distances at {found.swept.samples} poses, and "
+        "what lies between follows from how far anything can have moved."
     )
     return said + (f" {counted(unproven, 'place')} could not be decided." if unproven else "")
 
@@ -159,7 +160,11 @@ def _picture(found: Verification, offence: Offence, place: int, folder: OutputFo
     for j, name in enumerate(found.axes.names):
         value, unit = shown(float(spot.values[j]), found.axes.unit(j))
         pose.append(f"{name} {value:.2f} {unit}")
-    hidden = f" Left out of the near view, because it would hide the place: {', '.join(drawn.left_out)}." if drawn.left_out else ""
+    hidden = (
+        f" Left out of the near view, because it would hide the place: {', '.join(drawn.left_out)}."
+        if drawn.left_out
+        else ""
+    )
     caption = f"{sentence(offence)}. Shown where it is worst, line {spot.line}: {', '.join(pose)}.{hidden}"
     alt = f"robot in its cell at line {spot.line}: {offence.kind}, {spot.sentence}"
     return Picture(path, caption, alt), drawn

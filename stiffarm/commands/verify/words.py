@@ -13,15 +13,16 @@ from machining.verification import Kind, Offence, Severity, Verification
 _SCALES = {"rad": (180.0 / np.pi, "deg"), "m": (1e3, "mm"), "": (1.0, "")}
 REMEDIES: Final = MappingProxyType(
     {
-        Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture: `stiffarm posture`"
-        " and `stiffarm place` keep clear of the cell's bodies.",
+        Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
+        " `stiffarm posture` and `stiffarm place` keep clear of the cell's bodies.",
         Kind.RAPID_CONTACT: "Lift the rapid move clear of the part, or draw the tool out along its axis first.",
-        Kind.LIMIT: "Write the program anew with another branch, turn or gamma (`stiffarm posture`), or another place of"
-        " the base (`stiffarm place`).",
+        Kind.LIMIT: "Write the program anew with another branch, turn or gamma (`stiffarm posture`), or another"
+        " place of the base (`stiffarm place`).",
         Kind.BRANCH_JUMP: "Let `stiffarm posture` choose one course for the whole path, or part the program there.",
         Kind.UNFOLLOWED: "Put points closer together, or run that move as a joint move.",
         Kind.SINGULARITY: "Choose another gamma (`stiffarm posture`), or another place of the base (`stiffarm place`).",
-        Kind.CLEARANCE: "Raise safety_mm in the cell file and choose the posture again (`stiffarm posture`), or allow less with `--safety`.",
+        Kind.CLEARANCE: "Raise safety_mm in the cell file and choose the posture again (`stiffarm posture`), or allow less"
+        " with `--safety`.",
         Kind.UNPROVEN: "Check again with a finer `--resolution`.",
         Kind.SPEED: "Lower the feed there, or choose a posture with smaller joint steps.",
         Kind.ACCELERATION: "Lower the feed at the corner, or state how long the controller blends corners"

@@ -152,7 +152,7 @@ def _check(comparison: Comparison, normals: list[Array]) -> None:
         raise InputError("milling error figure: comparison", allowed="that of the first two errors")
 
 
-def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: str) -> None:
+def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: Any) -> None:
     x = s * 1e3
     look: dict[str, Any] = {"marker": "o", "markersize": 3.5} if len(s) <= _MARKED else {}
     ax.fill_between(x, band[0] * 1e6, band[1] * 1e6, color=colour, alpha=_BAND, linewidth=0)

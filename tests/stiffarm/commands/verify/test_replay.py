@@ -85,7 +85,8 @@ addEventListener("load", () => setTimeout(() => {
   const key = (target, name) => target.dispatchEvent(new KeyboardEvent("keydown", { key: name, bubbles: true }));
   const shot = () => [...view.toDataURL()].reduce((h, c) => (31 * h + c.charCodeAt(0)) | 0, 0);
   const label = () => $("contact").hidden ? "" : $("contact").lastElementChild.textContent;
-  Object.assign(out, { renderer: R.renderer, opened: R.state.place, openedLabel: label(), openedNow: !$("now").hidden });
+  Object.assign(out, { renderer: R.renderer, opened: R.state.place, openedLabel: label() });
+  out.openedNow = !$("now").hidden;
   R.go(0);
   Object.assign(out, { first: shot(), firstLine: cell(0), firstLabel: label() });
   slider.value = 30.5; slider.dispatchEvent(new Event("input"));

@@ -32,7 +32,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Verification:
 
 def test_a_collision_comes_before_what_is_earlier_and_milder(found: Verification) -> None:
     assert found.offences[0].kind is Kind.CLEARANCE
-    assert [(o.kind, o.line) for o in found.ranked][0] == (Kind.COLLISION, 47)
+    assert (found.ranked[0].kind, found.ranked[0].line) == (Kind.COLLISION, 47)
     ranks = [list(Kind).index(o.kind) for o in found.ranked if o.severity is Severity.ERROR]
     assert ranks == sorted(ranks)
     assert set(found.ranked) == set(found.offences)
