@@ -21,8 +21,8 @@ REMEDIES: Final = MappingProxyType(
         Kind.BRANCH_JUMP: "Let `stiffarm posture` choose one course for the whole path, or part the program there.",
         Kind.UNFOLLOWED: "Put points closer together, or run that move as a joint move.",
         Kind.SINGULARITY: "Choose another gamma (`stiffarm posture`), or another place of the base (`stiffarm place`).",
-        Kind.CLEARANCE: "Raise safety_mm in the cell file and choose the posture again (`stiffarm posture`), or allow less"
-        " with `--safety`.",
+        Kind.CLEARANCE: "Raise safety_mm in the cell file and choose the posture again (`stiffarm posture`), or allow"
+        " less with `--safety`.",
         Kind.UNPROVEN: "Check again with a finer `--resolution`.",
         Kind.SPEED: "Lower the feed there, or choose a posture with smaller joint steps.",
         Kind.ACCELERATION: "Lower the feed at the corner, or state how long the controller blends corners"
