@@ -16,12 +16,12 @@ from robots import InputError, Robot, require_at_least
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import SERIES, above, angle_label, drawing, note, panels
+from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, note, panels
 from stiffarm.pages.report import Picture
 from stiffarm.pages.style import FAINT, INK
 
-# Told apart without colour too.
-_LINES: Final = ("-", "--", "-.", ":")
+# Surface errors in one picture.
+_MOST: Final = 4
 _BAND: Final = 0.16
 # Points closer than this would make markers run into each other.
 _MARKED: Final = 25
@@ -75,7 +75,9 @@ def motion_figure(
 def draw_line(ax: Axes, arc_mm: Array, values: Array, name: str, k: int) -> None:
     """Draw values (n,) along the path as line ``k`` of several, the first of which is bold."""
     marker, width = "o" if len(arc_mm) == 1 else "", 2.2 if k == 0 else 1.2
-    ax.plot(arc_mm, values, color=SERIES[k], linewidth=width, zorder=4 - k, label=name, marker=marker)
+    ax.plot(
+        arc_mm, values, color=SERIES[k], linestyle=LINES[k], linewidth=width, zorder=4 - k, label=name, marker=marker
+    )
 
 
 def _panel(ax: Axes, arc_mm: Array, angles: Mapping[str, Array], limits: Array, whole: bool) -> None:
@@ -108,8 +110,8 @@ def milling_error_figure(
     InputError
         No errors or more than four, different paths or one of a single point, or a comparison of other errors.
     """
-    if not 1 <= len(errors) <= len(_LINES):
-        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {len(_LINES)}")
+    if not 1 <= len(errors) <= _MOST:
+        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {_MOST}")
     first = next(iter(errors.values()))
     s = first.arc_length
     lengths = [e.arc_length for e in errors.values()]
@@ -122,7 +124,7 @@ def milling_error_figure(
     look: dict[str, Any] = {} if rows == 1 else {"height_ratios": (1.6, 1.0), "sharex": True}
     with drawing(heading, (9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look) as (figure, axes):
         keys: list[Any] = []
-        for (name, error), colour, line in zip(errors.items(), SERIES, _LINES, strict=False):
+        for (name, error), colour, line in zip(errors.items(), SERIES, LINES, strict=False):
             _curve(axes[0], s, error.normal, error.band, colour, line)
             key: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 2.2}
             keys.append(Line2D([], [], label=name, **key))
@@ -150,7 +152,7 @@ def _check(comparison: Comparison, normals: list[Array]) -> None:
         raise InputError("milling error figure: comparison", allowed="that of the first two errors")
 
 
-def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: str) -> None:
+def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: Any) -> None:
     x = s * 1e3
     look: dict[str, Any] = {"marker": "o", "markersize": 3.5} if len(s) <= _MARKED else {}
     ax.fill_between(x, band[0] * 1e6, band[1] * 1e6, color=colour, alpha=_BAND, linewidth=0)
