@@ -147,17 +147,14 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
         KeyFigure(where_words(step, after), "where the base should stand"),
         KeyFigure(gamma_words(after), "gamma there, the angle about the tool axis"),
     ]
-    for name, one in ((STAYING, placed.staying), (BEFORE, placed.before)):
-        if one is not None:
-            gain = after.gain(one, "worst")
-            out.append(
-                KeyFigure(
-                    f"{gain.value:.3g} x", f"softest point against: {name}", f"95 %: {gain.low:.3g} to {gain.high:.3g}"
-                )
-            )
-            break
-    else:
+    now = next((pair for pair in ((STAYING, placed.staying), (BEFORE, placed.before)) if pair[1] is not None), None)
+    if now is None or now[1] is None:
         out.append(KeyFigure("not at all", "can the path be driven from where the robot stands now"))
+    else:
+        gain = after.gain(now[1], "worst")
+        ends = [percent_more(v) for v in (gain.low, gain.high)]
+        interval = "" if ends[0] == ends[1] else f"95 %: {ends[0]} to {ends[1]}"
+        out.append(KeyFigure(percent_more(gain.value), f"stiffness of the softest point, against: {now[0]}", interval))
     error = after.error.estimated(np.random.default_rng(SEED))["rms"]
     return [
         *out,
@@ -398,10 +395,10 @@ def how_section(step: PlacedStep) -> Section:
         "How it was found",
         (
             Text(
-                f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them looked "
-                f"at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A coarse grid, its best basins by "
-                "pattern search; steps and motion along the path by dynamic programming on a grid, then finer about "
-                "the result."
+                f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them "
+                f"looked at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A "
+                "coarse grid, its best basins by pattern search; steps and motion along the path by dynamic "
+                "programming on a grid, then finer about the result."
             ),
             Bullets(
                 (

@@ -13,6 +13,7 @@ from stiffarm.commands.verify.bodies import body_surfaces
 from stiffarm.commands.verify.picture import view_of
 from stiffarm.commands.verify.spot import Spot, spot_of
 from stiffarm.commands.verify.words import kinds_words, offence_words, value_words
+from stiffarm.pages.numbers import typeset
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 
 # Points kept of a long program: 60 bytes each in the file.
@@ -127,8 +128,8 @@ def _offence(spot: Spot, towards: Array | None) -> dict[str, Any]:
         "at": offence.at if contact is None else contact.at,
         "line": offence.line,
         "worst_line": spot.line,
-        "words": offence_words(offence),
-        "value": spot.distance_words or value_words(offence),
+        "words": typeset(offence_words(offence)),
+        "value": typeset(spot.distance_words or value_words(offence)),
         "bodies": list(spot.bodies),
         "pair": pair.tolist(),
         "apart": contact is not None and contact.gap > 0.0,

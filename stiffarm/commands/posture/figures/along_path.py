@@ -27,17 +27,20 @@ _BAND: Final = 0.16
 _MARKED: Final = 25
 
 
-def joints_picture(pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot) -> Picture:
+def joints_picture(
+    pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False
+) -> Picture:
     """The picture of :func:`joints_figure` for a page."""
     caption = "Joint angles along the path; beyond the dotted lines are the limits."
-    return pictures.add(joints_figure(arc, courses, robot), "joints", caption)
+    return pictures.add(joints_figure(arc, courses, robot, narrow=narrow), "joints", caption)
 
 
-def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot) -> Figure:
+def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False) -> Figure:
     """Draw joint angles q (n, dof) rad of courses, the first boldly, over the path's length ``arc`` (n,) m."""
     degrees = {name: np.degrees(q) for name, q in courses.items()}
     labels = [angle_label(name) for name in robot.coordinates]
-    return motion_figure(arc * 1e3, degrees, labels, np.degrees(robot.limits), "Joint angles along the path")
+    heading = "Joint angles along the path"
+    return motion_figure(arc * 1e3, degrees, labels, np.degrees(robot.limits), heading, narrow=narrow)
 
 
 def motion_figure(
@@ -48,11 +51,12 @@ def motion_figure(
     heading: str,
     *,
     whole: bool = False,
+    narrow: bool = False,
 ) -> Figure:
     """Draw what joints or axes do along the path, one panel each, with their limits.
 
     ``arc_mm`` (n,); ``courses`` by name (n, c), the first is drawn boldly; ``limits`` (c, 2), in the
-    picture if near, with ``whole`` in any case.
+    picture if near, with ``whole`` in any case. ``narrow``: for half of a page's width.
 
     Raises
     ------
@@ -62,11 +66,12 @@ def motion_figure(
     n, many = len(arc_mm), len(labels)
     if not courses or any(q.shape != (n, many) for q in courses.values()) or limits.shape != (many, 2):
         raise InputError("motion figure", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
-    with panels(heading, many, 3, 10.0, 2.6, 0.9, sharex=True) as (figure, axes):
+    columns, width, height = (2, 5.2, 1.7) if narrow else (3, 10.0, 2.6)
+    with panels(heading, many, columns, width, height, 0.9, sharex=True) as (figure, axes):
         for j, ax in enumerate(axes):
             _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j], whole)
             ax.set_title(labels[j], loc="left", pad=4)
-        for ax in axes[-3:]:
+        for ax in axes[-columns:]:
             ax.set_xlabel("path, mm")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure

@@ -46,7 +46,7 @@ def test_the_answer_comes_first(cli: Command, tmp_path: Path) -> None:
     assert abs(said / best["worst_stiffness_N_per_mm"] - 1.0) < 0.05
     assert cards[1].startswith("rail")
     assert cards[2].endswith("deg")
-    assert cards[3].endswith("x")
+    assert cards[3].endswith("%")
     # K_sf cannot be compared between tasks: it is folded away.
     assert "K_sf" not in page[: page.index("<nav")].replace("stiffness criterion K_sf", "")
     assert re.search(r"<details><summary>The criterion K_sf", page)

@@ -62,7 +62,7 @@ def test_an_axes_map_has_its_axes_and_names_its_zones_and_courses() -> None:
     made = an_axes_map()
     courses = {
         "recommended": a_course(np.linspace(100.0, 150.0, 12)),
-        "fixed": a_course(np.full(12, 40.0), dashed=True),
+        "fixed": a_course(np.full(12, 40.0), dash="--"),
     }
     figure = draw_axes_map(made, courses, title="a path")
     top, bottom = figure.axes[:2]
