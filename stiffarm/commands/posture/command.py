@@ -135,7 +135,7 @@ def posture(
     posture.csv, posture.json and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the postures", sets=sets)
+        given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True)
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")

@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from machining.verification import Kind, Verification
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, joint_colour, log_ticks
-from stiffarm.pages.style import OKABE_ITO, SIZES_IN
+from stiffarm.pages.figure_parts import LINES, MARKERS, above, drawing, joint_line, log_ticks
+from stiffarm.pages.style import INK, OKABE_ITO, SIZES_IN
 
 # More bins than this a page cannot show.
 BINS: Final = 1200
@@ -72,9 +72,10 @@ def speeds_figure(found: Verification) -> Figure | None:
     with drawing(heading, SIZES_IN["wide"]) as (figure, (ax,)):
         for j in shown:
             x, worst = binned(share[:, j])
-            colour = joint_colour(found.axes.names[j], j) if j < found.axes.dof else SERIES[j % len(SERIES)]
-            style = "-" if j < found.axes.dof else "--"
-            ax.plot(x, worst, color=colour, linestyle=style, linewidth=1.2, label=found.axes.names[j])
+            joint = j < found.axes.dof
+            # Other axes are drawn thicker than any joint.
+            look = joint_line(found.axes.names[j], j) if joint else {"color": INK, "linestyle": LINES[j % len(LINES)]}
+            ax.plot(x, worst, linewidth=1.4 if joint else 2.4, label=found.axes.names[j], **look)
         ax.axhline(100.0, color=BAD, linestyle=":", linewidth=1.4)
         # Far below the limit the limit is left out, so that the curves can be told apart.
         high = 1.25 * top if top < 25.0 else max(110.0, 1.05 * min(top, 400.0))
