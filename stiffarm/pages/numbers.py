@@ -67,20 +67,23 @@ def known_to(value: float, low: float, high: float) -> str:
     return _to_place(value, high - low)
 
 
-def ranged(low: float, high: float, unit: str = "") -> str:
-    """``230 to 330 N/mm``, with the digits that tell the ends apart; open above it is ``at least 230 N/mm``."""
+def ranged(low: float, high: float, unit: str = "", digits: int = 2) -> str:
+    """``230 to 330 N/mm``, with the digits that tell the ends apart; open above it is ``at least 230 N/mm``.
+
+    ``digits``: so many of each end in any case.
+    """
     behind = f" {unit}" if unit else ""
     if math.isinf(high):
-        return f"at least {significant(low, 2)}{behind}"
-    return f"{_to_place(low, high - low)} to {_to_place(high, high - low)}{behind}"
+        return f"at least {significant(low, digits)}{behind}"
+    return f"{_to_place(low, high - low, digits)} to {_to_place(high, high - low, digits)}{behind}"
 
 
-def _to_place(value: float, width: float) -> str:
-    """A number to the digit that a quarter of this width has first, but two digits of it in any case."""
+def _to_place(value: float, width: float, least: int = 2) -> str:
+    """A number to the digit that a quarter of this width has first, but ``least`` digits of it in any case."""
     if not (math.isfinite(width) and width > 0.0 and value != 0.0 and math.isfinite(value)):
-        return significant(value, 2)
+        return significant(value, least)
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(width / 4.0)) + 1
-    return significant(value, min(max(digits, 2), 6))
+    return significant(value, min(max(digits, least), 6))
 
 
 def _power(lead: str, sign: str, exponent: str) -> str:

@@ -86,8 +86,8 @@ def share_words(share: float) -> str:
 
 
 def relative(value: float) -> str:
-    """A relative error in percent; beyond the value itself a factor says more."""
-    return f"a factor {1.0 + value:.2g}" if 1.0 <= value < 1e4 else "any size" if value >= 1e4 else percent(value)
+    """A relative error in percent; beyond ten times the value itself no figure helps."""
+    return percent(value) if value < 10.0 else "more than tenfold"
 
 
 def half_width(value: float) -> str:
