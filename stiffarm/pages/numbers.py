@@ -22,7 +22,7 @@ _NUMBER: Final = r"(?<![\w.,/=])\d{4,}(?=(?:\.\d+)?"
 # What is counted or measured in such sizes; years, lines and labels have no unit.
 _UNIT: Final = (
     r"(?:[\s\u00a0\u202f]?(?:N/mm|N/um|N/µm|N m/rad|N|kN|mm|um|µm|deg|MPa|GPa|Hz|mm/min"
-    r"|poses|points|readings|runs|set-ups|triangles|places|cells|draws)(?![\w/]))"
+    r"|(?:reachable )?poses|points|readings|runs|set-ups|triangles|places|cells|draws)(?![\w/]))"
 )
 _THOUSANDS: Final = re.compile(_NUMBER + rf"(?:{_UNIT}|[\s\u00a0]*(?:to|and|→|±)[\s\u00a0]*[\d.,]+{_UNIT}))")
 _WHOLE: Final = re.compile(r"[+−-]?\d{4,}(?:\.\d+)?")

@@ -75,7 +75,9 @@ def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
         sections.append(laws(d, pictures))
     sections.append(Section("Where in space", tuple(space_blocks(d, written.gaps, written.cost, pictures))))
     if d.tells:
-        sections += [next_readings(d), replace(not_told(d), folded=True), replace(how(d), folded=True)]
+        told = next_readings(d)
+        after = tuple(block for block in told.blocks if block not in said)
+        sections += [replace(told, blocks=after), replace(not_told(d), folded=True), replace(how(d), folded=True)]
     title = d.given.description.title.split(" (")[0]
     p = d.found.before.setting.data
     made_of = (
@@ -214,7 +216,7 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
         )  # fmt: skip
         if rows:
             heads = ("number", "value", "95 % interval", "thought plausible", "what it is")
-            blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4)))
+            blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4), folded=True))
         if curve is not None:
             remembers = f.placed.effect.needs_history
             loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
