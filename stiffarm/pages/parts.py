@@ -20,6 +20,7 @@ from robots.arrays import Array
 from robots.frames import framed
 from stiffarm.pages.files import linked
 from stiffarm.pages.numbers import typeset, typeset_cell
+from stiffarm.session.caution import caution
 
 _CODE: Final = re.compile(r"`([^`]+)`")
 
@@ -43,7 +44,7 @@ def rendered(template: str, script: str = "", files: Collection[str] = (), **wor
 
     Its Content-Security-Policy, ``{{ policy }}`` in the template, lets nothing be loaded, runs no script and applies no
     style but those that stand in the template itself. They are known by their hashes, and these are taken without the
-    content, so that what slipped in with it would not run.
+    content, so that what slipped in with it would not run. ``{{ caution }}`` is what the page must warn of.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("stiffarm.pages", "templates"),
@@ -64,7 +65,8 @@ def rendered(template: str, script: str = "", files: Collection[str] = (), **wor
         [*(f"{kind}-src {what}" for kind, what in allowed.items()), "base-uri 'none'", "form-action 'none'"]
     )
     # Hashes and words of our own.
-    return environment.get_template(template).render(policy=Markup(policy), script=script, **words)  # noqa: S704
+    words = {"caution": caution(), "policy": Markup(policy), **words}  # noqa: S704
+    return environment.get_template(template).render(script=script, **words)
 
 
 def _filters(files: Collection[str]) -> dict[str, Callable[[object], Markup]]:

@@ -27,6 +27,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.written import written_whole
+from stiffarm.pages.band import banded, in_the_file
 from stiffarm.pages.numbers import typeset, typeset_cell
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
@@ -148,6 +149,8 @@ class HouseTicks(ScalarFormatter):
 def save_png(figure: Figure, path: Path) -> None:
     """Write a figure as PNG at ``DPI``, whole or not at all; its numbers are written as those of the pages.
 
+    Where there is something to warn of, a band above it does.
+
     Raises
     ------
     InputError
@@ -157,8 +160,8 @@ def save_png(figure: Figure, path: Path) -> None:
     for text in figure.findobj(Text):
         assert isinstance(text, Text)  # noqa: S101 - found by its type
         text.set_text(typeset(text.get_text()))
-    with written_whole(path) as draft, house_style():
-        figure.savefig(draft, format="png", dpi=DPI)
+    with written_whole(path) as draft, house_style(), banded(figure) as shape:
+        figure.savefig(draft, format="png", dpi=DPI, metadata=in_the_file(), **shape)
 
 
 def require_folder(path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import pytest
@@ -35,3 +37,19 @@ def texts(figure: Figure) -> list[Seen]:
         figure.canvas.draw()
     assert seen
     return seen
+
+
+@contextmanager
+def drawn_meanwhile() -> Iterator[list[str]]:
+    """All texts that are drawn, on whatever figure, until the context ends."""
+    seen: list[str] = []
+    original = Text.draw
+
+    def draw(self: Text, renderer: object, *args: object, **kwargs: object) -> None:
+        if self.get_visible() and self.get_text().strip():
+            seen.append(self.get_text())
+        original(self, renderer, *args, **kwargs)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Text, "draw", draw)
+        yield seen

@@ -9,7 +9,8 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm.session import inputs, parsing
+from stiffarm.session import parsing
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.console import say
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
@@ -134,8 +135,8 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = frame.model(model, links, load_path, without="the surrogate", sets=sets)
-        if note := inputs.no_springs_note(given):
+        given = frame.model(model, links, load_path, without="the surrogate", sets=sets, shown=True)
+        if note := uncalibrated(given):
             say(f"note: {note}")
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)

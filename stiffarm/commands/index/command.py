@@ -71,7 +71,7 @@ def index(
     Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the indices", sets=sets)
+        given = frame.model(model, links, load_path, without="the indices", sets=sets, shown=True)
         q, labels = _poses(given, pose, table)
         question = index_results.IndexQuestion(
             q,

@@ -81,6 +81,7 @@ def viewer_page(
         load=_load(data),
         digits=DIGITS,
         near=NEAR_SINGULAR,
+        caution=data.metadata.get("warning", ""),
     )
 
 
@@ -101,6 +102,7 @@ def viewer_data(
     uncertainty = data.fields.get("uncertainty_percent")
     return {
         "robot": {"name": description.name, "title": description.title},
+        "warning": data.metadata.get("warning", ""),
         "chain": chain_data(robot),
         "tool": column_matrix(robot.T_flange_tool),
         "bodies": [

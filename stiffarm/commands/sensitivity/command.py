@@ -119,7 +119,7 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parsing.parse_names(free, None, "--free")
-        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets)
+        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets, shown=True)
         table = frame.readings(given, data, confirm_units=confirm_units)
         frame.reads(campaign=campaign)
         bundled = bundled_campaign(given.robot.name)

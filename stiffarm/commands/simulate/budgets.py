@@ -60,10 +60,16 @@ class PoseBudget:
         """The part that stores most."""
         return self.parts[self.order[0]]
 
+    @property
+    def leader(self) -> str:
+        """Which part gives most, in words; of a model with rigid joints that is not what gives most in the arm."""
+        words = f"{self.largest} gives most, {100.0 * self.share[self.order[0]]:.0f} %"
+        return words if "joint" in self.kinds else f"of the structure alone, with rigid joints, {words}"
+
     def payload(self) -> dict[str, Any]:
         """For budget.json: parts by size, with units."""
         total = float(self.energy.sum())
-        out: dict[str, Any] = {"strain_energy_mJ": number(total * 1e3), "largest": self.largest}
+        out: dict[str, Any] = {"strain_energy_mJ": number(total * 1e3), "largest": self.largest, "leader": self.leader}
         if self.along is not None:
             out[f"along_load_{self.along_unit}"] = number(float(self.along.sum()))
         out["parts"] = [

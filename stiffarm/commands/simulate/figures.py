@@ -63,7 +63,7 @@ def energy_share_figure(budget: PoseBudget, heading: str, subtitle: str = "") ->
             together = 100.0 * budget.share[[k == kind for k in budget.kinds]].sum()
             key.set_label(f"{_KIND_LOOKS[kind][2]} {together:.1f} %")
         above(ax, keys, 4)
-        _headed(figure, f"{heading}: {budget.largest} gives most, {share[0]:.0f} %", subtitle)
+        _headed(figure, f"{heading}: {budget.leader}", subtitle)
     return figure
 
 

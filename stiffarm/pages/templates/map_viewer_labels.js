@@ -127,12 +127,24 @@ function drawMark(pen, C, em, ink) {
     pen.stroke();
   }
 }
+// A picture taken out of the page: view and labels, and below them what must not be lost on the way.
+function pictureOf(view, over, em) {
+  const sheet = document.createElement("canvas"), font = `600 ${em}px ${FAMILY}`;
+  let pen = sheet.getContext("2d"); pen.font = font;
+  const lines = D.warning ? wrapped(pen, D.warning, view.width - 2.4 * em) : [], tall = lines.length ? Math.ceil((lines.length * 1.3 + 0.8) * em) : 0;
+  sheet.width = view.width; sheet.height = view.height + tall; pen = sheet.getContext("2d"); // Resizing forgets the font.
+  pen.drawImage(view, 0, 0); pen.drawImage(over, 0, 0);
+  pen.fillStyle = "#ffe9c2"; pen.fillRect(0, view.height, view.width, tall); pen.fillStyle = "#b8400a"; pen.fillRect(0, view.height, 0.6 * em, tall);
+  pen.fillStyle = "#3d2500"; pen.font = font; pen.textBaseline = "top";
+  lines.forEach((l, k) => pen.fillText(l, 1.3 * em, view.height + (0.45 + 1.3 * k) * em));
+  return sheet;
+}
+const FAMILY = 'system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif';
 function drawLabels(canvas, C, ratio, shades, fontPixels, barTop) {
   if (canvas.width !== C.width || canvas.height !== C.height) { canvas.width = C.width; canvas.height = C.height; }
   const pen = canvas.getContext("2d"), css = c => `rgb(${c.map(x => Math.round(255 * x)).join(",")})`, em = 0.86 * fontPixels * ratio;
   pen.clearRect(0, 0, C.width, C.height);
-  const family = 'system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif';
-  Object.assign(pen, { plain: `${em}px ${family}`, bold: `600 ${em}px ${family}`, ratio, halo: 3 * ratio, back: css(shades.sky), inkColour: css(shades.write), soft: css(shades.write), barTop: barTop * ratio });
+  Object.assign(pen, { plain: `${em}px ${FAMILY}`, bold: `600 ${em}px ${FAMILY}`, ratio, halo: 3 * ratio, back: css(shades.sky), inkColour: css(shades.write), soft: css(shades.write), barTop: barTop * ratio });
   pen.font = pen.plain;
   drawTicks(pen, C, em, css(shades.write)); drawMark(pen, C, em, css(shades.write)); drawBar(pen, C, em, css(shades.write));
 }

@@ -253,8 +253,7 @@ $("robot").onchange = e => { state.robot = e.target.value; draw(); };
 $("projection").onclick = () => setProjection(!state.perspective);
 $("save").onclick = () => {
   drawNow();
-  const sheet = make("canvas", { width: canvas.width, height: canvas.height }), pen = sheet.getContext("2d");
-  pen.drawImage(canvas, 0, 0); pen.drawImage(labels, 0, 0);
+  const sheet = pictureOf(canvas, labels, 0.86 * fontPixels() * (window.devicePixelRatio || 1));
   const link = make("a", { download: `${D.robot.name}-${fields[state.field].name}.png` }); link.setAttribute("href", sheet.toDataURL("image/png")); link.click();
 };
 $("mostButton").onclick = () => extreme(true); $("leastButton").onclick = () => extreme(false);

@@ -197,11 +197,18 @@ def seams(look: Look, values: Array) -> Bools:
 
 
 def extremes(data: MapData, look: Look, plane: Plane) -> tuple[int, int]:
-    """Numbers of the plane's points with the largest and the smallest value."""
-    values = _values(data, look, plane)
+    """Numbers of the plane's points with the largest and the smallest value.
+
+    The stiffest one is sought where no pose is near a singular one, if there are such points.
+    """
+    every = _values(data, look, plane)
     across = plane.centres[0]
+    regular = np.where(data.regular(plane.rows.ravel()).reshape(plane.rows.shape), every, np.nan)
+    stiffest = regular if np.isfinite(regular).any() else every
     out = []
-    for end in (np.nanmax(values), np.nanmin(values)):
+    for k, pick in enumerate((np.nanmax, np.nanmin)):
+        values = stiffest if look.kind == ("stiff", "soft")[k] else every
+        end = pick(values)
         # Of equals, as on both sides of a symmetric map, the one to the right.
         equal = np.abs(values - end) <= _EQUAL * abs(end)
         out.append(int(plane.rows.flat[np.argmax(np.where(equal, across, -np.inf))]))
