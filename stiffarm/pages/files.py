@@ -20,6 +20,7 @@ _WHAT: Final = (
     ("card.html", "the result on one A4 page, to print"),
     ("*missing_effect.html", "what leaving the missing effect out costs, as a map"),
     ("*replay.html", "the program as the robot runs it"),
+    ("*axes.html", "the axes map to drag the course in, with the arm"),
     ("*sheet*.html", "sheet to fill in at the robot"),
     ("*.html", "page"),
     ("model.toml", "the model, for every other command"),

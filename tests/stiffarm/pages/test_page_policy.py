@@ -53,7 +53,8 @@ def test_the_report() -> None:
 @pytest.mark.parametrize(
     ("template", "scripts"),
     [
-        ("replay.html.j2", ("page_matrices.js",)),
+        ("replay.html.j2", ("page_matrices.js", "shop_scene.js")),
+        ("axes_page.html.j2", ("page_matrices.js", "shop_scene.js", "axes_page.js")),
         ("map_viewer.html.j2", ("page_matrices.js", "map_viewer_data.js", "map_viewer_draw.js")),
     ],
 )
