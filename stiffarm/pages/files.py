@@ -19,6 +19,7 @@ _WHAT: Final = (
     ("*report.html", "the report"),
     ("*map.html", "the map to turn, cut and pick points in"),
     ("*replay.html", "the program as the robot runs it"),
+    ("*axes.html", "the axes map to drag the course in, with the arm"),
     ("*sheet*.html", "sheet to fill in at the robot"),
     ("*.html", "page"),
     ("model.toml", "the model, for every other command"),

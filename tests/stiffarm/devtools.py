@@ -133,7 +133,7 @@ def tab() -> Iterator[Tab]:
             "--hide-scrollbars", "--remote-debugging-pipe", f"--user-data-dir={profile}", "about:blank",
         ]  # fmt: skip
         process = subprocess.Popen(  # noqa: S603 - a program of the system, on pages of ours
-            ["sh", "-c", f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}', *command],  # noqa: S607
+            ["sh", "-c", f'exec "$0" "$@" 3</proc/self/fd/{to_read} 4>/proc/self/fd/{to_write}', *command],  # noqa: S607
             pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         os.close(to_read)

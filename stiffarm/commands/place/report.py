@@ -66,7 +66,7 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
 
 TODO = (
     "Write the program for this place with `stiffarm post ... --placement` and placement.json, then check it with "
-    "`stiffarm verify` before the cell moves."
+    "`stiffarm verify` before the cell moves. axes.html lets you drag gamma along the path at this place."
 )
 
 

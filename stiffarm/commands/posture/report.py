@@ -42,7 +42,8 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
 
 TODO = (
     "Write the program with these angles: `stiffarm post` chooses them the same way. Then check it with "
-    "`stiffarm verify` before the cell moves. posture.csv has gamma, branch and joints of every point."
+    "`stiffarm verify` before the cell moves. axes.html lets you drag the course and see what it costs; posture.csv "
+    "has gamma, branch and joints of every point."
 )
 
 

@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from machining.verification import Offence, Verification
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from stiffarm.commands.verify.bodies import BodySurface, body_surfaces, placed_in_world
-from stiffarm.commands.verify.sight import dense, in_the_way, near_points, towards
 from stiffarm.commands.verify.spot import Spot, spot_of
 from stiffarm.commands.verify.words import value_words
 from stiffarm.pages import style
+from stiffarm.pages.cell_bodies import BodySurface, body_surfaces, placed_in_world
 from stiffarm.pages.rendering import Renderer, chosen, show
 from stiffarm.pages.scenes import Scene, Surface
+from stiffarm.pages.sight import dense, in_the_way, near_points, towards
 
 # Near grey, so that colour means offence; cutter and part are what a reader looks for.
 COLOURS = {

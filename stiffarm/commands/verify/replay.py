@@ -9,12 +9,12 @@ import numpy as np
 
 from machining.verification import Offence, Verification
 from robots.arrays import Array, Integers
-from stiffarm.commands.verify.bodies import body_surfaces
 from stiffarm.commands.verify.picture import view_of
 from stiffarm.commands.verify.spot import Spot, spot_of
 from stiffarm.commands.verify.words import kinds_words, offence_words, value_words
+from stiffarm.pages.cell_bodies import cell_data
 from stiffarm.pages.numbers import typeset
-from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
+from stiffarm.pages.parts import packed, render_page
 
 # Points kept of a long program: 60 bytes each in the file.
 MOST_POINTS = 40_000
@@ -28,7 +28,8 @@ SEARCHED, VIEWED = 40, 8
 def replay_page(found: Verification, title: str) -> str:
     """The page as HTML text; what comes from files is escaped."""
     said = f"must not run: {kinds_words(found)}" if found.errors else "no offence found"
-    return render_page("replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=said)
+    scripts = ("page_matrices.js", "shop_scene.js")
+    return render_page("replay.html.j2", replay_data(found), scripts, title=title, verdict=said)
 
 
 def replay_data(found: Verification) -> dict[str, Any]:
@@ -36,34 +37,11 @@ def replay_data(found: Verification) -> dict[str, Any]:
     program, scene = found.program, found.scene
     spots = [spot_of(found, o) if k < SEARCHED else spot_of(found, o, 1) for k, o in enumerate(shown_offences(found))]
     kept = kept_points(found, also=[spot.move for spot in spots])
-    robot, cell = program.robot, program.cell
-    surfaces = body_surfaces(scene, MOST_TRIANGLES // max(1, len(scene.members)))
     distance = np.minimum(found.swept.distance, found.swept.within)
     time = np.cumsum(found.timing.time + program.motions.dwell)
     timed = bool(np.isfinite(time).all())
     return {
-        "chain": chain_data(robot),
-        "cell": {
-            "base": column_matrix(cell.T_world_base0),
-            "part": column_matrix(cell.T_world_part0),
-            "tool": column_matrix(cell.tool.T_flange_tool),
-            "rails": [axis.direction.tolist() for axis in cell.linear_axes],
-            "table": None
-            if cell.turntable is None
-            else {"point": cell.turntable.point.tolist(), "axis": cell.turntable.axis.tolist()},
-            "floor": cell.floor,
-        },
-        "frames": scene.arm.count,
-        "bodies": [
-            {
-                "name": body.name,
-                "kind": body.kind,
-                "frame": int(body.frame),
-                "v": packed(body.vertices, "<f4"),
-                "t": packed(body.triangles, "<u4"),
-            }
-            for body in surfaces
-        ],
+        **cell_data(scene, MOST_TRIANGLES),
         "axes": [
             {"name": name, "linear": bool(linear), "lower": _bound(low), "upper": _bound(high)}
             for name, linear, low, high in zip(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ class CourseLine:
     value: Array
     colour: str
     dots: bool = False
-    dash: str = "-"
+    dash: Literal["-", "--", ":"] = "-"
 
 
 def course_lines(found: PathPosture, before: Course | None = None) -> dict[str, CourseLine]:

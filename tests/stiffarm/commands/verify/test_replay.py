@@ -15,8 +15,8 @@ from verify_cases import many_moves, parallelogram_program, verified
 
 from machining.cell import arm_of
 from machining.verification import Verification, contact_of, verify
-from stiffarm.commands.verify.bodies import body_surfaces, placed_in_world
 from stiffarm.commands.verify.replay import MOST_POINTS, kept_points, replay_data, replay_page
+from stiffarm.pages.cell_bodies import body_surfaces, placed_in_world
 
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
 

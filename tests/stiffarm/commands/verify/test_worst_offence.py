@@ -19,8 +19,8 @@ from machining.verification import Demands, Kind, Severity, Verification, contac
 from stiffarm.commands.verify.picture import offence_picture
 from stiffarm.commands.verify.replay import replay_data
 from stiffarm.commands.verify.report import drawn_offences
-from stiffarm.commands.verify.sight import towards, unhidden
 from stiffarm.commands.verify.spot import spot_of
+from stiffarm.pages.sight import towards, unhidden
 
 
 @pytest.fixture(scope="module")

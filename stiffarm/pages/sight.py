@@ -1,4 +1,4 @@
-"""From where an offence is seen: the direction to the eye, and what stands in the way."""
+"""From where a place in a cell is seen: the direction to the eye, and what stands in the way."""
 
 from __future__ import annotations
 
