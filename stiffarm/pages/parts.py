@@ -25,15 +25,16 @@ from stiffarm.session.caution import caution
 _CODE: Final = re.compile(r"`([^`]+)`")
 
 
-def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], **words: Any) -> str:
+def render_page(template: str, data: dict[str, Any], scripts: tuple[str, ...], shared: str = "", **words: Any) -> str:
     """A page as HTML text from a file in ``templates``; what comes from files is escaped.
 
-    ``data`` becomes the JSON at ``{{ data }}``, the files ``scripts`` of ``templates`` the text at ``{{ script }}``.
+    ``data`` becomes the JSON at ``{{ data }}``, the files ``scripts`` of ``templates`` the text at ``{{ script }}``,
+    behind ``shared``, a script of another package.
     """
     # Inside a script element nothing but "<" can end it early.
     text = json.dumps(data, allow_nan=False).replace("<", "\\u003c").replace("&", "\\u0026")
     folder = resources.files("stiffarm.pages") / "templates"
-    script = "\n".join((folder / name).read_text(encoding="utf-8") for name in scripts)
+    script = "\n".join([shared, *((folder / name).read_text(encoding="utf-8") for name in scripts)])
     return rendered(template, data=Markup(text), script=Markup(script), **words)  # noqa: S704 - escaped above; our own
 
 

@@ -80,7 +80,7 @@ def make_map(
         content["warning"] = warning or None
         content["messages"] += [warning] if warning else []
         with folder.timed("files"):
-            names, messages = write_files(given, data, folder, files)
+            names, messages = write_files(given, data, folder, files, np.array(asked.request.tool)[:3, 3])
         content["messages"] += messages
         if asked.request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
             content |= sweep.figures_of(data)

@@ -136,7 +136,7 @@ def make_index_map(
         data = map_data(engine, steadied(engine, arrays, found, task), _metadata(given, asked, request, task))
         drawn = asked.drawn or drawn_columns(asked.gamma, choice)
         with folder.timed("files"):
-            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files)
+            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files, request.normal)
 
 
 def steadied(
@@ -203,10 +203,12 @@ def angle_name(gamma: float) -> str:
     return f"gamma_{round(float(np.degrees(gamma)), 6) + 0.0:g}_deg"
 
 
-def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dict[str, Any]:
-    """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the pictures.
+def write(
+    made: IndexMap, given: Arm, folder: OutputFolder, files: Files, normal: Sequence[float] = (0.0, 0.0, 1.0)
+) -> dict[str, Any]:
+    """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json``, pictures and page.
 
-    Returns what the JSON file holds, with the names of all files.
+    ``normal`` of the surface, base axes. Returns what the JSON file holds, with the names of all files.
     """
     title = f"Map of {made.shown.quantity} of the {given.description.title.split(' (')[0]}"
     names = write_arrays(given, made.with_values(made.drawn), folder, files, "index_map", title)
@@ -215,8 +217,11 @@ def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dic
     folder.write_text("gamma_statistics.csv", _statistics_table(made))
     if files.picture_formats:
         names += _pictures(made, folder, files.picture_formats)
-    content = payload(made) | {"files": names}
+    content = payload(made) | {"files": [*names, "report.html"]}
     folder.write_json("index_map.json", content)
+    from stiffarm.commands.maps.index.report import write_report
+
+    write_report(made, given, folder, content, normal)
     return content
 
 

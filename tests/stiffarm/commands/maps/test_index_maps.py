@@ -121,7 +121,7 @@ def test_the_grid_is_readable_by_plain_vtk(made: tuple[Path, Any]) -> None:
 
 def test_the_folder_has_every_file_that_is_named(made: tuple[Path, Any]) -> None:
     out, content = made
-    pictures = {"index_map.png", "gamma_statistics.png"}
+    pictures = {"index_map.png", "gamma_statistics.png", "report.html"}
     assert (
         set(content["files"]) == {"index_map.vtu", "index_map.csv", "gamma_statistics.csv", "index_map.json"} | pictures
     )
