@@ -15,9 +15,10 @@ LAST: Final = "run.json"
 # Patterns of names, the first that fits says what a file is.
 _WHAT: Final = (
     ("index.html", "start here: leads to everything"),
-    ("card.html", "the result on one A4 page, to print"),
     ("*report.html", "the report"),
     ("*map.html", "the map to turn, cut and pick points in"),
+    ("card.html", "the result on one A4 page, to print"),
+    ("*missing_effect.html", "what leaving the missing effect out costs, as a map"),
     ("*replay.html", "the program as the robot runs it"),
     ("*axes.html", "the axes map to drag the course in, with the arm"),
     ("*sheet*.html", "sheet to fill in at the robot"),

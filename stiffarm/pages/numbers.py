@@ -10,6 +10,8 @@ import math
 import re
 from typing import Final
 
+# Below this power of ten a number is written out.
+_POWERS_FROM: Final = 5
 _RAISED: Final = str.maketrans("+-−0123456789", "\u207a⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?)0*(\d+)(?![\w.])")
 _RAISE: Final = re.compile(r"(?<=[a-z0-9])\^(-?\d+)\b")
@@ -20,7 +22,7 @@ _NUMBER: Final = r"(?<![\w.,/=])\d{4,}(?=(?:\.\d+)?"
 # What is counted or measured in such sizes; years, lines and labels have no unit.
 _UNIT: Final = (
     r"(?:[\s\u00a0\u202f]?(?:N/mm|N/um|N/µm|N m/rad|N|kN|mm|um|µm|deg|MPa|GPa|Hz|mm/min"
-    r"|poses|points|readings|runs|set-ups|triangles|places|cells|draws)(?![\w/]))"
+    r"|(?:reachable )?poses|points|readings|runs|set-ups|triangles|places|cells|draws)(?![\w/]))"
 )
 _THOUSANDS: Final = re.compile(_NUMBER + rf"(?:{_UNIT}|[\s\u00a0]*(?:to|and|→|±)[\s\u00a0]*[\d.,]+{_UNIT}))")
 _WHOLE: Final = re.compile(r"[+−-]?\d{4,}(?:\.\d+)?")
@@ -62,27 +64,33 @@ def significant(value: float, digits: int = 3) -> str:
 
 def known_to(value: float, low: float, high: float) -> str:
     """A number with the digits that its interval leaves it: 44,717 within 20,000 and 90,000 is ``45,000``."""
-    width = high - low
-    if not (math.isfinite(width) and width > 0.0 and value != 0.0 and math.isfinite(value)):
-        return significant(value, 2)
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(width)) + 2
-    return significant(value, min(max(digits, 2), 4))
+    return _to_place(value, high - low)
 
 
 def ranged(low: float, high: float, unit: str = "", digits: int = 2) -> str:
-    """``230 to 330 N/mm``; of an interval that is open above ``at least 230 N/mm``."""
+    """``230 to 330 N/mm``, with the digits that tell the ends apart; open above it is ``at least 230 N/mm``.
+
+    ``digits``: so many of each end in any case.
+    """
     behind = f" {unit}" if unit else ""
     if math.isinf(high):
         return f"at least {significant(low, digits)}{behind}"
-    # As many digits as it takes to tell the ends apart.
-    while digits < 5 and high > low and significant(low, digits) == significant(high, digits):
-        digits += 1
-    return f"{significant(low, digits)} to {significant(high, digits)}{behind}"
+    return f"{_to_place(low, high - low, digits)} to {_to_place(high, high - low, digits)}{behind}"
+
+
+def _to_place(value: float, width: float, least: int = 2) -> str:
+    """A number to the digit that a quarter of this width has first, but ``least`` digits of it in any case."""
+    if not (math.isfinite(width) and width > 0.0 and value != 0.0 and math.isfinite(value)):
+        return significant(value, least)
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(width / 4.0)) + 1
+    return significant(value, min(max(digits, least), 6))
 
 
 def _power(lead: str, sign: str, exponent: str) -> str:
     power = "10" + f"{sign.replace('+', '')}{exponent}".translate(_RAISED)
     if int(exponent) == 0:
         return lead
+    if not sign.startswith("-") and int(exponent) < _POWERS_FROM:
+        return f"{float(lead) * 10.0 ** int(exponent):,.0f}"
     number = lead.rstrip("0").rstrip(".") if "." in lead else lead
     return power if number == "1" else f"{number}·{power}"

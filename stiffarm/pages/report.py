@@ -199,10 +199,10 @@ def write_page(
     """Write a page once all other results are there; below it stand version, time and what it was ``made_of``."""
 
     def write() -> None:
-        files = {*folder.names(), name, LAST}
+        files = {*folder.names(), LAST}
         folder.write_text(name, render(title, lede, key, sections, footer(made_of), question, answer, files))
 
-    folder.at_end(write)
+    folder.at_end(name, write)
 
 
 def footer(made_of: str = "") -> str:

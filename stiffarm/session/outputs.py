@@ -46,7 +46,7 @@ class OutputFolder:
         self._made: list[Path] = []
         self._published: tuple[str, ...] = ()
         self._stage: Stage | None = None
-        self._last: list[Callable[[], None]] = []
+        self._last: dict[str, Callable[[], None]] = {}
         self._guard = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -72,7 +72,7 @@ class OutputFolder:
     ) -> None:
         try:
             if kind is None:
-                for write in self._last:
+                for write in self._last.values():
                     write()
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
@@ -108,13 +108,14 @@ class OutputFolder:
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
-    def at_end(self, write: Callable[[], None]) -> None:
-        """Write something once all other results are there: a page that leads to them."""
-        self._last.append(write)
+    def at_end(self, name: str, write: Callable[[], None]) -> None:
+        """Write a file of this name once all other results are there: a page that leads to them."""
+        self._last[name] = write
 
     def names(self) -> list[str]:
-        """The results so far, by name."""
-        return sorted(p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file())
+        """The results so far and those still to come at the end, by name."""
+        there = {p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file()}
+        return sorted(there | self._last.keys())
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file."""

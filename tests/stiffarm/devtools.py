@@ -6,6 +6,7 @@ What tests ask of a page that only a browser can answer. The pipe needs no port 
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import subprocess
@@ -127,17 +128,23 @@ def tab() -> Iterator[Tab]:
     assert browser is not None
     to_read, send = os.pipe()
     receive, to_write = os.pipe()
+    # The browser reads from 3 and writes to 4, whatever these are here.
+    ours = [fcntl.fcntl(end, fcntl.F_DUPFD, 64) for end in (to_read, to_write)]
+
+    def as_it_expects() -> None:
+        for number, end in zip((3, 4), ours, strict=True):
+            os.dup2(end, number)
+
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [
             browser, "--headless", "--no-sandbox", "--disable-background-networking", "--no-first-run", "--disable-gpu",
             "--hide-scrollbars", "--remote-debugging-pipe", f"--user-data-dir={profile}", "about:blank",
         ]  # fmt: skip
         process = subprocess.Popen(  # noqa: S603 - a program of the system, on pages of ours
-            ["sh", "-c", f'exec "$0" "$@" 3</proc/self/fd/{to_read} 4>/proc/self/fd/{to_write}', *command],  # noqa: S607
-            pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        os.close(to_read)
-        os.close(to_write)
+            command, preexec_fn=as_it_expects, pass_fds=(3, 4), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        for end in (to_read, to_write, *ours):
+            os.close(end)
         try:
             yield Tab(send, receive)
         finally:

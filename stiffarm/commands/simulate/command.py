@@ -104,4 +104,11 @@ def simulate(
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:
                 folder.write_json("simulation.json", result)
+                from stiffarm.commands.simulate import report
+                from stiffarm.pages.report import data_words
+
+                if pose is None:
+                    report.write_table_report(given, result, data_words(table), folder)
+                else:
+                    report.write_pose_report(given, result, q, wrench, folder)
         frame.answer(result, lambda: simulation.show(result))

@@ -19,6 +19,7 @@ from stiffarm.pages.style import save_png
         ("1e-06 mm", "10⁻⁶ mm"),
         ("1.50e+05 N m/rad", "1.5·10⁵ N m/rad"),
         ("2e-15", "2·10⁻¹⁵"),
+        ("1.35e+03 um/kN", "1,350 µm/kN"),
         ("10^5 and 10^-3, kg/m^3", "10⁵ and 10⁻³, kg/m³"),
         ("5328 to 80564 N/mm", "5,328 to 80,564 N/mm"),
         ("44717 N/mm +- 90 %", "44,717 N/mm ± 90 %"),
@@ -53,10 +54,12 @@ def test_significant_digits(value: float, shown: str) -> None:
 
 def test_digits_that_the_interval_leaves() -> None:
     assert known_to(44717.0, 20000.0, 90000.0) == "45,000"
-    assert known_to(1234.5, 1200.0, 1260.0) == "1,234"
+    assert known_to(1234.5, 1200.0, 1260.0) == "1,230"
+    assert (known_to(495.9, 491.5, 500.3), ranged(491.5, 500.3)) == ("496", "492 to 500")
     assert known_to(44717.0, math.nan, math.nan) == "45,000"
-    assert ranged(289.4, 7365.0, "N/mm") == "290 to 7,400 N/mm"
-    assert ranged(230.1, 230.4) == "230.1 to 230.4"
+    assert ranged(228.4, 331.2, "N/mm") == "230 to 330 N/mm"
+    assert ranged(0.823, 4.91) == "0.82 to 4.9"
+    assert ranged(230.1, 230.4) == "230.10 to 230.40"
     assert ranged(55.0, math.inf, "N/mm") == "at least 55 N/mm"
 
 

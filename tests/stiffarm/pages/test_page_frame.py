@@ -122,7 +122,8 @@ def test_a_picture_has_its_size_so_that_nothing_jumps(tmp_path: Path) -> None:
 
     figure, _ = new_figure("wide")
     save_png(figure, tmp_path / "p.png")
-    page = made(Picture(tmp_path / "p.png", "caption", "words"))
+    one = Picture(tmp_path / "p.png", "caption", "words")
+    page = made(one, Fold("more", (one, Fold("deeper", (one,)))), answer=Answer(picture=one))
     assert 'width="1080" height="475"' in page
     ids = re.findall(r'\bid="([^"]+)"', page)
     assert len(set(ids)) == len(ids)
