@@ -153,7 +153,10 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
     found = shortfall(
         rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
     )
-    return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
+    found = found[np.isfinite(found)]
+    if not len(found):
+        return {"points": 0, "worst_shortfall_percent": None}
+    return {"points": len(found), "worst_shortfall_percent": number(100.0 * float(found.max()))}
 
 
 def _place(data: MapData, row: int) -> dict[str, Any]:

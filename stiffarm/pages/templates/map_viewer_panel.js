@@ -83,7 +83,7 @@ function setField(k) {
   listCategories(); rescale(); showLimit(); changed(); showPicked(); showRanking(); showShapes();
 }
 function showShapes() { // Hands that only some quantities and cuts have.
-  $("surface").disabled = !canSurface(); $("doubt").disabled = !hasDoubt();
+  $("surface").disabled = !canSurface(); $("surface").title = canSurface() ? "" : "Needs a number over three free axes: fix the others under Cut."; $("doubt").disabled = !hasDoubt();
   $("doubtPart").hidden = !D.error; $("ellipsoidPart").hidden = !entry && !D.surrogate;
 }
 function rescale() { // Ends of the colours from the values.
@@ -320,9 +320,11 @@ $("unreached").checked = state.unreached; $("robot").value = state.robot;
 $("unreached").onchange = e => { state.unreached = e.target.checked; changed(); };
 $("robot").onchange = e => { state.robot = e.target.value; draw(); };
 $("projection").onclick = () => setProjection(!state.perspective);
+const picture = () => pictureOf(canvas, labels, 0.86 * fontPixels() * fullRatio());
 $("save").onclick = () => {
+  if (moving) { clearTimeout(moving); moving = 0; }
   drawNow();
-  const sheet = pictureOf(canvas, labels, 0.86 * fontPixels() * (window.devicePixelRatio || 1));
+  const sheet = picture();
   const link = make("a", { download: `${D.robot.name}-${fields[state.field].name}.png` }); link.setAttribute("href", sheet.toDataURL("image/png")); link.click();
 };
 $("mostButton").onclick = () => extreme(true); $("leastButton").onclick = () => extreme(false);
@@ -347,7 +349,7 @@ const point = /point=(\d+)/.exec(location.hash); if (point && Number(point[1]) >
 // For links into the page and for tests.
 window.mapViewer = {
   state, counts: () => counts, renderer: renderer.name, pick, pickAt, setField, setLimit, cut, drawNow: () => { if (moving) clearTimeout(moving); moving = 0; drawNow(); },
-  fields, surfaces, ellipsoid, complianceAt, eigen, showOther, learnedCompliance, springs, setSpring, shown, mapsSeen, frame: () => drawNow(), drawnWhileTurning: () => moving ? most() : Infinity,
+  fields, surfaces, ellipsoid, complianceAt, eigen, showOther, learnedCompliance, springs, setSpring, shown, mapsSeen, picture, frame: () => drawNow(), drawnWhileTurning: () => moving ? most() : Infinity,
   frames: q => chainFrames(D.chain, q), tool: q => toolTip(chainFrames(D.chain, q)), extremes,
   // Where a point is, in CSS pixels of the picture.
   placeOf: i => { const [C, ratio] = currentCamera(), p = project(C, X[0][i], X[1][i], X[2][i]); return p && [p[0] / ratio, p[1] / ratio]; },

@@ -20,9 +20,12 @@ function surfaces() {
 const JUMP = 0.15, STANDS_OUT = 3, TETRAHEDRA = [[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]];
 function levelSurface(level) {
   const [a, b, c] = freeAxes(), v = fields[state.field].values, base = state.fixed.reduce((n, k, x) => n + (k === null ? 0 : k * axes[x].stride), 0);
+  // A full turn closes on itself: its last cell leads back to the first.
+  const closes = x => { const u = axes[x].values, n = u.length, step = n > 2 ? (u[n - 1] - u[0]) / (n - 1) : 0; return axes[x].name === "phi" && n > 2 && Math.abs(360 - (u[n - 1] - u[0]) - step) < 1e-3 * step; };
+  const cellsOf = x => axes[x].size - (closes(x) ? 0 : 1), to = (x, k) => (k % axes[x].size) * axes[x].stride;
   const known = i => reached[i] && hasPlace(i) && Number.isFinite(v[i]) && !(state.under && leftOut[i]), cubes = [], spans = [];
-  for (let i = 0; i + 1 < axes[a].size; i++) for (let j = 0; j + 1 < axes[b].size; j++) for (let k = 0; k + 1 < axes[c].size; k++) {
-    const corner = Array.from({ length: 8 }, (_, m) => base + (i + (m & 1)) * axes[a].stride + (j + (m >> 1 & 1)) * axes[b].stride + (k + (m >> 2)) * axes[c].stride);
+  for (let i = 0; i < cellsOf(a); i++) for (let j = 0; j < cellsOf(b); j++) for (let k = 0; k < cellsOf(c); k++) {
+    const corner = Array.from({ length: 8 }, (_, m) => base + to(a, i + (m & 1)) + to(b, j + (m >> 1 & 1)) + to(c, k + (m >> 2)));
     if (!corner.every(known)) continue;
     const scaled = corner.map(n => Math.min(1, Math.max(0, toUnit(v[n]))));
     spans.push(Math.max(...scaled) - Math.min(...scaled)); cubes.push(corner);

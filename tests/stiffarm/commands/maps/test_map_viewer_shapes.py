@@ -19,7 +19,7 @@ from fem import compliance, directional_stiffness
 from fem.arm import Arm
 from stiffarm.commands.maps.viewer import viewer_data, viewer_page
 from stiffarm.commands.maps.what_if import interval_of, springs_of, turns_with_the_first_joint, what_if_data
-from surrogate.maps.data import Field, MapData
+from surrogate.maps.data import Axis, Field, Layout, MapData
 
 
 @cache
@@ -202,3 +202,47 @@ def test_unsure_places_are_striped_or_fade_and_turning_draws_less(tmp_path: Path
     assert seen["turning"] < 0.3 * data.layout.n
     assert seen["coarse"] < 0.8 * seen["full"]
     assert seen["rest"]
+
+
+@pytest.mark.slow
+@needs_browser
+def test_a_picture_taken_out_of_the_page_keeps_its_warning(tmp_path: Path) -> None:
+    data = kr60_slice(200.0)
+    warned = replace(data, metadata={**data.metadata, "warning": "Not calibrated: no joint has a spring."})
+    sizes = []
+    for one in (data, warned):
+        probe = """V.drawNow(); const p = V.picture(), pen = p.getContext("2d");
+          out.size = [p.width, p.height - $("view").height]; out.head = $("caution")?.textContent ?? "";
+          out.foot = [...pen.getImageData(p.width - 3, p.height - 2, 1, 1).data];"""
+        seen, console = probed(page_of(one, "kr60-3"), tmp_path, probe)
+        assert console == ""
+        sizes.append(seen)
+    assert sizes[0]["size"][1] == 0
+    assert sizes[1]["size"][1] > 15
+    assert sizes[1]["foot"][:3] == [0xFF, 0xE9, 0xC2]
+    assert [one["head"] for one in sizes] == ["", warned.metadata["warning"]]
+
+
+@pytest.mark.slow
+@needs_browser
+def test_surfaces_of_a_full_turn_close(tmp_path: Path) -> None:
+    phi, r, z = np.arange(-180.0, 180.0, 30.0), np.array([500.0, 900.0, 1300.0]), np.array([400.0, 800.0])
+    grids = np.meshgrid(z, phi, r, indexing="ij")
+    angle = np.radians(grids[1].ravel())
+    points = 1e-3 * np.column_stack(
+        [grids[2].ravel() * np.cos(angle), grids[2].ravel() * np.sin(angle), grids[0].ravel()]
+    )
+    axes = (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r))
+    n, (description, model) = len(points), arm("kr60-3")
+    fields = {"radius": Field(grids[2].ravel(), "N/mm", "radius")}
+    q = np.tile(np.radians([0.0, -60.0, 90.0, 0.0, 40.0, 0.0]), (n, 1))
+    data = MapData(
+        Layout("cylinder", axes), points, q, np.ones(n, dtype=bool), model.robot.coordinates, fields, metadata={}
+    )
+    probe = """V.setLimit(700, false); set("surface", "threshold"); out.pos = V.surfaces().map(s => [...s.pos]);"""
+    seen, console = probed(viewer_page(data, description, model, title="turn"), tmp_path, probe)
+    assert console == ""
+    (pos,) = seen["pos"]
+    found = np.array(pos).reshape(-1, 3)
+    around = np.histogram(np.degrees(np.arctan2(found[:, 1], found[:, 0])), 12, (-180.0, 180.0))[0]
+    assert (around > 0).all()
