@@ -6,6 +6,7 @@ import numpy as np
 
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
+from fem.arm import Arm
 from robots import InputError
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate import words
@@ -17,6 +18,7 @@ from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import naturally
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.workspace import workspace_stiffness
@@ -81,13 +83,8 @@ def _todo(c: Calibrated) -> str:
 
 
 def _rigid(c: Calibrated) -> tuple[str, ...]:
-    here = c.model.robot.limits.mean(axis=1)[None]
-    names = [joint.name for joint in c.model.joints if not joint.axial.compliance(here).any()]
-    if not names:
-        return ()
-    return (
-        f"Held rigid, for want of a spring: {', '.join(names)}. Where a load turns them the arm is softer than said.",
-    )
+    said = uncalibrated(Arm(c.description, c.model.robot, c.model))
+    return (said,) if said else ()
 
 
 def _mm(value: float) -> str:

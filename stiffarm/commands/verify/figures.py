@@ -32,11 +32,14 @@ def binned(values: Array, *, least: bool = False) -> tuple[Array, Array]:
     return edges.astype(np.float64), np.asarray(pick.reduceat(values, edges))
 
 
-def clearance_figure(found: Verification) -> Figure:
-    """Least distance of any two checked bodies in each move, the distance proven, and the safety distance."""
+def clearance_figure(found: Verification, *, narrow: bool = False) -> Figure:
+    """Least distance of any two checked bodies in each move, the distance proven, and the safety distance.
+
+    ``narrow``: for half of a page's width.
+    """
     swept, n = found.swept, found.program.n
     within = swept.within * 1e3
-    with drawing("Clearance along the program", SIZES_IN["wide"]) as (figure, (ax,)):
+    with drawing("Clearance along the program", (5.2, 4.4) if narrow else SIZES_IN["wide"]) as (figure, (ax,)):
         x, seen = binned(np.minimum(swept.distance, swept.within) * 1e3, least=True)
         _, proven = binned(np.clip(swept.proven, 0.0, swept.within) * 1e3, least=True)
         ax.fill_between(x, proven, np.maximum(seen, 0.0), color=PROVEN, linewidth=0.0)
@@ -55,7 +58,7 @@ def clearance_figure(found: Verification) -> Figure:
             handles.append(Patch(color=BAD, label="overlap"))
         ax.set(ylim=(0.0, within * 1.03), ylabel=f"distance (mm), up to {within:g}")
         _moves(ax, n)
-        above(ax, handles, 4)
+        above(ax, handles, 2 if narrow else 4)
     return figure
 
 

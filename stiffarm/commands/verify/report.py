@@ -53,7 +53,7 @@ INTERPOLATIONS = {
 def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
-    clearance = clearance_picture(found, pictures)
+    clearance = clearance_picture(found, pictures, narrow=not found.offences)
     drawn = [_picture(found, offence, k, folder) for k, offence in enumerate(drawn_offences(found))]
     sections = [
         offences_section(found, [picture for picture, _ in drawn[1:]]),
@@ -170,13 +170,13 @@ def _picture(found: Verification, offence: Offence, place: int, folder: OutputFo
     return Picture(path, caption, alt), drawn
 
 
-def clearance_picture(found: Verification, pictures: Pictures) -> Picture:
+def clearance_picture(found: Verification, pictures: Pictures, *, narrow: bool = False) -> Picture:
     """Least distances over the program."""
     caption = (
         "Least distance of any two checked bodies in each move. Between the poses that were measured nothing comes "
         "nearer than the lower edge of the band: that is proven, or where it touches 0 it is not."
     )
-    return pictures.add(clearance_figure(found), "clearance", caption)
+    return pictures.add(clearance_figure(found, narrow=narrow), "clearance", caption)
 
 
 def clearance_section(found: Verification, pictures: list[Picture]) -> Section:

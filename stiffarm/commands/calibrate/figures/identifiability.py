@@ -14,7 +14,7 @@ from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
 from stiffarm.commands.calibrate.words import estimate_text, known, shown_unit
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, log_ticks, named_rows, note
-from stiffarm.pages.style import FAINT, OKABE_ITO
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _COLOURS: Final = {
     "determined": OKABE_ITO["blue"],
@@ -107,7 +107,7 @@ def _panel(
             _bar(ax, row, (low, high), ends, colour, log=log)
         if known(e):
             ax.plot(e.value * factor, row, MARKERS[i % 6], color=colour, markersize=7, markeredgecolor="white")
-        note(ax, estimate_text(e), (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=colour)
+        note(ax, estimate_text(e), (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=INK)
     named_rows(ax, names)
 
 

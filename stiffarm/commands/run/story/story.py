@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from stiffarm.commands.run.story.missing import missing_section, next_words
 from stiffarm.pages import workspace_answer
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Answer, KeyFigure, data_words, write_page
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.workspace import WorkspaceStiffness
 
@@ -79,14 +81,10 @@ def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> A
         f"The recommended model ({f.best.name}) is {f.best.left_out_rms_mm:.3f} mm RMS off{share} at poses that it has "
         f"not seen. {workspace_answer.interval_remark(stiffness)}"
     )
-    still = calibration.idle_joints(f)
-    rigid = (
-        f"Held rigid, for no reading moves with their springs: {', '.join(still)}. Where a load turns them the arm is "
-        "softer than said here."
-    )
+    rigid = uncalibrated(replace(f.given, description=f.best.description, model=f.best.model))
     picture = pictures.add(
         workspace_answer.answer_figure(stiffness),
         "stiffness_at_the_tool",
         "Dot: stiffness; bar: its 95 % interval; beside the name what gives most. The map itself is map.html.",
     )
-    return Answer(sure, next_words(f.looks[-1]), picture, (rigid,) if still else ())
+    return Answer(sure, next_words(f.looks[-1]), picture, (rigid,) if rigid else ())
