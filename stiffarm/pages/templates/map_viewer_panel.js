@@ -27,7 +27,7 @@ function drawNow() {
 // A frame that comes late was too much work for whatever draws: while the view turns, it is drawn with less effort then,
 // fewer points and coarser; with more again where there is time.
 const LATE = 40, EARLY = 20, FEWEST = 2000;
-let moving = 0, effort = 0.3;
+let moving = 0, effort = 0.2;
 const most = () => FEWEST + effort ** 2 * N, detail = () => 0.45 + 0.55 * effort;
 const draw = () => {
   if (queued) return;
