@@ -41,6 +41,7 @@ _WHAT: Final = (
     ("*.onnx", "the surrogate as ONNX"),
     ("*.h", "the surrogate as a C header"),
     ("*.py", "the surrogate as Python"),
+    ("*.js", "the surrogate as JavaScript"),
     ("*.toml", "model or settings"),
 )
 _NAME: Final = re.compile(r"[A-Za-z0-9_][\w.\-/]*(?:\.[A-Za-z]\w{0,4}|/)")

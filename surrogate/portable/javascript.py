@@ -39,7 +39,7 @@ def surrogate_data(portable: Portable) -> dict[str, Any]:
 
 
 def javascript(portable: Portable) -> str:
-    """Text of a script, ASCII but for nothing: it runs in a page and in Node, and needs nothing else.
+    """Text of a script that runs in a page and in Node, and needs nothing else.
 
     With NAME the surrogate's name as an identifier it has ``NAME.evaluate(q_rad)``, which answers ``{status, values}``
     with a :class:`~surrogate.portable.content.Status`, values NaN unless it is 0; a matrix 6 x 6 stands row by row.

@@ -90,7 +90,8 @@ def fit(
     formats: Annotated[
         str | None,
         typer.Option(
-            "--format", help="Also write the surrogate in these formats, separated by commas: onnx, c, python."
+            "--format",
+            help="Also write the surrogate in these formats, separated by commas: onnx, c, python, javascript.",
         ),
     ] = None,
     matrix: Annotated[
@@ -181,7 +182,7 @@ def _refuse_conflicts(
             what = "of the stiffness" if stiffness else f"of {quantity}, which has no load direction of its own"
             raise InputError(f"--{name} for a surrogate {what}", value=text, allowed="nothing", remedy="leave it out")
     if matrix and not formats:
-        raise InputError("--matrix without --format", allowed="onnx, c, python", remedy="add --format onnx")
+        raise InputError("--matrix without --format", allowed="onnx, c, python, javascript", remedy="add --format onnx")
     if matrix and not stiffness:
         raise InputError("--matrix with --quantity", value=quantity, allowed="stiffness", remedy="leave one out")
     if basis == "factored" and not stiffness:

@@ -27,6 +27,7 @@ _FILES = {
     "surrogate.onnx": "as ONNX, for onnxruntime",
     "surrogate.h": "as a C header without dependencies",
     "surrogate_snippet.py": "as Python without packages",
+    "surrogate.js": "as JavaScript, for pages and Node",
 }
 
 

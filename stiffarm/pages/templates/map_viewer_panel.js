@@ -27,7 +27,7 @@ function drawNow() {
 // A frame that comes late was too much work for whatever draws: while the view turns, it is drawn with less effort then,
 // fewer points and coarser; with more again where there is time.
 const LATE = 40, EARLY = 20, FEWEST = 2000;
-let moving = 0, effort = 0.3;
+let moving = 0, effort = 0.2;
 const most = () => FEWEST + effort ** 2 * N, detail = () => 0.45 + 0.55 * effort;
 const draw = () => {
   if (queued) return;
@@ -195,7 +195,8 @@ const rowOf = (name, value, more = "") => make("tr", {}, make("th", { scope: "ro
 const wordOf = (f, i) => f.categories.length ? f.categories[f.values[i]]?.name ?? "–" : minusSign(digits(f.values[i]));
 function interval(i) { // The 95 % interval of the stiffness, or nothing.
   const e = relativeError ? relativeError[i] : NaN;
-  if (D.error_of === null || !Number.isFinite(e) || !reached[i]) return null;
+  // Where springs are set by hand, the interval of the calibration is not theirs.
+  if (D.error_of === null || !Number.isFinite(e) || !reached[i] || state.whatIf) return null;
   const v = fields[D.error_of].values[i];
   // e is of the compliance, which is linear in what was calibrated; beyond 1 it leaves the stiffness no upper end.
   const low = v / (1 + e), high = e < 1 ? v / (1 - e) : Infinity;
@@ -213,6 +214,7 @@ function showPicked() {
   $("interval").textContent = range && state.field === D.error_of ? (range.share < 1
     ? `95 %: ${digits(range.low, 4)} to ${digits(range.high, 4)} ${f.sign} (± ${digits(100 * range.share, 2)} %)`
     : `95 %: above ${digits(range.low, 4)} ${f.sign}; the calibration leaves its upper end open`) : "";
+  if (state.whatIf && state.field === stiffnessField) $("interval").textContent = `What if; ${digits(ofModel[i])} ${f.sign} by the model`;
   if (other) $("interval").textContent = [$("interval").textContent, besideWords(i)].filter(Boolean).join(". ");
   showEllipsoid(i);
   $("place").replaceChildren(...["X", "Y", "Z"].map((n, k) => rowOf(n, Number.isFinite(X[k][i]) ? minusSign((1000 * X[k][i]).toFixed(1)) : "–", "mm")),
