@@ -47,6 +47,8 @@ def fit_factored(
     scope: Scope,
     solver: Solver = "qr",
     runs: int | None = None,
+    *,
+    apart: bool = False,
 ) -> Fit:
     """Learn the rows and the weights: an expansion's basis and coefficients (t, 6 r), and how they are summed.
 
@@ -55,6 +57,7 @@ def fit_factored(
     run : poses (n, k) rad -> the model's rows there
     design : n -> poses (n, k) rad that fill the domain
     runs : how many, if not as many as the terms need
+    apart : keep a weight for each spring, constant or not, so that one may be changed afterwards
 
     Raises
     ------
@@ -86,7 +89,10 @@ def fit_factored(
             made = run(Q)
             wanted, part = _flat(made)
     basis, coefficients = _pruned(basis, solution.coefficients)
-    coefficients, factor = _gathered(coefficients, made, _laws(made, Q, scope))
+    laws: list[float | Expansion] = [*_laws(made, Q, scope)]
+    if apart:
+        laws = [_constant(basis, law) if isinstance(law, float) else law for law in laws]
+    coefficients, factor = _gathered(coefficients, made, laws)
     return Fit(basis, "factored", coefficients, solution.condition, len(Q), factor)
 
 
@@ -161,6 +167,12 @@ def _laws(made: ComplianceFactor, Q: Array, scope: Scope) -> list[float | Expans
         assert best[1] is not None  # noqa: S101 - some fit is the best
         out.append(best[1])
     return out
+
+
+def _constant(basis: Basis, value: float) -> Expansion:
+    """A number as a sum of functions of all angles: the first of each family is 1."""
+    families = basis.families
+    return Basis("factored", 0, families, np.zeros((1, len(families)), dtype=np.int64)).expansion(np.array([value]))
 
 
 def _law_bases(scope: Scope) -> list[Basis]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -219,9 +220,9 @@ class Along:
         """K_sf ("K_sf"), mean and worst stiffness ("mean", "worst", N/m) with 95 % intervals."""
         return {name: self.drawn.estimated(of) for name, of in self._statistics().items()}
 
-    def gain(self, other: Along) -> Estimated:
-        """Mean stiffness over that of another placement of the same arm, with its 95 % interval."""
-        return self.drawn.ratio(other.drawn, self._statistics()["mean"])
+    def gain(self, other: Along, of: Literal["mean", "worst"] = "mean") -> Estimated:
+        """Mean (or worst) stiffness over that of another placement of the same arm, with its 95 % interval."""
+        return self.drawn.ratio(other.drawn, self._statistics()[of])
 
     def _statistics(self) -> dict[str, Callable[[Array], Array]]:
         return {

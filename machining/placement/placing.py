@@ -11,7 +11,7 @@ import numpy as np
 from machining.placement.following import Along, Found, along, follow, merit_of
 from machining.placement.moving import find_moving
 from machining.placement.problem import Problem
-from machining.placement.search import FINE_ROWS, Looker, Survey, find_fixed, refined, survey
+from machining.placement.search import FINE_ROWS, Looker, Survey, find_fixed, find_staying, refined, survey
 from machining.placement.space import start_of
 from machining.placement.steps import Cut, check_cuts, find_steps
 from machining.posture.points import GammaRange
@@ -60,7 +60,8 @@ class How:
 class Placed:
     """A placement, beside where the robot stands now.
 
-    ``before``: the axes at 0 (or mid-range) and gamma 0; None where ``why_no_before`` says why. ``fixed``: the best
+    ``before``: the axes at 0 (or mid-range) and gamma 0; None where ``why_no_before`` says why. ``staying``: the same
+    place with its best gamma; ``why_no_staying``. ``fixed``: the best
     position at rest where the mode is another; ``why_no_fixed``. ``first`` (s,): path points at which the base starts
     to stand elsewhere, 0 first. ``survey``: the coarse grid. ``evaluations``: base positions looked at, each
     over the path. ``notes``: what a user should know.
@@ -71,6 +72,8 @@ class Placed:
     after: Along
     before: Along | None
     why_no_before: str | None
+    staying: Along | None
+    why_no_staying: str | None
     fixed: Along | None
     why_no_fixed: str | None
     first: Integers
@@ -125,6 +128,7 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
         chosen = _with_course(problem, chosen, notes)
     e, table = start_of(problem.space)
     before, why_no_before = _or_why(lambda: follow(problem, e, table, 0.0))
+    staying, why_no_staying = _or_why(lambda: find_staying(problem, e, table))
     criterion = problem.goal.criterion or _comparable(problem, chosen)
 
     def told(one: _Choice) -> Along:
@@ -136,6 +140,8 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
         after=told(chosen),
         before=None if before is None else along(problem, _at_all(problem, e), table, before, criterion),
         why_no_before=why_no_before,
+        staying=None if staying is None else along(problem, _at_all(problem, e), table, staying.course, criterion),
+        why_no_staying=why_no_staying,
         fixed=None if rest is None or how.mode == "fixed" else told(rest),
         why_no_fixed=why_no_fixed,
         first=chosen.first,

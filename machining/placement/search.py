@@ -17,7 +17,7 @@ from machining.placement.problem import Problem
 from machining.placement.sweeping import (
     Shortfall,
     Sites,
-    in_the_way,
+    blocked,
     lacks,
     merits,
     shortfalls,
@@ -48,8 +48,9 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
-# Postures of one position that are asked for collisions before it is given up.
-TRIES = 40
+# Postures of one position that are asked for collisions before it is given up, the best first. There must be so many:
+# the stiffest may all be of a branch that is nowhere free, as that with the elbow in the floor.
+TRIES = 400
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
 
@@ -58,6 +59,7 @@ ROUNDS = 5
 class Look:
     """One position looked at: coordinates x (d,), merit (-inf: none), its angle, or why it has none.
 
+    ``values`` (m,): stiffness N/m or surface error m at the points looked at, None where there is no merit.
     ``shortfall``: what it lacks where it is out of reach, as far as that is asked for.
     """
 
@@ -66,6 +68,7 @@ class Look:
     gamma: float
     why: str
     shortfall: Shortfall | None = None
+    values: Array | None = None
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -107,8 +110,14 @@ class Looker:
         if self.progress is not None:
             self.progress(min(self.count, self.total), self.total)
         sites = _with_finer_gamma(self.problem, sites, self.lacking)
-        merit = merits(self.problem, sites)
-        looks = [self._look(at, sites, merit[i], i) for i, at in enumerate(x)]
+        looks = self._looks(x, sites)
+        # Gamma was refined about the best of all postures; where those are in the way, about the best that is free.
+        best = merits(self.problem, sites).max(axis=(1, 2))
+        lesser = [i for i, look in enumerate(looks) if np.isfinite(look.merit) and look.merit < best[i]]
+        if lesser and isinstance(self.problem.gamma, GammaRange):
+            freed = self._refined_again(x[lesser], sites.at_positions(np.array(lesser)), [looks[i] for i in lesser])
+            for i, look in zip(lesser, freed, strict=True):
+                looks[i] = look
         lost = [i for i, look in enumerate(looks) if look.why == "reach"]
         if lost and self.lacking:
             short = shortfalls(self.problem, sites.at_positions(np.array(lost)))
@@ -116,16 +125,36 @@ class Looker:
                 looks[i] = replace(looks[i], shortfall=lacking)
         return looks
 
+    def _looks(self, x: Array, sites: Sites) -> list[Look]:
+        merit = merits(self.problem, sites)
+        return [self._look(at, sites, merit[i], i) for i, at in enumerate(x)]
+
+    def _refined_again(self, x: Array, sites: Sites, looks: list[Look]) -> list[Look]:
+        """The same positions with gamma refined about the free postures that were found."""
+        assert isinstance(self.problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to refine
+        half = self.problem.gamma.cell
+        for _ in range(FINER):
+            sites = _around(self.problem, sites, np.array([look.gamma for look in looks]), half)
+            looks = [max(pair, key=lambda look: look.merit) for pair in zip(looks, self._looks(x, sites), strict=True)]
+            half *= 2.0 / AROUND
+        return looks
+
     def _look(self, x: Array, sites: Sites, merit: Array, site: int) -> Look:
         """Best angle of a position that keeps clear of singularities and of everything in the cell."""
         order = np.argsort(-merit, axis=None, kind="stable")
-        why = "reach"
+        first, before = "reach", dict[int, list[int]]()
         for flat in order[np.isfinite(merit.ravel()[order])][:TRIES]:
             at = (site, *np.unravel_index(flat, merit.shape))
-            why = in_the_way(self.problem, sites.q[at], sites.e[site], float(sites.table[site]))
+            # Where one angle of a branch collides its neighbours do as a rule: those poses are asked first.
+            poses = before.setdefault(int(at[2]), [])
+            table = float(sites.table[site])
+            why, pose = blocked(self.problem, sites.q[at], sites.e[site], table, poses)
             if not why:
-                return Look(x, float(merit[at[1:]]), float(sites.gamma[at[:2]]), "")
-        return Look(x, -np.inf, np.nan, why)
+                return Look(x, float(merit[at[1:]]), float(sites.gamma[at[:2]]), "", values=sites.value[at])
+            if pose not in poses:
+                poses.insert(0, pose)
+            first = why if first == "reach" else first
+        return Look(x, -np.inf, np.nan, first)
 
 
 def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
@@ -140,14 +169,18 @@ def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
         lost = ~np.isfinite(merit).any(axis=1)
         if lost.any() and lacking:
             merit[lost] = -lacks(problem, sites.at_positions(np.flatnonzero(lost)))[0].max(axis=3).min(axis=2)
-        centre = sites.gamma[p, merit.argmax(axis=1)]
-        # Between the angles that are there already.
-        offsets = half * (np.arange(AROUND) + 0.5 - 0.5 * AROUND) * 2.0 / AROUND
-        gamma = problem.gamma.inside(centre[:, None] + offsets)
-        finer = sweep_sites(problem, sites.e, sites.table, sites.rows, gamma)
-        sites = with_more_angles(sites, finer)
+        sites = _around(problem, sites, sites.gamma[p, merit.argmax(axis=1)], half)
         half *= 2.0 / AROUND
     return sites
+
+
+def _around(problem: Problem, sites: Sites, centre: Array, half: float) -> Sites:
+    """The sweep, and more angles about one (p,) rad of each position, ``half`` rad to either side."""
+    assert isinstance(problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to refine
+    # Between the angles that are there already.
+    offsets = half * (np.arange(AROUND) + 0.5 - 0.5 * AROUND) * 2.0 / AROUND
+    gamma = problem.gamma.inside(centre[:, None] + offsets)
+    return with_more_angles(sites, sweep_sites(problem, sites.e, sites.table, sites.rows, gamma))
 
 
 def survey(problem: Problem, counts: tuple[int, ...] | None = None) -> Survey:
@@ -184,6 +217,34 @@ def find_fixed(problem: Problem, surveyed: Survey | None = None, progress: Progr
     found = _driven(looker, basins)
     report_progress(progress, looker.total, looker.total)
     return found
+
+
+def find_staying(problem: Problem, e: Array, table: float) -> Found:
+    """The best angle gamma with the base where it stands, at travels e (k,) m and the turntable at ``table`` rad.
+
+    Raises
+    ------
+    InputError
+        An axis that the search holds elsewhere; no angle reaches the path from there, or none can be driven.
+    """
+    x = problem.space.coordinates(e, table)
+    there, angle = problem.space.sites(x[None])
+    if np.abs(there[0] - e).max(initial=0.0) > 1e-9 or abs(float(angle[0]) - table) > 1e-9:
+        raise InputError("present place of the base", value="an axis that is held elsewhere", remedy="widen its range")
+    looker, rows = Looker(problem), problem.sure_rows(FINE_ROWS)
+    for _ in range(ROUNDS):
+        look = looker.at(x[None], rows)[0]
+        if not look.rank[0]:
+            break
+        try:
+            course = follow(problem, e, table, look.gamma)
+        except PathError as fault:
+            if fault.point in rows:
+                raise
+            rows = np.union1d(rows, [fault.point])
+            continue
+        return Found(problem, x, look.gamma, course, merit_of(problem, course), looker.count)
+    raise _no_position(problem, [look])
 
 
 def with_weights(problem: Problem, sites: Sites) -> Problem:

@@ -136,11 +136,27 @@ def merits(problem: Problem, sites: Sites) -> Array:
 
 def in_the_way(problem: Problem, q: Array, e: Array, table: float) -> str:
     """Say "singularity" or "collision" if poses q (m, dof) rad come too near, else nothing; e (k,) or (m, k) m."""
-    if problem.drive.singular_least > 0.0 and not problem.drive.near_singular(problem.model.robot, q)[1].all():
-        return "singularity"
+    return blocked(problem, q, e, table)[0]
+
+
+def blocked(problem: Problem, q: Array, e: Array, table: float, first: Sequence[int] = ()) -> tuple[str, int]:
+    """What is in the way of poses q (m, dof) rad, as :func:`in_the_way`, and the number of a pose where it is.
+
+    ``first``: poses that are asked for collisions before the others; e (k,) m, or (m, k).
+    """
+    if problem.drive.singular_least > 0.0:
+        clear = problem.drive.near_singular(problem.model.robot, q)[1]
+        if not clear.all():
+            return "singularity", int(clear.argmin())
     if problem.scene is None:
-        return ""
-    return "collision" if (distances(problem, q, e, table) < problem.clearance).any() else ""
+        return "", -1
+    base = np.broadcast_to(e, (len(q), np.shape(e)[-1]))
+    for rows in ([row] for row in first):
+        if (distances(problem, q[rows], base[rows], table) < problem.clearance).any():
+            return "collision", rows[0]
+    gap = distances(problem, q, base, table)
+    nearest = int(gap.argmin())
+    return ("collision", nearest) if gap[nearest] < problem.clearance else ("", -1)
 
 
 def distances(problem: Problem, q: Array, e: Array, table: float) -> Array:

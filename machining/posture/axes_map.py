@@ -69,6 +69,8 @@ class AxesMap:
     value : (n, m) of the objective: the best open branch; where none is open but one can be driven in the soft zone of
         a singularity, the best of those; else NaN
     branch : (n, m) that branch, into ``names``; -1 where the value is NaN
+    q : (n, m, dof) rad of that branch, or of one that is barred for the zone's reason; NaN where there is none. None
+        unless it was asked for
     sure : the inverse kinematics found all solutions
     """
 
@@ -80,6 +82,7 @@ class AxesMap:
     branch: Integers
     names: tuple[str, ...]
     sure: bool
+    q: Array | None = None
 
     def share(self, zone: Zone) -> float:
         """Share of the cells that are of a zone."""
@@ -95,6 +98,7 @@ def axes_map(
     *,
     generator: np.random.Generator | None = None,
     progress: Progress | None = None,
+    postures: bool = False,
 ) -> AxesMap:
     """Make the map for angles gamma (m,) rad, default a full turn in 5 deg.
 
@@ -102,7 +106,8 @@ def axes_map(
     is nearer to a singularity than ``singular_zone`` (``singular_least`` if that zone is switched off); and where its
     clearance is below ``clearance_least``, if the drive has a ``clearance_of``. A cell is open if any branch is.
 
-    Parts of the path are worked on in turn, so only the result grows with n x m. Errors as
+    ``postures``: keep the joints of every cell. Parts of the path are worked on in turn, so only the result grows with
+    n x m. Errors as
     :func:`machining.sweep_parts.sweep_parts` and :meth:`machining.posture.drive.Drive.near_things`.
     """
     objective, drive = objective or Objective(), drive or Drive()
@@ -110,9 +115,10 @@ def axes_map(
     shape = task.path.n, angle.size
     zone, branch = np.zeros(shape, dtype=np.int8), np.full(shape, -1, dtype=np.int64)
     value, sure = np.full(shape, np.nan), True
+    joints = np.full((*shape, model.robot.dof), np.nan) if postures else None
     names: tuple[str, ...] = ()
     for rows, _, sweep in sweep_parts(model, task, objective, angle, generator=generator, progress=progress):
-        rank = _ranks(model.robot, drive, sweep)
+        rank = _ranks(model.robot, drive, sweep, rows.start)
         nearest = rank.max(axis=2)
         zone[rows] = _ZONE_OF[nearest]
         usable = (rank == nearest[..., None]) & (rank >= _SOFT)
@@ -122,12 +128,18 @@ def axes_map(
         branch[rows] = np.where(has, best, -1)
         chosen = np.take_along_axis(sweep.value, best[..., None], axis=2)[..., 0]
         value[rows] = np.where(has, chosen, np.nan)
+        if joints is not None:
+            # Of barred branches the first that has joints at all.
+            known = (rank == nearest[..., None]) & np.isfinite(sweep.q).all(axis=-1)
+            one = np.where(has, best, known.argmax(axis=2))
+            some = np.take_along_axis(sweep.q, one[..., None, None], axis=2)[:, :, 0]
+            joints[rows] = np.where((has | known.any(axis=2))[..., None], some, np.nan)
         names, sure = max(names, sweep.names, key=len), sure and bool(sweep.sure.all())
-    return AxesMap(objective, task.path.arc_length, angle, zone, value, branch, names, sure)
+    return AxesMap(objective, task.path.arc_length, angle, zone, value, branch, names, sure, joints)
 
 
-def _ranks(robot: Robot, drive: Drive, sweep: Sweep) -> Integers:
-    """How near to being allowed each branch is, (n, m, b)."""
+def _ranks(robot: Robot, drive: Drive, sweep: Sweep, first: int) -> Integers:
+    """How near to being allowed each branch is, (n, m, b); ``first``: number of the sweep's first path point."""
     rank = np.where(sweep.reason == Reason.LIMITS, _LIMITS, _GONE)
     found = np.nonzero(sweep.valid)
     q = sweep.q[found]
@@ -138,7 +150,7 @@ def _ranks(robot: Robot, drive: Drive, sweep: Sweep) -> Integers:
     state[~_off_limits(robot, drive, q)] = _LIMITS
     # Clearance costs most: it is asked only where it matters.
     ask = np.flatnonzero(state >= _SOFT)
-    _, clear = drive.near_things(q[ask])
+    _, clear = drive.near_things(q[ask], first + found[0][ask])
     hit = ask[~clear]
     state[hit] = np.where(state[hit] == _SOFT, _SINGULAR, _COLLISION)
     rank[found] = state

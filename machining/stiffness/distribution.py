@@ -29,6 +29,9 @@ from surrogate.maps.candidates import Arm, Chosen
 
 Over = Literal["reached", "common"]
 
+# Share of the best value that a gamma may give away to be like its neighbours': arms are nearly symmetric, so two far
+# apart are often equally good but for a few per mille, and which of them is ahead changes from point to point.
+PRICE = 0.03
 # Merits that differ by less than this share are equally good: a tool point on the flange axis makes all gamma so.
 TIED = 1e-9
 
@@ -135,6 +138,28 @@ class Distribution:
         value = self.value[np.arange(len(self.value)), column]
         gamma = np.where(found, self.gamma[column], np.nan)
         return BestAtPoints(np.where(found, column, -1), gamma, np.where(found, value, np.nan))
+
+    def steady_at_points(self, price: float = PRICE) -> BestAtPoints:
+        """A gamma for each point whose value is within the share ``price`` of its best, alike at neighbouring points.
+
+        Of the angles that will do at a point it is the one next to the angle that is best for all points together.
+        """
+        merit = np.where(self.reached, self.objective.sign * self.value, -np.inf)
+        best = merit.max(axis=1, keepdims=True)
+        some = np.isfinite(best[:, 0])
+        if not some.any():
+            return self.best_at_points()
+        with np.errstate(invalid="ignore"):
+            will_do = self.reached & (merit >= best - price * np.abs(best))
+            # How good an angle is at a point as a share of that point's best; 0 where it does not reach it.
+            share = np.where(self.reached, np.minimum(np.abs(self.value / best), np.abs(best / self.value)), 0.0)
+        favourite = self.gamma[int(share[some].sum(axis=0).argmax())]
+        away = np.abs(np.angle(np.exp(1j * (self.gamma - favourite))))
+        column = np.where(will_do, away, np.inf).argmin(axis=1)
+        value = self.value[np.arange(len(self.value)), column]
+        return BestAtPoints(
+            np.where(some, column, -1), np.where(some, self.gamma[column], np.nan), np.where(some, value, np.nan)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,6 +306,41 @@ def best_gamma(
     merit = np.where(np.isnan(score), -np.inf, found.objective.sign * score)
     column = int(_first_best(merit[None])[0])
     return GammaChoice(column, float(found.gamma[column]), float(score[column]), aim, score, s.share)
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """How good the angles gamma are against how much they reach, over a region of n points.
+
+    ``points`` (m,) that each angle reaches; ``score`` (m,): mean or worst value over these, NaN where there are none;
+    ``front``: columns of the angles that no other beats in both, those that reach most first.
+    """
+
+    gamma: Array
+    points: Integers
+    score: Array
+    n: int
+    aim: Literal["mean", "worst"]
+    front: tuple[int, ...]
+
+
+def trade_off(
+    found: Distribution, inside: Bools | None = None, aim: Literal["mean", "worst"] | None = None
+) -> TradeOff:
+    """Mean or worst value against reach, over the points ``inside`` (n,), default all; errors as :func:`best_gamma`."""
+    aim = aim or found.objective.aim
+    require_one_of("aim of the best gamma", aim, ("mean", "worst"))
+    region = found if inside is None else found.within(inside)
+    s = region.statistics()
+    score = s.mean if aim == "mean" else s.largest if found.objective.minimised else s.smallest
+    merit = np.where(np.isnan(score), -np.inf, found.objective.sign * score)
+    front, best = list[int](), -np.inf
+    for points in np.unique(s.points[s.points > 0])[::-1]:
+        column = int(_first_best(np.where(s.points == points, merit, -np.inf)[None])[0])
+        if merit[column] > best + TIED * abs(merit[column]):
+            front.append(column)
+            best = merit[column]
+    return TradeOff(region.gamma, s.points, score, len(region.value), aim, tuple(front))
 
 
 def _first_best(merit: Array) -> Integers:

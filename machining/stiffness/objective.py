@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -57,6 +57,11 @@ class Objective:
     def forces(self, n: int) -> Array | None:
         """Force (n, 3) N at each of n points; errors as :func:`machining.inputs.as_vectors`."""
         return None if self.force is None else as_vectors("force", self.force, n, "N")
+
+    def at(self, rows: Integers, n: int) -> Objective:
+        """The same at some of a path's n points."""
+        force = self.forces(n)
+        return self if force is None else replace(self, force=force[rows])
 
     def values(self, model: fem.ArmModel, q: Array, task: Task, point: Integers) -> Array:
         """Quantity (k,) of poses q (k, dof) rad at the path points ``point`` (k,).

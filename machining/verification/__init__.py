@@ -1,12 +1,14 @@
 """Verification of a program before the cell moves: what would go wrong, where, and what could not be proven."""
 
+from machining.verification.contacts import Contact, contact_of
 from machining.verification.courses import MovingAxes, moving_axes
 from machining.verification.demands import Demands, Interpolation
-from machining.verification.offences import KIND_WORDS, Kind, Offence, Severity
+from machining.verification.offences import KIND_WORDS, Kind, Offence, Severity, worst_first
 from machining.verification.verify import Verification, verify
 
 __all__ = [
     "KIND_WORDS",
+    "Contact",
     "Demands",
     "Interpolation",
     "Kind",
@@ -14,6 +16,8 @@ __all__ = [
     "Offence",
     "Severity",
     "Verification",
+    "contact_of",
     "moving_axes",
     "verify",
+    "worst_first",
 ]

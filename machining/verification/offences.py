@@ -52,6 +52,8 @@ KIND_WORDS = {
     Kind.DEVIATION: "the tool leaves the programmed point or line",
 }
 RANK = {kind: place for place, kind in enumerate(Kind)}
+# Kinds whose values are compared as shares of their limits: they may be in different units.
+RELATIVE = (Kind.SPEED, Kind.ACCELERATION, Kind.DEVIATION)
 
 
 class Severity(StrEnum):
@@ -78,6 +80,7 @@ class Offence:
     axis : name of the axis, for limits and rates
     text : more in words
     values : (a,) coordinates of all axes in the pose in which it first shows
+    worst, worst_values : the move with the worst value, and the coordinates (a,) there
     """
 
     kind: Kind
@@ -94,6 +97,8 @@ class Offence:
     axis: str
     text: str
     values: Array
+    worst: int
+    worst_values: Array
 
     @property
     def moves(self) -> int:
@@ -109,7 +114,7 @@ class Offence:
 def merged(offences: Iterable[Offence]) -> tuple[Offence, ...]:
     """Offences in the order of the program; equal ones of neighbouring moves become one that lasts.
 
-    Of equal offences the first's pose is kept, and the value farthest beyond the limit.
+    Of equal offences the first's pose is kept, and the value farthest beyond the limit with its pose.
     """
     ordered = sorted(offences, key=lambda o: (o.move, o.severity, RANK[o.kind], o.at))
     out: list[Offence] = []
@@ -119,11 +124,31 @@ def merged(offences: Iterable[Offence]) -> tuple[Offence, ...]:
         if place is not None and offence.move - out[place].last <= 1:
             before = out[place]
             worse = abs(offence.value - before.limit) > abs(before.value - before.limit)
-            out[place] = replace(before, last=offence.last, value=offence.value if worse else before.value)
+            out[place] = replace(before, last=offence.last)
+            if worse:
+                values = offence.worst_values
+                out[place] = replace(out[place], value=offence.value, worst=offence.worst, worst_values=values)
         else:
             running[offence.same] = len(out)
             out.append(offence)
     return tuple(out)
+
+
+def worst_first(offences: Iterable[Offence]) -> tuple[Offence, ...]:
+    """Offences by what they would do: errors before warnings, then by kind, then how far beyond the limit.
+
+    Of collisions those that last longer come first; what is left equal stays in the order of the program.
+    """
+    return tuple(sorted(offences, key=lambda o: (o.severity is not Severity.ERROR, RANK[o.kind], *_badness(o))))
+
+
+def _badness(offence: Offence) -> tuple[float, int]:
+    """How bad an offence is among those of its kind: less is worse."""
+    beyond = abs(offence.value - offence.limit)
+    if offence.kind in RELATIVE and offence.limit > 0.0:
+        beyond /= offence.limit
+    # What differs by rounding only is as bad.
+    return -round(beyond, 9) if np.isfinite(beyond) else 0.0, -offence.moves
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +179,7 @@ class Reported:
             nc_line = int(program.file_lines[move])
         return Offence(
             kind, severity, int(move), int(move), line, nc_line, float(at), float(value), float(limit), unit, bodies,
-            axis, text, values[0],
+            axis, text, values[0], int(move), values[0],
         )  # fmt: skip
 
     def each(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from machining.verification.offences import (
     body_offences,
     merged,
     path_offences,
+    worst_first,
 )
 from machining.verification.path_checks import PathChecks, path_checks
 from machining.verification.sweep import Swept, sweep
@@ -59,6 +61,11 @@ class Verification:
     def errors(self) -> tuple[Offence, ...]:
         """Offences that forbid running the program."""
         return tuple(o for o in self.offences if o.severity is Severity.ERROR)
+
+    @cached_property
+    def ranked(self) -> tuple[Offence, ...]:
+        """All offences, the worst first (:func:`machining.verification.offences.worst_first`)."""
+        return worst_first(self.offences)
 
     @property
     def clean(self) -> bool:

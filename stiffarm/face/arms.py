@@ -115,10 +115,11 @@ class Picture:
     def of(cls, figure: Figure) -> Picture:
         """A figure as PNG, as the reports have it."""
         from stiffarm.pages import style
+        from stiffarm.pages.band import banded, in_the_file
 
         buffer = io.BytesIO()
-        with style.house_style():
-            figure.savefig(buffer, format="png", dpi=style.DPI)
+        with style.house_style(), banded(figure) as shape:
+            figure.savefig(buffer, format="png", dpi=style.DPI, metadata=in_the_file(), **shape)
         return cls(buffer.getvalue())
 
     def _repr_png_(self) -> bytes:

@@ -14,6 +14,7 @@ from robots.arrays import Array
 from stiffarm.face.arms import DOWN, Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.session.caution import cautioned, uncalibrated
 from surrogate.maps.data import MapData
 
 if TYPE_CHECKING:
@@ -84,7 +85,8 @@ class Map(Shown):
         """Draw one quantity with the robot in it; ``file``: a PNG to write."""
         from stiffarm.commands.maps.figures.whole import one_figure
 
-        return Picture.of(one_figure(self.data, quantity, self.arm)).kept(file)
+        with cautioned(uncalibrated(self.arm)):
+            return Picture.of(one_figure(self.data, quantity, self.arm)).kept(file)
 
 
 def map_joints(arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN) -> Map:

@@ -20,16 +20,18 @@ from stiffarm.pages.figure_parts import (
     joint_colour,
     log_ticks,
     named_columns,
+    named_rows,
     note,
     paler,
 )
+from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import INK
 
 if TYPE_CHECKING:
     from fem import PartKind
 
 # From this many bars on, their numbers stand upright; from the second on they are left out.
-_BARS_UPRIGHT, _BARS_BARE = 20, 90
+_BARS_UPRIGHT, _BARS_BARE = 20, 48
 # Bands below this mean share everywhere are drawn together.
 _LEAST_BAND: Final = 0.03
 _GREYS: Final = ("#4E545B", "#DADDE1")
@@ -88,6 +90,25 @@ def bars_figure(
             ax.set_ylim(0.0, 1.14 * max([top, *(lines or {}).values()]))
         ax.set(xlabel=below, ylabel=what + "\n↑ leaves the axis" * bool((known > top).any()))
         above(ax, ax.get_legend_handles_labels()[0], 4)
+    return figure
+
+
+def ranked_figure(heading: str, values: Mapping[str, float], what: str, most: int = 8) -> Figure:
+    """Draw lying bars, the largest first, for half a page's width; what is beyond ``most`` has one bar together.
+
+    ``what``: label of the axis, with the unit.
+    """
+    order = sorted(values, key=lambda name: -values[name])
+    shown = {name: values[name] for name in order[:most]}
+    if order[most:]:
+        shown[f"{len(order) - most} others"] = sum(values[name] for name in order[most:])
+    with drawing(heading, (5.2, 1.3 + 0.3 * len(shown))) as (figure, (ax,)):
+        for row, (name, value) in enumerate(shown.items()):
+            ax.barh(row, value, 0.72, color=SERIES[0] if name in values else _GREYS[0])
+            note(ax, significant(value, 2), (value, row), (5, 0), ha="left", size=10)
+        named_rows(ax, list(shown), size=10)
+        ax.set_xlim(0.0, 1.25 * max(shown.values(), default=0.0) or 1.0)
+        ax.set_xlabel(what)
     return figure
 
 

@@ -8,6 +8,9 @@ from stiffarm.pages.report import Picture
 from stiffarm.pages.style import save_png
 from stiffarm.session.outputs import OutputFolder
 
+# A relative error below this is round-off to whoever asks.
+TINY = 1e-6
+
 
 class Pictures:
     """Saves figures into the output folder and hands them to the report; ``before``: what their names begin with."""
@@ -23,7 +26,7 @@ class Pictures:
 
 
 def percent(value: float) -> str:
-    """A relative error in percent (hard space), or as a power of ten where percent would be all zeros."""
-    if 0.0 < value < 1e-6:
-        return f"{value:.0e}"
+    """A relative error in percent (hard space); what is smaller than anybody can heed is only said to be so."""
+    if 0.0 < value < TINY:
+        return "below 0.0001\u00a0%"
     return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -19,6 +19,15 @@ from stiffarm.pages.style import OKABE_ITO, house_style, new_figure
 
 SERIES: Final = tuple(OKABE_ITO[c] for c in ("blue", "vermillion", "green", "purple", "orange", "sky"))
 MARKERS: Final = "osD^vP"
+# As many kinds of lines as colours: no two series differ by hue alone.
+LINES: Final[tuple[Any, ...]] = (
+    "-",
+    (0, (5, 1.5)),
+    (0, (1, 1)),
+    (0, (6, 1.5, 1, 1.5)),
+    (0, (2.5, 1)),
+    (0, (6, 1, 1, 1, 1, 1)),
+)
 # Values after a jump by more than this factor leave a linear axis; their number is written instead.
 _JUMP = 3.0
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -77,11 +86,27 @@ def named_columns(ax: Axes, names: Sequence[str], part: int = 1) -> None:
     ax.grid(visible=False, axis="x")
 
 
+def naturally(labels: Iterable[str]) -> list[str]:
+    """Different labels in the order in which people count: pose 9 before pose 10."""
+
+    def key(label: str) -> list[tuple[bool, float, str]]:
+        parts = re.split(r"(\d+(?:\.\d+)?)", label)
+        return [(not part[:1].isdigit(), float(part) if part[:1].isdigit() else 0.0, part) for part in parts if part]
+
+    return sorted(dict.fromkeys(labels), key=key)
+
+
 def joint_colour(name: str, position: int = 0) -> str:
     """Return one colour for a joint in every figure, by the number in its name, else by ``position``."""
     digits = re.findall(r"\d+", name)
     # Joint 2 gets the first colour: on most arms it is the one that matters.
     return SERIES[((int(digits[-1]) if digits else position) - 2) % len(SERIES)]
+
+
+def joint_line(name: str, position: int = 0) -> dict[str, Any]:
+    """Colour and kind of line for a joint in every figure: :func:`joint_colour`, and a dash that goes with it."""
+    colour = joint_colour(name, position)
+    return {"color": colour, "linestyle": LINES[SERIES.index(colour)]}
 
 
 def note(ax: Axes, text: str, xy: tuple[float, float], offset: tuple[float, float] = (0, 0), **look: Any) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import datetime as dt
-from collections.abc import Sequence
+import struct
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from stiffarm import __version__
+from stiffarm.pages.files import LAST
 from stiffarm.session.console import show_table
 from stiffarm.session.outputs import OutputFolder
 
@@ -56,6 +59,24 @@ class Picture:
         """The picture as base64."""
         return base64.b64encode(self.path.read_bytes()).decode("ascii")
 
+    @property
+    def width(self) -> int | None:
+        """Width at which it is shown, in pixels of the page, where there is room; None of what is no whole PNG."""
+        return None if (size := self._size) is None else size[0]
+
+    @property
+    def height(self) -> int | None:
+        """Height that goes with it."""
+        return None if (size := self._size) is None else size[1]
+
+    @cached_property
+    def _size(self) -> tuple[int, int] | None:
+        head = self.path.read_bytes()[:24]
+        if len(head) < 24:
+            return None
+        wide, high = struct.unpack(">II", head[16:24])
+        return round(wide * _SHOWN), round(high * _SHOWN)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -78,26 +99,52 @@ class Table:
         show_table(self.caption, list(self.columns), [list(row) for row in self.rows])
 
 
-Block = Text | Note | Bullets | Picture | Table
+@dataclass(frozen=True)
+class Fold:
+    """What folds away on a screen, under its title: method, tables, further pictures. In print it is unfolded."""
+
+    title: str
+    blocks: tuple[Block, ...]
+    kind: str = "fold"
+
+
+Block = Text | Note | Bullets | Picture | Table | Fold
 
 
 @dataclass(frozen=True)
 class Section:
-    """A numbered section of the report."""
+    """A numbered section of the report; ``folded``: only its title is seen until a reader opens it."""
 
     title: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """A number that a reader should see first, with its unit, and what it is."""
+    """A number that a reader should see first, with its unit, and what it is; ``interval``: how far it may be off."""
 
     value: str
     label: str
+    interval: str = ""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the first screen says beside the figures: how sure, what to do next, and one picture.
+
+    ``warnings``: what makes the figures wrong, so that nobody reads them without.
+    """
+
+    sure: str = ""
+    todo: str = ""
+    picture: Picture | None = None
+    warnings: tuple[str, ...] = ()
 
 
 QUESTION = "how stiff is it, and how well do we know?"
+# Pixels of a page for one of a picture: ten inches of a figure fill the width, and its smallest letters have 11 pixels.
+_SHOWN: Final = 0.72
 
 
 def render(
@@ -107,13 +154,29 @@ def render(
     sections: Sequence[Section],
     footer: str,
     question: str = QUESTION,
+    answer: Answer | None = None,
+    files: Collection[str] = (),
 ) -> str:
-    """The page as HTML text; all content is escaped. ``question``: what the page answers about its title."""
+    """The page as HTML text; all content is escaped.
+
+    ``question``: what the page answers about its title, another for each command; ``files`` beside the page, to which
+    it leads wherever it names them.
+    """
     # Tables are for screens too, which need no templates.
+    from stiffarm.pages.files import listed
     from stiffarm.pages.parts import rendered
 
     return rendered(
-        "report.html.j2", title=title, question=question, lede=lede, key=key, sections=sections, footer=footer
+        "report.html.j2",
+        files=frozenset(files),
+        title=title,
+        question=question,
+        lede=lede,
+        key=key,
+        answer=answer or Answer(),
+        sections=[s for s in sections if s.blocks],
+        footer=footer,
+        listed=listed(files),
     )
 
 
@@ -130,8 +193,19 @@ def write_page(
     sections: Sequence[Section],
     question: str = QUESTION,
     made_of: str = "",
+    answer: Answer | None = None,
+    name: str = "report.html",
 ) -> None:
-    """Write report.html; below it stand version, time and what it was ``made_of``."""
+    """Write a page once all other results are there; below it stand version, time and what it was ``made_of``."""
+
+    def write() -> None:
+        files = {*folder.names(), LAST}
+        folder.write_text(name, render(title, lede, key, sections, footer(made_of), question, answer, files))
+
+    folder.at_end(name, write)
+
+
+def footer(made_of: str = "") -> str:
+    """The line below a page: version, time, and what it was made of."""
     version = f"stiffarm {__version__}, {dt.datetime.now(dt.UTC):%Y-%m-%d %H:%M} UTC"
-    footer = f"{', '.join(filter(None, (version, made_of)))}. Versions, command and timings: run.json."
-    folder.write_text("report.html", render(title, lede, key, sections, footer, question))
+    return f"{', '.join(filter(None, (version, made_of)))}. Versions, command and timings: {LAST}."

@@ -21,11 +21,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.written import written_whole
+from stiffarm.pages.band import banded, in_the_file
+from stiffarm.pages.numbers import typeset, typeset_cell
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
 # blindness keep apart.
@@ -124,11 +127,29 @@ def new_figure(
         if rows == 0:
             return figure, []
         axes = figure.subplots(rows, cols, squeeze=False, **subplots)
+        for ax in axes.ravel():
+            for axis in (ax.xaxis, ax.yaxis):
+                if axis.get_scale() == "linear":
+                    axis.set_major_formatter(HouseTicks())
     return figure, list(axes.ravel())
 
 
+class HouseTicks(ScalarFormatter):
+    """Numbers along a linear axis, written as everywhere: in groups of three, and a common power as one."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The label of a tick."""
+        return typeset_cell(super().__call__(x, pos))
+
+    def get_offset(self) -> str:
+        """The power that all labels have in common."""
+        return typeset(super().get_offset())
+
+
 def save_png(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG at ``DPI``, whole or not at all.
+    """Write a figure as PNG at ``DPI``, whole or not at all; its numbers are written as those of the pages.
+
+    Where there is something to warn of, a band above it does.
 
     Raises
     ------
@@ -136,8 +157,11 @@ def save_png(figure: Figure, path: Path) -> None:
         The folder does not exist.
     """
     require_folder(path)
-    with written_whole(path) as draft, house_style():
-        figure.savefig(draft, format="png", dpi=DPI)
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)  # noqa: S101 - found by its type
+        text.set_text(typeset(text.get_text()))
+    with written_whole(path) as draft, house_style(), banded(figure) as shape:
+        figure.savefig(draft, format="png", dpi=DPI, metadata=in_the_file(), **shape)
 
 
 def require_folder(path: Path) -> None:

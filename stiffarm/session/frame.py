@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robots import InputError
+from stiffarm.session.caution import cautioned
 from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.outputs import OutputFolder
 
@@ -37,11 +38,16 @@ def command(out: Path | None = None, *, as_json: bool = False, debug: bool = Fal
 
 @dataclass(eq=False)
 class Frame:
-    """One command at work. ``files``: what it has read, by name: a path, or a hash; for run.json."""
+    """One command at work.
+
+    ``files``: what it has read, by name: a path, or a hash; for run.json. ``caution``: what every picture and page in
+    its folder says of the model.
+    """
 
     out: Path | None
     as_json: bool
     files: dict[str, Path | str] = field(default_factory=dict)
+    caution: str = ""
     _folder: OutputFolder | None = None
 
     def model(
@@ -53,12 +59,15 @@ class Frame:
         effect: Sequence[Path] | None = None,
         without: str | None = None,
         sets: Sequence[str] | None = None,
+        shown: bool = False,
     ) -> Arm:
         """The model asked for.
 
-        ``effect``: files of own effects; ``sets``: what ``--set`` says; else as
+        ``effect``: files of own effects; ``sets``: what ``--set`` says; ``shown``: the command shows what this model
+        says of the arm, so its pictures and pages warn of joints held rigid for want of a spring; else as
         :func:`stiffarm.session.inputs.read_model`.
         """
+        from stiffarm.session.caution import uncalibrated
         from stiffarm.session.inputs import model_hash, read_model
         from stiffarm.session.own_effects import own_effects, own_files
         from stiffarm.session.parsing import parse_settings
@@ -66,6 +75,7 @@ class Frame:
         values = parse_settings(sets or (), "--set")
         given = read_model(name, links, load_path, own=own_effects(effect), without=without, sets=values)
         self.files |= {**own_files(effect), "model": model_hash(given)}
+        self.caution = uncalibrated(given) if shown else ""
         return given
 
     def readings(
@@ -101,7 +111,8 @@ class Frame:
         """The folder of ``--out``, of a command that must have one."""
         if self.out is None:
             raise InputError("--out", value="none", allowed="a folder for the results", remedy="give --out FOLDER")
-        with OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed) as self._folder:
+        folder = OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed)
+        with cautioned(self.caution), folder as self._folder:
             yield self._folder
 
     def folder_if(self, seed: int | None = None) -> AbstractContextManager[OutputFolder | None]:

@@ -75,16 +75,6 @@ def as_load_path(text: str) -> LoadPath:
     return parse_word(text, known, "--load-path")
 
 
-def no_springs_note(arm: Arm) -> str | None:
-    """What to know of a model none of whose joints gives way; None where some do."""
-    if len(arm.joints_without_springs) < len(arm.model.joints):
-        return None
-    return (
-        f"no joint of {arm.robot.name} has a stiffness in this model, so only the links deflect; "
-        "results are typically about ten times too stiff. `stiffarm calibrate` finds the joints' from readings"
-    )
-
-
 def refuse_effects(given: Arm, what: str, remedy: str) -> None:
     """Refuse a model with effects where their part in the springs would be counted twice."""
     if given.description.effect:

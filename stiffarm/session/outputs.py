@@ -8,7 +8,7 @@ import platform
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -46,6 +46,7 @@ class OutputFolder:
         self._made: list[Path] = []
         self._published: tuple[str, ...] = ()
         self._stage: Stage | None = None
+        self._last: dict[str, Callable[[], None]] = {}
         self._guard = contextlib.ExitStack()
 
     def __enter__(self) -> Self:
@@ -71,6 +72,8 @@ class OutputFolder:
     ) -> None:
         try:
             if kind is None:
+                for write in self._last.values():
+                    write()
                 outputs = self._outputs()
                 self.write_json("run.json", self._provenance() | {"outputs_sha256": outputs})
                 self._publish(outputs | {"run.json": sha256_of(self.stage / "run.json")})
@@ -86,8 +89,9 @@ class OutputFolder:
         return self._stage.path
 
     def contents(self) -> str:
-        """What was written, in words: the report first, other files by name, folders with their count of files."""
-        files = sorted((n for n in self._published if "/" not in n), key=lambda n: (n != "report.html", n))
+        """What was written, in words: pages to begin with, other files by name, folders with their count of files."""
+        first = ("index.html", "report.html")
+        files = sorted((n for n in self._published if "/" not in n), key=lambda n: (n not in first, n))
         folders = Counter(n.partition("/")[0] for n in self._published if "/" in n)
         return ", ".join([*files, *(f"{name}/ ({count} files)" for name, count in sorted(folders.items()))])
 
@@ -103,6 +107,15 @@ class OutputFolder:
         path = self.stage / name
         path.parent.mkdir(parents=True, exist_ok=True)
         return path
+
+    def at_end(self, name: str, write: Callable[[], None]) -> None:
+        """Write a file of this name once all other results are there: a page that leads to them."""
+        self._last[name] = write
+
+    def names(self) -> list[str]:
+        """The results so far and those still to come at the end, by name."""
+        there = {p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file()}
+        return sorted(there | self._last.keys())
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file."""
@@ -127,8 +140,7 @@ class OutputFolder:
 
     def _outputs(self) -> dict[str, str]:
         """SHA-256 of the results as they lie in the hidden folder, by name."""
-        names = sorted(p.relative_to(self.stage).as_posix() for p in self.stage.rglob("*") if p.is_file())
-        return {name: sha256_of(self.stage / name) for name in names}
+        return {name: sha256_of(self.stage / name) for name in self.names()}
 
     def _publish(self, sha256: Mapping[str, str]) -> None:
         assert self._stage is not None  # noqa: S101 - it has been entered

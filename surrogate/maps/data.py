@@ -120,6 +120,16 @@ class MapData:
         if wrong:
             raise InputError(f"map: {wrong[0]}", value=f"shape {sizes[wrong[0]]}", allowed=str(wanted[wrong[0]]))
 
+    def regular(self, rows: slice | Indices = slice(None)) -> Bools:
+        """Which of some points are not known to stand near a singular pose, as the field 'near_singular' has it.
+
+        The stiffest of all poses are singular ones, where a load passes through the joints' axes: whatever names the
+        stiffest point leaves them out.
+        """
+        near = self.fields.get("near_singular")
+        reached = np.asarray(self.reached[rows])
+        return np.ones(len(reached), dtype=np.bool_) if near is None else np.asarray(near.values[rows] != 1.0)
+
     def require_reached(self, remedy: str) -> None:
         """Raise InputError where there is no pose at any point."""
         if not np.any(self.reached):

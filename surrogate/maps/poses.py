@@ -13,13 +13,23 @@ from typing import Literal, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position, why_no_closed_form
+from robots import (
+    InputError,
+    Robot,
+    forward_kinematics,
+    require_one_of,
+    singularity_distance,
+    tool_position,
+    why_no_closed_form,
+)
 from robots.arrays import Array, finite
 from robots.frames import unit_vector
 from robots.inverse.axis_lines import axis_lines
+from robots.inverse.singularities import NEAR_SINGULAR
 from surrogate.maps.candidates import (
     Arm,
     Chosen,
+    Merit,
     Peaks,
     best_of_sample,
     best_of_starts,
@@ -175,6 +185,24 @@ def _exactly(arm: Arm, points: Array, q: Array) -> Array:
     return q
 
 
+def away_from_singular(robot: Robot, point: Array, merit: Merit) -> Merit:
+    """A merit, large is good, by which no pose near a singular one is chosen where a point has any other.
+
+    Where a force passes through all axes of the arm, no joint feels it: by its stiffness such a pose beats all others,
+    and the robot cannot move through it. Poses near singular ones get a merit below that of all others, the less the
+    nearer they are; so a point that has none but them keeps the least singular one.
+
+    ``point`` (3,) m: the tool point in the flange frame; ``merit``: poses (n, dof) rad -> (n,), positive.
+    """
+
+    def regular(q: Array) -> Array:
+        value = np.asarray(merit(q))
+        sigma = singularity_distance(robot, q, point=point).sigma_min
+        return np.where((sigma < NEAR_SINGULAR) & ~np.isnan(value), sigma / NEAR_SINGULAR - 1.0, value)
+
+    return regular
+
+
 def last_joint_is_free(robot: Robot, T_flange_tool: Array, quantity: Callable[[Array], Array]) -> bool:
     """Whether the last joint moves neither the tool point nor a quantity of the pose; seen at some random poses.
 
@@ -221,7 +249,7 @@ def shortfall(
 ) -> Array:
     """By what share the merit of a rule's poses q (m, dof) at points (m, 3) falls short of a ``denser`` sample's, (m,).
 
-    0 where the rule found as good a pose or a better one; NaN where it found none.
+    0 where the rule found as good a pose or a better one; NaN where it found none, or none but near a singular one.
     """
     dense = Extreme(rule.which, rule.axes * denser, rule.gammas, 2 * rule.starts)
     values = []
@@ -230,6 +258,8 @@ def shortfall(
         reached = np.isfinite(poses).all(axis=1)
         value[reached] = arm.merit(poses[reached])
         values.append(value)
+    # Merits below 0 are those of poses near singular ones, where there is no other.
+    values = [np.where(value > 0.0, value, np.nan) for value in values]
     with np.errstate(invalid="ignore"):
         ratio = values[1] / values[0] if rule.which == "stiffest" else values[0] / values[1]
     return np.asarray(np.maximum(ratio - 1.0, 0.0))

@@ -80,7 +80,7 @@ def heed_ctrl_c() -> None:
 def run_apart(*arguments: str | Path, env: Mapping[str, str] | None = None) -> Outcome:
     """Run a command as a user does."""
     process = start(arguments, env)
-    out, err = process.communicate(timeout=300)
+    out, err = process.communicate(timeout=600)
     return Outcome(process.returncode, out, err)
 
 

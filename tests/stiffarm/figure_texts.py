@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import pytest
@@ -20,7 +22,7 @@ class Seen:
     rotation: float
 
 
-def texts(figure: Figure) -> list[Seen]:
+def texts(figure: Figure, *, may_be_none: bool = False) -> list[Seen]:
     """Draw a figure and return what is written on it (its artists also know texts that are never drawn)."""
     seen = []
     original = Text.draw
@@ -33,5 +35,21 @@ def texts(figure: Figure) -> list[Seen]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Text, "draw", draw)
         figure.canvas.draw()
-    assert seen
+    assert seen or may_be_none
     return seen
+
+
+@contextmanager
+def drawn_meanwhile() -> Iterator[list[str]]:
+    """All texts that are drawn, on whatever figure, until the context ends."""
+    seen: list[str] = []
+    original = Text.draw
+
+    def draw(self: Text, renderer: object, *args: object, **kwargs: object) -> None:
+        if self.get_visible() and self.get_text().strip():
+            seen.append(self.get_text())
+        original(self, renderer, *args, **kwargs)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Text, "draw", draw)
+        yield seen

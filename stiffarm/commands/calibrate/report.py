@@ -6,46 +6,85 @@ import numpy as np
 
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
+from fem.arm import Arm
+from robots import InputError
 from robots.arrays import Array, Integers
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.sections import stage_section, study_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.tables import holdout_table
+from stiffarm.pages import workspace_answer
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
+from stiffarm.pages.figure_parts import naturally
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.workspace import workspace_stiffness
+
+QUESTION = "which springs explain the readings?"
 
 
 def write_report(c: Calibrated, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [_readings(c)]
-    if c.found.studies:
-        sections.append(Section("Level studies pose by pose", tuple(study_blocks(c, pictures))))
+    key, answer = _key_figures(c), Answer(_sure(c), _todo(c))
+    try:
+        stiffness = workspace_stiffness(c.description, c.model)
+    except InputError as hindrance:
+        lede = f"{c.found.count}. The stiffness over the workspace is not known: {hindrance}"
+    else:
+        lede = workspace_answer.lede(stiffness)
+        caption = "Dot: stiffness; bar: its 95 % interval; beside the name what gives most."
+        picture = pictures.add(workspace_answer.answer_figure(stiffness), "stiffness_at_the_tool", caption)
+        key = [*workspace_answer.key_figures(stiffness), key[0]]
+        sure = f"{answer.sure} {workspace_answer.interval_remark(stiffness)}"
+        answer = Answer(sure, answer.todo, picture, _rigid(c))
+    sections: list[Section] = []
     for number, s in enumerate(c.stages):
         sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")
-    sections += [_predictions(c, pictures), _ORIGIN]
+    if c.found.studies:
+        sections.append(Section("Level studies pose by pose", tuple(study_blocks(c, pictures))))
+    sections += [_predictions(c, pictures), _readings(c), _ORIGIN]
     title = c.description.title.split(" (")[0]
-    named = f"{c.request.campaign.title}: " if c.request.campaign.stage or len(c.request.campaign.law) else ""
-    lede = (
-        f"{named}{c.found.count}, {len(c.found.overall)} readings at {len(c.found.overall.poses)} poses; "
-        f"{c.found.model.link_kind} links, {c.found.model.load_path} load path."
-    )
-    write_page(folder, title, lede, _key_figures(c), sections, made_of=data_words(c.data))
+    write_page(folder, title, lede, key, sections, QUESTION, data_words(c.data), answer)
 
 
 def _key_figures(c: Calibrated) -> list[KeyFigure]:
     n = c.found.count
-    out = [
-        KeyFigure(f"{n.identified} of {n.free}", f"parameters identified ({n.at_bound} at a bound)"),
-        KeyFigure(_mm(c.found.rms_mm), "RMS of the fit"),
+    bound = f" ({n.at_bound} at a bound)" if n.at_bound else ""
+    return [
+        KeyFigure(f"{n.identified} of {n.free}", f"parameters identified{bound}"),
         KeyFigure(_mm(c.left_out_rms_mm), "RMS at poses the calibration has not seen (left out one at a time)"),
     ]
+
+
+def _sure(c: Calibrated) -> str:
+    text = f"{len(c.found.overall)} readings are met to {_mm(c.found.rms_mm)} RMS"
+    if np.isfinite(c.left_out_rms_mm):
+        text += f", poses that the calibration has not seen to {_mm(c.left_out_rms_mm)}"
     if c.holdout is not None:
-        out.append(KeyFigure(_mm(c.holdout.rms_mm), "RMS at poses held out"))
-    return out
+        text += f", poses held out to {_mm(c.holdout.rms_mm)}"
+    return f"{text}."
+
+
+def _todo(c: Calibrated) -> str:
+    n, robot = c.found.count, c.description.name
+    if n.identified < n.free:
+        return (
+            f"{n.free - n.identified} of {n.free} parameters are not identified: `stiffarm plan {robot} --poses 6` "
+            "names the set-ups that tell them best. Take model.toml for every other command."
+        )
+    return (
+        "Take model.toml for every other command: `stiffarm map`, `posture`, `place`. `stiffarm diagnose` says whether "
+        "anything is missing in it."
+    )
+
+
+def _rigid(c: Calibrated) -> tuple[str, ...]:
+    said = uncalibrated(Arm(c.description, c.model.robot, c.model))
+    return (said,) if said else ()
 
 
 def _mm(value: float) -> str:
@@ -108,7 +147,7 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             noise[f"{scatter}, a reading"] = last.noise.white[0] * 1e3
         blocks.append(
             pictures.add(
-                bars_figure("", errors, "RMS error (mm)", "pose", noise),
+                bars_figure("", _sorted(errors), "RMS error (mm)", "pose", noise),
                 "predictions",
                 "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
                 "has bent itself to these readings.",
@@ -122,6 +161,13 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             Bullets(tuple(reasons)),
         ]
     return Section("Prediction", tuple(blocks))
+
+
+def _sorted(errors: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """The poses in the order in which people count; of those held out behind them."""
+    order = naturally(label for one in errors.values() for label in one)
+    order.sort(key=lambda label: label.endswith("(held out)"))
+    return {name: {label: one.get(label, float("nan")) for label in order} for name, one in errors.items()}
 
 
 def _sentence(text: str) -> str:
@@ -146,4 +192,5 @@ _ORIGIN = Section(
             "model is model.toml; every number there says where it came from."
         ),
     ),
+    folded=True,
 )

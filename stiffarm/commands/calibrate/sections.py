@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from doe.certainty.identifiability import correlations
 from doe.certainty.lack_of_fit import outliers
-from doe.estimation.estimate import prior_residual, step_sizes
 from doe.tables.loaded import spring_parts
 from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.figures.identifiability import determination_figure, intervals_figure
+from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.figures.laws import laws_figure
 from stiffarm.commands.calibrate.figures.residuals import checks_figure, residuals_figure
 from stiffarm.commands.calibrate.laws import curves, study_curves
@@ -17,11 +19,17 @@ from stiffarm.commands.calibrate.payload import QUANTILES, bootstrap
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.commands.calibrate.tables import numbers_table, outlier_lines, studies_table
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
+from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
 from stiffarm.session.direction_words import direction_words
 from stiffarm.session.noise_words import scatter_name
 
 _BLIND = 1e-9
+# Correlations from this size on are worth a line, and so many of them.
+TOGETHER, MOST_PAIRS = 0.5, 10
+# So many lines of a list are seen before it is unfolded, of sentences that are no longer than this together.
+FEW_LINES, MOST_LETTERS = 3, 600
+# More different loads or directions are no groups: loads then make an axis.
+MOST_GROUPS = 12
 _AXES = ("X", "Y", "Z", "about X", "about Y", "about Z")
 
 
@@ -30,7 +38,7 @@ def stage_section(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: s
     of = "" if not suffix else f", stage {s.result.stage.name}"
     return [
         _numbers(s, pictures, suffix, of),
-        _told(c, s, pictures, suffix, of),
+        _told(c, s, of),
         _noise(c, s, of),
         _residuals(c, s, pictures, suffix, of),
     ]
@@ -49,13 +57,11 @@ def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
 
 
 def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
+    caption = "95 % intervals. A parameter without a marker stands at its bound: it has no value."
     blocks: list[Block] = [
-        numbers_table(s),
-        pictures.add(
-            intervals_figure({"": s.result.certainty.estimates}), f"intervals{suffix}",
-            "95 % intervals. A number without a marker stands at its bound or is not determined: it has no value.",
-        ),
-    ]  # fmt: skip
+        pictures.add(intervals_figure({"": s.result.certainty.estimates}), f"intervals{suffix}", caption),
+        _folded_if_long(numbers_table(s)),
+    ]
     if s.result.study is not None:
         study = s.result.study
         blocks.insert(0, Text(f"A parametric study: {study.runs} runs in {study.rounds} rounds of finer levels."))
@@ -64,6 +70,10 @@ def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Sect
     if s.drawn is not None:
         blocks.append(_bootstrap(s))
     return Section(f"What was found{of}", tuple(blocks))
+
+
+def _folded_if_long(table: Table) -> Table:
+    return replace(table, folded=len(table.rows) > MOST_GROUPS)
 
 
 def _laws(s: StageFindings, pictures: Pictures, suffix: str) -> Picture:
@@ -89,9 +99,9 @@ def _bootstrap(s: StageFindings) -> Table:
     )  # fmt: skip
 
 
-def _told(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
-    picture = _determination(s, pictures, suffix)
-    blocks = [*told_blocks(c, s), *([] if picture is None else [picture])]
+def _told(c: Calibrated, s: StageFindings, of: str) -> Section:
+    pairs = _moves_together(s)
+    blocks = [*told_blocks(c, s), *([] if pairs is None else [pairs])]
     return Section(f"What these readings can and cannot tell{of}", tuple(blocks))
 
 
@@ -100,12 +110,22 @@ def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:
     r = s.result
     blocks: list[Block] = [Bullets((*words.told_and_untold(r.certainty.estimates), *_held(c)))]
     if r.trade_offs:
-        blocks += [Note("Some numbers are seen only together:"), Bullets(tuple(t.words for t in r.trade_offs))]
+        first = r.trade_offs[:FEW_LINES] if sum(len(t.words) for t in r.trade_offs[:FEW_LINES]) < MOST_LETTERS else ()
+        blocks.append(Note(f"Some parameters are seen only together, in {len(r.trade_offs)} groups."))
+        blocks += _with_rest(
+            "Groups of parameters that are seen only together", [t.words for t in r.trade_offs], len(first)
+        )
     if r.unseen:
         blocks.append(Text(f"No reading moves with {', '.join(r.unseen)}: other loads, directions or poses would."))
     if any(e.status != "determined" for e in r.certainty.estimates):
         blocks.append(Text("`stiffarm plan` names the poses, loads and directions that would tell the rest best."))
     return blocks
+
+
+def _with_rest(title: str, lines: Sequence[str], few: int) -> list[Block]:
+    """The first few lines, and under a title all of them where there are more."""
+    shown: list[Block] = [Bullets(tuple(lines[:few]))] if few else []
+    return [*shown, Fold(title, (Bullets(tuple(lines)),))] if len(lines) > few else shown
 
 
 def _held(c: Calibrated) -> list[str]:
@@ -124,20 +144,25 @@ def _held(c: Calibrated) -> list[str]:
     return out
 
 
-def _determination(s: StageFindings, pictures: Pictures, suffix: str) -> Picture | None:
+def _moves_together(s: StageFindings) -> Block | None:
+    """The pairs of estimates that move together most; None where none do."""
     e = s.result.estimate
     correlation, _, index = correlations(e)
-    if len(index) < 2:
-        return None
-    A = np.vstack([e.whitened, prior_residual(e.problem, e.u)[1]])[:, index]
-    A = A * step_sizes(e.problem)[index]
-    _, singular, V = np.linalg.svd(A / np.linalg.norm(A, axis=0), full_matrices=True)
-    singular = np.concatenate([singular, np.zeros(len(V) - len(singular))])
     names = [e.problem.parameters[k].name for k in index]
-    return pictures.add(
-        determination_figure(names, correlation, singular, V), f"determination{suffix}",
-        "Left: estimates that move together (of compliances, where a stiffness was estimated). Right: combinations "
-        "in order of how well the readings tell them; the last ones are told worst.",
+    rows, columns = np.triu_indices(len(names), 1)
+    size = np.abs(correlation[rows, columns])
+    order = [k for k in np.argsort(-size, kind="stable")[:MOST_PAIRS] if size[k] >= TOGETHER]
+    if not order:
+        return None
+    cells = tuple(
+        (f"{names[rows[k]]} and {names[columns[k]]}", f"{correlation[rows[k], columns[k]]:+.2f}") for k in order
+    )
+    more = int(np.count_nonzero(size >= TOGETHER)) - len(order)
+    beside = f"; {more} more pairs above {TOGETHER:g}" if more else ""
+    return Table(
+        f"Estimates that move together most (correlation, bounds ignored, of compliances where a stiffness was "
+        f"estimated{beside})",
+        ("parameters", "correlation"), cells, folded=True,
     )  # fmt: skip
 
 
@@ -181,13 +206,15 @@ def _residuals(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str,
     flagged[outliers(e)] = True
     sd = e.noise.spread(p, e.prediction)
     blocks: list[Block] = []
+    checks: list[Block] = []
     for kind, unit, name in ((False, "mm", ""), (True, "mrad", "_rotations")):
         mine = (p.component >= 3) == kind
         if not mine.any():
             continue
         groups = {n: [labels[k] for k in np.flatnonzero(mine)] for n, labels in _groups(s).items()}
         groups = {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) > 1}
-        figure = residuals_figure(e.residual[mine] * 1e3, unit, groups, flagged[mine], sd[mine] * 1e3)
+        loads = s.loads_N[mine] if "load" not in groups and np.ptp(s.loads_N[mine]) > 0.0 else None
+        figure = residuals_figure(e.residual[mine] * 1e3, unit, groups, flagged[mine], sd[mine] * 1e3, loads)
         caption = "Residuals; the band is twice their standard deviation, black bars are means, diamonds outliers "
         caption += "(triangles: beyond the axis). "
         caption += "A pattern over poses, loads or directions is something the model lacks."
@@ -195,8 +222,9 @@ def _residuals(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str,
         measured, predicted = p.value[mine] * 1e3, e.prediction[mine] * 1e3
         figure = checks_figure(predicted, measured, e.own[mine], unit, flagged[mine])
         caption = "Measured against predicted; residuals against predicted; standardised residuals on a normal law."
-        blocks.append(pictures.add(figure, f"checks{name}{suffix}", caption))
-    return Section(f"Residuals and outliers{of}", (*_outliers(c, s), *blocks))
+        checks.append(pictures.add(figure, f"checks{name}{suffix}", caption))
+    more = Fold("Measured against predicted, and the distribution of residuals", tuple(checks))
+    return Section(f"Residuals and outliers{of}", (*_outliers(c, s), *blocks, more))
 
 
 def _groups(s: StageFindings) -> dict[str, list[str]]:
@@ -214,7 +242,7 @@ def _groups(s: StageFindings) -> dict[str, list[str]]:
         "phase": [s.read.phase[row] or "not said" for row in p.row],
     }
     # Too many different loads or directions make no groups.
-    return {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) <= 12}
+    return {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) <= MOST_GROUPS}
 
 
 def _outliers(c: Calibrated, s: StageFindings) -> list[Block]:
@@ -228,7 +256,7 @@ def _outliers(c: Calibrated, s: StageFindings) -> list[Block]:
         return [Text(f"No reading stands out by more than 4 of its standard deviations.{some}")]
     out: list[Block] = [
         Note(f"{len(lines)} of {len(e.problem)} readings stand out and lost weight. Look at them at the robot:"),
-        Bullets(tuple(lines)),
+        *_with_rest("All readings that stand out", lines, FEW_LINES),
     ]
     moved = words.full_weight_text(s.result, s.full_weight)
     return [*out, Text(moved)] if moved else out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +30,20 @@ from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.space import space_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
+from stiffarm.pages.report import (
+    Answer,
+    Block,
+    Bullets,
+    Fold,
+    KeyFigure,
+    Note,
+    Picture,
+    Section,
+    Table,
+    Text,
+    data_words,
+    write_page,
+)
 from stiffarm.session.noise_words import floor_name, scatter_name
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.spring_words import mega
@@ -42,26 +56,36 @@ VERDICTS = {
 }  # fmt: skip
 
 
+QUESTION = "where do model and robot disagree, and why?"
+
+
 def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [in_short(d)]
+    gap = shrunk(d, pictures)
+    first = next((block for block in gap.blocks if isinstance(block, Picture) and d.in_model), None)
+    said = (Note(words.headline(d)), Text(words.how_sure(d)), Text(words.next_sentence(d)))
+    sections = [
+        Section("What speaks for it and against it", tuple(b for b in in_short(d).blocks if b not in said)),
+        Section(gap.title, tuple(block for block in gap.blocks if block != first)),
+    ]
     if d.tells:
         sections += [where(d, pictures), explained(d, pictures)]
     if d.in_model:
         sections.append(laws(d, pictures))
-    sections.append(shrunk(d, pictures))
     sections.append(Section("Where in space", tuple(space_blocks(d, written.gaps, written.cost, pictures))))
     if d.tells:
-        sections += [not_told(d), next_readings(d), how(d)]
+        told = next_readings(d)
+        after = tuple(block for block in told.blocks if block not in said)
+        sections += [replace(told, blocks=after), replace(not_told(d), folded=True), replace(how(d), folded=True)]
     title = d.given.description.title.split(" (")[0]
     p = d.found.before.setting.data
-    lede = (
-        f"Diagnosis of where simulation and measurement disagree: {len(p)} readings at {len(p.poses)} poses; "
-        f"{d.given.model.link_kind} links, {d.given.model.load_path} load path; springs of "
-        f"{', '.join(d.found.before.setting.free)} fitted."
+    made_of = (
+        f"{data_words(d.used)}; {len(p)} readings at {len(p.poses)} poses, {d.given.model.link_kind} links, "
+        f"{d.given.model.load_path} load path, springs of {', '.join(d.found.before.setting.free)} fitted"
     )
-    write_page(folder, title, lede, _key_figures(d), sections, made_of=data_words(d.used))
+    answer = Answer(words.how_sure(d), words.next_sentence(d), first)
+    write_page(folder, title, words.headline(d), _key_figures(d), sections, QUESTION, made_of, answer)
 
 
 def _key_figures(d: Diagnosed) -> list[KeyFigure]:
@@ -153,16 +177,19 @@ def explained(d: Diagnosed, pictures: Pictures) -> Section:
             f"Looked at once more with that in the model: {words.percent(last.probability)} for nothing else missing."
         )
         blocks.append(Text(text))
+    more: list[Block] = []
     if d.twins:
-        blocks += [Text("Twins, which these readings could not tell apart:"), Bullets(words.twin_sentences(d))]
+        more += [Text("Twins, which these readings could not tell apart:"), Bullets(words.twin_sentences(d))]
     if any(d.twins.values()):
-        blocks.append(
+        more.append(
             pictures.add(
                 twins_figure(d.twins), "twins",
                 "Rows: an effect as large as fitted, or of usual size where it was not found. A dot: the effect in the "
                 "column can imitate it to within the noise, whatever is measured in these poses.",
             )
         )  # fmt: skip
+    if more:
+        blocks.append(Fold("What could imitate it", tuple(more)))
     return Section("What explains it", tuple(blocks))
 
 
@@ -189,7 +216,7 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
         )  # fmt: skip
         if rows:
             heads = ("number", "value", "95 % interval", "thought plausible", "what it is")
-            blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4)))
+            blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4), folded=True))
         if curve is not None:
             remembers = f.placed.effect.needs_history
             loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
@@ -226,21 +253,20 @@ def shrunk(d: Diagnosed, pictures: Pictures) -> Section:
         rows["poses not seen,\neffects chosen anew"] = _pair(d, n.rms_before_mm, n.rms_after_mm)
     if h is not None:
         rows["readings held out"] = _pair(d, h.rms_before_mm, h.rms_after_mm)
-    blocks: list[Block] = [
-        Text(words.gap_sentence(d)),
-        pictures.add(
-            gap_figure(
-                rows, noise_floor_mm(found), least_rms_mm(found), floor_name(found.after.setting.data)
-            ),
-            "gap",
-            "RMS errors. What counts is the error at poses that the fit has not seen.",
-        ),
+    blocks: list[Block] = [Text(words.gap_sentence(d))]
+    # Without a second model there is nothing to compare: the sentence says it all.
+    if d.in_model:
+        figure = gap_figure(rows, noise_floor_mm(found), least_rms_mm(found), floor_name(found.after.setting.data))
+        caption = "RMS errors. What counts is the error at poses that the fit has not seen."
+        blocks.append(pictures.add(figure, "gap", caption))
+    drawn = (
         pictures.add(match_figure(fits), "match", "On the line, simulation and measurement are the same."),
         pictures.add(
             residuals_figure(fits), "residuals",
             "Each point is a reading. What is missing shows as a pattern; noise has none.",
         ),
-    ]  # fmt: skip
+    )  # fmt: skip
+    blocks.append(Fold("Reading by reading", drawn))
     if n is not None:
         after = "-" if math.isnan(left[1]) else f"{left[1]:.4f}"
         blocks += [

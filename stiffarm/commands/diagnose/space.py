@@ -115,8 +115,11 @@ def write_cost(made: CostMap, d: Diagnosed, new: Arm, folder: OutputFolder, befo
     folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
 
 
-def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures) -> list[Block]:
-    """The gap at the measured poses, and what leaving the effects out costs over the workspace."""
+def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures, before: str = "") -> list[Block]:
+    """The gap at the measured poses, and what leaving the effects out costs over the workspace.
+
+    ``before``: what file names begin with, as of :func:`write_cost`.
+    """
     from stiffarm.commands.diagnose.space_figure import space_figure
     from stiffarm.commands.maps.figures.whole import one_figure
 
@@ -124,7 +127,7 @@ def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pict
         pictures.add(
             space_figure(found, d.given, changed=bool(d.in_model)),
             "gap_in_space",
-            f"Arrows of measured minus simulated displacement. {GAP_FILE} opens in ParaView with all loads.",
+            f"Arrows of measured minus simulated displacement. {before}{GAP_FILE} opens in ParaView with all loads.",
         )
     ]
     if made is None:
@@ -140,7 +143,8 @@ def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pict
         pictures.add(
             one_figure(made.data, COST_ARRAY, d.given),
             COST_STEM,
-            f"What leaving it out would cost. {COST_STEM}.html is the map to turn and pick in, {COST_STEM}.vtu is for "
+            f"What leaving it out would cost. {before}{COST_STEM}.html is the map to turn and pick in, "
+            f"{before}{COST_STEM}.vtu is for "
             "ParaView. Far from the measured poses both models extrapolate.",
         ),
     ]

@@ -365,7 +365,9 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
     return [
         Text(proposal_text(n)),
         Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
-        Table("Set-ups to measure next", heads, set_up_rows(n.labels, n.q, n.direction), (0, len(heads) - 1)),
+        Table(
+            "Set-ups to measure next", heads, set_up_rows(n.labels, n.q, n.direction), (0, len(heads) - 1), folded=True
+        ),
     ]
 
 

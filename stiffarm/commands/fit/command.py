@@ -9,7 +9,8 @@ import numpy as np
 import typer
 
 from robots import InputError
-from stiffarm.session import inputs, parsing
+from stiffarm.session import parsing
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.console import say
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
@@ -89,7 +90,8 @@ def fit(
     formats: Annotated[
         str | None,
         typer.Option(
-            "--format", help="Also write the surrogate in these formats, separated by commas: onnx, c, python."
+            "--format",
+            help="Also write the surrogate in these formats, separated by commas: onnx, c, python, javascript.",
         ),
     ] = None,
     matrix: Annotated[
@@ -134,8 +136,8 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = frame.model(model, links, load_path, without="the surrogate", sets=sets)
-        if note := inputs.no_springs_note(given):
+        given = frame.model(model, links, load_path, without="the surrogate", sets=sets, shown=True)
+        if note := uncalibrated(given):
             say(f"note: {note}")
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
@@ -180,7 +182,7 @@ def _refuse_conflicts(
             what = "of the stiffness" if stiffness else f"of {quantity}, which has no load direction of its own"
             raise InputError(f"--{name} for a surrogate {what}", value=text, allowed="nothing", remedy="leave it out")
     if matrix and not formats:
-        raise InputError("--matrix without --format", allowed="onnx, c, python", remedy="add --format onnx")
+        raise InputError("--matrix without --format", allowed="onnx, c, python, javascript", remedy="add --format onnx")
     if matrix and not stiffness:
         raise InputError("--matrix with --quantity", value=quantity, allowed="stiffness", remedy="leave one out")
     if basis == "factored" and not stiffness:

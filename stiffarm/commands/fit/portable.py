@@ -1,4 +1,4 @@
-"""A surrogate for other programs: ONNX, a C header, a Python file."""
+"""A surrogate for other programs: ONNX, a C header, a Python file, JavaScript."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from robots import InputError, require_one_of
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
-from surrogate.portable import Link, Portable, c_header, python_snippet, write_onnx
+from surrogate.portable import Link, Portable, c_header, javascript, python_snippet, write_onnx
 from surrogate.scope import Scope
 
-FORMATS: Final = {"onnx": "surrogate.onnx", "c": "surrogate.h", "python": "surrogate_snippet.py"}
+FORMATS: Final = {
+    "onnx": "surrogate.onnx",
+    "c": "surrogate.h",
+    "python": "surrogate_snippet.py",
+    "javascript": "surrogate.js",
+}
+_TEXTS: Final = {"c": c_header, "python": python_snippet, "javascript": javascript}
 
 
 def parse_formats(text: str | None) -> tuple[str, ...]:
@@ -94,5 +100,5 @@ def write(trained: Trained, formats: tuple[str, ...], folder: OutputFolder, *, m
         if name == "onnx":
             write_onnx(content, folder.path(FORMATS[name]))
         else:
-            folder.write_text(FORMATS[name], c_header(content) if name == "c" else python_snippet(content))
+            folder.write_text(FORMATS[name], _TEXTS[name](content))
     return [FORMATS[name] for name in formats]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,12 +18,33 @@ from stiffarm.commands.fit.figures.bars import (
     parts,
 )
 from stiffarm.commands.fit.figures.effects import HeldOut, surrogate_quality_figure
+from stiffarm.commands.fit.figures.spread import spread_figure
 from stiffarm.commands.fit.results import errors_table
-from stiffarm.commands.fit.sections import answer_section, known_by, usage_section
-from stiffarm.commands.fit.words import basis_words, choice_words, doubts, relative, share_words
+from stiffarm.commands.fit.sections import Known, answer_section, known_by, usage_section
+from stiffarm.commands.fit.words import (
+    KNOWN,
+    LARGE,
+    basis_words,
+    choice_words,
+    doubts,
+    half_width,
+    relative,
+    share_words,
+)
 from stiffarm.commands.query.answers import value_name
-from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
+from stiffarm.pages.blocks import Pictures, percent
+from stiffarm.pages.report import (
+    Answer,
+    Block,
+    Bullets,
+    KeyFigure,
+    Note,
+    Picture,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -40,30 +62,79 @@ def write_report(trained: Trained, files: Sequence[str], folder: OutputFolder, *
     pictures = Pictures(folder)
     bars = _judged(trained)
     known = known_by(trained)
+    best = trained.best
     sections = [
+        usage_section(trained, files, model, folder),
         _choice(trained),
-        Section("Predicted against true", (quality_picture(trained, pictures),)),
+        Section("Predicted against true", (quality_picture(trained, pictures),), folded=True),
         _honesty(trained, bars, pictures),
         _where(trained, bars, pictures),
         answer_section(trained, known),
-        usage_section(trained, files, model, folder),
     ]
-    best = trained.best
-    lede = (
-        f"{best.quantity.label[0].upper()}{best.quantity.label[1:]} over {len(best.inputs)} joint coordinates, learned "
-        f"from {best.errors.n_train} runs of the model and judged on {len(trained.held_out.Q)} runs that neither the "
-        "fit nor the error bars have seen."
-    )
+    answer = Answer(_sure(trained, known), _todo(trained, known, model), _spread_picture(trained, pictures))
+    write_page(folder, title, _lede(best, known), _key_figures(best, known), sections, QUESTION, "", answer)
+
+
+QUESTION = "which surrogate, and how far to trust it?"
+
+
+def _lede(best: Surrogate, known: Known | None) -> str:
+    what = f"the {best.quantity.label} at any pose of {len(best.inputs)} joint coordinates"
+    own = f"its own error is {relative(best.errors.rms_relative)} (RMS)"
+    if known is None:
+        return f"Ask it for {what}: {own}. How well the model itself is known it cannot say."
+    limits = "the calibration, not the surrogate" if known.median > best.errors.rms_relative else "the surrogate"
+    return f"Ask it for {what}: {own}, and what limits an answer is {limits}."
+
+
+def _key_figures(best: Surrogate, known: Known | None) -> list[KeyFigure]:
     key = [
-        KeyFigure(best.basis, "basis taken"),
-        KeyFigure(relative(best.errors.rms_relative), "RMS relative error on runs kept out"),
-        KeyFigure(relative(best.errors.max_relative), "largest relative error there"),
+        KeyFigure(relative(best.errors.rms_relative), "own error (RMS, runs it has not seen)"),
+        KeyFigure(relative(best.errors.max_relative), "own error, worst of these runs"),
         KeyFigure(share_words(best.errors.coverage95), "of these runs inside the 95 % error bars"),
     ]
     if known is not None:
-        key.append(KeyFigure(f"± {relative(known.median)}", "95 % interval by the calibration, median pose"))
-    question = "which surrogate, and how far to trust it?"
-    write_page(folder, title, lede, key, sections, question)
+        shown = f"± {percent(known.median)}" if known.median < KNOWN else "not known"
+        key.insert(0, KeyFigure(shown, "95 % interval of an answer by the calibration, median pose"))
+    return key
+
+
+def _sure(trained: Trained, known: Known | None) -> str:
+    best = trained.best
+    text = f"Judged on {len(trained.held_out.Q)} runs that neither the fit nor its error bars have seen."
+    if known is None:
+        return f"{text} The model has no calibration, so an answer is only as good as its springs."
+    if known.median >= KNOWN:
+        return (
+            f"{text} But the readings behind the model leave the {best.quantity.name} open by more than half its size "
+            "at the median pose: a surrogate cannot mend that."
+        )
+    return f"{text} By the calibration an answer is {half_width(known.median)} at the median pose (95 %)."
+
+
+def _todo(trained: Trained, known: Known | None, model: str) -> str:
+    best, named = trained.best, shlex.quote(model)
+    if best.errors.rms_relative > LARGE:
+        return f"Take more runs or another basis: `stiffarm fit {named} --runs {4 * best.errors.n_train} --out more`."
+    if known is None:
+        return f"Calibrate the model first: `stiffarm calibrate {named} DATA --out calibrated`."
+    if known.median >= KNOWN or any(known.open_share.values()):
+        return f"More readings would narrow the answers: `stiffarm plan {named} --poses 6` says which."
+    return "Ask it: `stiffarm query surrogate.json --pose ...`; the commands are below."
+
+
+def _spread_picture(trained: Trained, pictures: Pictures) -> Picture | None:
+    """How the quantity is spread over the poses kept out, as a first idea of what the answers are like."""
+    name, factor = value_name(trained.best)
+    true = trained.held_out.value[: trained.uniform]
+    values = factor * (1.0 / true if trained.best.quantity.name == COMPLIANCE else true)
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not values.size:
+        return None
+    unit = "N/mm" if name.endswith("_N_per_mm") else "–"
+    what = f"{name.removesuffix('_N_per_mm').replace('_', ' ')} ({unit})"
+    caption = "Poses drawn evenly over the joint ranges; half of the answers lie between the dotted lines."
+    return pictures.add(spread_figure(values, what), "answers", caption)
 
 
 def _judged(trained: Trained) -> list[JudgedBars]:

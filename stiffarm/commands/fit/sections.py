@@ -10,8 +10,9 @@ import numpy as np
 
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from stiffarm.commands.fit.words import relative, size_words
+from stiffarm.commands.fit.words import KNOWN, half_width, relative, size_words
 from stiffarm.commands.query.answers import value_name
+from stiffarm.pages.numbers import known_to, ranged, significant
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained, predict, query
@@ -26,6 +27,7 @@ _FILES = {
     "surrogate.onnx": "as ONNX, for onnxruntime",
     "surrogate.h": "as a C header without dependencies",
     "surrogate_snippet.py": "as Python without packages",
+    "surrogate.js": "as JavaScript, for pages and Node",
 }
 
 
@@ -85,9 +87,9 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
     named = ", ".join(p.names[:_NAMED]) + (f" and {len(p.names) - _NAMED} more" if len(p.names) > _NAMED else "")
     blocks: list[Block] = [
         Text(
-            f"The calibration's uncertainty ({named}) makes ± {relative(known.median)} of the {best.quantity.name} at "
-            f"the median pose and ± {relative(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
-            f"surrogate's own bar is ± {relative(known.own_median)} at the median pose. An answer has both parts, and "
+            f"By the calibration's uncertainty ({named}) the {best.quantity.name} is {half_width(known.median)} at "
+            f"the median pose and {half_width(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
+            f"surrogate's own bar is {half_width(known.own_median)} at the median pose. An answer has both parts, and "
             "as its bar the root of the sum of their squares. Over the inputs the calibration's part was learned to "
             f"{relative(p.misfit)} of its largest value."
         )
@@ -197,11 +199,12 @@ def usage_section(trained: Trained, files: Sequence[str], model: str, folder: Ou
 
 
 def _example(trained: Trained) -> tuple[str, str]:
-    """A pose kept out that is nearest to the middle, rounded, and what the surrogate answers there."""
+    """A pose kept out with a typical value, rounded, and what the surrogate answers there."""
     best = trained.best
-    Q = trained.held_out.Q[: trained.uniform]
-    off = np.linalg.norm((Q - (best.lower + best.upper) / 2.0) / (best.upper - best.lower), axis=1)
-    degrees = np.round(np.degrees(Q[np.argmin(off)]), 1) + 0.0
+    Q, value = trained.held_out.Q[: trained.uniform], trained.held_out.value[: trained.uniform]
+    # Typical: neither the softest pose nor one where the load passes through the joints.
+    typical = np.argsort(np.abs(np.log(value / np.median(value))), kind="stable")[0]
+    degrees = np.round(np.degrees(Q[typical]), 1) + 0.0
     pose = ",".join(f"{n}={v:g}" for n, v in zip(best.inputs, degrees, strict=True))
     found = query(best, np.radians(degrees)[None], extrapolate=True)
     if not found.answered[0] or not np.isfinite(found.relative_error[0]):
@@ -209,7 +212,14 @@ def _example(trained: Trained) -> tuple[str, str]:
     name, factor = value_name(best)
     unit = " N/mm" if name.endswith("_N_per_mm") else ""
     what = name.removesuffix("_N_per_mm").replace("_", " ")
-    return pose, (
-        f"The answer to the first: {what} {factor * found.value[0]:.5g}{unit} ± "
-        f"{relative(float(found.relative_error[0]))} of it (95 %)."
+    number, e = factor * float(found.value[0]), float(found.relative_error[0])
+    if e >= KNOWN:
+        return pose, (
+            f"The first finds about {significant(number, 1)}{unit}, but what is known of the model's parameters leaves "
+            f"this {what} open by more than half of it: no number to work with."
+        )
+    ends = number / (1.0 + e), number / (1.0 - e)
+    return (
+        pose,
+        f"The answer to the first: {what} {known_to(number, *ends)}{unit}, 95 % interval {ranged(*ends)}{unit}.",
     )

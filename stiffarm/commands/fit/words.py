@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from stiffarm.pages.blocks import percent
-from stiffarm.pages.figure_parts import power_of_ten
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.training import NOTHING
@@ -12,6 +11,8 @@ from surrogate.training import NOTHING
 HONEST = (0.93, 0.97)
 # A worst error above this is worth a warning: springs are known to some percent at best.
 LARGE = 0.05
+# An interval wider than this share of the value is no number to act on.
+KNOWN = 0.5
 
 
 def basis_words(one: Surrogate) -> str:
@@ -85,5 +86,10 @@ def share_words(share: float) -> str:
 
 
 def relative(value: float) -> str:
-    """A relative error in percent, or as a power of ten where percent would be all zeros."""
-    return power_of_ten(float(f"{value:.0e}")) if 0.0 < value < 1e-6 else percent(value)
+    """A relative error in percent; beyond ten times the value itself no figure helps."""
+    return percent(value) if value < 10.0 else "more than tenfold"
+
+
+def half_width(value: float) -> str:
+    """The half-width of an interval over its value: ``± 4 %``; of one that says nothing, that."""
+    return f"± {percent(value)}" if value < KNOWN else "not known to better than half its size"

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors, Window
@@ -69,7 +70,7 @@ def laws_figure(found: Identified, made_up: str = "") -> Figure:
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
     dof = len(found.names)
     high = 0.8 + 2.3 * dof
-    with drawing(f"Six stiffnesses of every joint over its angle{made_up}", (16.0, high), 0) as (figure, _):
+    with drawing(f"Six stiffnesses of every joint over its angle{made_up}", (12.0, high), 0) as (figure, _):
         axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
@@ -88,7 +89,7 @@ def laws_figure(found: Identified, made_up: str = "") -> Figure:
         ]  # fmt: skip
         figure.legend(handles=handles, loc="upper right", ncols=2)
         # By hand: 36 panels laid out by constraints are drawn twice, which takes seconds.
-        figure.subplots_adjust(0.055, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.26, hspace=0.2)
+        figure.subplots_adjust(0.065, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.34, hspace=0.2)
     return figure
 
 
@@ -119,6 +120,8 @@ def _law_panel(ax: Axes, d: Direction) -> None:
     ax.errorbar(np.degrees(d.angle)[good], points[good], spread, fmt="o", markersize=3.5, color=INK,
                 markerfacecolor="white", elinewidth=0.7)  # fmt: skip
     ax.set_ylim(0.0, top)
+    ax.xaxis.set_major_locator(MaxNLocator(3))
+    ax.yaxis.set_major_locator(MaxNLocator(4))
     if d.status == "one-sided":
         note(ax, "rigid is possible", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from doe.joint_twists import Direction
@@ -13,9 +15,10 @@ from stiffarm.commands.identify import figures
 from stiffarm.commands.identify.payload import held_out_rows
 from stiffarm.commands.identify.step import POSES, JointTwists
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.outputs import OutputFolder
 
+QUESTION = "how stiff is each joint, in all six directions?"
 PAPER_ROBOT = "tx200"
 # Table 1 of the TX200 paper: force (N) and direction, measured and model (N/mm). Configurations are not given.
 PAPER_TABLE_1 = (
@@ -29,8 +32,8 @@ def write_report(d: JointTwists, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     parts = [
-        _in_short(d), _stiffnesses(d, pictures), hysteresis(d, pictures), diagonal(d),
-        usual(d, pictures), prediction(d), stiffness_map(d, pictures), how(d),
+        _in_short(d), _stiffnesses(d, pictures), hysteresis(d, pictures), usual(d, pictures), prediction(d),
+        stiffness_map(d, pictures), replace(diagonal(d), folded=True), replace(how(d), folded=True),
     ]  # fmt: skip
     data = d.found.data
     kind = "made-up (synthetic) readings" if d.synthetic else "readings"
@@ -39,7 +42,11 @@ def write_report(d: JointTwists, folder: OutputFolder) -> None:
         f"from {data.n} {kind} in {d.found.cycles.m} load cycles of {len(d.found.cycles.setups)} set-ups."
     )
     title = d.given.description.title.split(" (")[0] + (" - synthetic data" if d.synthetic else "")
-    write_page(folder, title, lede, _key(d), parts, made_of=data_words(data))
+    open_ones = sum(x.status != "determined" for x in d.found.directions.values())
+    todo = f"{open_ones} stiffnesses are not determined: load those joints in other directions. " if open_ones else ""
+    todo += "Take model.toml for every other command: `stiffarm map`, `posture`, `place`."
+    answer = Answer(_scatter_words(d), todo)
+    write_page(folder, title, lede, _key(d), parts, QUESTION, data_words(data), answer)
 
 
 def _key(d: JointTwists) -> list[KeyFigure]:

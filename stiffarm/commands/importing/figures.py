@@ -87,6 +87,6 @@ def _draw(axes: Axes, shell: MadeShell, lines: Sequence[str], side: float) -> No
     axes.set_axis_off()
     if side > 0.0:
         axes.set_title(shell.name, loc="left", fontsize=10.5, fontweight="bold")
-        axes.text(0.0, -0.01, "\n".join(lines), transform=axes.transAxes, va="top", size=7.5, color="#555555")
+        axes.text(0.0, -0.01, "\n".join(lines), transform=axes.transAxes, va="top", size=8.0, color="#555555")
     else:
         axes.set_title("from opposite, below", loc="left", fontsize=9, color="#777777")

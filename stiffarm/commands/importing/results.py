@@ -20,6 +20,7 @@ from robots.schema.description import Link, Surface
 from robots.schema.quantities import PositiveLength
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
 from stiffarm.commands.importing.figures import contact_sheet
+from stiffarm.commands.importing.report import write_report
 from stiffarm.commands.importing.step import ImportedPart, ImportOptions, MadeShell, RobotImport
 from stiffarm.pages.style import save_png
 from stiffarm.session.console import say, show_table
@@ -40,6 +41,7 @@ def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolde
         content = payload(result, options, description, found)
         facts = [_facts(part, warnings[part.name]) for part in result.parts]
         _write(description, content, contact_sheet(result.parts, facts, f"Imported links: {description.title}"), folder)
+    write_report(description, content, content["links"], folder)
     return content
 
 
@@ -60,6 +62,7 @@ def write_link(done: MadeShell, given: ModelDescription, source: str, folder: Ou
         content |= link_payload(done, found)
         sheet = contact_sheet([done], [_facts(done, content["warnings"])], f"{source} as link {name}")
         _write(description, content, sheet, folder)
+    write_report(description, content, [content], folder)
     return content
 
 

@@ -71,7 +71,7 @@ def index(
     Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the indices", sets=sets)
+        given = frame.model(model, links, load_path, without="the indices", sets=sets, shown=True)
         q, labels = _poses(given, pose, table)
         question = index_results.IndexQuestion(
             q,
@@ -117,14 +117,11 @@ def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Arra
 
 
 def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.IndexAnswer, given: Arm) -> None:
-    from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
-    from stiffarm.pages.style import save_png
+    from stiffarm.commands.index.report import write_report
 
     folder.write_json("index.json", content)
     folder.write_text("index.csv", records_text(index_results.rows(given.robot, found)))
-    asked = found.question
-    figure = ellipsoid_figure(found.compliance[:MOST_POSES], asked.labels[:MOST_POSES], asked.normal)
-    save_png(figure, folder.path("ellipsoid.png"))
+    write_report(folder, content, found, given)
 
 
 def _show(given: Arm, content: dict[str, Any], T_flange_tool: Array) -> None:

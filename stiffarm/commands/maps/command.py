@@ -365,7 +365,7 @@ def index_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked, formats = asking.read_request(options), formats_of("index", options)
-        given = frame.model(model, links, load_path, without="the map", sets=sets)
+        given = frame.model(model, links, load_path, without="the map", sets=sets, shown=True)
         wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
         with frame.folder(seed) as folder, progress("map points") as bar:
             content = files.make_index_map(given, asked, folder, wanted, seed, bar)
@@ -410,7 +410,7 @@ def _arm_map(
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
     check_options(kind, options)
-    given = frame.model(model, links, options["--load-path"], without="the map", sets=sets)
+    given = frame.model(model, links, options["--load-path"], without="the map", sets=sets, shown=True)
     require_springs(given, "map")
     asked = read_map_options(given, kind, options, seed)
     html, svg, pictures = drawn
@@ -430,7 +430,7 @@ def _surrogate_map(
     """Structural stiffness over the joint coordinates, from a surrogate."""
     from stiffarm.commands.maps import sweep
 
-    given = frame.model(model, links, load_path, without="the map", sets=sets)
+    given = frame.model(model, links, load_path, without="the map", sets=sets, shown=True)
     learned = sweep.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")

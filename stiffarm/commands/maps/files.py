@@ -51,8 +51,10 @@ class Files:
         return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
 
 
-def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -> tuple[list[str], list[str]]:
-    """Write all files but map.json.
+def write_files(
+    given: Arm, data: MapData, folder: OutputFolder, files: Files, tool: Array | None = None
+) -> tuple[list[str], list[str]]:
+    """Write all files but map.json; ``tool`` (3,) m: the tool point in the flange frame, if not the model's.
 
     Returns
     -------
@@ -61,7 +63,7 @@ def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -
     messages: list[str] = []
     joints, formats = data.layout.kind == "joints", files.picture_formats
     title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
-    names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title)
+    names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title, tool)
     if data.layout.n <= CSV_UP_TO:
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
@@ -78,15 +80,19 @@ def write_files(given: Arm, data: MapData, folder: OutputFolder, files: Files) -
     return names, messages
 
 
-def write_arrays(given: Arm, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str) -> list[str]:
+def write_arrays(
+    given: Arm, data: MapData, folder: OutputFolder, files: Files, stem: str, title: str, tool: Array | None = None
+) -> list[str]:
     """Write the map's arrays in each of the formats, and the page to pick in; returns the names of the files."""
     names = [f"{stem}.{form}" for form in files.formats]
     for form, name in zip(files.formats, names, strict=True):
         WRITERS[form](data, folder.path(name))
     if files.html:
         from stiffarm.commands.maps.viewer import viewer_page
+        from stiffarm.commands.maps.what_if import what_if_data
 
-        folder.write_text("map.html", viewer_page(data, given.description, given.model, title=title))
+        asked = what_if_data(given, data, tool)
+        folder.write_text("map.html", viewer_page(data, given.description, given.model, title=title, what_if=asked))
         names.append("map.html")
     return names
 

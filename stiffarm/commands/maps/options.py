@@ -198,7 +198,8 @@ def _pose(options: Mapping[str, str | None]) -> tuple[dict[str, Any], str]:
     rule = parse_word(options.get("--pose") or "stiffest", POSES, "--pose")
     by = options.get("--best-by") or "stiffness"
     if rule in ("stiffest", "softest"):
-        return {"rule": rule}, f"{rule} of all orientations and branches, by {by}"
+        regular = " away from singular poses" if rule == "stiffest" else ""
+        return {"rule": rule}, f"{rule} of all orientations and branches{regular}, by {by}"
     axis = parse_vector(options.get("--tool-axis") or "0,0,1", "--tool-axis", "a direction in base axes")
     words = "tool axis " + " ".join(f"{v + 0.0:.6g}" for v in axis)
     gammas = parse_gammas(options.get("--gamma") or ("0" if rule == "fixed" else GAMMA))

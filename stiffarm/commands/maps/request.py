@@ -27,7 +27,7 @@ from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Axis, Layout
-from surrogate.maps.poses import BestGamma, Extreme, PoseRule, last_joint_is_free
+from surrogate.maps.poses import BestGamma, Extreme, PoseRule, away_from_singular, last_joint_is_free
 from surrogate.maps.quantities import TABLE, Quantities, Quantity, named, uncertainty
 from surrogate.maps.store import Column
 
@@ -158,7 +158,8 @@ def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel)
         told = {"by_gamma": Column("<f8", (len(rule.gamma),))}
         return Engine(grid, quantities, rule, candidates.Arm(model.robot, tool, merit), asked.seed, told)
     free = last_joint_is_free(model.robot, tool, lambda q: quantities.poses(q).translational)
-    arm = candidates.Arm(model.robot, tool, merit, free)
+    chosen_by = merit if asked.pose.get("rule") == "softest" else away_from_singular(model.robot, tool[:3, 3], merit)
+    arm = candidates.Arm(model.robot, tool, chosen_by, free)
     return Engine(grid, quantities, rule_from(asked.pose), arm, asked.seed)
 
 

@@ -17,7 +17,7 @@ from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
-from stiffarm.session.inputs import no_springs_note
+from stiffarm.session.caution import uncalibrated, warned
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
@@ -76,10 +76,11 @@ def make_map(
         if not np.any(data.reached):
             raise _out_of_reach(given, asked)
         content = statistics(engine, arrays, data, asked)
-        rigid = no_springs_note(given)
-        content["messages"] += [rigid] if rigid else []
+        warning = uncalibrated(given)
+        content["warning"] = warning or None
+        content["messages"] += [warning] if warning else []
         with folder.timed("files"):
-            names, messages = write_files(given, data, folder, files)
+            names, messages = write_files(given, data, folder, files, np.array(asked.request.tool)[:3, 3])
         content["messages"] += messages
         if asked.request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
             content |= sweep.figures_of(data)
@@ -120,17 +121,22 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
         of = figures(field.values)
         if of is None:
             continue
+        highest = of
+        if field.unit == "N/mm":
+            highest = figures(np.where(data.regular(), field.values, np.nan)) or of
         out["quantities"][name] = {
             "label": field.label,
             "unit": field.unit,
             "points": of.count,
             "min": number(of.least),
             "median": number(of.median),
-            "max": number(of.greatest),
+            "max": number(highest.greatest),
             "median_of_points": of.median_of,
             "least_at": _place(data, of.row_of_least),
-            "greatest_at": _place(data, of.row_of_greatest),
+            "greatest_at": _place(data, highest.row_of_greatest),
         }
+        if highest.greatest < of.greatest:
+            out["quantities"][name]["max_near_singular"] = number(of.greatest)
     if isinstance(engine.rule, Extreme) and engine.arm is not None:
         out["search_check"] = _search_check(engine, engine.rule, data)
     return out
@@ -147,7 +153,10 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
     found = shortfall(
         rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
     )
-    return {"points": len(rows), "worst_shortfall_percent": number(100.0 * float(np.nanmax(found)))}
+    found = found[np.isfinite(found)]
+    if not len(found):
+        return {"points": 0, "worst_shortfall_percent": None}
+    return {"points": len(found), "worst_shortfall_percent": number(100.0 * float(found.max()))}
 
 
 def _place(data: MapData, row: int) -> dict[str, Any]:
@@ -176,7 +185,7 @@ def metadata(given: Arm, asked: Asked) -> dict[str, str]:
         "tool_on_flange": frame_words(np.array(request.tool)),
         "not_looked_at": "collisions; the way from point to point",
     }
-    return out | {f"at_{name}": f"{v:g} mm" for name, v in asked.grid.held.items()}
+    return out | warned(given) | {f"at_{name}": f"{v:g} mm" for name, v in asked.grid.held.items()}
 
 
 def _out_of_reach(given: Arm, asked: Asked) -> InputError:

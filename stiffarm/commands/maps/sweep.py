@@ -12,6 +12,7 @@ from fem.arm import Arm
 from robots import InputError, Robot, content_hash
 from robots.arrays import Array
 from robots.progress import Progress
+from stiffarm.session.caution import warned
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers
@@ -104,7 +105,7 @@ def learned_map(
         "stiffness_from": f"surrogate ({learned.basis})",
         "links": model.link_kind,
         "load_path": model.load_path,
-    }
+    } | warned(arm)
     quantities = Quantities(model, np.array(direction), learned_rows(learned, model))
     return swept_map(quantities, points, layers_deg, metadata, progress)
 

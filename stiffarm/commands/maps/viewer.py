@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from fem import ArmModel
 from fem.statics.budget import part_kinds
@@ -17,15 +19,18 @@ from robots.robot import Robot, middle_pose
 from stiffarm import __version__
 from stiffarm.pages.bars import part_colours
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
-from stiffarm.pages.robot_drawing import ROBOT_COLOURS, framed_bodies
+from stiffarm.pages.robot_drawing import ROBOT_COLOURS, DrawnBody, framed_bodies
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
 from surrogate.maps.assembled import figures
 from surrogate.maps.data import Field, Layout, MapData
+from surrogate.portable import evaluator_script
 
 # More points than these are thinned: about 120 bytes each in the file.
 MOST_POINTS: Final = 200_000
 # Significant digits that the page shows of a quantity, and that survive its storage in single precision.
 DIGITS: Final = 5
+# Metres that a point may lie under the floor, or under the base's skin, and still be at it.
+FLOOR: Final = 1e-6
 # Parts that nowhere reach this share show as 0.0 %.
 _LEAST_SHARE = 5e-4
 _NO_SHARE = 0xFFFF
@@ -37,6 +42,9 @@ _SCRIPTS = (
     "page_matrices.js",
     "map_viewer_data.js",
     "map_viewer_scene.js",
+    "map_viewer_whatif.js",
+    "map_viewer_beside.js",
+    "map_viewer_shapes.js",
     "map_viewer_draw.js",
     "map_viewer_labels.js",
     "map_viewer_panel.js",
@@ -49,6 +57,7 @@ def viewer_page(
     model: ArmModel,
     *,
     title: str,
+    what_if: Mapping[str, Any] | None = None,
 ) -> str:
     """The page as HTML text; what comes from files is escaped.
 
@@ -56,6 +65,7 @@ def viewer_page(
     ----------
     data : the map; of more than ``MOST_POINTS`` points every second, third ... along its axes is kept, and said so
     description, model : of the robot that the map was made with: its shape, and its kinematics and parts
+    what_if : of :func:`stiffarm.commands.maps.what_if.what_if_data`, for sliders of the springs and the ellipsoid
 
     A map that has 'uncertainty_percent' has intervals: with 1.96 times it as the share e of the compliance, the
     stiffness K lies between K/(1+e) and K/(1-e).
@@ -68,8 +78,9 @@ def viewer_page(
     thinned = _thinned_words(data.layout, kept_points(data.layout)[0])
     return render_page(
         "map_viewer.html.j2",
-        viewer_data(data, description, model),
+        viewer_data(data, description, model, title=title, what_if=what_if),
         _SCRIPTS,
+        evaluator_script(),
         title=title,
         robot=description.title,
         quantities=_summaries(data),
@@ -81,6 +92,7 @@ def viewer_page(
         load=_load(data),
         digits=DIGITS,
         near=NEAR_SINGULAR,
+        caution=data.metadata.get("warning", ""),
     )
 
 
@@ -88,6 +100,9 @@ def viewer_data(
     data: MapData,
     description: ModelDescription,
     model: ArmModel,
+    *,
+    title: str = "",
+    what_if: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Everything that the page shows; arrays as base64, little end first. Arguments as of :func:`viewer_page`."""
     robot = model.robot
@@ -99,8 +114,13 @@ def viewer_data(
     kinds = part_kinds(model, data.parts)
     colours = part_colours(data.parts, kinds, _STRUCTURE_COLOURS)
     uncertainty = data.fields.get("uncertainty_percent")
+    bodies = framed_bodies(description, robot)
     return {
         "robot": {"name": description.name, "title": description.title},
+        "title": title,
+        "warning": data.metadata.get("warning", ""),
+        **(what_if or {"surrogate": None, "springs": [], "direction": [0.0, 0.0, -1.0]}),
+        "left_out": packed(_left_out(np.asarray(data.points[rows]), bodies), "<u1"),
         "chain": chain_data(robot),
         "tool": column_matrix(robot.T_flange_tool),
         "bodies": [
@@ -112,7 +132,7 @@ def viewer_data(
                 "v": packed(body.mesh.vertices, "<f4"),
                 "t": packed(body.mesh.faces, "<u4"),
             }
-            for body in framed_bodies(description, robot)
+            for body in bodies
         ],
         "rest": middle_pose(robot).tolist(),
         "coordinates": list(data.coordinates),
@@ -210,6 +230,22 @@ def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array
     posed = reached & np.isfinite(q).all(axis=1)
     near[posed] = singularity_distance(robot, q[posed]).sigma_min < NEAR_SINGULAR
     return near
+
+
+def _left_out(points: Array, bodies: Sequence[DrawnBody]) -> NDArray[np.uint8]:
+    """Points (n, 3) m that no tool gets to: 1 under the floor that the base stands on, 2 inside the base; else 0.
+
+    Bodies are convex, so a point is inside where it lies behind all their faces.
+    """
+    out = np.zeros(len(points), dtype=np.uint8)
+    known = np.isfinite(points).all(axis=1)
+    out[known & (points[:, 2] < -FLOOR)] = 1
+    for body in (body for body in bodies if body.frame == 0):
+        hull = ConvexHull(np.asarray(body.mesh.vertices)).equations
+        inside = np.zeros(len(points), dtype=np.bool_)
+        inside[known] = (points[known] @ hull[:, :3].T + hull[:, 3] < -FLOOR).all(axis=1)
+        out[inside] = 2
+    return out
 
 
 def _field(name: str, f: Field, rows: Integers | slice, colours: dict[str, str]) -> dict[str, Any]:

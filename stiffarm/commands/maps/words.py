@@ -10,7 +10,10 @@ from stiffarm.session.console import say, show_table
 
 def show_map(content: Mapping[str, Any]) -> None:
     """Figures of a map of the arm."""
-    rows, lines = [], []
+    rows, lines = [], list[str]()
+    beyond = [found for found in content["quantities"].values() if "max_near_singular" in found]
+    if beyond:
+        lines.append("greatest: away from singular poses, where stiffness grows without end and nothing can move")
     for found in content["quantities"].values():
         if "min" in found:
             ends = [f"{found[key]:.4g}" for key in ("min", "median", "max")]
@@ -66,5 +69,19 @@ def show_index_map(content: Mapping[str, Any]) -> None:
             f"best gamma for the {best['aim']} over {content['workpiece_points']} points: {best['gamma_deg']:g} deg, "
             f"{content['quantity']} {best['value']:.4g}{unit.replace(',', '')}"
         )
+    others = [one for one in content["trade_off"] if best is None or one["points_reached"] < _reach(content)]
+    for one in others[:3]:
+        more = "" if best is None else f" ({100.0 * (one['value'] / best['value'] - 1.0):+.0f} %)"
+        say(
+            f"{one['gamma_deg']:g} deg would have {one['value']:.4g}{unit.replace(',', '')}{more}, but reaches "
+            f"{one['points_reached']} of {content['workpiece_points']} points"
+        )
     if not content["all_solutions_found"]:
         say("note: this arm's inverse kinematics is searched; postures may have been missed")
+
+
+def _reach(content: Mapping[str, Any]) -> int:
+    """Points of the workpiece that the best gamma reaches."""
+    gamma = content["best_gamma"]["gamma_deg"]
+    found = [one["points_reached"] for one in content["trade_off"] if one["gamma_deg"] == gamma]
+    return int(found[0]) if found else int(content["workpiece_points"])

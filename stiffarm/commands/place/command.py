@@ -152,12 +152,12 @@ def place(
 ) -> None:
     """Find where the base should stand for the stiffest cut.
 
-    The base stands or moves on the linear axes of the cell. Writes placement.csv, placement.json and a report into
-    --out.
+    The base stands or moves on the linear axes of the cell. Writes report.html, axes.html (the axes map to drag
+    gamma in), placement.csv and placement.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         cutting = _force(force, force_axes, milling)
-        given = frame.model(model, links, load_path, without="the placement", sets=sets)
+        given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True)
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))
@@ -185,7 +185,7 @@ def place(
                 )
             content = placement_payload.payload(step)
             if folder is not None:
-                _write(folder, given, step, content)
+                _write(folder, model, given, step, content)
         frame.answer(content, lambda: _show(step))
 
 
@@ -235,12 +235,18 @@ def _pair(text: str) -> tuple[float, float] | None:
     return None if values is None or len(values) > 2 else (values[0], values[-1])
 
 
-def _write(folder: OutputFolder, given: Arm, step: PlacedStep, content: dict[str, Any]) -> None:
+def _write(folder: OutputFolder, model: str, given: Arm, step: PlacedStep, content: dict[str, Any]) -> None:
+    from stiffarm.commands.place.axes import axes_study
     from stiffarm.commands.place.report import write_report
+    from stiffarm.commands.posture.axes_page import NAME, axes_page
 
     folder.write_json("placement.json", content)
     folder.write_text("placement.csv", columns_text(placement_payload.columns(step)))
-    write_report(step, given.description.title.split(" (")[0], folder)
+    title = given.description.title.split(" (")[0]
+    study = axes_study(step, model, given.description)
+    if study is not None:
+        folder.write_text(NAME, axes_page(study, f"{title} in cell {step.cell.name}"))
+    write_report(step, title, folder)
 
 
 def _show(step: PlacedStep) -> None:

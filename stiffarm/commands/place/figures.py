@@ -14,7 +14,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import draw_line
 from stiffarm.commands.posture.figures.axes_map import hatched, steps
-from stiffarm.pages.figure_parts import SERIES, drawing, paler
+from stiffarm.pages.figure_parts import LINES, MARKERS, SERIES, drawing, paler
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS
 
 # Why a position cannot be taken, and how it is drawn.
@@ -26,40 +26,57 @@ ZONES = {
 }
 
 
-def curve_figure(
-    x: Array, value: Array, why: Sequence[str], axis: str, label: str, marks: Mapping[str, float]
-) -> Figure:
-    """Draw the goal over one coordinate; where it is NaN the zone of ``why`` is shaded.
+# Pictures of positions stand beside the answer, in half of a page's width.
+WIDTH_IN = 5.2
 
-    ``x`` (p,) ascending, ``value`` (p,), ``why`` (p,) of :data:`ZONES` or empty; ``marks``: positions by name.
+
+def curve_figure(
+    x: Array, values: Mapping[str, Array], why: Sequence[str], axis: str, label: str, marks: Mapping[str, float]
+) -> Figure:
+    """Draw what positions over one coordinate are worth; where there is no value the zone of ``why`` is shaded.
+
+    ``x`` (p,) ascending, ``values`` (p,) by name, ``why`` (p,) of :data:`ZONES` or empty; ``marks``: positions by name,
+    the first is the recommended one.
 
     Raises
     ------
     InputError
         Shapes that do not fit.
     """
-    if x.shape != value.shape or len(why) != len(x) or not len(x):
-        raise InputError("curve of positions", value=f"shape {value.shape}", allowed=f"({len(x)},), one of each")
-    with drawing(f"{label.split(',')[0]} over the base's position", "wide") as (figure, (ax,)):
+    shapes = {value.shape for value in values.values()}
+    if shapes != {x.shape} or len(why) != len(x) or not len(x):
+        raise InputError("curve of positions", value=f"shapes {shapes}", allowed=f"({len(x)},), one of each")
+    with drawing("", (WIDTH_IN, 4.6)) as (figure, (ax,)):
         edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
         for i, reason in enumerate(why):
             if reason:
                 _, colour, hatch = ZONES[reason]
                 ax.axvspan(edge[i], edge[i + 1], facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
-        ax.plot(x, value, color=SERIES[0], marker="o" if len(x) < 60 else "", markersize=3)
+        for k, (name, value) in enumerate(values.items()):
+            ax.plot(x, value, color=SERIES[0] if k == 0 else INK, linestyle=LINES[k], linewidth=2.2 if k == 0 else 1.4,
+                    marker="o" if len(x) < 60 else "", markersize=3, label=name)  # fmt: skip
         ax.set_xlim(x[0], x[-1])
-        if np.isfinite(value).any():
-            low, high = float(np.nanmin(value)), float(np.nanmax(value))
+        every = np.concatenate(list(values.values()))
+        if np.isfinite(every).any():
+            low, high = float(np.nanmin(every)), float(np.nanmax(every))
             room = 0.08 * (high - low) or 1.0
-            ax.set_ylim((0.0 if 0.0 <= low < 0.5 * high else low - room), high + room)
-        for k, (name, at) in enumerate(marks.items()):
-            # A white edge, so that it shows on a hatched zone as well.
-            ax.axvline(at, color="white", linewidth=5.0, zorder=4)
-            colour, style = (SERIES[1], "-") if k == 0 else (INK, ":")
-            ax.axvline(at, color=colour, linestyle=style, linewidth=2.0, zorder=5, label=name)
+            ax.set_ylim((0.0 if 0.0 <= low < 0.5 * high else low - room), high + 2.0 * room)
+        _marked_lines(ax, marks)
         ax.set(xlabel=axis, ylabel=label)
         _legend(figure, ax, why)
     return figure
+
+
+def _marked_lines(ax: Axes, marks: Mapping[str, float]) -> None:
+    """Positions as upright lines: black with a flag for the recommended one, in no colour that a zone has."""
+    for k, (name, at) in enumerate(marks.items()):
+        # A white edge, so that it shows on a hatched zone as well.
+        ax.axvline(at, color="white", linewidth=5.0, zorder=4)
+        ax.axvline(at, color=INK, linestyle="-" if k == 0 else LINES[k + 1], linewidth=2.4 if k == 0 else 1.4, zorder=5,
+                   label=name)  # fmt: skip
+        if k == 0:
+            ax.plot(at, 1.0, marker="v", markersize=11, color=INK, transform=ax.get_xaxis_transform(), clip_on=False,
+                    zorder=6)  # fmt: skip
 
 
 def map_figure(
@@ -71,7 +88,9 @@ def map_figure(
     label: str,
     marks: Mapping[str, tuple[float, float]],
 ) -> Figure:
-    """Draw the goal over two coordinates; ``value`` and ``why`` (p, r) over x (p,) and y (r,), marks as positions.
+    """Draw what positions over two coordinates are worth.
+
+    ``value`` and ``why`` (p, r) over x (p,) and y (r,); ``marks`` as in :func:`curve_figure`, as positions.
 
     Raises
     ------
@@ -82,8 +101,8 @@ def map_figure(
         raise InputError("map of positions", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
     reason = np.array(why, dtype=object).reshape(value.shape)
     wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
-    size = 9.0, float(np.clip(7.0 / max(wide, 0.5), 3.6, 7.5))
-    with drawing(f"{label.split(',')[0]} over the base's position", size) as (figure, (ax,)):
+    size = WIDTH_IN, float(np.clip(1.2 + 4.0 / max(wide, 0.5), 3.4, 6.0))
+    with drawing("", size) as (figure, (ax,)):
         ax.grid(visible=False)
         for key, (_, colour, hatch) in ZONES.items():
             mask = reason == key
@@ -91,8 +110,9 @@ def map_figure(
                 hatched(ax, steps(x), steps(y), mask, paler(colour), hatch, colour)
         mesh = ax.pcolormesh(x, y, np.ma.masked_invalid(value.T), cmap=STIFFNESS_COLOURS, shading="nearest")
         for k, (name, spot) in enumerate(marks.items()):
-            ax.plot(*spot, linestyle="", marker="*" if k == 0 else "o", markersize=15 if k == 0 else 8, label=name,
-                    markerfacecolor="white", markeredgecolor=INK, zorder=5)  # fmt: skip
+            marker = "*" if k == 0 else MARKERS[k]
+            ax.plot(*spot, linestyle="", marker=marker, markersize=17 if k == 0 else 9, label=name,
+                    markerfacecolor="white", markeredgecolor=INK, markeredgewidth=1.4, zorder=5)  # fmt: skip
         ax.set(xlabel=names[0], ylabel=names[1])
         bar = figure.colorbar(mesh, ax=ax, label=label)
         bar.outline.set_visible(False)
@@ -123,4 +143,4 @@ def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:
             handles.append(Patch(facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
             labels.append(name)
     if handles:
-        figure.legend(handles, labels, loc="outside lower left", ncols=5)
+        figure.legend(handles, labels, loc="outside lower left", ncols=2)

@@ -15,14 +15,16 @@ from stiffarm.session.json_text import number, numbers
 
 # Every placement's error is drawn with the same arms and forces.
 SEED = 0
-CHOSEN, FIXED, BEFORE = "recommended", "best position at rest", "as it stands"
-KEYS = {CHOSEN: "recommended", FIXED: "fixed_position", BEFORE: "as_it_stands"}
+CHOSEN, FIXED, STAYING, BEFORE = "recommended", "best position at rest", "present place, best gamma", "as it stands"
+KEYS = {
+    CHOSEN: "recommended", FIXED: "fixed_position", STAYING: "present_place_best_gamma", BEFORE: "as_it_stands",
+}  # fmt: skip
 
 
 def named(step: PlacedStep) -> dict[str, Along]:
     """The placements to compare, by what they are called; the recommended one first."""
     placed = step.placed
-    found = {CHOSEN: placed.after, FIXED: placed.fixed, BEFORE: placed.before}
+    found = {CHOSEN: placed.after, FIXED: placed.fixed, STAYING: placed.staying, BEFORE: placed.before}
     return {name: one for name, one in found.items() if one is not None}
 
 
@@ -47,7 +49,9 @@ def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
     placed, problem = step.placed, step.placed.problem
     others = {name: one for name, one in named(step).items() if name != CHOSEN}
-    not_found = {KEYS[BEFORE]: placed.why_no_before, KEYS[FIXED]: placed.why_no_fixed}
+    not_found = {
+        KEYS[BEFORE]: placed.why_no_before, KEYS[STAYING]: placed.why_no_staying, KEYS[FIXED]: placed.why_no_fixed,
+    }  # fmt: skip
     return placement_content(placement_of(step)) | {
         "aim": problem.goal.aim,
         "mode": placed.how.mode,
@@ -68,6 +72,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "stiffness_uncertainty": arm_uncertainty(problem.uncertainty),
         "placements": {KEYS[name]: _summary(step, one) for name, one in named(step).items()},
         "gain": {KEYS[name]: estimated(placed.after.gain(one), 1.0) for name, one in others.items()},
+        "gain_of_worst": {KEYS[name]: estimated(placed.after.gain(one, "worst"), 1.0) for name, one in others.items()},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
         "notes": [*placed.notes, *step.notes],
     }  # fmt: skip

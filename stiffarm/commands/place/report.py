@@ -2,28 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from machining.placement import Along, Look
+from machining.cutting import Estimated
+from machining.placement import Along, Look, Survey
+from machining.placement.search import COARSE_ROWS
 from machining.placement.study import PlacedStep
+from robots.arrays import Array
 from stiffarm.commands.place.figures import along_figure, curve_figure, map_figure
-from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, named, peak_rates
+from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, SEED, STAYING, named, peak_rates
 from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
+from stiffarm.pages.numbers import known_to, ranged, significant
+from stiffarm.pages.report import (
+    Answer,
+    Block,
+    Bullets,
+    Fold,
+    KeyFigure,
+    Note,
+    Picture,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
 from stiffarm.session.outputs import OutputFolder
 
-# Words and factor of the merit that the map shows.
+# What the aim is called.
 AIM_WORDS = {
-    "ksf": ("K_sf", 1.0),
-    "mean": ("mean stiffness along the force, N/mm", 1e-3),
-    "worst": ("stiffness of the softest point, N/mm", 1e-3),
-    "error": ("RMS of the surface error, um", -1e6),
+    "ksf": "the stiffness criterion K_sf",
+    "mean": "the mean stiffness along the cutting force",
+    "worst": "the stiffness of the softest point along the cutting force",
+    "error": "the RMS of the surface error",
 }
+# Changes smaller than this share are not worth moving a base.
+WORTHWHILE = 0.02
 MEANINGS = {
     CHOSEN: "what was found in the mode that was asked for",
     FIXED: "the best single position of the base, with the best single gamma",
+    STAYING: "the base where it is now, with the best single gamma there",
     BEFORE: "the linear axes at 0 (mid-range where 0 is out of their limits), gamma 0",
 }
 
@@ -31,39 +52,129 @@ MEANINGS = {
 def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
+    position = position_picture(step, pictures)
     sections = [
         result_section(step),
-        Section("What other positions are worth", (position_picture(step, pictures),)),
         along_section(step, pictures),
         motion_section(step, pictures),
         how_section(step),
     ]
-    path = step.given.path
-    lede = (
-        f"Path of {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm, in cell {step.cell.name}; aim: "
-        f"{AIM_WORDS[step.placed.problem.goal.aim][0].split(',')[0]}; base: {step.placed.how.mode}."
+    missing = [text for text in remarks(step) if "were not looked at" in text]
+    answer = Answer(sure=sure_words(step), todo=TODO + other_aim_words(step), picture=position, warnings=tuple(missing))
+    write_page(folder, title, lede(step), _key_figures(step), sections, "where should the robot stand?", answer=answer)
+
+
+TODO = (
+    "Write the program for this place with `stiffarm post ... --placement` and placement.json, then check it with "
+    "`stiffarm verify` before the cell moves. axes.html lets you drag gamma along the path at this place."
+)
+
+
+def lede(step: PlacedStep) -> str:
+    """Where the base should stand and what that is worth, in two sentences."""
+    after, placed = step.placed.after, step.placed
+    softest = after.estimated()["worst"]
+    out = (
+        f"Put the base at {where_words(step, after)} with gamma {gamma_words(after)}: the softest point of the path "
+        f"then has {_stiffness(softest)} along the cutting force."
     )
-    write_page(folder, title, lede, _key_figures(step), sections, "where should the robot stand?")
+    if step.placed.how.mode == "moving":
+        out = out.replace("Put the base at", "Let the base move over")
+    if placed.staying is not None:
+        out += f" {_against(placed.after, placed.staying)}"
+    elif placed.why_no_staying is not None:
+        out += " From where it stands now no gamma reaches the whole path."
+    path = step.given.path
+    return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
+
+
+def _against(after: Along, now: Along) -> str:
+    """The softest point and the mean against the present place with its best gamma."""
+    worst, mean = after.gain(now, "worst"), after.gain(now)
+    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} in the mean"
+    if max(abs(worst.value - 1.0), abs(mean.value - 1.0)) < WORTHWHILE:
+        return f"Its present place is as good, with gamma {gamma_words(now)}: moving the base changes {gains}."
+    return f"Against its present place with the best gamma there ({gamma_words(now)}) that is {gains}."
+
+
+def percent_more(factor: float) -> str:
+    """A factor as a change, as in "+12 %"."""
+    change = 100.0 * (factor - 1.0)
+    return f"{change:+.0f} %" if abs(change) >= 9.5 else f"{change:+.1f} %"
+
+
+def other_aim_words(step: PlacedStep) -> str:
+    """Where the softest point would be stiffer, if another aim decides where to stand."""
+    values, _ = position_values(step.map)
+    worst, goal = values.get("softest point"), step.placed.problem.goal
+    if worst is None or goal.aim == "worst" or not np.isfinite(worst).any():
+        return ""
+    best = int(np.nanargmax(worst))
+    if worst[best] < (1.0 + 2.0 * WORTHWHILE) * step.placed.after.worst * 1e-3:
+        return ""
+    where = step.placed.problem.space.words(step.map.grid[best].x)
+    return (
+        f" The aim was {AIM_WORDS[goal.aim]}; if the softest point decides, `--aim worst` does better: about "
+        f"{significant(worst[best])} N/mm near {where}."
+    )
+
+
+def sure_words(step: PlacedStep) -> str:
+    """How far the figures can be trusted."""
+    collisions = step.placed.problem.scene is not None
+    looked = "Collisions are looked at in the points of the path." if collisions else ""
+    return (
+        f"{sentence(step.placed.problem.uncertainty)} Static stiffness of the arm and its axes only. {looked}".strip()
+    )
+
+
+def gamma_words(one: Along) -> str:
+    """The angle gamma, or its range, in deg."""
+    low, high = np.degrees([one.course.gamma.min(), one.course.gamma.max()])
+    return f"{low:.4g} deg" if high - low < 1e-6 else f"{low:.4g} to {high:.4g} deg"
 
 
 def _key_figures(step: PlacedStep) -> list[KeyFigure]:
-    after, before = step.placed.after, step.placed.before
+    after, placed = step.placed.after, step.placed
+    found = after.estimated()
+    at = 1e3 * step.given.path.arc_length[int(after.stiffness.argmin())]
     out = [
-        KeyFigure(f"{after.k_sf:.4g}", "K_sf"),
-        KeyFigure(f"{after.mean * 1e-3:.4g} N/mm", f"mean stiffness along the force (95 %: {_span(after, 'mean')})"),
-        KeyFigure(f"{after.error_rms * 1e6:.3g} um", "RMS of the predicted surface error"),
+        KeyFigure(
+            _stiffness(found["worst"]),
+            f"softest point of the path, along the cutting force, at {significant(at)} mm",
+            _span(after, "worst"),
+        ),
+        KeyFigure(where_words(step, after), "where the base should stand"),
+        KeyFigure(gamma_words(after), "gamma there, the angle about the tool axis"),
     ]
-    if before is not None:
-        gain = after.gain(before)
-        label = f"mean stiffness against as it stands (95 %: {gain.low:.3g} to {gain.high:.3g})"
-        out.append(KeyFigure(f"{gain.value:.3g} x", label))
-    return out
+    now = next((pair for pair in ((STAYING, placed.staying), (BEFORE, placed.before)) if pair[1] is not None), None)
+    if now is None or now[1] is None:
+        out.append(KeyFigure("not at all", "can the path be driven from where the robot stands now"))
+    else:
+        gain = after.gain(now[1], "worst")
+        ends = [percent_more(v) for v in (gain.low, gain.high)]
+        interval = "" if ends[0] == ends[1] else f"95 %: {ends[0]} to {ends[1]}"
+        out.append(KeyFigure(percent_more(gain.value), f"stiffness of the softest point, against: {now[0]}", interval))
+    error = after.error.estimated(np.random.default_rng(SEED))["rms"]
+    return [
+        *out,
+        KeyFigure(_stiffness(found["mean"]), "mean stiffness along the cutting force", _span(after, "mean")),
+        KeyFigure(
+            f"{known_to(error.value * 1e6, error.low * 1e6, error.high * 1e6)} um",
+            "RMS of the predicted surface error",
+            f"95 %: {ranged(error.low * 1e6, error.high * 1e6, 'um')}",
+        ),
+    ]
+
+
+def _stiffness(found: Estimated) -> str:
+    return f"{known_to(found.value * 1e-3, found.low * 1e-3, found.high * 1e-3)} N/mm"
 
 
 def _span(one: Along, statistic: str) -> str:
     """95 % interval of the mean or worst stiffness, N/mm."""
     found = one.estimated()[statistic]
-    return f"{found.low * 1e-3:.3g} to {found.high * 1e-3:.3g}"
+    return f"95 %: {ranged(found.low * 1e-3, found.high * 1e-3, 'N/mm', 3)}"
 
 
 def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
@@ -75,11 +186,9 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
             (
                 name,
                 where_words(step, one),
-                f"{one.k_sf:.4g}",
-                f"{float(one.terms.squares):.3g} + {float(one.terms.mean):.3g}",
-                f"{one.mean * 1e-3:.4g}",
-                _span(one, "mean"),
-                f"{one.worst * 1e-3:.4g}",
+                gamma_words(one).removesuffix(" deg"),
+                _within(one, "worst"),
+                _within(one, "mean"),
                 f"{statistics['rms'] * 1e6:.3g}",
                 f"{statistics['worst'] * 1e6:.3g}",
             )
@@ -88,8 +197,13 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
 
 
 COLUMNS = (
-    "placement", "base", "K_sf", "its terms", "mean, N/mm", "95 %", "worst, N/mm", "RMS error, um", "worst error, um",
+    "placement", "base", "gamma, deg", "softest point, N/mm", "mean, N/mm", "RMS error, um", "worst error, um",
 )  # fmt: skip
+
+
+def _within(one: Along, statistic: str) -> str:
+    found = one.estimated()[statistic]
+    return f"{found.value * 1e-3:.4g} ({found.low * 1e-3:.3g} to {found.high * 1e-3:.3g})"
 
 
 def where_words(step: PlacedStep, one: Along) -> str:
@@ -107,22 +221,36 @@ def where_words(step: PlacedStep, one: Along) -> str:
 def result_section(step: PlacedStep) -> Section:
     """What is recommended beside the other placements."""
     names = tuple(named(step))
-    criterion = step.placed.after.criterion
-    blocks: list[Text | Note | Table | Bullets] = [
-        Table("Placements", COLUMNS, tuple(table_rows(step)), text_columns=(0, 1), best=0),
+    caption = "Placements; in brackets 95 % intervals"
+    blocks: list[Block] = [
+        Table(caption, COLUMNS, tuple(table_rows(step)), text_columns=(0, 1), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in names)),
-        Text(sentence(step.placed.problem.uncertainty)),
-        Text(
-            f"K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
-            f"{criterion.alpha:.3g} mm²/N², beta {criterion.beta:.3g} mm⁴/N⁴. The published criterion gives no "
-            "weights; unless they are given, those are taken that make both terms 1 at the largest mean stiffness of "
-            "the coarse grid, so K_sf of two tasks cannot be compared."
-        ),
     ]
     if len(step.placed.first) > 1:
         blocks.append(_pieces(step))
     blocks += [Note(text) for text in remarks(step)]
-    return Section("Where to stand", tuple(blocks))
+    return Section("Where to stand", (*blocks, criterion_fold(step)))
+
+
+def criterion_fold(step: PlacedStep) -> Fold:
+    """K_sf of the placements, which ranks positions for one task and says nothing across tasks."""
+    criterion = step.placed.after.criterion
+    rows = tuple(
+        (name, f"{one.k_sf:.4g}", f"{float(one.terms.squares):.3g}", f"{float(one.terms.mean):.3g}")
+        for name, one in named(step).items()
+    )
+    return Fold(
+        "The criterion K_sf, which ranks positions for this task",
+        (
+            Table("K_sf and its two terms", ("placement", "K_sf", "alpha sum k²", "beta (mean k)⁴"), rows),
+            Text(
+                f"K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
+                f"{criterion.alpha:.3g} mm²/N², beta {criterion.beta:.3g} mm⁴/N⁴. The published criterion gives no "
+                "weights; unless they are given, those are taken that make both terms 1 at the largest mean stiffness "
+                "of the coarse grid, so K_sf of two tasks cannot be compared."
+            ),
+        ),
+    )
 
 
 def _pieces(step: PlacedStep) -> Table:
@@ -158,39 +286,54 @@ def remarks(step: PlacedStep) -> list[str]:
 
 
 def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
-    """Curve or map of the goal; of three coordinates or more the best over those that are not drawn."""
+    """Curve or map of what positions are worth; of three coordinates or more the best over those that are not drawn."""
     space, grid = step.placed.problem.space, step.map
-    words, factor = AIM_WORDS[step.placed.problem.goal.aim]
-    value = np.array([look.merit * factor if np.isfinite(look.merit) else np.nan for look in grid.grid])
+    values, label = position_values(grid)
     why = [zone(look) for look in grid.grid]
     labels = tuple(f"{name}, {unit}" for name, unit in zip(space.names, space.units, strict=True))
     lines = [
         np.linspace(a, b, n) * f for a, b, n, f in zip(space.lower, space.upper, grid.counts, space.shown, strict=True)
     ]
+    rows = len(step.placed.problem.sure_rows(COARSE_ROWS))
     caption = (
-        f"{words.split(',')[0]} of the whole path, the base at rest, each position with its best angle gamma. "
-        "Where nothing is drawn, no angle of the grid lets the base stand there for the whole path; an angle between "
-        "them may, as where the recommended position stands in such a zone."
+        f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path. Shaded: "
+        "no gamma lets the base stand there for the whole path, and why."
     )
     spots = {name: space.coordinates(one.e.mean(axis=0), one.table) * space.shown for name, one in _marked(step)}
     if space.d == 1:
         figure = curve_figure(
-            lines[0], value, why, labels[0], words, {name: float(spot[0]) for name, spot in spots.items()}
+            lines[0], values, why, labels[0], label, {name: float(spot[0]) for name, spot in spots.items()}
         )
         return pictures.add(figure, "positions", caption)
     shape = (grid.counts[0], grid.counts[1], -1)
-    sign = -1.0 if factor < 0.0 else 1.0
-    good = np.where(np.isnan(value), -np.inf, sign * value).reshape(shape)
-    best = good.argmax(axis=2)[..., None]
+    best = np.array([look.merit for look in grid.grid]).reshape(shape).argmax(axis=2)[..., None]
+    name, value = next(iter(values.items()))
     flat = np.take_along_axis(value.reshape(shape), best, axis=2)[..., 0]
     reasons = np.take_along_axis(np.array(why, dtype=object).reshape(shape), best, axis=2)[..., 0]
     if space.d > 2:
         caption += f" The best over {', '.join(space.names[2:])}."
     figure = map_figure(
-        lines[0], lines[1], flat, reasons.ravel().tolist(), (labels[0], labels[1]), words,
+        lines[0], lines[1], flat, reasons.ravel().tolist(), (labels[0], labels[1]), f"{name}, {label.split(', ')[-1]}",
         {name: (float(spot[0]), float(spot[1])) for name, spot in spots.items()},
     )  # fmt: skip
     return pictures.add(figure, "positions", caption)
+
+
+def position_values(grid: Survey) -> tuple[dict[str, Array], str]:
+    """What each position looked at is worth (p,), NaN where none is, by name; and what the figures' axis says."""
+    problem = grid.problem
+    share = problem.share_of(problem.sure_rows(COARSE_ROWS))
+    looks = [look.values for look in grid.grid]
+
+    def each(of: Callable[[Array], float]) -> Array:
+        return np.array([np.nan if values is None else of(values) for values in looks])
+
+    if problem.goal.minimised:
+        return {"RMS error": each(lambda v: 1e6 * float(np.sqrt(v**2 @ share)))}, "predicted surface error, um"
+    return {
+        "softest point": each(lambda v: 1e-3 * float(v.min())),
+        "mean over the path": each(lambda v: 1e-3 * float(v @ share)),
+    }, "stiffness along the force, N/mm"
 
 
 def _marked(step: PlacedStep) -> list[tuple[str, Along]]:
@@ -247,14 +390,15 @@ def how_section(step: PlacedStep) -> Section:
             placed.problem.space.lower, placed.problem.space.upper, strict=True,
         )
     )  # fmt: skip
+    aim = AIM_WORDS[placed.problem.goal.aim]
     return Section(
         "How it was found",
         (
             Text(
-                f"Base positions in {ranges}; {placed.evaluations} of them looked at, each over the path with "
-                f"{len(placed.problem.angles)} angles gamma and all branches. A coarse grid, its best basins by "
-                "pattern search; steps and motion along the path by dynamic programming on a grid, then finer about "
-                "the result."
+                f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them "
+                f"looked at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A "
+                "coarse grid, its best basins by pattern search; steps and motion along the path by dynamic "
+                "programming on a grid, then finer about the result."
             ),
             Bullets(
                 (
@@ -265,4 +409,5 @@ def how_section(step: PlacedStep) -> Section:
                 )
             ),
         ),
+        folded=True,
     )

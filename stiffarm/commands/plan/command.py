@@ -210,11 +210,13 @@ def _write(
     folder: OutputFolder,
 ) -> None:  # fmt: skip
     from stiffarm.commands.plan.figures import plan_figure
+    from stiffarm.commands.plan.report import write_report
     from stiffarm.pages.style import save_png
 
     folder.write_json(RESULT, content)
     _write_sheet(given, plan_results.plan_sheet(given, table, planned), folder)
     save_png(plan_figure(planned.made, planned.found, given.robot.name), folder.path(FIGURE))
+    write_report(given, table, planned, FIGURE, folder)
 
 
 def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:
@@ -236,8 +238,11 @@ def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zo
     content = iso9283.payload(given.robot, q, load)
     with frame.folder_if() as folder:
         if folder is not None:
+            from stiffarm.commands.plan.report import write_iso_report
+
             folder.write_json(RESULT, content)
             _write_sheet(given, sheet, folder)
+            write_iso_report(given, sheet.facts, len(sheet.labels), folder)
 
     def show() -> None:
         for fact in sheet.facts:

@@ -137,7 +137,7 @@ def post(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         targets = parse_targets(formats, coordinates)
-        given = frame.model(model, links, load_path, without="the programs", sets=sets)
+        given = frame.model(model, links, load_path, without="the programs", sets=sets, shown=True)
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         if compensate and cut is None:

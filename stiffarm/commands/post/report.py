@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from machining import singular_distance
+from machining.cutting import Estimated
 from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
@@ -17,8 +18,9 @@ from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import SERIES, drawing
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
+from stiffarm.pages.figure_parts import LINES, SERIES, drawing
+from stiffarm.pages.numbers import ranged
+from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 
@@ -106,13 +108,43 @@ def write_report(run: PostRun, heading: str, folder: OutputFolder) -> None:
     if run.compensated is not None:
         sections.append(_compensated(run.compensated, pictures))
     sections.append(_reading(run))
+    worst = max(trip.tip for trip in run.trips.values()) * 1e6
     lede = (
-        f"{program.motions.source}: {run.request.motions.n:,} moves read, {program.n:,} written "
-        f"({int(program.inserted.sum()):,} points put in so that joint motion stays within "
-        f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line)."
+        f"{len(run.trips)} program{'s' if len(run.trips) > 1 else ''} written from {program.motions.source}; read "
+        f"back, none leaves the tool path by more than {max(worst, 1e-3):.2g} um. {run.request.motions.n} moves read, "
+        f"{program.n} written: {int(program.inserted.sum())} points put in so that joint motion stays within "
+        f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line."
     )
-    question = "from tool path to program"
-    write_page(folder, heading, lede, _key(run), sections, question)
+    answer = Answer(
+        sure=" ".join(uncertainty_words(run)), todo=_todo(run), picture=_motion(run, pictures), warnings=(UNVERIFIED,)
+    )
+    write_page(folder, heading, lede, _key(run), sections, "does the program follow the tool path?", answer=answer)
+
+
+def _todo(run: PostRun) -> str:
+    """What to do before the cell moves, with the file to check where there is one."""
+    neutral = [
+        f"{target.folder}/{file.name}"
+        for target in run.trips
+        if FORMATS[target.name].neutral
+        for file in run.written[target].files[:1]
+    ]
+    if neutral:
+        return (
+            f"Check {neutral[0]} in its cell with `stiffarm verify`, then the notes below on frames and signs of axes."
+        )
+    return "Write the neutral program too (`--format json`) and check it in its cell with `stiffarm verify`."
+
+
+def _motion(run: PostRun, pictures: Pictures) -> Picture:
+    program = run.posted.program
+    return joints_picture(pictures, _way(run), {"program": program.q}, run.model.robot, narrow=True)
+
+
+def _way(run: PostRun) -> Array:
+    """Length along the program (n,) m."""
+    steps = np.linalg.norm(np.diff(run.posted.program.motions.points, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _key(run: PostRun) -> list[KeyFigure]:
@@ -120,10 +152,15 @@ def _key(run: PostRun) -> list[KeyFigure]:
     course = run.posted.course
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
     span = None if run.drawn is None else run.drawn.estimated(lambda v: v.mean(axis=-1))
-    between = "" if span is None else f" (95 %: {span.low * it.factor:.3g} to {span.high * it.factor:.3g})"
+    least = np.max if run.request.settings.objective.minimised else np.min
+    softest = None if run.drawn is None else run.drawn.estimated(lambda v: least(v, axis=-1))
+
+    def within(found: Estimated | None) -> str:
+        return "" if found is None else f"95 %: {ranged(found.low * it.factor, found.high * it.factor, it.unit, 3)}"
+
     stiffness = [
-        KeyFigure(f"{course.mean * it.factor:.4g}", f"mean {it.label}{between}"),
-        KeyFigure(f"{course.worst * it.factor:.4g}", f"{it.label}, worst point"),
+        KeyFigure(f"{course.worst * it.factor:.4g} {it.unit}", f"{it.quantity}, worst point", within(softest)),
+        KeyFigure(f"{course.mean * it.factor:.4g} {it.unit}", f"{it.quantity}, mean", within(span)),
     ]
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),
@@ -147,7 +184,6 @@ def _programs(run: PostRun) -> Section:
     notes = {note: None for target in run.trips for note in run.written[target].notes}
     columns = ("format", "coordinates", "files", "off path, um", "off path, urad")
     blocks: list[Text | Note | Table | Bullets] = [
-        Note(UNVERIFIED),
         Table("Programs, read back and compared with the tool path", columns, rows, text_columns=(0, 1, 2)),
     ]
     if notes:
@@ -157,7 +193,7 @@ def _programs(run: PostRun) -> Section:
 
 def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.posted.program, run.model.robot
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1))]) * 1e3
+    way = _way(run) * 1e3
     reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.state.reference))
     blocks: list[Text | Picture] = [
         Text(
@@ -166,8 +202,6 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
             f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
-        joints_picture(pictures, way * 1e-3, {"program": program.q}, robot),
-        *(Text(words) for words in uncertainty_words(run)),
     ]
     if program.travel.shape[1]:
         travels = {axis.name: program.travel[:, k] * 1e3 for k, axis in enumerate(program.cell.linear_axes)}
@@ -180,7 +214,9 @@ def _lines(x: Array, lines: Mapping[str, Array], labels: tuple[str, str], text: 
     """Lines over one another along the program; ``labels`` of the axes."""
     with drawing(text, (10.0, 3.3)) as (figure, (ax,)):
         for k, (name, values) in enumerate(lines.items()):
-            ax.plot(x, values, color=SERIES[k % len(SERIES)], linewidth=1.2, label=name)
+            ax.plot(
+                x, values, color=SERIES[k % len(SERIES)], linestyle=LINES[k % len(LINES)], linewidth=1.4, label=name
+            )
         ax.set(xlabel=labels[0], ylabel=labels[1])
         ax.legend(loc="upper right", ncols=3)
     return figure
@@ -221,4 +257,4 @@ def _reading(run: PostRun) -> Section:
     blocks: list[Text | Bullets] = [Text(f"Words that are no motion: {counted or 'none'}.")]
     if motions.notes:
         blocks.append(Bullets(tuple(str(note) for note in motions.notes[:40])))
-    return Section("What was read", tuple(blocks))
+    return Section("What was read", tuple(blocks), folded=True)

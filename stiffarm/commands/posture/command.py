@@ -12,6 +12,7 @@ from fem.arm import Arm
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.cutting import stiffness_uncertainty
 from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
+from machining.setup import Setup
 from machining.stiffness.objective import DISPLACEMENTS
 from machining.toolpaths import ReadOptions, read_given_path
 from robots import InputError
@@ -132,10 +133,10 @@ def posture(
     """Find the stiffest posture along a tool path.
 
     Chooses the redundant angle gamma, branch and turns of the joints such that the path can be driven. Writes
-    posture.csv, posture.json and a report into --out.
+    report.html, axes.html (the axes map to drag the course in), posture.csv and posture.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the postures", sets=sets)
+        given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True)
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
@@ -171,7 +172,7 @@ def posture(
                 "effects_left_out": effects_left_out(given),
             }
             if folder is not None:
-                _write(folder, given, posed, content)
+                _write(folder, setup, model, given, posed, content)
         frame.answer(content, lambda: _show(posed))
 
 
@@ -189,12 +190,18 @@ def _gammas(text: str) -> GammaRange:
     return GammaRange(gammas - FIXED_HALF_WIDTH, gammas + FIXED_HALF_WIDTH, 2)
 
 
-def _write(folder: OutputFolder, given: Arm, posed: Posed, content: dict[str, Any]) -> None:
+def _write(folder: OutputFolder, setup: Setup, model: str, given: Arm, posed: Posed, content: dict[str, Any]) -> None:
+    from stiffarm.commands.posture.axes import axes_study
+    from stiffarm.commands.posture.axes_page import NAME, axes_page
     from stiffarm.commands.posture.report import write_report
 
     folder.write_json("posture.json", content)
     folder.write_text("posture.csv", columns_text(posture_payload.columns(posed)))
-    write_report(posed, given.description.title.split(" (")[0], folder)
+    title = given.description.title.split(" (")[0]
+    study = axes_study(posed, setup, model, given.description)
+    if study is not None:
+        folder.write_text(NAME, axes_page(study, title))
+    write_report(posed, title, folder)
 
 
 def _show(posed: Posed) -> None:

@@ -10,7 +10,8 @@ from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_m
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
+from stiffarm.pages.numbers import known_to, ranged, significant
+from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 
@@ -25,30 +26,77 @@ MEANINGS = {
 def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
-    sections = [courses_section(posed), *map_sections(posed, pictures), *error_sections(posed, pictures)]
+    sections = [courses_section(posed), *error_sections(posed, pictures)]
     sections += [motion_section(posed, pictures), how_section(posed)]
-    task = posed.request.task
-    lede = (
-        f"Posture along a path of {task.path.n} points, {1e3 * task.path.arc_length[-1]:.4g} mm; tool on the flange "
-        f"{frame_words(task.T_flange_tool)}; part in the base frame {frame_words(task.T_base_part)}."
+    missing = [text for text in remarks(posed) if "not looked at" in text or "not in this" in text]
+    answer = Answer(
+        sure=f"{sentence(posed.stiffness)} Static stiffness of the arm only.",
+        todo=TODO,
+        picture=map_picture(posed, pictures),
+        warnings=tuple(missing),
     )
-    question = "which posture along the path?"
-    write_page(folder, title, lede, _key_figures(posed), sections, question)
+    write_page(
+        folder, title, lede(posed), _key_figures(posed), sections, "which posture along the path?", answer=answer
+    )
+
+
+TODO = (
+    "Write the program with these angles: `stiffarm post` chooses them the same way. Then check it with "
+    "`stiffarm verify` before the cell moves. axes.html lets you drag the course and see what it costs; posture.csv "
+    "has gamma, branch and joints of every point."
+)
+
+
+def lede(posed: Posed) -> str:
+    """Which gamma, what that is worth at the worst point, and against what the program has now."""
+    course = posed.course
+    _, words, factor = quantity(posed.request.objective)
+    low, high = np.degrees([course.gamma.min(), course.gamma.max()])
+    angle = f"{low:.4g} deg" if high - low < 1e-6 else f"{low:.4g} to {high:.4g} deg"
+    name, _, unit = words.partition(", ")
+    path = posed.request.task.path
+    out = f"Gamma {angle} along the path: {name} {course.worst * factor:.4g} {unit}".strip() + " at the worst point"
+    if BEFORE in posed.others:
+        gamma = np.degrees(posed.request.before)
+        out += f", the mean {gain_words(posed, BEFORE)} against gamma {gamma:.4g} deg as programmed"
+    elif posed.why_no_before is not None:
+        out += "; as programmed it cannot be driven"
+    return f"{out}. Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm."
 
 
 def _key_figures(posed: Posed) -> list[KeyFigure]:
     _, words, factor = quantity(posed.request.objective)
+    name, _, unit = words.partition(", ")
+    mean, worst = posed.estimated(CHOSEN)
     out = [
-        KeyFigure(f"{posed.course.mean * factor:.4g}", f"mean {words}"),
-        KeyFigure(f"{posed.course.worst * factor:.4g}", f"{words}, worst point"),
+        KeyFigure(
+            f"{known_to(found.value * factor, found.low * factor, found.high * factor)} {unit}".strip(),
+            f"{name}, {what}",
+            f"95 %: {ranged(found.low * factor, found.high * factor, unit, 3)}",
+        )
+        for found, what in ((worst, "worst point of the path"), (mean, "mean over the path"))
     ]
-    for name in (BEFORE, FIXED):
-        if name in posed.others:
-            out.append(KeyFigure(gain_words(posed, name), f"mean against {name}"))
+    for other in (BEFORE, FIXED):
+        if other in posed.others:
+            value, _, interval = gain_words(posed, other).partition(" (")
+            out.append(KeyFigure(value, f"mean against {other}", f"95 %: {interval.rstrip(')')}" if interval else ""))
     if posed.milling is not None and posed.milling.comparison is not None:
         change = posed.milling.comparison.changes["rms"]
-        label = f"RMS error under the cutting force, {posed.milling.against} and now"
-        out.append(KeyFigure(f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um", label))
+        out.append(
+            KeyFigure(
+                f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um",
+                f"RMS error under the cutting force, {posed.milling.against} and now",
+                f"95 % of now: {ranged(change.after.low * 1e6, change.after.high * 1e6, 'um')}",
+            )
+        )
+    elif posed.milling is not None:
+        rms = posed.milling.errors[CHOSEN].estimated(np.random.default_rng(posed.request.seed))["rms"]
+        out.append(
+            KeyFigure(
+                f"{rms.value * 1e6:.3g} um", "RMS error under the cutting force",
+                f"95 %: {ranged(rms.low * 1e6, rms.high * 1e6, 'um')}",
+            )
+        )  # fmt: skip
     return out
 
 
@@ -78,10 +126,7 @@ def courses_section(posed: Posed) -> Section:
         "drivable",
     )
     blocks: list[Text | Note | Table | Bullets] = [
-        Text(
-            f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path. "
-            f"{sentence(posed.stiffness)}"
-        ),
+        Text(f"The aim is the {posed.request.objective.aim} {words.split(',')[0]} along the path."),
         Table("Courses along the path", columns, tuple(rows), best=0),
         Bullets(tuple(f"{name}: {MEANINGS[name]}." for name in (CHOSEN, *posed.others))),
     ]
@@ -89,19 +134,19 @@ def courses_section(posed: Posed) -> Section:
     return Section("Which posture", tuple(blocks))
 
 
-def map_sections(posed: Posed, pictures: Pictures) -> list[Section]:
+def map_picture(posed: Posed, pictures: Pictures) -> Picture | None:
     """The axes map with the courses; nothing for a path of one point."""
     made = map_of(posed)
     if made is None:
-        return []
+        return None
     _, words, _ = quantity(posed.request.objective)
-    lines = course_lines(posed.found, posed.before)
-    figure = draw_axes_map(made, lines, title=f"Axes map: {words} by path and gamma")
+    figure = draw_axes_map(made, course_lines(posed.found, posed.before), title="", narrow=True)
     caption = (
-        "Path across, gamma up; the colour is the best branch's value. Grey and hatched zones are barred. Lines are "
-        "the courses, below them their values. The map does not say between which cells the arm can be driven."
+        f"Axes map: {words} by path and gamma, the colour is the best branch's value. Grey and hatched zones are "
+        "barred. Lines are the courses, below them their values. The map does not say between which cells the arm can "
+        "be driven."
     )
-    return [Section("Where the path is stiff", (pictures.add(figure, "axes_map", caption),))]
+    return pictures.add(figure, "axes_map", caption)
 
 
 def error_sections(posed: Posed, pictures: Pictures) -> list[Section]:
@@ -164,12 +209,15 @@ def how_section(posed: Posed) -> Section:
     """How it was found, and what that leaves out."""
     request, drive = posed.request, posed.request.drive
     reference = ", ".join(f"{v:.3g}" for v in np.asarray(request.task.reference))
+    task = request.task
     return Section(
         "How it was found",
         (
             Text(
-                f"{request.gammas.count} angles gamma, all branches and turns of the joints at every point; the course "
-                "through them by dynamic programming, then on finer grids about it. Costs beside the objective: "
+                f"Tool on the flange {frame_words(task.T_flange_tool)}; part in the base frame "
+                f"{frame_words(task.T_base_part)}. {request.gammas.count} angles gamma, all branches and turns of the "
+                "joints at every point; the course through them by dynamic programming, then on finer grids about it. "
+                "Costs beside the objective: "
                 f"motion {drive.motion:g}, nearness of limits {drive.limit:g} within "
                 f"{np.degrees(drive.limit_zone):.3g} deg, of singularities {drive.singular:g} within "
                 f"{drive.singular_zone:g}. No joint steps by more than {np.degrees(drive.jump):.3g} deg at once."
@@ -183,4 +231,5 @@ def how_section(posed: Posed) -> Section:
                 )
             ),
         ),
+        folded=True,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 from matplotlib.figure import Figure
 
@@ -13,7 +14,7 @@ from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.figures import numbers_figure, tally_figure
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 
 QUESTION = "does the diagnosis find what is hidden?"
@@ -31,8 +32,15 @@ def write_report(draws: Sequence[Rehearsed], folder: OutputFolder) -> None:
         f"Rehearsal with made-up readings: {first.set_ups.source}; {given.model.link_kind} links, "
         f"{given.model.load_path} load path. Noise: {first.set_ups.words}."
     )
-    sections.append(how(first))
-    write_page(folder, given.description.title.split(" (")[0], lede, _key_figures(draws), sections, QUESTION)
+    sections.append(replace(how(first), folded=True))
+    title = given.description.title.split(" (")[0]
+    if len(draws) == 1:
+        lede, made = words.headline(first), lede
+        more = "One draw is an anecdote: `--draws 40` counts."
+        answer = Answer(words.visible(first), more)
+    else:
+        answer, made = Answer("Each draw hides another effect, at these set-ups and with this noise."), ""
+    write_page(folder, title, lede, _key_figures(draws), sections, QUESTION, made.rstrip("."), answer)
 
 
 def _key_figures(draws: Sequence[Rehearsed]) -> list[KeyFigure]:
@@ -52,7 +60,6 @@ def _key_figures(draws: Sequence[Rehearsed]) -> list[KeyFigure]:
 def one(r: Rehearsed, pictures: Pictures) -> list[Section]:
     """The sections of a single draw."""
     return [
-        Section("In short", (Note(words.headline(r)), Text(words.visible(r)), Text(words.gap(r)))),
         compared(r, pictures),
         shrunk(r, pictures),
     ]

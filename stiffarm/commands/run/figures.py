@@ -22,6 +22,7 @@ from stiffarm.pages.figure_parts import (
     axis_limit,
     drawing,
     named_columns,
+    naturally,
     note,
     paler,
 )
@@ -71,7 +72,7 @@ def data_figure(
 ) -> Figure:
     """Draw the deflection (mm) read in each pose, grouped by load; repeats as their mean with the range.
 
-    Of more than :data:`MOST_LEVELS` loads, each pose has one bar.
+    More than :data:`MOST_LEVELS` loads have an axis: each reading is a dot over its load.
 
     Parameters
     ----------
@@ -88,9 +89,9 @@ def data_figure(
     size = data.deflection * 1e3
     if np.isnan(size).all():
         raise InputError(f"{data.source}: no translation was read", remedy="give dx_mm, dy_mm or dz_mm")
-    loads, poses = _load_groups(data.loads_N), list(data.pose_groups())
+    loads, poses = _load_groups(data.loads_N), naturally(data.pose)
     if len(loads) > MOST_LEVELS:
-        loads = [(float("nan"), list(range(data.n)))]
+        return _over_load(data, size)
     names = list(dict.fromkeys(families.values())) if families else []
     names = names if len(names) <= len(SERIES) else []
     bars = len(loads) * len(poses)
@@ -112,8 +113,7 @@ def data_figure(
                 look: dict[str, Any] = {"facecolor": paler(colour) if pale else colour}
                 look |= {"hatch": _HATCHES[hatches[0] % 3]} if hatches else {}
                 _data_bar(ax, float(x), mine[~np.isnan(mine)], look, bars)
-            each = f"{data.loads_N.min():.3g} to {data.loads_N.max():.4g} N, each pose under its own load"
-            text = each if np.isnan(load) else f"{load:.4g} N" + (" (not used to calibrate)" if pale else "")
+            text = f"{load:.4g} N" + (" (not used to calibrate)" if pale else "")
             below = {"xycoords": ("data", "axes fraction"), "weight": "bold", "size": 10}
             note(ax, text, (float(at.mean()), 0.0), (0, -(below_pt if upright else 22.0)), va="top", **below)
         ax.set_xticks(places.ravel(), poses * len(loads), size=8.5, rotation=90 if upright else 0)
@@ -132,6 +132,22 @@ def data_figure(
         if hatched:
             keys = [Patch(facecolor="#777777", edgecolor="white", hatch=h, label=text) for h, text in hatched]
             figure.legend(handles=keys, loc="outside lower left", handlelength=2.6, handleheight=1.4)
+    return figure
+
+
+def _over_load(data: Measurements, size: Array) -> Figure:
+    """Deflection (n,) mm over load: what is softer than the rest stands above it."""
+    known = ~np.isnan(size)
+    with drawing("Measured deflection of every pose over its load", (10.0, 4.6)) as (figure, (ax,)):
+        ax.plot(data.loads_N[known], size[known], "o", color=SERIES[0], markersize=6, alpha=0.75)
+        slope = float(data.loads_N[known] @ size[known] / (data.loads_N[known] @ data.loads_N[known]))
+        ends = np.array([0.0, 1.05 * float(data.loads_N.max())])
+        ax.plot(
+            ends, slope * ends, color=INK, linewidth=1.2, linestyle="--", label=f"all alike: {slope * 1e3:.2g} um/N"
+        )
+        ax.set(xlim=ends, ylim=(0.0, 1.08 * float(np.nanmax(size))), xlabel="load (N)")
+        ax.set_ylabel(f"measured deflection {axis_words(data)} (mm)")
+        above(ax, ax.get_legend_handles_labels()[0], 2)
     return figure
 
 
@@ -193,6 +209,10 @@ def match_figure(
             raise InputError(f"match figure: {name}", value=f"shape {values.shape}", allowed=allowed)
     if not np.isfinite(measured).all():
         raise InputError("match figure: measured_mm", value="NaN or infinity", allowed="finite (mm)")
+    rank = {label: k for k, label in enumerate(naturally(poses))}
+    order = sorted(range(len(poses)), key=lambda k: rank[poses[k]])
+    poses, measured = [poses[k] for k in order], measured[order]
+    simulated = {name: values[order] for name, values in simulated.items()}
     # Along the reading's own sense, so that "too soft" is up whatever the sign of dz.
     error = {name: (v - measured) * np.where(measured < 0.0, -1.0, 1.0) for name, v in simulated.items()}
     size = np.abs(np.concatenate([*error.values(), measured[:0]]))

@@ -15,7 +15,7 @@ from stiffarm.commands.rehearse import report, step, words
 from stiffarm.commands.rehearse.step import Rehearsed, Request
 from stiffarm.commands.run.findings import Findings
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Note, Section, Text
+from stiffarm.pages.report import Block, Fold, Note, Section, Text
 from stiffarm.session.outputs import OutputFolder
 
 FOLDER = "rehearsal"
@@ -67,16 +67,16 @@ def proof_section(found: Rehearsed | InputError, pictures: Pictures) -> Section:
     title = "Would these set-ups show what is missing? A rehearsal"
     if isinstance(found, InputError):
         return Section(title, (Note(f"No rehearsal of this arm with these set-ups: {found}"),))
-    blocks: list[Block] = [
+    mine = Pictures(pictures.folder, f"{FOLDER}_")
+    more: list[Block] = [
         Text(
             "An effect was drawn in secret, among those that these set-ups can show, and hidden in made-up readings "
             "of this arm, at the poses and loads of this table and with its noise, by mechanics written a second "
             "time. The diagnosis ran on them blind."
         ),
-        Note(words.headline(found)),
         Text(words.visible(found)),
+        *report.compared(found, mine).blocks,
+        *report.shrunk(found, mine).blocks,
+        Text("`stiffarm rehearse MODEL SHEET --draws 40` does the same forty times, and counts."),
     ]
-    mine = Pictures(pictures.folder, f"{FOLDER}_")
-    blocks += report.compared(found, mine).blocks + report.shrunk(found, mine).blocks
-    blocks.append(Text("`stiffarm rehearse MODEL SHEET --draws 40` does the same forty times, and counts."))
-    return Section(title, tuple(blocks))
+    return Section(title, (Note(words.headline(found)), Fold("How it was done, and how near it came", tuple(more))))

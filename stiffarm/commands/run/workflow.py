@@ -21,6 +21,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps import sweep
+from stiffarm.commands.maps.viewer import viewer_page
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof
 from stiffarm.commands.run.findings import Findings, Recommended, slug
@@ -33,7 +34,10 @@ from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import FactorialRuns
+from stiffarm.session.workspace import WorkspaceStiffness, workspace_stiffness
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
+from surrogate.maps.data import MapData
+from surrogate.maps.quantities import STIFFNESS_ARRAY
 from surrogate.model import predict_compliance
 
 
@@ -74,7 +78,14 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
-            drawn = sweep.write(sweep.learned_map(arm, findings.surrogate, options.points, progress=bar), arm, folder)
+            made = sweep.learned_map(arm, findings.surrogate, options.points, progress=bar)
+            drawn = sweep.write(made, arm, folder)
+            folder.write_text(
+                "map.html",
+                viewer_page(made, arm.description, arm.model, title=f"Stiffness map of the {findings.title}"),
+            )
+            drawn["files"].append("map.html")
+        stiffness = _at_the_tool(findings, made)
         for message in drawn["messages"]:
             say(f"note: {message}")
         told = None
@@ -84,10 +95,10 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
                 told = proof.rehearse(findings, table, folder, say)
         from stiffarm.commands.run.story.story import write_report
 
-        content = _write_results(findings, drawn, told, folder)
+        content = _write_results(findings, drawn, told, stiffness, folder)
         with folder.timed("report"):
             say("report")
-            write_report(findings, drawn, told, folder)
+            write_report(findings, drawn, told, stiffness, folder)
     return content
 
 
@@ -198,8 +209,19 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
     return replace(f, factorial=factorial, trained=trained, pose_check=check)
 
 
+def _at_the_tool(f: Findings, made: MapData) -> WorkspaceStiffness:
+    """The recommended model's stiffness at the poses of the map."""
+    reached = np.asarray(made.reached)
+    values = np.asarray(made.fields[STIFFNESS_ARRAY].values)[reached]
+    return workspace_stiffness(f.best.description, f.best.model, np.asarray(made.q)[reached], values)
+
+
 def _write_results(
-    findings: Findings, drawn: dict[str, Any], told: Rehearsed | InputError | None, folder: OutputFolder
+    findings: Findings,
+    drawn: dict[str, Any],
+    told: Rehearsed | InputError | None,
+    stiffness: WorkspaceStiffness,
+    folder: OutputFolder,
 ) -> dict[str, Any]:
     """Model TOMLs, surrogates, factorial table and results.json."""
     for variant in findings.variants:
@@ -228,6 +250,7 @@ def _write_results(
             for label, a, b in zip(labels, learned, exact, strict=True)
         ],
         "map": drawn,
+        "stiffness_at_the_tool": stiffness.payload(findings.given.robot.coordinates),
         "rehearsal": proof.payload(told),
     }
     if findings.held_out:

@@ -38,8 +38,6 @@ from stiffarm.session.outputs import OutputFolder
 
 _METHODS: tuple[Method, ...] = ("morris", "sobol", "derivative")
 _SAMPLES, _TRAJECTORIES = 512, 40
-# A picture of more panels cannot be read.
-_MOST_PANELS = 6
 
 
 def sensitivity(
@@ -119,7 +117,7 @@ def sensitivity(
                    "--trajectories": trajectories}  # fmt: skip
         chosen = _method(method, joints, options)
         names = parsing.parse_names(free, None, "--free")
-        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets)
+        given = frame.model(model, links, load_path, without="the sensitivities", sets=sets, shown=True)
         table = frame.readings(given, data, confirm_units=confirm_units)
         frame.reads(campaign=campaign)
         bundled = bundled_campaign(given.robot.name)
@@ -138,7 +136,7 @@ def sensitivity(
                     given, at, chosen, numbers, levels, component=component or screenings.read_most(at),
                     samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
                 )  # fmt: skip
-                result, show = _screened(given, found, folder)
+                result, show = _screened(given, at, found, folder)
         frame.answer(result, show)
 
 
@@ -206,29 +204,23 @@ def _factorial(
         "effects": factorial.payload(effects),
     }
     if folder is not None:
-        from stiffarm.commands.sensitivity.figures import sensitivity_figure
-        from stiffarm.pages.style import save_png
+        from stiffarm.commands.sensitivity.report import write_factorial_report
 
         folder.write_json("sensitivity.json", result)
-        save_png(sensitivity_figure({given.model.load_path: effects}), folder.path("sensitivity.png"))
+        write_factorial_report(given, table, effects, levels, folder)
     return result, lambda: factorial.show(effects, *levels, given.model.load_path)
 
 
-def _screened(given: Arm, found: Study, folder: OutputFolder | None) -> tuple[dict[str, Any], Callable[[], None]]:
+def _screened(
+    given: Arm, table: Measurements, found: Study, folder: OutputFolder | None
+) -> tuple[dict[str, Any], Callable[[], None]]:
     head = {"robot": given.robot.name, "load_path": given.model.load_path, "links": given.model.link_kind}
     result = head | screenings.payload(found)
     if folder is not None:
-        from stiffarm.commands.sensitivity.figures import morris_figure, shares_figure
-        from stiffarm.pages.style import save_png
+        from stiffarm.commands.sensitivity.report import write_screening_report
 
         folder.write_json("sensitivity.json", result)
-        shown = screenings.few(found, _MOST_PANELS)
-        what = f"d{found.component}" if len(found.component) == 1 else found.component
-        if found.method == "morris":
-            figure = morris_figure(shown.found, shown.names, what, *found.factor_unit)
-        else:
-            figure = shares_figure(shown.found, shown.names, what)
-        save_png(figure, folder.path("sensitivity.png"))
+        write_screening_report(given, table, found, folder)
 
     def show() -> None:
         show_table(*screenings.table(found))

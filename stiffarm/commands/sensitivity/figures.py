@@ -39,7 +39,7 @@ def sensitivity_figure(
         raise InputError("sensitivity figure: no effects to draw")
     every = np.concatenate([e.effect_mm for column in effects.values() for e in column])
     low, high = levels_Nm_per_rad or (0.0, 0.0)
-    step = f" from {low:,.0f} to {high:,.0f} N m/rad".replace(",", " ") if levels_Nm_per_rad else ""
+    step = f" from {low:,.0f} to {high:,.0f} N m/rad" if levels_Nm_per_rad else ""
     heading, size = "Which joint's stiffness moves the tool", (10.0, 1.6 + 1.25 * len(poses))
     with drawing(heading, size, len(poses), len(effects), sharex=True) as (figure, axes):
         for c, (path, column) in enumerate(effects.items()):

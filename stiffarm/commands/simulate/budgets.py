@@ -15,10 +15,8 @@ from robots import forward_kinematics, tool_position
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
 from stiffarm.session.json_text import number
-from surrogate import default_sweep
-from surrogate.designs import space_filling_design
+from stiffarm.session.workspace import DOWN, WORKSPACE_POSES, workspace_poses
 
-WORKSPACE_POSES: Final = 2000
 # A part is named as leading where it leads in this share of the poses at least.
 _WORTH_NAMING = 0.05
 # Bins of reach: about so many, and each with so many poses at least.
@@ -60,10 +58,16 @@ class PoseBudget:
         """The part that stores most."""
         return self.parts[self.order[0]]
 
+    @property
+    def leader(self) -> str:
+        """Which part gives most, in words; of a model with rigid joints that is not what gives most in the arm."""
+        words = f"{self.largest} gives most, {100.0 * self.share[self.order[0]]:.0f} %"
+        return words if "joint" in self.kinds else f"of the structure alone, with rigid joints, {words}"
+
     def payload(self) -> dict[str, Any]:
         """For budget.json: parts by size, with units."""
         total = float(self.energy.sum())
-        out: dict[str, Any] = {"strain_energy_mJ": number(total * 1e3), "largest": self.largest}
+        out: dict[str, Any] = {"strain_energy_mJ": number(total * 1e3), "largest": self.largest, "leader": self.leader}
         if self.along is not None:
             out[f"along_load_{self.along_unit}"] = number(float(self.along.sum()))
         out["parts"] = [
@@ -196,38 +200,14 @@ def _percent(share: float) -> str:
 
 
 def workspace_budget(model: ArmModel, poses: int = WORKSPACE_POSES) -> WorkspaceBudget:
-    """Budgets under a vertical load at poses spread over the workspace.
-
-    The poses are scrambled Sobol points with a fixed seed over the coordinates a stiffness map sweeps, within all
-    limits; the others stand at zero or at the nearest limit. Equal for equal models.
+    """Budgets under a vertical load at the poses of :func:`stiffarm.session.workspace.workspace_poses`.
 
     Raises
     ------
     InputError
         No pose can be taken, or the model is rigid.
     """
-    robot = model.robot
-    swept, layer = default_sweep(robot)
-    names = swept if layer is None else (*swept, layer)
-    columns = sorted(robot.coordinate_index(name) for name in names)
-    base = np.clip(0.0, robot.limits[:, 0], robot.limits[:, 1])
-
-    def full(Q: Array) -> Array:
-        q = np.tile(base, (len(Q), 1))
-        q[:, columns] = Q
-        return q
-
-    lower, upper = robot.limits[columns].T
-    Q = space_filling_design(
-        lower,
-        upper,
-        poses,
-        np.random.default_rng(0),
-        accept=lambda Q: robot.reachable(full(Q)),
-        density="uniform",
-    )
-    q = full(Q)
-    budget = compliance_budget(model, q, np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]))
-    tool = tool_position(robot, forward_kinematics(robot, q))
-    reach = np.hypot(tool[:, 0], tool[:, 1]) * M_TO_MM
-    return WorkspaceBudget(budget, q, reach, tuple(robot.coordinates[i] for i in columns))
+    q, names = workspace_poses(model.robot, poses)
+    budget = compliance_budget(model, q, np.array(DOWN))
+    tool = tool_position(model.robot, forward_kinematics(model.robot, q))
+    return WorkspaceBudget(budget, q, np.hypot(tool[:, 0], tool[:, 1]) * M_TO_MM, names)

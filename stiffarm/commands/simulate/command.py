@@ -8,6 +8,7 @@ import typer
 
 from stiffarm.commands.simulate import step as simulation
 from stiffarm.session import inputs, parsing
+from stiffarm.session.caution import RIGID_AS_ASKED
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     ConfirmUnits,
@@ -80,7 +81,10 @@ def simulate(
     with command(out, as_json=as_json, debug=debug) as frame:
         simulation.check_request(pose, data, load, out, field, scale, unload_from)
         asked = simulation.field_links(model, links) if field else links
-        given = frame.model(model, asked, load_path, effect=effect, without="the fields" if field else None, sets=sets)
+        left = "the fields" if field else None
+        given = frame.model(model, asked, load_path, effect=effect, without=left, sets=sets, shown=True)
+        if rigid_joints:
+            frame.caution = RIGID_AS_ASKED
         if pose is not None:
             q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
             before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
@@ -100,4 +104,11 @@ def simulate(
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:
                 folder.write_json("simulation.json", result)
+                from stiffarm.commands.simulate import report
+                from stiffarm.pages.report import data_words
+
+                if pose is None:
+                    report.write_table_report(given, result, data_words(table), folder)
+                else:
+                    report.write_pose_report(given, result, q, wrench, folder)
         frame.answer(result, lambda: simulation.show(result))

@@ -17,6 +17,7 @@ from stiffarm.commands.simulate.field_files import automatic_scale, field_grid, 
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
+from stiffarm.session.caution import caution
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import WRENCH_NAMES
@@ -49,6 +50,7 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
         "robot": arm.robot.name,
         "load_path": model.load_path,
         "rigid_joints": rigid_joints,
+        "warning": caution() or None,
         "pose_deg": {n: number(v) for n, v in zip(arm.robot.coordinates, np.degrees(arm.q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, arm.wrench, strict=True)},
         **arm.budget.payload(),
@@ -81,7 +83,7 @@ def picture_of(arm: DeformedArm, folder: OutputFolder, name: str) -> str:
         folder.path(name),
         heading=f"{_short(arm)} under {load_text(arm.wrench)}: motion {drawn}",
         subtitle=f"{pose_text(arm.robot, arm.q)}; the tool moves {motion:.3g} mm; "
-        "dashed: unloaded; %: of the strain energy".replace("-", "−"),
+        f"dashed: unloaded; strain energy: {arm.budget.leader}".replace("-", "−"),
     )
     return picture.message
 
@@ -112,6 +114,8 @@ def _metadata(arm: DeformedArm, model: ArmModel) -> Mapping[str, str]:
         "pose": ",".join(f"{n}={v:.9g}" for n, v in zip(arm.robot.coordinates, np.degrees(arm.q), strict=True)),
         "load": wrench_text(arm.wrench),
     }
+    if caution():
+        out["warning"] = caution()
     if arm.point is not None:
         out["loaded_point_flange_mm"] = ",".join(f"{v * 1e3:.9g}" for v in arm.point)
     return out

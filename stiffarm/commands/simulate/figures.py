@@ -63,7 +63,7 @@ def energy_share_figure(budget: PoseBudget, heading: str, subtitle: str = "") ->
             together = 100.0 * budget.share[[k == kind for k in budget.kinds]].sum()
             key.set_label(f"{_KIND_LOOKS[kind][2]} {together:.1f} %")
         above(ax, keys, 4)
-        _headed(figure, f"{heading}: {budget.largest} gives most, {share[0]:.0f} %", subtitle)
+        _headed(figure, f"{heading}: {budget.leader}", subtitle)
     return figure
 
 
@@ -123,6 +123,18 @@ def pose_shares_figure(budget: Budget, names: Sequence[str], motion_mm: Array | 
             ax.set_xlabel("pose, and below it the tool's motion along the load (mm)")
         named_columns(ax, names)
         ax.set_ylabel("share in the strain energy (%)")
+    return figure
+
+
+def readings_figure(measured: Array, simulated: Array, unit: str) -> Figure:
+    """Draw simulated over measured readings (n,); on the line they are the same."""
+    with drawing("Simulated and measured", (5.2, 4.2)) as (figure, (ax,)):
+        top = 1.08 * float(max(np.nanmax(measured), np.nanmax(simulated)))
+        ax.plot([0.0, top], [0.0, top], color=INK, linewidth=1.0)
+        ax.plot(measured, simulated, "o", color=OKABE_ITO["blue"], markersize=6, alpha=0.75)
+        note(ax, "too soft", (0.04 * top, 0.94 * top), ha="left", size=10, color="#555555")
+        note(ax, "too stiff", (0.97 * top, 0.3 * top), ha="right", size=10, color="#555555")
+        ax.set(xlim=(0.0, top), ylim=(0.0, top), xlabel=f"measured ({unit})", ylabel=f"simulated ({unit})")
     return figure
 
 

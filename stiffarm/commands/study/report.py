@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rehearsal.scoring import DETECTABLE
 from stiffarm.commands.study import words
 from stiffarm.commands.study.figures import reliability_figure, scores_figure
 from stiffarm.commands.study.scores import KINDS, Row, reliability, scores
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 
 QUESTION = "how often is the diagnosis right?"
@@ -31,8 +32,10 @@ def write_report(rows: Sequence[Row], name: str, folder: OutputFolder) -> None:
             ("a wrong name, all sets", "sets got a wrong name"),
         )
     ]
-    sections = [_short(rows, pictures), _groups(rows, pictures), _every(rows), _how()]
-    write_page(folder, name, lede, key, sections, QUESTION)
+    sections = [_short(rows, pictures), _groups(rows, pictures)]
+    sections += [replace(_every(rows), folded=True), replace(_how(), folded=True)]
+    sure = "Every set was diagnosed blind; intervals of the rates stand in the table of scores."
+    write_page(folder, name, lede, key, sections, QUESTION, "", Answer(sure))
 
 
 def _short(rows: Sequence[Row], pictures: Pictures) -> Section:

@@ -13,15 +13,8 @@ from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash, load_description
 from robots.files.csv_text import columns_text, records_text
-from stiffarm.commands.verify.payload import (
-    distance_words,
-    move_columns,
-    offence_rows,
-    offence_words,
-    payload,
-    sentence,
-    value_words,
-)
+from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
+from stiffarm.commands.verify.words import distance_words, offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, ModelArg, Out, Sets
@@ -85,7 +78,7 @@ def verify_command(
     """Check a program for collisions, limits and singularities.
 
     Also for speeds, branch changes and path deviations, before the cell moves. Exit code 0: no offence (there may be
-    warnings); 1: offences, the first one is named; 2: bad input. Writes report.html, replay.html, verification.json,
+    warnings); 1: offences, the worst one is named; 2: bad input. Writes report.html, replay.html, verification.json,
     offences.csv and moves.csv into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
@@ -111,7 +104,7 @@ def verify_command(
                 _write(folder, found, description.title.split(" (")[0], content)
         frame.answer(content, lambda: _show(found))
         if not found.clean:
-            say(f"stiffarm: this program must not run: {sentence(found.errors[0])}")
+            say(f"stiffarm: this program must not run: {sentence(found.ranked[0])}")
             raise typer.Exit(EXIT_OTHER)
 
 
@@ -132,9 +125,9 @@ def _show(found: Verification) -> None:
     if found.offences:
         rows = [
             [str(o.line), str(o.moves), f"{o.kind} ({o.severity})", offence_words(o), value_words(o)]
-            for o in found.offences[:SHOWN]
+            for o in found.ranked[:SHOWN]
         ]
-        show_table("offences in the order of the program", ["line", "moves", "kind", "what", "value"], rows)
+        show_table("offences, the worst first", ["line", "moves", "kind", "what", "value"], rows)
         if len(found.offences) > SHOWN:
             say(f"and {len(found.offences) - SHOWN} more")
     for text in found.not_looked_at:

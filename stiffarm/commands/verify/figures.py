@@ -13,8 +13,8 @@ from matplotlib.patches import Patch
 
 from machining.verification import Kind, Verification
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, joint_colour, log_ticks
-from stiffarm.pages.style import OKABE_ITO, SIZES_IN
+from stiffarm.pages.figure_parts import LINES, MARKERS, above, drawing, joint_line, log_ticks
+from stiffarm.pages.style import INK, OKABE_ITO, SIZES_IN
 
 # More bins than this a page cannot show.
 BINS: Final = 1200
@@ -32,11 +32,14 @@ def binned(values: Array, *, least: bool = False) -> tuple[Array, Array]:
     return edges.astype(np.float64), np.asarray(pick.reduceat(values, edges))
 
 
-def clearance_figure(found: Verification) -> Figure:
-    """Least distance of any two checked bodies in each move, the distance proven, and the safety distance."""
+def clearance_figure(found: Verification, *, narrow: bool = False) -> Figure:
+    """Least distance of any two checked bodies in each move, the distance proven, and the safety distance.
+
+    ``narrow``: for half of a page's width.
+    """
     swept, n = found.swept, found.program.n
     within = swept.within * 1e3
-    with drawing("Clearance along the program", SIZES_IN["wide"]) as (figure, (ax,)):
+    with drawing("Clearance along the program", (5.2, 4.4) if narrow else SIZES_IN["wide"]) as (figure, (ax,)):
         x, seen = binned(np.minimum(swept.distance, swept.within) * 1e3, least=True)
         _, proven = binned(np.clip(swept.proven, 0.0, swept.within) * 1e3, least=True)
         ax.fill_between(x, proven, np.maximum(seen, 0.0), color=PROVEN, linewidth=0.0)
@@ -55,7 +58,7 @@ def clearance_figure(found: Verification) -> Figure:
             handles.append(Patch(color=BAD, label="overlap"))
         ax.set(ylim=(0.0, within * 1.03), ylabel=f"distance (mm), up to {within:g}")
         _moves(ax, n)
-        above(ax, handles, 4)
+        above(ax, handles, 2 if narrow else 4)
     return figure
 
 
@@ -72,9 +75,10 @@ def speeds_figure(found: Verification) -> Figure | None:
     with drawing(heading, SIZES_IN["wide"]) as (figure, (ax,)):
         for j in shown:
             x, worst = binned(share[:, j])
-            colour = joint_colour(found.axes.names[j], j) if j < found.axes.dof else SERIES[j % len(SERIES)]
-            style = "-" if j < found.axes.dof else "--"
-            ax.plot(x, worst, color=colour, linestyle=style, linewidth=1.2, label=found.axes.names[j])
+            joint = j < found.axes.dof
+            # Other axes are drawn thicker than any joint.
+            look = joint_line(found.axes.names[j], j) if joint else {"color": INK, "linestyle": LINES[j % len(LINES)]}
+            ax.plot(x, worst, linewidth=1.4 if joint else 2.4, label=found.axes.names[j], **look)
         ax.axhline(100.0, color=BAD, linestyle=":", linewidth=1.4)
         # Far below the limit the limit is left out, so that the curves can be told apart.
         high = 1.25 * top if top < 25.0 else max(110.0, 1.05 * min(top, 400.0))

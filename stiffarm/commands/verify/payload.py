@@ -1,4 +1,4 @@
-"""A verification as JSON, as table rows and in words, in the units of the shop."""
+"""A verification as JSON and as table rows, in the units of the shop."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from machining.verification import Kind, Offence, Verification
+from machining.verification import Offence, Verification
+from stiffarm.commands.verify.words import sentence, shown, verdict
 from stiffarm.session.json_text import number
 
-_SCALES = {"rad": (180.0 / np.pi, "deg"), "m": (1e3, "mm"), "": (1.0, "")}
 # Offences in verification.json and on stdout; all of them are counted.
 LISTED = 200
 
 
 def payload(found: Verification) -> dict[str, Any]:
-    """Verdict, counts, the first offences, and the least or greatest figures; keys with units."""
+    """Verdict, counts, the worst offences, and the least or greatest figures; keys with units."""
     program, demands, swept, path = found.program, found.demands, found.swept, found.path
     nearest = int(np.argmin(swept.distance))
     pair = swept.names[swept.pair[nearest]] if swept.pair[nearest] >= 0 else None
@@ -34,7 +34,7 @@ def payload(found: Verification) -> dict[str, Any]:
             {"kind": str(kind), "severity": str(severity), "count": count}
             for (kind, severity), count in found.counts.items()
         ],
-        "offences": [_offence(found, o) for o in found.offences[:LISTED]],
+        "offences": [_offence(found, o) for o in found.ranked[:LISTED]],
         "offences_left_out": max(0, len(found.offences) - LISTED),
         "interpolation": demands.interpolation,
         "safety_mm": found.safety * 1e3,
@@ -81,9 +81,10 @@ def move_columns(found: Verification) -> dict[str, Any]:
 
 
 def offence_rows(found: Verification) -> Iterator[dict[str, Any]]:
-    """Rows of offences.csv: all of them."""
+    """Rows of offences.csv: all of them in the order of the program; ``rank``: 1 is the worst."""
+    ranks = {id(offence): place for place, offence in enumerate(found.ranked, 1)}
     for offence in found.offences:
-        row = _offence(found, offence)
+        row = {"rank": ranks[id(offence)], **_offence(found, offence)}
         bodies = row.pop("bodies") or ["", ""]
         pose = row.pop("pose")
         yield row | {"body_1": bodies[0], "body_2": bodies[1]} | pose
@@ -126,67 +127,3 @@ def _shares(found: Verification, rates: Any, limits: Any) -> dict[str, float | N
 
 def _greatest(values: Any) -> float | None:
     return number(float(np.nanmax(values))) if np.isfinite(values).any() else None
-
-
-def shown(value: float, unit: str) -> tuple[float, str]:
-    """A number in SI in the shop's unit: deg for rad, mm for m; rates likewise."""
-    base, _, per = unit.partition("/")
-    factor, name = _SCALES[base]
-    return value * factor, f"{name}/{per}" if per else name
-
-
-def value_words(offence: Offence) -> str:
-    """What was found and what is allowed, as in "13.1 deg, limit 12 deg"."""
-    if offence.kind in (Kind.COLLISION, Kind.RAPID_CONTACT):
-        return "overlap"
-    if not np.isfinite(offence.value):
-        return ""
-    value, unit = shown(offence.value, offence.unit)
-    limit, _ = shown(offence.limit, offence.unit)
-    if offence.kind is Kind.BRANCH_JUMP:
-        return f"largest joint step {value:.3g} {unit}"
-    if offence.kind is Kind.UNPROVEN:
-        apart = f"{value:.2g}" if value >= 1e-3 else "less than 0.001"
-        return f"{apart} {unit} apart where it was seen"
-    # A value that rounds to its limit would look like no offence.
-    digits = 4 if f"{value:.4g}" != f"{limit:.4g}" else 9
-    return f"{value:.{digits}g} {unit}".strip() + f", limit {limit:.4g} {unit}".rstrip()
-
-
-def offence_words(offence: Offence) -> str:
-    """What it is about: bodies, axis, or the words that the check gave."""
-    parts = [" and ".join(offence.bodies)] if offence.bodies else []
-    parts += [part for part in (offence.axis, offence.text) if part]
-    return "; ".join(parts)
-
-
-def place_words(offence: Offence) -> str:
-    """Where it is: line in the source, in the program written if known, and how many moves it lasts."""
-    where = f"line {offence.line}"
-    if offence.nc_line is not None:
-        where += f" (program file line {offence.nc_line})"
-    return where if offence.moves == 1 else f"{where}, {offence.moves} moves"
-
-
-def sentence(offence: Offence) -> str:
-    """One offence in one sentence."""
-    said = [part for part in (offence_words(offence), value_words(offence)) if part]
-    return f"{place_words(offence)}: {offence.kind}" + (f": {'; '.join(said)}" if said else "")
-
-
-def verdict(found: Verification) -> str:
-    """What a user needs to know first."""
-    warnings = len(found.offences) - len(found.errors)
-    aside = f" {warnings} warning{'s' if warnings > 1 else ''}." if warnings else ""
-    if found.clean:
-        return f"No offence found in {found.program.n} moves.{aside}"
-    n = len(found.errors)
-    return f"{n} offence{'s' if n > 1 else ''} found. First: {sentence(found.errors[0])}.{aside}"
-
-
-def distance_words(found: Verification) -> str:
-    """The least distance of any two bodies, as far as distances were worked out."""
-    least, within = float(found.swept.distance.min()), found.swept.within
-    if least >= within:
-        return f"over {within * 1e3:g} mm"
-    return "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"

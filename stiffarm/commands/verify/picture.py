@@ -1,22 +1,26 @@
-"""The picture of an offence: robot and cell in that pose, the bodies it is about in colour, whole and from near."""
+"""The picture of an offence: robot and cell in its worst pose, its bodies in colour, whole and from near."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
 
 from machining.verification import Offence, Verification
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array
 from robots.constants import M_TO_MM
-from stiffarm.commands.verify.bodies import BodySurface, body_surfaces, placed_in_world
+from stiffarm.commands.verify.spot import Spot, spot_of
+from stiffarm.commands.verify.words import value_words
 from stiffarm.pages import style
-from stiffarm.pages.rendering import Picture, Renderer, chosen, show
+from stiffarm.pages.cell_bodies import BodySurface, body_surfaces, placed_in_world
+from stiffarm.pages.rendering import Renderer, chosen, show
 from stiffarm.pages.scenes import Scene, Surface
+from stiffarm.pages.sight import dense, in_the_way, near_points, towards
 
 # Near grey, so that colour means offence; cutter and part are what a reader looks for.
 COLOURS = {
@@ -28,15 +32,37 @@ COLOURS = {
     "part": "#A9C3D6",
 }
 FIRST, SECOND = style.OKABE_ITO["vermillion"], style.OKABE_ITO["purple"]
+# As high as the first screen of a page, in half of its width.
+SIZE_IN = (5.0, 5.9)
 # Half the width of the near view, m; what is smaller than this around the touch is seen.
 NEAR = 0.22
-# Lines of sight that a view is judged by, a body.
-RAYS = 24
+# Of a joint beyond its limit more is needed to see which it is.
+NEAR_JOINT = 0.5
+# Triangles of a body that sight is judged by.
+COARSE = 300
 FLOOR_COLOUR = "#E8EAED"
 
 
-def offence_picture(found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None) -> Picture:
-    """Draw an offence; PNG, the whole cell on the left, the place of the offence on the right.
+@dataclass(frozen=True)
+class OffencePicture:
+    """A picture that was written: what it shows, by which renderer, and why not by pyvista if so.
+
+    ``camera`` (3,): from the place to the eye; ``left_out``: bodies that stand before the place in the near view and
+    are not drawn there.
+    """
+
+    path: Path
+    spot: Spot
+    renderer: Renderer
+    message: str
+    camera: Array
+    left_out: tuple[str, ...]
+
+
+def offence_picture(
+    found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None
+) -> OffencePicture:
+    """Draw an offence at its worst; PNG, the place of the offence above, the whole cell below.
 
     Raises
     ------
@@ -45,108 +71,74 @@ def offence_picture(found: Verification, offence: Offence, path: Path, *, render
     """
     works, message = chosen(renderer)
     style.require_folder(path)
+    spot = spot_of(found, offence)
+    near, (camera, hidden) = _half_width(spot), view_of(found, spot)
     surfaces = body_surfaces(found.scene)
-    q, travel, table = found.axes.parts(offence.values[None])
-    placed = placed_in_world(found.scene, surfaces, q[0], travel[0], float(table[0]))
-    touching = [
-        _dense(x, b.triangles) for b, x in zip(surfaces, placed, strict=True) if b.name in (offence.bodies or ())
-    ]
-    place = place_of(found, offence, touching)
-    base = found.program.cell.T_world_base(travel)[0, :3, 3]
-    everything = np.concatenate([x[b.triangles] for b, x in zip(surfaces, placed, strict=True)])
-    camera = style.Camera(_towards(base, place, [_near_points(place, x) for x in touching], everything))
-    painted = tuple(
-        Surface(M_TO_MM * x, body.triangles, np.tile(to_rgb(_colour(offence, body)), (len(body.triangles), 1)))
-        for body, x in zip(surfaces, placed, strict=True)
-    )
+    placed = _placed(found, surfaces, spot)
     floor = _floor(found, placed)
-    nothing = np.zeros((0, 3))
-    whole = Scene(camera, nothing, nothing, (), (*painted, *floor))
-    figure, _ = style.new_figure("wide", rows=0)
+    whole = [*_painted(surfaces, placed, spot), *floor]
+    behind = [*_painted(surfaces, placed, spot, hidden), *floor]
+    figure, _ = style.new_figure(SIZE_IN, rows=0)
     with style.house_style():
-        left = figure.add_axes((0.01, 0.02, 0.48, 0.90))
-        right = figure.add_axes((0.51, 0.02, 0.48, 0.90))
+        near_axes = figure.add_axes((0.015, 0.39, 0.97, 0.525))
+        far_axes = figure.add_axes((0.015, 0.01, 0.97, 0.365))
         corners = np.vstack([M_TO_MM * np.vstack(placed), *(surface.vertices for surface in floor)])
-        _frame(figure, right, camera(M_TO_MM * place)[:2] + M_TO_MM * NEAR * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-        near = np.stack([right.get_xlim(), right.get_ylim()], axis=1)
-        _frame(figure, left, np.vstack([camera(corners)[:, :2], near]))
-        for axes in (left, right):
-            show(figure, axes, whole, works)
-        _box_of_near(left, right)
-        _names(figure, offence)
+        at = camera(M_TO_MM * spot.place)[:2]
+        _frame(figure, near_axes, at + M_TO_MM * near * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+        box = np.stack([near_axes.get_xlim(), near_axes.get_ylim()], axis=1)
+        _frame(figure, far_axes, np.vstack([camera(corners)[:, :2], box]))
+        nothing = np.zeros((0, 3))
+        for axes, drawn in ((far_axes, whole), (near_axes, behind)):
+            show(figure, axes, Scene(camera, nothing, nothing, (), tuple(drawn)), works)
+        _box_of_near(far_axes, near_axes)
+        _distance(near_axes, camera, spot)
+        _names(figure, spot)
     style.save_png(figure, path)
-    return Picture(path, "pyvista" if works else "matplotlib", "" if works else message)
+    by: Renderer = "pyvista" if works else "matplotlib"
+    return OffencePicture(path, spot, by, "" if works else message, camera.towards, hidden)
 
 
-def place_of(found: Verification, offence: Offence, pair: list[Array]) -> Array:
-    """The place (3,) m of an offence: between its bodies (points of each) where they are nearest, else the tip."""
-    if len(pair) == 1:
-        # The other is the floor: the lowest point.
-        return np.asarray(pair[0][np.argmin(pair[0][:, 2])])
-    if len(pair) == 2:
-        distance, other = cKDTree(pair[1]).query(pair[0])
-        nearest = int(np.argmin(distance))
-        return np.asarray(0.5 * (pair[0][nearest] + pair[1][np.asarray(other)[nearest]]))
-    cell = found.program.cell
-    tip, (_, _, table) = found.courses.frames(offence.values[None]), found.axes.parts(offence.values[None])
-    return np.asarray((cell.T_world_part(table)[0] @ tip[0])[:3, 3])
+def _placed(found: Verification, surfaces: list[BodySurface], spot: Spot) -> list[Array]:
+    """Vertices of all bodies in the world, in the pose of the offence."""
+    q, travel, table = found.axes.parts(spot.values[None])
+    return placed_in_world(found.scene, surfaces, q[0], travel[0], float(table[0]))
 
 
-def _dense(vertices: Array, triangles: Integers) -> Array:
-    """Points (k, 3) all over triangles: corners, and a grid within each."""
-    share = np.array([[i, j, 8 - i - j] for i in range(9) for j in range(9 - i)]) / 8.0
-    return np.asarray((share @ vertices[triangles]).reshape(-1, 3))
+def _half_width(spot: Spot) -> float:
+    return NEAR if spot.contact is not None or not spot.offence.axis else NEAR_JOINT
 
 
-def _towards(base: Array, place: Array, bodies: list[Array], everything: Array) -> Array:
-    """From a place to the eye, from above: aside of the arm unless the bodies hide each other there.
-
-    Parameters
-    ----------
-    bodies : points (k, 3) m of the bodies near the place, one array each
-    everything : (t, 3, 3) m, corners of all triangles in the scene
-    """
-    ahead = place[:2] - base[:2]
-    length = float(np.linalg.norm(ahead))
-    along = float(np.arctan2(ahead[1], ahead[0])) if length > 1e-6 else 0.0
-    best, chosen_way = -1.0, np.array([0.0, -1.0, 0.5])
-    # Aside first: of views that show as much the first is taken.
-    for turn in np.radians([-57.0, 57.0, -90.0, 90.0, -25.0, 25.0, -120.0, 120.0]):
-        way = np.array([np.cos(along + turn), np.sin(along + turn), 0.5])
-        seen = min((float(_seen(points, way, everything).mean()) for points in bodies), default=1.0)
-        if seen > best + 0.1:
-            best, chosen_way = seen, way
-    return chosen_way
+def view_of(found: Verification, spot: Spot) -> tuple[style.Camera, tuple[str, ...]]:
+    """The camera that shows most of an offence's bodies, and the names of bodies that still stand before its place."""
+    near = _half_width(spot)
+    surfaces = body_surfaces(found.scene, COARSE)
+    corners = [x[b.triangles] for b, x in zip(surfaces, _placed(found, surfaces, spot), strict=True)]
+    seen = [
+        near_points(spot.place, dense(x.reshape(-1, 3), np.arange(x.size // 3).reshape(-1, 3)), 0.3 * near)
+        for b, x in zip(surfaces, corners, strict=True)
+        if b.name in spot.bodies
+    ] or [spot.place[None]]
+    base = found.program.cell.T_world_base(found.axes.parts(spot.values[None])[1])[0, :3, 3]
+    way = towards(base, spot.place, seen, np.concatenate(corners))
+    others = [k for k, b in enumerate(surfaces) if b.name not in spot.bodies]
+    blocking = in_the_way(np.concatenate(seen), way, [corners[k] for k in others])
+    return style.Camera(way), tuple(surfaces[others[i]].name for i in blocking)
 
 
-def _near_points(place: Array, points: Array) -> Array:
-    """At most ``RAYS`` points of a body near the place, evenly chosen."""
-    near = points[np.linalg.norm(points - place, axis=1) < 0.3 * NEAR]
-    near = near if len(near) else points
-    return np.asarray(near[np.linspace(0, len(near) - 1, min(len(near), RAYS)).astype(int)])
+def _painted(
+    surfaces: list[BodySurface], placed: list[Array], spot: Spot, without: Sequence[str] = ()
+) -> list[Surface]:
+    """Bodies in their colours, but for those left out."""
+    return [
+        Surface(M_TO_MM * x, body.triangles, np.tile(to_rgb(_colour(spot, body)), (len(body.triangles), 1)))
+        for body, x in zip(surfaces, placed, strict=True)
+        if body.name not in without
+    ]
 
 
-def _seen(points: Array, way: Array, triangles: Array) -> Bools:
-    """Whether nothing stands between points (k, 3) and an eye far off along ``way`` (T. Moeller, B. Trumbore 1997)."""
-    way = way / np.linalg.norm(way)
-    # A step off the surface that a point is on.
-    start = points + 1e-3 * way
-    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    p = np.cross(way, v)
-    volume = np.einsum("ti,ti->t", u, p)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r = start[:, None] - a
-        first = np.einsum("kti,ti->kt", r, p) / volume
-        q = np.cross(r, u)
-        second = q @ way / volume
-        distance = np.einsum("kti,ti->kt", q, v) / volume
-    hit = (first >= 0.0) & (second >= 0.0) & (first + second <= 1.0) & (distance > 0.0)
-    return np.asarray(~hit.any(axis=1))
-
-
-def _colour(offence: Offence, body: BodySurface) -> str:
-    if offence.bodies and body.name in offence.bodies:
-        return FIRST if body.name == offence.bodies[0] else SECOND
+def _colour(spot: Spot, body: BodySurface) -> str:
+    if body.name in spot.bodies:
+        return FIRST if body.name == spot.bodies[0] else SECOND
     return COLOURS[body.kind]
 
 
@@ -174,21 +166,36 @@ def _frame(figure: Figure, axes: Axes, flat: Array) -> None:
     axes.grid(visible=False)
 
 
-def _box_of_near(left: Axes, right: Axes) -> None:
+def _box_of_near(far: Axes, near: Axes) -> None:
     """Mark in the whole picture what the near one shows."""
-    (u0, u1), (v0, v1) = right.get_xlim(), right.get_ylim()
-    left.plot([u0, u1, u1, u0, u0], [v0, v0, v1, v1, v0], color=style.INK, linewidth=0.9, zorder=5)
-    for spine in right.spines.values():
+    (u0, u1), (v0, v1) = near.get_xlim(), near.get_ylim()
+    far.plot([u0, u1, u1, u0, u0], [v0, v0, v1, v1, v0], color=style.INK, linewidth=0.9, zorder=5)
+    for spine in near.spines.values():
         spine.set(visible=True, color=style.INK, linewidth=0.9)
 
 
-def _names(figure: Figure, offence: Offence) -> None:
-    """Say which colour is which body."""
+def _distance(axes: Axes, camera: style.Camera, spot: Spot) -> None:
+    """Draw the place, or the line between the nearest points, with its length."""
+    points = spot.place[None] if spot.contact is None else spot.contact.points
+    flat = camera(M_TO_MM * points)[:, :2]
+    # Black on white is seen on every colour of a body.
+    for colour, width in (("white", 5.0), (style.INK, 2.0)):
+        axes.plot(*flat.T, color=colour, linewidth=width, zorder=6, solid_capstyle="round")
+        axes.plot(*flat.mean(axis=0), "o", markersize=26, markerfacecolor="none", markeredgecolor=colour,
+                  markeredgewidth=width, zorder=6)  # fmt: skip
+    said = spot.distance_words or value_words(spot.offence)
+    if said:
+        look = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": style.INK, "linewidth": 0.9}
+        axes.annotate(said, flat.mean(axis=0), (0, -20), textcoords="offset points", ha="center", va="top",
+                      size=11.0, bbox=look, zorder=7)  # fmt: skip
+
+
+def _names(figure: Figure, spot: Spot) -> None:
+    """Say what it is, and which colour is which body."""
+    figure.text(0.015, 0.975, f"line {spot.line}: {spot.offence.kind}", size=11.0, weight="bold", va="center")
     x = 0.015
-    named = zip(offence.bodies or (), (FIRST, SECOND), strict=False)
-    for name, colour in named:
-        figure.text(x, 0.95, "■", color=colour, size=13, va="center")
-        label = figure.text(x + 0.018, 0.95, name, size=10.5, va="center")
+    for name, colour in zip(spot.bodies, (FIRST, SECOND), strict=False):
+        figure.text(x, 0.937, "■", color=colour, size=13, va="center")
+        label = figure.text(x + 0.036, 0.937, name, size=10.5, va="center")
         extent = label.get_window_extent(figure.canvas.get_renderer())  # type: ignore[attr-defined]
-        x += 0.018 + extent.width / (figure.get_size_inches()[0] * figure.dpi) + 0.025
-    figure.text(0.985, 0.95, f"line {offence.line}: {offence.kind}", size=10.5, va="center", ha="right")
+        x += 0.036 + extent.width / (figure.get_size_inches()[0] * figure.dpi) + 0.04

@@ -2,62 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from machining.verification import Offence, Verification
 from robots.arrays import Array, Integers
-from stiffarm.commands.verify.bodies import body_surfaces
-from stiffarm.commands.verify.payload import offence_words, value_words
-from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
+from stiffarm.commands.verify.picture import view_of
+from stiffarm.commands.verify.spot import Spot, spot_of
+from stiffarm.commands.verify.words import kinds_words, offence_words, value_words
+from stiffarm.pages.cell_bodies import cell_data
+from stiffarm.pages.numbers import typeset
+from stiffarm.pages.parts import packed, render_page
 
 # Points kept of a long program: 60 bytes each in the file.
 MOST_POINTS = 40_000
 # Triangles of all bodies together: 30 bytes each.
 MOST_TRIANGLES = 60_000
 MOST_OFFENCES = 500
+# Offences, the worst, whose worst pose and whose camera are looked for; others are shown where they begin.
+SEARCHED, VIEWED = 40, 8
 
 
 def replay_page(found: Verification, title: str) -> str:
     """The page as HTML text; what comes from files is escaped."""
-    n = len(found.errors)
-    said = "no offence found" if not n else f"{n} offence{'s' if n > 1 else ''}"
-    return render_page("replay.html.j2", replay_data(found), ("page_matrices.js",), title=title, verdict=said)
+    said = f"must not run: {kinds_words(found)}" if found.errors else "no offence found"
+    scripts = ("page_matrices.js", "shop_scene.js")
+    return render_page("replay.html.j2", replay_data(found), scripts, title=title, verdict=said)
 
 
 def replay_data(found: Verification) -> dict[str, Any]:
     """Everything that the page shows: kinematics, bodies, points, offences; arrays as base64, little end first."""
     program, scene = found.program, found.scene
-    kept = kept_points(found)
-    robot, cell = program.robot, program.cell
-    surfaces = body_surfaces(scene, MOST_TRIANGLES // max(1, len(scene.members)))
+    spots = [spot_of(found, o) if k < SEARCHED else spot_of(found, o, 1) for k, o in enumerate(shown_offences(found))]
+    kept = kept_points(found, also=[spot.move for spot in spots])
     distance = np.minimum(found.swept.distance, found.swept.within)
     time = np.cumsum(found.timing.time + program.motions.dwell)
     timed = bool(np.isfinite(time).all())
     return {
-        "chain": chain_data(robot),
-        "cell": {
-            "base": column_matrix(cell.T_world_base0),
-            "part": column_matrix(cell.T_world_part0),
-            "tool": column_matrix(cell.tool.T_flange_tool),
-            "rails": [axis.direction.tolist() for axis in cell.linear_axes],
-            "table": None
-            if cell.turntable is None
-            else {"point": cell.turntable.point.tolist(), "axis": cell.turntable.axis.tolist()},
-            "floor": cell.floor,
-        },
-        "frames": scene.arm.count,
-        "bodies": [
-            {
-                "name": body.name,
-                "kind": body.kind,
-                "frame": int(body.frame),
-                "v": packed(body.vertices, "<f4"),
-                "t": packed(body.triangles, "<u4"),
-            }
-            for body in surfaces
-        ],
+        **cell_data(scene, MOST_TRIANGLES),
         "axes": [
             {"name": name, "linear": bool(linear), "lower": _bound(low), "upper": _bound(high)}
             for name, linear, low, high in zip(
@@ -75,20 +59,32 @@ def replay_data(found: Verification) -> dict[str, Any]:
         "clearance": packed(_least_between(distance, kept) * 1e3, "<f4"),
         "horizon": found.swept.within * 1e3,
         "time": packed(time[kept], "<f8") if timed else None,
-        "offences": [_offence(o) for o in found.offences[:MOST_OFFENCES]],
+        "offences": [
+            _offence(spot, view_of(found, spot)[0].towards if k < VIEWED else None) for k, spot in enumerate(spots)
+        ],
         "note": "between points all axes are shown moving evenly" if found.courses.straight.any() else "",
-        "left_out": len(found.offences) - min(len(found.offences), MOST_OFFENCES),
+        "left_out": len(found.offences) - len(spots),
     }
 
 
-def kept_points(found: Verification, most: int = MOST_POINTS) -> Integers:
-    """Numbers of the points that the page holds: all, or of a long program some, with those at offences."""
+def shown_offences(found: Verification) -> Sequence[Offence]:
+    """The offences that the page holds: the worst."""
+    return found.ranked[:MOST_OFFENCES]
+
+
+def kept_points(found: Verification, most: int = MOST_POINTS, also: Sequence[int] = ()) -> Integers:
+    """Numbers of the points that the page holds: all, or of a long program some, with those at offences.
+
+    ``also``: moves whose two ends are kept.
+    """
     n = found.program.n
     if n <= most:
         return np.arange(n)
-    marked = np.array([[o.move - 1, o.move, o.last] for o in found.offences[:MOST_OFFENCES]], dtype=np.int64)
+    offences = shown_offences(found)
+    marked = np.array([k for o in offences for k in (o.move - 1, o.move, o.last)], dtype=np.int64)
+    ends = np.array([k for move in also for k in (move - 1, move)], dtype=np.int64)
     even = np.round(np.linspace(0, n - 1, most - min(most // 2, marked.size))).astype(np.int64)
-    return np.unique(np.clip(np.concatenate([even, marked.ravel()]), 0, n - 1))
+    return np.unique(np.clip(np.concatenate([even, marked, ends]), 0, n - 1))
 
 
 def _least_between(values: Array, kept: Integers) -> Array:
@@ -97,17 +93,25 @@ def _least_between(values: Array, kept: Integers) -> Array:
     return np.asarray(np.minimum.reduceat(values, first))
 
 
-def _offence(offence: Offence) -> dict[str, Any]:
+def _offence(spot: Spot, towards: Array | None) -> dict[str, Any]:
+    """An offence for the page; ``towards``: from its place to the eye."""
+    offence, contact = spot.offence, spot.contact
+    pair = np.stack([spot.place, spot.place]) if contact is None else contact.points
     return {
         "kind": str(offence.kind),
         "severity": str(offence.severity),
         "move": offence.move,
         "last": offence.last,
-        "at": offence.at,
+        "worst": spot.move,
+        "at": offence.at if contact is None else contact.at,
         "line": offence.line,
-        "words": offence_words(offence),
-        "value": value_words(offence),
-        "bodies": list(offence.bodies or ()),
+        "worst_line": spot.line,
+        "words": typeset(offence_words(offence)),
+        "value": typeset(spot.distance_words or value_words(offence)),
+        "bodies": list(spot.bodies),
+        "pair": pair.tolist(),
+        "apart": contact is not None and contact.gap > 0.0,
+        "eye": None if towards is None else (towards / np.linalg.norm(towards)).tolist(),
     }
 
 

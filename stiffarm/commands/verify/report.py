@@ -9,23 +9,40 @@ import numpy as np
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
 from robots.arrays import Array
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
-from stiffarm.commands.verify.payload import (
+from stiffarm.commands.verify.picture import OffencePicture, offence_picture
+from stiffarm.commands.verify.spot import Spot
+from stiffarm.commands.verify.words import (
+    REMEDIES,
+    counted,
     distance_words,
+    kinds_words,
     offence_words,
-    place_words,
     sentence,
     shown,
     value_words,
     verdict,
 )
-from stiffarm.commands.verify.picture import offence_picture
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
+from stiffarm.pages.report import (
+    Answer,
+    Block,
+    Bullets,
+    Fold,
+    KeyFigure,
+    Note,
+    Picture,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
 from stiffarm.session.console import say
 from stiffarm.session.outputs import OutputFolder
 
 # Offences that the page lists; offences.csv has all.
 LISTED = 60
+# Offences that are drawn, one of a kind.
+DRAWN = 3
 INTERPOLATIONS = {
     "joint": "between two points all axes move evenly and arrive together",
     "linear": "between two points the tool moves on a straight line and turns evenly; the joints follow",
@@ -36,62 +53,95 @@ INTERPOLATIONS = {
 def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
+    clearance = clearance_picture(found, pictures, narrow=not found.offences)
+    drawn = [_picture(found, offence, k, folder) for k, offence in enumerate(drawn_offences(found))]
     sections = [
-        offences_section(found, folder),
-        clearance_section(found, pictures),
+        offences_section(found, [picture for picture, _ in drawn[1:]]),
+        clearance_section(found, [clearance] if drawn else []),
         rates_section(found, pictures),
         path_section(found, pictures),
         how_section(found),
     ]
     program = found.program
-    source = program.motions.source or "program"
-    lede = f"{verdict(found)} {source}, {program.n} moves, cell {program.cell.name}. replay.html shows it in motion."
-    question = "may this program run?"
-    write_page(folder, title, lede, _key_figures(found), sections, question)
+    source = program.motions.source or "without a name"
+    lede = f"{verdict(found)} Program {source}, {program.n} moves, cell {program.cell.name}."
+    worst = drawn[0][1].spot if drawn else None
+    answer = Answer(
+        sure=sure_words(found),
+        todo=todo_words(found),
+        picture=drawn[0][0] if drawn else clearance,
+        warnings=(f"Not looked at: {' '.join(found.not_looked_at)}",) if found.not_looked_at else (),
+    )
+    write_page(folder, title, lede, _key_figures(found, worst), sections, "may this program run?", answer=answer)
 
 
-def _key_figures(found: Verification) -> list[KeyFigure]:
+def drawn_offences(found: Verification) -> list[Offence]:
+    """The worst offence, and the worst of other kinds, as far as they are drawn."""
+    first: dict[Kind, Offence] = {}
+    for offence in found.ranked:
+        first.setdefault(offence.kind, offence)
+    return list(first.values())[:DRAWN]
+
+
+def sure_words(found: Verification) -> str:
+    """How far the verdict can be trusted."""
+    unproven = sum(o.kind is Kind.UNPROVEN for o in found.offences)
+    said = (
+        f"Bodies are checked on whole moves, not only at their points: distances at {found.swept.samples} poses, and "
+        "what lies between follows from how far anything can have moved."
+    )
+    return said + (f" {counted(unproven, 'place')} could not be decided." if unproven else "")
+
+
+def todo_words(found: Verification) -> str:
+    """What to do next."""
+    if found.clean:
+        return "Look at replay.html once, then run the program slowly and without a tool first."
+    worst = found.ranked[0]
+    others = [kind for kind in dict.fromkeys(o.kind for o in found.ranked) if kind is not worst.kind]
+    more = f" Then what is left: {', '.join(others)}." if others else ""
+    return f"{REMEDIES[worst.kind]}{more} replay.html opens at the worst offence."
+
+
+def _key_figures(found: Verification, worst: Spot | None) -> list[KeyFigure]:
     total = found.timing.total + float(found.program.motions.dwell.sum())
-    out = [
-        KeyFigure("yes" if found.clean else "no", "may it run, as far as was looked at"),
-        KeyFigure(str(len(found.errors)), "offences"),
-        KeyFigure(distance_words(found), "least distance of bodies"),
+    out = [KeyFigure("Yes" if found.clean else "No", "may it run, as far as was looked at")]
+    if worst is not None:
+        label = "the worst offence" if found.errors else "the worst warning"
+        out.append(KeyFigure(str(worst.offence.kind), f"{label}, line {worst.line}", worst.sentence))
+    if found.errors:
+        out.append(KeyFigure(str(len(found.errors)), "offences", kinds_words(found)))
+    if float(found.swept.distance.min()) >= 0.0:
+        out.append(KeyFigure(distance_words(found), "least distance of bodies"))
+    return [
+        *out,
         KeyFigure(f"{total:.3g} s" if np.isfinite(total) else "not known", "time at the programmed feeds"),
     ]
-    if found.errors:
-        out.insert(2, KeyFigure(str(found.errors[0].line), "line of the first offence"))
-    return out
 
 
-def offences_section(found: Verification, folder: OutputFolder) -> Section:
-    """Verdict, picture of the first offence, list of offences."""
+def offences_section(found: Verification, pictures: list[Picture]) -> Section:
+    """All offences, the worst first; pictures of those of other kinds."""
     if not found.offences:
-        return Section("May it run", (Text("Nothing was found in what was looked at."), *_open_questions(found)))
-    first = found.errors[0] if found.errors else found.offences[0]
+        return Section("Offences", (Text("Nothing was found in what was looked at."),))
     moves = Counter[tuple[object, object]]()
     for o in found.offences:
         moves[o.kind, o.severity] += o.moves
+    kinds = Counter((o.kind, o.severity) for o in found.ranked)
     rows = tuple(
         (str(kind), str(severity), str(count), str(moves[kind, severity]), KIND_WORDS[kind])
-        for (kind, severity), count in found.counts.items()
+        for (kind, severity), count in kinds.items()
     )
-    listed = tuple(_row(o) for o in found.offences[:LISTED])
+    listed = tuple(_row(o) for o in found.ranked[:LISTED])
     left = len(found.offences) - len(listed)
-    caption = "Offences in the order of the program" + (f"; {left} more are in offences.csv" if left else "")
+    caption = "Offences, the worst first" + (f"; {left} more are in offences.csv" if left else "")
     columns = ("line", "moves", "kind", "what", "value", "severity")
     blocks: list[Block] = [
-        *_open_questions(found),
-        _picture(found, first, folder),
-        Table("By kind", ("kind", "severity", "places", "moves", "meaning"), rows, text_columns=(0, 1, 4)),
         Table(caption, columns, listed, text_columns=(0, 2, 3, 4, 5)),
+        Table("By kind", ("kind", "severity", "places", "moves", "meaning"), rows, text_columns=(0, 1, 4), folded=True),
     ]
-    return Section("May it run", tuple(blocks))
-
-
-def _open_questions(found: Verification) -> tuple[Block, ...]:
-    if not found.not_looked_at:
-        return ()
-    return (Note("Not looked at: " + " ".join(found.not_looked_at)),)
+    if pictures:
+        blocks.append(Fold("The worst of other kinds", tuple(pictures)))
+    return Section("Offences", tuple(blocks))
 
 
 def _row(offence: Offence) -> tuple[str, ...]:
@@ -100,30 +150,39 @@ def _row(offence: Offence) -> tuple[str, ...]:
     return line, str(offence.moves), str(offence.kind), what, value, str(offence.severity)
 
 
-def _picture(found: Verification, offence: Offence, folder: OutputFolder) -> Picture:
-    path = folder.path("figures/first_offence.png")
-    picture = offence_picture(found, offence, path)
-    if picture.message:
-        say(f"note: {picture.message}")
-    pose = []
+def _picture(found: Verification, offence: Offence, place: int, folder: OutputFolder) -> tuple[Picture, OffencePicture]:
+    """The picture of an offence; ``place``: 0 is the worst."""
+    path = folder.path("figures/worst_offence.png" if place == 0 else f"figures/offence_{place + 1}.png")
+    drawn = offence_picture(found, offence, path)
+    if drawn.message and place == 0:
+        say(f"note: {drawn.message}")
+    spot, pose = drawn.spot, []
     for j, name in enumerate(found.axes.names):
-        value, unit = shown(float(offence.values[j]), found.axes.unit(j))
+        value, unit = shown(float(spot.values[j]), found.axes.unit(j))
         pose.append(f"{name} {value:.2f} {unit}")
-    caption = (
-        f"{sentence(offence)}. Left the cell, right what the frame on the left holds. "
-        f"After {100.0 * offence.at:.0f} % of the move: {', '.join(pose)}."
+    hidden = (
+        f" Left out of the near view, because it would hide the place: {', '.join(drawn.left_out)}."
+        if drawn.left_out
+        else ""
     )
-    return Picture(path, caption, f"robot in its cell at {place_words(offence)}")
+    caption = f"{sentence(offence)}. Shown where it is worst, line {spot.line}: {', '.join(pose)}.{hidden}"
+    alt = f"robot in its cell at line {spot.line}: {offence.kind}, {spot.sentence}"
+    return Picture(path, caption, alt), drawn
 
 
-def clearance_section(found: Verification, pictures: Pictures) -> Section:
-    """How near bodies come to each other."""
-    swept = found.swept
+def clearance_picture(found: Verification, pictures: Pictures, *, narrow: bool = False) -> Picture:
+    """Least distances over the program."""
     caption = (
         "Least distance of any two checked bodies in each move. Between the poses that were measured nothing comes "
         "nearer than the lower edge of the band: that is proven, or where it touches 0 it is not."
     )
-    blocks: list[Block] = [pictures.add(clearance_figure(found), "clearance", caption)]
+    return pictures.add(clearance_figure(found, narrow=narrow), "clearance", caption)
+
+
+def clearance_section(found: Verification, pictures: list[Picture]) -> Section:
+    """How near bodies come to each other."""
+    swept = found.swept
+    blocks: list[Block] = [*pictures]
     worst: dict[tuple[str, str], int] = {}
     for move in np.argsort(swept.distance, kind="stable"):
         if swept.pair[move] >= 0:
@@ -232,4 +291,4 @@ def how_section(found: Verification) -> Section:
     unproven = sum(o.kind is Kind.UNPROVEN for o in found.offences)
     if unproven:
         blocks.append(Note(f"{unproven} places could not be decided; a finer --resolution may."))
-    return Section("How it was looked at", tuple(blocks))
+    return Section("How it was looked at", tuple(blocks), folded=True)

@@ -9,15 +9,25 @@ function makeGL(canvas) {
   `precision mediump float; varying vec3 n; uniform vec3 colour; uniform float alpha;
     void main() { vec3 u = normalize(n); if (!gl_FrontFacing) u = -u;
       float light = 0.46 + 0.32 * max(u.z, 0.0) + 0.32 * max(dot(u, vec3(-0.45, 0.67, 0.59)), 0.0); gl_FragColor = vec4(colour * light, alpha); }`);
-  // Hidden points go behind the eye; those without a value are half as large.
-  const dots = buildProgram(gl, `attribute vec3 pos; attribute vec4 tint; uniform mat4 V, P; uniform float scale, parallel, least; varying vec3 c;
-    void main() { gl_Position = tint.a < 0.2 ? vec4(2.0, 2.0, 2.0, 1.0) : P * V * vec4(pos, 1.0);
+  // What is unsure is hatched, with wider stripes the less sure it is, or fades into the sky.
+  const unsure = `uniform float hatch, fade, pitch; uniform vec3 sky;
+    vec3 doubted(vec3 c, float d) { c = mix(c, sky, 0.9 * fade * d); float t = fract((gl_FragCoord.x + gl_FragCoord.y) / pitch);
+      return hatch > 0.5 && t < 0.8 * d ? sky : c; }`;
+  // Points without a value are half as large.
+  const dots = buildProgram(gl, `attribute vec3 pos; attribute vec4 tint; attribute float doubt; uniform mat4 V, P; uniform float scale, parallel, least; varying vec3 c; varying float d;
+    void main() { gl_Position = P * V * vec4(pos, 1.0); d = doubt;
       float size = scale / mix(gl_Position.w, 1.0, parallel); gl_PointSize = max(tint.a > 0.8 ? 0.45 * size : size, least); c = tint.rgb; }`,
-  `precision mediump float; varying vec3 c;
-    void main() { vec2 d = 2.0 * gl_PointCoord - 1.0; float r = dot(d, d); if (r > 1.0) discard;
-      vec3 n = vec3(d.x, -d.y, sqrt(1.0 - r)); float light = 0.80 + 0.22 * max(dot(n, vec3(-0.45, 0.67, 0.59)), 0.0); gl_FragColor = vec4(c * light, 1.0); }`);
-  const flat = buildProgram(gl, `attribute vec3 pos; attribute vec4 tint; uniform mat4 V, P; varying vec3 c;
-    void main() { gl_Position = P * V * vec4(pos, 1.0); c = tint.rgb; }`, "precision mediump float; varying vec3 c; void main() { gl_FragColor = vec4(c, 1.0); }");
+  `precision mediump float; varying vec3 c; varying float d; ${unsure}
+    void main() { vec2 p = 2.0 * gl_PointCoord - 1.0; float r = dot(p, p); if (r > 1.0) discard;
+      vec3 n = vec3(p.x, -p.y, sqrt(1.0 - r)); float light = 0.80 + 0.22 * max(dot(n, vec3(-0.45, 0.67, 0.59)), 0.0); gl_FragColor = vec4(doubted(c * light, d), 1.0); }`);
+  const flat = buildProgram(gl, `attribute vec3 pos; attribute vec4 tint; attribute float doubt; uniform mat4 V, P; varying vec3 c; varying float d;
+    void main() { gl_Position = P * V * vec4(pos, 1.0); c = tint.rgb; d = doubt; }`, `precision mediump float; varying vec3 c; varying float d; ${unsure} void main() { gl_FragColor = vec4(doubted(c, d), 1.0); }`);
+  // Surfaces of equal value and the ellipsoid: lit from both sides, cut off by the planes.
+  const sheet = buildProgram(gl, `attribute vec3 pos, nor; uniform mat4 V, P; varying vec3 n, w;
+    void main() { n = mat3(V) * nor; w = pos; gl_Position = P * V * vec4(pos, 1.0); }`,
+  `precision mediump float; varying vec3 n, w; uniform vec3 colour, at, keep; uniform float alpha;
+    void main() { vec3 s = keep * (w - at); if (min(s.x, min(s.y, s.z)) < -1e-6) discard; vec3 u = normalize(n); if (!gl_FrontFacing) u = -u;
+      gl_FragColor = vec4(colour * (0.55 + 0.3 * max(u.z, 0.0) + 0.3 * max(dot(u, vec3(-0.45, 0.67, 0.59)), 0.0)), alpha); }`);
   const line = buildProgram(gl, LINE_VERTEX, LINE_FRAGMENT);
   const where = (p, name) => (p.places ??= {})[name] ??= gl.getUniformLocation(p, name);
   const attributes = new Set();
@@ -29,10 +39,27 @@ function makeGL(canvas) {
   const fill = (b, data, use) => { gl.bindBuffer(gl.ARRAY_BUFFER, b); gl.bufferData(gl.ARRAY_BUFFER, data, use); return b; };
   const buffer = data => fill(gl.createBuffer(), data, gl.STATIC_DRAW);
   const meshes = bodies.map(b => ({ pos: buffer(b.pos), nor: buffer(b.nor), count: b.pos.length / 3 }));
-  const xyz = new Float32Array(3 * N);
-  for (let i = 0; i < N; i++) for (let k = 0; k < 3; k++) xyz[3 * i + k] = hasPlace(i) ? X[k][i] : 0;
-  const points = buffer(xyz), tintBuffer = gl.createBuffer(), lineBuffer = gl.createBuffer();
-  let tiles = null;
+  const lineBuffer = gl.createBuffer(), ball = { pos: gl.createBuffer(), nor: gl.createBuffer() };
+  // One set of points (or cells) for each map that is seen; and surfaces.
+  const maps = [0, 1].map(() => ({ pos: gl.createBuffer(), tint: gl.createBuffer(), doubt: gl.createBuffer(), count: 0, cells: false }));
+  let sheets = [];
+  function fillPoints(m, colours, sure) { // Only what is shown, well mixed.
+    const pos = new Float32Array(3 * (counts.shown + counts.grey)), tint = new Uint8Array(4 * (counts.shown + counts.grey)), doubt = new Uint8Array(counts.shown + counts.grey);
+    let n = 0;
+    for (const i of spread) if (shown[i]) {
+      for (let k = 0; k < 3; k++) pos[3 * n + k] = X[k][i];
+      for (let k = 0; k < 4; k++) tint[4 * n + k] = colours[4 * i + k];
+      doubt[n++] = sure[i];
+    }
+    fill(m.pos, pos, gl.DYNAMIC_DRAW); fill(m.tint, tint, gl.DYNAMIC_DRAW); fill(m.doubt, doubt, gl.DYNAMIC_DRAW); m.count = n; m.cells = false;
+  }
+  function fillCells(m, { corners, points: own }, colours, sure) {
+    const pos = new Float32Array(18 * own.length), tint = new Uint8Array(24 * own.length), doubt = new Uint8Array(6 * own.length);
+    own.forEach((i, c) => [0, 1, 2, 0, 2, 3].forEach((k, j) => {
+      pos.set(corners.subarray(12 * c + 3 * k, 12 * c + 3 * k + 3), 18 * c + 3 * j); tint.set(colours.subarray(4 * i, 4 * i + 4), 24 * c + 4 * j); doubt[6 * c + j] = sure[i];
+    }));
+    fill(m.pos, pos, gl.DYNAMIC_DRAW); fill(m.tint, tint, gl.DYNAMIC_DRAW); fill(m.doubt, doubt, gl.DYNAMIC_DRAW); m.count = 6 * own.length; m.cells = true;
+  }
   const set = (p, name, value) => gl.uniformMatrix4fv(where(p, name), false, new Float32Array(value));
   const use = (p, C) => { gl.useProgram(p); set(p, "V", C.V); set(p, "P", C.P); };
   function drawRobot(C, F, alpha) {
@@ -47,36 +74,53 @@ function makeGL(canvas) {
     name: "WebGL",
     lost: () => gl.isContextLost(),
     update() { // Points or colours changed.
-      fill(tintBuffer, tints, gl.DYNAMIC_DRAW);
-      if (!state.cells || !hasCells()) { tiles = null; return; }
-      const { corners, points: own } = cells(), pos = new Float32Array(18 * own.length), colour = new Uint8Array(24 * own.length);
-      own.forEach((i, c) => [0, 1, 2, 0, 2, 3].forEach((k, j) => {
-        pos.set(corners.subarray(12 * c + 3 * k, 12 * c + 3 * k + 3), 18 * c + 3 * j); colour.set(tints.subarray(4 * i, 4 * i + 4), 24 * c + 4 * j);
-      }));
-      tiles = { pos: fill(tiles ? tiles.pos : gl.createBuffer(), pos, gl.DYNAMIC_DRAW), tint: fill(tiles ? tiles.tint : gl.createBuffer(), colour, gl.DYNAMIC_DRAW), count: 6 * own.length };
+      const tiles = state.cells && hasCells() ? cells() : null;
+      mapsSeen().forEach(([colours, sure], k) => tiles ? fillCells(maps[k], tiles, colours, sure) : fillPoints(maps[k], colours, sure));
+      sheets = surfaces().map((s, k) => ({ pos: fill((sheets[k] ?? { pos: gl.createBuffer() }).pos, s.pos, gl.DYNAMIC_DRAW), nor: fill((sheets[k] ?? { nor: gl.createBuffer() }).nor, s.nor, gl.DYNAMIC_DRAW), count: s.pos.length / 3, colour: s.colour }));
     },
-    draw(C, F, shades, ratio) {
-      gl.viewport(0, 0, C.width, C.height); gl.clearColor(...shades.sky, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
-      if (state.robot === "solid") drawRobot(C, F, 1);
-      if (tiles) {
-        use(flat, C); attribute(flat, "pos", tiles.pos, 3); attribute(flat, "tint", tiles.tint, 4, gl.UNSIGNED_BYTE, true);
-        gl.drawArrays(gl.TRIANGLES, 0, tiles.count); done();
-      } else {
-        use(dots, C); gl.uniform1f(where(dots, "scale"), 2 * radius() * C.P[5] * C.height / 2); gl.uniform1f(where(dots, "parallel"), state.perspective ? 0 : 1);
-        gl.uniform1f(where(dots, "least"), 1.5 * ratio);
-        attribute(dots, "pos", points, 3); attribute(dots, "tint", tintBuffer, 4, gl.UNSIGNED_BYTE, true); gl.drawArrays(gl.POINTS, 0, N); done();
-      }
-      const lines = walls(C);
-      use(line, C); set(line, "M", I()); gl.uniform2f(where(line, "screen"), C.width / 2, C.height / 2); gl.uniform1f(where(line, "width"), 0.6 * ratio);
-      fill(lineBuffer, lineData(lines, lines.map(l => shades[l[2]])), gl.DYNAMIC_DRAW);
-      ["a", "b", "tint"].forEach((name, k) => attribute(line, name, lineBuffer, 3, gl.FLOAT, false, 40, 12 * k)); attribute(line, "side", lineBuffer, 1, gl.FLOAT, false, 40, 36);
-      gl.drawArrays(gl.TRIANGLES, 0, 6 * lines.length); done();
-      if (state.robot === "faint") { // Depth first, so that only its outer surface shines through.
-        gl.colorMask(false, false, false, false); drawRobot(C, F, 1); gl.colorMask(true, true, true, true);
-        gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthFunc(gl.LEQUAL); drawRobot(C, F, 0.4); gl.depthFunc(gl.LESS); gl.disable(gl.BLEND);
-      }
+    // ``most``: points drawn at most, of which those that are drawn are the larger for it; ``places``: left edge of each view.
+    draw(C, F, shades, ratio, most, places) {
+      gl.disable(gl.SCISSOR_TEST); gl.viewport(0, 0, canvas.width, canvas.height); gl.clearColor(...shades.sky, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
+      gl.enable(gl.SCISSOR_TEST);
+      places.forEach((left, k) => { gl.viewport(left, 0, C.width, C.height); gl.scissor(left, 0, C.width, C.height); drawView(C, F, shades, ratio, most, maps[k], k > 0); });
+      gl.disable(gl.SCISSOR_TEST);
     },
   };
+  function drawView(C, F, shades, ratio, most, m, isOther) {
+    const surfaced = sheets.length > 0, clip = p => {
+      gl.uniform3fv(where(p, "at"), state.planes.map(q => q.at)); gl.uniform3fv(where(p, "keep"), state.planes.map(q => q.on ? q.keep : 0));
+    };
+    if (state.robot === "solid") drawRobot(C, F, 1);
+    if (surfaced) {
+      use(sheet, C); clip(sheet); gl.uniform1f(where(sheet, "alpha"), 1);
+      for (const s of sheets) { gl.uniform3fv(where(sheet, "colour"), s.colour); attribute(sheet, "pos", s.pos, 3); attribute(sheet, "nor", s.nor, 3); gl.drawArrays(gl.TRIANGLES, 0, s.count); }
+      done();
+    } else {
+      const p = m.cells ? flat : dots, n = m.cells ? m.count : Math.min(m.count, most);
+      use(p, C); gl.uniform3fv(where(p, "sky"), shades.sky); gl.uniform1f(where(p, "pitch"), 7 * ratio);
+      gl.uniform1f(where(p, "hatch"), state.doubt === "hatch" ? 1 : 0); gl.uniform1f(where(p, "fade"), state.doubt === "fade" ? 1 : 0);
+      if (!m.cells) {
+        gl.uniform1f(where(p, "scale"), 2 * radius() * Math.min(1.6, Math.cbrt(m.count / Math.max(1, n))) * C.P[5] * C.height / 2); gl.uniform1f(where(p, "parallel"), state.perspective ? 0 : 1);
+        gl.uniform1f(where(p, "least"), 1.5 * ratio);
+      }
+      attribute(p, "pos", m.pos, 3); attribute(p, "tint", m.tint, 4, gl.UNSIGNED_BYTE, true); attribute(p, "doubt", m.doubt, 1, gl.UNSIGNED_BYTE, true);
+      gl.drawArrays(m.cells ? gl.TRIANGLES : gl.POINTS, 0, n); done();
+    }
+    const round = isOther ? null : ellipsoid(); // Of this map's arm.
+    if (round) {
+      use(sheet, C); gl.uniform3f(where(sheet, "at"), 0, 0, 0); gl.uniform3f(where(sheet, "keep"), 0, 0, 0); gl.uniform1f(where(sheet, "alpha"), 1); gl.uniform3fv(where(sheet, "colour"), round.colour);
+      attribute(sheet, "pos", fill(ball.pos, round.pos, gl.DYNAMIC_DRAW), 3); attribute(sheet, "nor", fill(ball.nor, round.nor, gl.DYNAMIC_DRAW), 3); gl.drawArrays(gl.TRIANGLES, 0, round.pos.length / 3); done();
+    }
+    const lines = walls(C);
+    use(line, C); set(line, "M", I()); gl.uniform2f(where(line, "screen"), C.width / 2, C.height / 2); gl.uniform1f(where(line, "width"), 0.6 * ratio);
+    fill(lineBuffer, lineData(lines, lines.map(l => shades[l[2]])), gl.DYNAMIC_DRAW);
+    ["a", "b", "tint"].forEach((name, k) => attribute(line, name, lineBuffer, 3, gl.FLOAT, false, 40, 12 * k)); attribute(line, "side", lineBuffer, 1, gl.FLOAT, false, 40, 36);
+    gl.drawArrays(gl.TRIANGLES, 0, 6 * lines.length); done();
+    if (state.robot === "faint") { // Depth first, so that only its outer surface shines through.
+      gl.colorMask(false, false, false, false); drawRobot(C, F, 1); gl.colorMask(true, true, true, true);
+      gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthFunc(gl.LEQUAL); drawRobot(C, F, 0.4); gl.depthFunc(gl.LESS); gl.disable(gl.BLEND);
+    }
+  }
 }
 
 // Without WebGL: far things first. Of very many points every k-th is drawn.
@@ -103,8 +147,12 @@ function make2D(canvas) {
   return {
     name: "2-D canvas", lost: () => false,
     update() { tiles = state.cells && hasCells() ? cells() : null; },
-    draw(C, F, shades, ratio) {
-      pen.globalAlpha = 1; pen.fillStyle = css(shades.sky); pen.fillRect(0, 0, C.width, C.height);
+    draw(C, F, shades, ratio, most, places) {
+      pen.globalAlpha = 1; pen.fillStyle = css(shades.sky); pen.fillRect(0, 0, canvas.width, canvas.height);
+      places.forEach((left, k) => { pen.save(); pen.beginPath(); pen.rect(left, 0, C.width, C.height); pen.clip(); pen.translate(left, 0); drawView(C, F, shades, ratio, most, mapsSeen()[k], k > 0); pen.restore(); });
+    },
+  };
+  function drawView(C, F, shades, ratio, most, [tints, doubts], isOther) {
       for (const [a, b, name] of walls(C)) {
         const p = project(C, ...a), q = project(C, ...b); if (!p || !q) continue;
         pen.strokeStyle = css(shades[name]); pen.lineWidth = ratio; pen.beginPath(); pen.moveTo(p[0], p[1]); pen.lineTo(q[0], q[1]); pen.stroke();
@@ -120,13 +168,27 @@ function make2D(canvas) {
           things.push([(p[0][2] + p[1][2] + p[2][2]) / 3 - (b.role === "joint" ? 0.08 : 0), p, css(b.colour.map(c => c * light)), state.robot === "faint" ? 0.4 : 1]);
         }
       }
-      const colour = i => `rgb(${tints[4 * i]},${tints[4 * i + 1]},${tints[4 * i + 2]})`;
-      if (tiles) tiles.points.forEach((i, c) => {
+      // No stripes here: what is unsure fades either way.
+      const pale = i => state.doubt === "none" ? 0 : 0.9 * doubts[i] / 255;
+      const colour = i => `rgb(${[0, 1, 2].map(k => Math.round(tints[4 * i + k] * (1 - pale(i)) + 255 * shades.sky[k] * pale(i))).join(",")})`;
+      const faces3 = (s, left = () => true) => {
+        for (let f = 0; f < s.pos.length; f += 9) {
+          if (!left(s.pos.subarray(f, f + 3))) continue;
+          const p = [0, 3, 6].map(j => project(C, s.pos[f + j], s.pos[f + j + 1], s.pos[f + j + 2])); if (p.includes(null)) continue;
+          const n = unit(at([...C.V.slice(0, 12), 0, 0, 0, 1], s.nor[f], s.nor[f + 1], s.nor[f + 2])), light = 0.6 + 0.45 * Math.abs(n[2]);
+          things.push([(p[0][2] + p[1][2] + p[2][2]) / 3, p, css(s.colour.map(c => c * light)), 1]);
+        }
+      };
+      const sheets = surfaces();
+      for (const s of sheets) faces3(s, w => !state.planes.some((p, k) => p.on && p.keep * (w[k] - p.at) < 0));
+      const round = isOther ? null : ellipsoid(); if (round) faces3(round);
+      if (sheets.length) ;
+      else if (tiles) tiles.points.forEach((i, c) => {
         const p = [0, 1, 2, 3].map(j => project(C, tiles.corners[12 * c + 3 * j], tiles.corners[12 * c + 3 * j + 1], tiles.corners[12 * c + 3 * j + 2]));
         if (!p.includes(null)) things.push([(p[0][2] + p[2][2]) / 2, p, colour(i), 1]);
       });
       else {
-        const step = Math.max(1, Math.ceil((counts.shown + counts.grey) / MOST_FLAT)), larger = Math.cbrt(step); // for those left out
+        const step = Math.max(1, Math.ceil((counts.shown + counts.grey) / Math.min(most, MOST_FLAT))), larger = Math.cbrt(step); // for those left out
         for (let i = 0, k = 0; i < N; i++) if (shown[i] && k++ % step === 0) {
           const p = project(C, X[0][i], X[1][i], X[2][i]);
           if (p) things.push([p[2], p, colour(i), 1, Math.max(larger * radius() * pixelsPerMetre(C, p[2]) * (shown[i] === 2 ? 0.45 : 1), 0.75 * ratio)]);
@@ -140,6 +202,5 @@ function make2D(canvas) {
         pen.closePath(); pen.fill(); if (alpha === 1) pen.stroke();
       }
       pen.globalAlpha = 1;
-    },
-  };
+  }
 }

@@ -127,12 +127,44 @@ function drawMark(pen, C, em, ink) {
     pen.stroke();
   }
 }
-function drawLabels(canvas, C, ratio, shades, fontPixels, barTop) {
-  if (canvas.width !== C.width || canvas.height !== C.height) { canvas.width = C.width; canvas.height = C.height; }
+// A picture taken out of the page: view and labels, and below them what must not be lost on the way.
+function pictureOf(view, over, em) {
+  const sheet = document.createElement("canvas"), font = `600 ${em}px ${FAMILY}`;
+  let pen = sheet.getContext("2d"); pen.font = font;
+  const lines = D.warning ? wrapped(pen, D.warning, view.width - 2.4 * em) : [], tall = lines.length ? Math.ceil((lines.length * 1.3 + 0.8) * em) : 0;
+  sheet.width = view.width; sheet.height = view.height + tall; pen = sheet.getContext("2d"); // Resizing forgets the font.
+  pen.drawImage(view, 0, 0); pen.drawImage(over, 0, 0);
+  pen.fillStyle = "#ffe9c2"; pen.fillRect(0, view.height, view.width, tall); pen.fillStyle = "#b8400a"; pen.fillRect(0, view.height, 0.6 * em, tall);
+  pen.fillStyle = "#3d2500"; pen.font = font; pen.textBaseline = "top";
+  lines.forEach((l, k) => pen.fillText(l, 1.3 * em, view.height + (0.45 + 1.3 * k) * em));
+  return sheet;
+}
+const FAMILY = 'system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif';
+// What stripes, fading and the ellipsoid mean, at the foot of the picture.
+function drawHints(pen, C, em, ink, places) {
+  const words = [];
+  if (hasDoubt() && state.doubt !== "none") words.push(`${state.doubt === "hatch" ? "striped" : "faded"}: unsure, in full from ± ${100 * MOST_DOUBT} % (95 %)`);
+  for (const s of surfaces()) words.push(`surface at ${minusSign(digits(s.level, 4))} ${fields[state.field].sign}`);
+  const round = ellipsoid();
+  if (round) words.push(`ellipsoid: 1000 N moves the tool ${digits(1e6 * round.own[2].value, 2)} to ${digits(1e6 * round.own[0].value, 2)} mm`);
+  if (state.whatIf) words.push("what if: springs are not the model's");
+  if (!words.length || narrow(C.width, em)) return;
+  write(pen, words.join("; "), 0.9 * em, C.height - 0.9 * em, "left", "middle", ink);
+}
+function drawLabels(canvas, C, ratio, shades, fontPixels, barTop, places) {
+  const width = places[places.length - 1] + C.width;
+  if (canvas.width !== width || canvas.height !== C.height) { canvas.width = width; canvas.height = C.height; }
   const pen = canvas.getContext("2d"), css = c => `rgb(${c.map(x => Math.round(255 * x)).join(",")})`, em = 0.86 * fontPixels * ratio;
-  pen.clearRect(0, 0, C.width, C.height);
-  const family = 'system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-serif';
-  Object.assign(pen, { plain: `${em}px ${family}`, bold: `600 ${em}px ${family}`, ratio, halo: 3 * ratio, back: css(shades.sky), inkColour: css(shades.write), soft: css(shades.write), barTop: barTop * ratio });
+  pen.clearRect(0, 0, width, C.height);
+  Object.assign(pen, { plain: `${em}px ${FAMILY}`, bold: `600 ${em}px ${FAMILY}`, ratio, halo: 3 * ratio, back: css(shades.sky), inkColour: css(shades.write), soft: css(shades.write), barTop: barTop * ratio });
   pen.font = pen.plain;
-  drawTicks(pen, C, em, css(shades.write)); drawMark(pen, C, em, css(shades.write)); drawBar(pen, C, em, css(shades.write));
+  places.forEach((left, k) => {
+    pen.save(); pen.translate(left, 0); pen.beginPath(); pen.rect(0, 0, C.width, C.height); pen.clip();
+    drawTicks(pen, C, em, css(shades.write)); drawMark(pen, C, em, css(shades.write));
+    if (k === places.length - 1) drawBar(pen, C, em, css(shades.write));
+    if (places.length > 1) { pen.font = pen.bold; write(pen, k ? other.title : "This map", 0.9 * em, pen.barTop + 1.2 * em, "left", "middle", css(shades.write)); pen.font = pen.plain; }
+    pen.restore();
+    if (k) { pen.fillStyle = css(shades.edge); pen.fillRect(left - ratio, 0, 2 * ratio, C.height); }
+  });
+  drawHints(pen, C, em, css(shades.write), places);
 }

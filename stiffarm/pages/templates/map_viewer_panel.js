@@ -3,44 +3,72 @@ const canvas = $("view"), labels = $("labels");
 let shades = {}, renderer = null, queued = false;
 const theme = () => { shades = themeColours(["sky", "grid", "edge", "write"]); };
 const make = (name, words = {}, ...children) => { const e = document.createElement(name); Object.assign(e, words); e.append(...children); return e; };
-function size() {
-  const ratio = window.devicePixelRatio || 1, w = Math.max(1, Math.round(canvas.clientWidth * ratio)), h = Math.max(1, Math.round(canvas.clientHeight * ratio));
-  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-  return [w, h, ratio];
-}
 const fontPixels = () => parseFloat(getComputedStyle(canvas).fontSize);
-function currentCamera() {
-  const [w, h, ratio] = size();
-  room = roomFor(w, 0.86 * fontPixels() * ratio, ($("views").offsetTop + $("views").offsetHeight) * ratio);
-  return [camera(w, h), ratio];
+// Camera of one view, where a CSS pixel is so many pixels of the picture.
+function cameraAt(ratio) {
+  const w = Math.max(1, Math.round(canvas.clientWidth * ratio)), h = Math.max(1, Math.round(canvas.clientHeight * ratio)), one = Math.floor(w / mapsSeen().length);
+  room = roomFor(one, 0.86 * fontPixels() * ratio, ($("views").offsetTop + $("views").offsetHeight) * ratio);
+  return [camera(one, h), ratio, w, h];
+}
+const fullRatio = () => window.devicePixelRatio || 1;
+function currentCamera(detail = 1) { // With the canvas as large as the picture is fine.
+  const found = cameraAt(fullRatio() * detail), [, , w, h] = found;
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  return found;
 }
 function drawNow() {
   queued = false;
   if (renderer.lost()) return;
-  const [C, ratio] = currentCamera();
-  renderer.draw(C, robotFrames(), shades, ratio);
-  drawLabels(labels, C, ratio, shades, fontPixels(), $("views").offsetTop + $("views").offsetHeight);
+  const places = C => mapsSeen().map((_, k) => k * C.width), [C, ratio] = currentCamera(moving ? detail() : 1);
+  renderer.draw(C, robotFrames(), shades, ratio, moving ? most() : Infinity, places(C));
+  const [L, fine] = cameraAt(fullRatio());
+  drawLabels(labels, L, fine, shades, fontPixels(), $("views").offsetTop + $("views").offsetHeight, places(L));
 }
-const draw = () => { if (!queued) { queued = true; requestAnimationFrame(() => queued && drawNow()); } };
+// A frame that comes late was too much work for whatever draws: while the view turns, it is drawn with less effort then,
+// fewer points and coarser; with more again where there is time.
+const LATE = 40, EARLY = 20, FEWEST = 2000;
+let moving = 0, effort = 0.2;
+const most = () => FEWEST + effort ** 2 * N, detail = () => 0.45 + 0.55 * effort;
+const draw = () => {
+  if (queued) return;
+  queued = true;
+  const asked = performance.now();
+  requestAnimationFrame(() => {
+    if (!queued) return;
+    const waited = performance.now() - asked;
+    if (moving) effort = waited > LATE ? 0.6 * effort : waited < EARLY ? Math.min(1, effort + 0.03) : effort;
+    drawNow();
+  });
+};
+const REST = 180; // ms without a turn until all points are drawn again
+let turnedAt = 0;
+function turning() {
+  turnedAt = performance.now();
+  if (!moving) moving = setTimeout(rested, REST);
+}
+function rested() { // Not while a hand is on the picture, nor while frames take longer than the rest.
+  if (held.size || queued || performance.now() - turnedAt < REST) { moving = setTimeout(rested, REST); return; }
+  moving = 0; draw();
+}
 // Flat views are parallel ones, so that their numbers can be read off.
 function setProjection(perspective) {
   state.perspective = perspective; $("projection").textContent = perspective ? "Perspective" : "Parallel"; $("projection").setAttribute("aria-pressed", !perspective); draw();
 }
-function look(name) { setProjection(name === "oblique"); [eye.azimuth, eye.height] = VIEWS[name]; currentCamera(); fit(canvas.width, canvas.height); draw(); }
+function look(name) { setProjection(name === "oblique"); [eye.azimuth, eye.height] = VIEWS[name]; currentCamera(); fit(canvas.width / mapsSeen().length, canvas.height); draw(); }
 
 // --- changes ---
 function changed() { // Which points are shown, or their colours.
   refilter(); renderer.update(); showCount(); draw();
 }
 function showCount() {
-  $("count").textContent = `${spaced(counts.shown)} of ${spaced(counts.of)} points shown${counts.grey ? `; ${spaced(counts.grey)} without a value, grey` : ""}`;
+  $("count").textContent = `${spaced(counts.shown)} of ${spaced(counts.of)} points shown${counts.grey ? `; ${spaced(counts.grey)} without a value, grey` : ""}${counts.left ? `; ${spaced(counts.left)} under the floor or inside the base left out` : ""}`;
   canvas.setAttribute("aria-label", `Map of ${D.robot.title}, coloured by ${fields[state.field].label}: ${counts.shown} of ${counts.of} points shown. `
     + "Arrow keys turn the view, with Shift they move it, plus and minus zoom, N and P go from point to point.");
   const numbers = state.picked >= 0 && !shown[state.picked];
   $("hiddenPick").hidden = !numbers;
 }
 function setField(k) {
-  state.field = k; state.hidden.clear(); $("field").value = k;
+  state.field = k; state.hidden.clear(); $("field").value = k; fields[k].sorted = undefined; table = fields[k].difference ? PLUS_MINUS : STIFF;
   const f = fields[k], own = sortedValues(f), least = own[0], most = own[own.length - 1], category = f.categories.length > 0;
   for (const id of ["thresholdPart", "coloursPart"]) $(id).hidden = category || !own.length;
   $("categories").hidden = !category;
@@ -52,7 +80,11 @@ function setField(k) {
     const [low, high] = colourRange();
     state.log = low > 0 && high / low > 4;
   }
-  listCategories(); rescale(); showLimit(); changed(); showPicked(); showRanking();
+  listCategories(); rescale(); showLimit(); changed(); showPicked(); showRanking(); showShapes();
+}
+function showShapes() { // Hands that only some quantities and cuts have.
+  $("surface").disabled = !canSurface(); $("surface").title = canSurface() ? "" : "Needs a number over three free axes: fix the others under Cut."; $("doubt").disabled = !hasDoubt();
+  $("doubtPart").hidden = !D.error; $("ellipsoidPart").hidden = !entry && !D.surrogate;
 }
 function rescale() { // Ends of the colours from the values.
   let [low, high] = colourRange();
@@ -78,7 +110,7 @@ function showLimit() {
 }
 function setLimit(v, on = true) {
   if (!Number.isFinite(v)) return;
-  state.limit = v; if (on) state.filter = $("filter").checked = true;
+  state.limit = v; if (on && state.surface !== "threshold") state.filter = $("filter").checked = true;
   showLimit(); changed(); showRanking();
 }
 function listCategories() {
@@ -103,7 +135,7 @@ const cuts = axes.map((axis, a) => {
   return { slider, value, all };
 });
 function cut(a, k) {
-  state.fixed[a] = k; showCuts(); changed(); showRanking();
+  state.fixed[a] = k; showCuts(); changed(); showRanking(); showShapes();
 }
 function showCuts() {
   cuts.forEach((c, a) => {
@@ -115,6 +147,26 @@ function showCuts() {
   $("cells").disabled = !hasCells(); $("cellsLabel").classList.toggle("off", !hasCells());
 }
 
+// --- planes that cut the picture open, in the base's axes ---
+const planes = ["x", "y", "z"].map((name, k) => {
+  const low = mapBounds.low[k], high = mapBounds.high[k]; state.planes[k].at = 0.5 * (low + high);
+  const on = make("input", { type: "checkbox", id: `plane${name}` }), value = make("output", { htmlFor: `at${name}` });
+  const side = make("select", { id: `side${name}` }, make("option", { value: -1, textContent: "keep below" }), make("option", { value: 1, textContent: "keep above" }));
+  const slider = make("input", { type: "range", id: `at${name}`, min: 0, max: 200, value: 100, className: "idle" });
+  side.setAttribute("aria-label", `Side of the plane across ${name}`); slider.setAttribute("aria-label", `Place of the plane across ${name}`);
+  const show = () => {
+    const p = state.planes[k]; value.textContent = `${name} = ${minusSign(Math.round(1000 * p.at))} mm`;
+    slider.setAttribute("aria-valuetext", value.textContent); slider.classList.toggle("idle", !p.on); on.checked = p.on; slider.value = Math.round(200 * (p.at - low) / Math.max(1e-9, high - low));
+  };
+  const apply = () => { show(); changed(); showRanking(); };
+  on.onchange = () => { state.planes[k].on = on.checked; apply(); };
+  slider.oninput = () => { state.planes[k].at = low + (high - low) * slider.value / 200; state.planes[k].on = true; apply(); };
+  side.onchange = () => { state.planes[k].keep = Number(side.value); state.planes[k].on = true; apply(); };
+  if (high - low > 1e-6) $("planes").append(make("div", { className: "cut plane" }, make("label", { htmlFor: on.id }, on, `across ${name}`), value, side, slider));
+  show();
+  return apply;
+});
+
 // --- the picked point ---
 function pick(i) {
   state.picked = i;
@@ -122,7 +174,7 @@ function pick(i) {
   showPicked(); showCount(); draw();
 }
 function pickAt(x, y) { // Screen place in CSS pixels: what lies in front there, else what is nearest.
-  const [C, ratio] = currentCamera(), px = x * ratio, py = y * ratio, disc = !(state.cells && hasCells());
+  const [C, ratio] = currentCamera(), px = (x * ratio) % C.width, py = y * ratio, disc = !(state.cells && hasCells());
   let front = -1, depth = Infinity, nearest = -1, distance = 24 * ratio;
   for (let i = 0; i < N; i++) {
     if (!shown[i]) continue;
@@ -143,7 +195,8 @@ const rowOf = (name, value, more = "") => make("tr", {}, make("th", { scope: "ro
 const wordOf = (f, i) => f.categories.length ? f.categories[f.values[i]]?.name ?? "–" : minusSign(digits(f.values[i]));
 function interval(i) { // The 95 % interval of the stiffness, or nothing.
   const e = relativeError ? relativeError[i] : NaN;
-  if (D.error_of === null || !Number.isFinite(e) || !reached[i]) return null;
+  // Where springs are set by hand, the interval of the calibration is not theirs.
+  if (D.error_of === null || !Number.isFinite(e) || !reached[i] || state.whatIf) return null;
   const v = fields[D.error_of].values[i];
   // e is of the compliance, which is linear in what was calibrated; beyond 1 it leaves the stiffness no upper end.
   const low = v / (1 + e), high = e < 1 ? v / (1 - e) : Infinity;
@@ -161,6 +214,9 @@ function showPicked() {
   $("interval").textContent = range && state.field === D.error_of ? (range.share < 1
     ? `95 %: ${digits(range.low, 4)} to ${digits(range.high, 4)} ${f.sign} (± ${digits(100 * range.share, 2)} %)`
     : `95 %: above ${digits(range.low, 4)} ${f.sign}; the calibration leaves its upper end open`) : "";
+  if (state.whatIf && state.field === stiffnessField) $("interval").textContent = `What if; ${digits(ofModel[i])} ${f.sign} by the model`;
+  if (other) $("interval").textContent = [$("interval").textContent, besideWords(i)].filter(Boolean).join(". ");
+  showEllipsoid(i);
   $("place").replaceChildren(...["X", "Y", "Z"].map((n, k) => rowOf(n, Number.isFinite(X[k][i]) ? minusSign((1000 * X[k][i]).toFixed(1)) : "–", "mm")),
     ...(D.kind === "joints" ? [] : axes.map((a, k) => [a, k]).filter(([a]) => !["x", "y", "z"].includes(a.name)).map(([a, k]) => rowOf(a.short, minusSign(digits(a.values[indexOf(i, k)])), signOf(a.unit)))));
   $("pose").replaceChildren(...D.coordinates.map((n, k) => rowOf(n.replace(/_deg$/, ""), Number.isFinite(Q[k][i]) ? minusSign((Q[k][i] * DEG).toFixed(2)) : "–", "°")));
@@ -172,6 +228,12 @@ function showPicked() {
   $("errorHint").hidden = !range;
   showBudget(i);
   $("said").textContent = `Point ${i + 1}: ${f.label} ${wordOf(f, i)} ${f.sign}`;
+}
+function showEllipsoid(i) { // Principal stiffnesses at the tool and their directions.
+  const C = complianceAt(i); $("principalPart").hidden = !C;
+  if (!C) return;
+  const way = e => e.way.map(x => minusSign(x.toFixed(2))).join(", ");
+  $("principal").replaceChildren(...eigen(C).map((e, k) => rowOf(["softest", "middle", "stiffest"][k], e.value > 0 ? digits(1e-3 / e.value, 4) : "rigid", `N/mm along ${way(e)}`)));
 }
 const TOP_PARTS = 7;
 function showBudget(i) {
@@ -194,9 +256,10 @@ function showRanking() {
 const extreme = most => { const found = extremes(1, most === (fields[state.field].stiff >= 0)); if (found.length) pick(found[0]); };
 
 // --- hands on the picture ---
-function turn(dx, dy) { eye.azimuth -= dx; eye.height = Math.min(Math.PI / 2, Math.max(-1.2, eye.height + dy)); draw(); }
-const zoom = f => { const span = Math.hypot(...minus(box.high, box.low)); eye.distance = Math.min(8 * span, Math.max(0.03 * span, eye.distance * f)); draw(); };
+function turn(dx, dy) { turning(); eye.azimuth -= dx; eye.height = Math.min(Math.PI / 2, Math.max(-1.2, eye.height + dy)); draw(); }
+const zoom = f => { turning(); const span = Math.hypot(...minus(box.high, box.low)); eye.distance = Math.min(8 * span, Math.max(0.03 * span, eye.distance * f)); draw(); };
 function pan(dx, dy) { // CSS pixels
+  turning();
   const [C, ratio] = currentCamera(), k = ratio / pixelsPerMetre(C, eye.distance);
   eye.focus = eye.focus.map((f, i) => f - k * dx * C.right[i] + k * dy * C.up[i]); draw();
 }
@@ -233,7 +296,15 @@ canvas.addEventListener("webglcontextlost", e => { e.preventDefault(); $("messag
 canvas.addEventListener("webglcontextrestored", () => { renderer = makeGL(canvas); renderer.update(); $("message").textContent = ""; draw(); });
 
 // --- hands on the controls ---
-fields.forEach((f, k) => $("field").append(make("option", { value: k, textContent: fields.some(g => g !== f && g.label === f.label) ? barTitle(f) : f.label })));
+function listFields() {
+  $("field").replaceChildren(...fields.map((f, k) => make("option", { value: k, textContent: fields.some(g => g !== f && g.label === f.label) ? barTitle(f) : f.label })));
+  $("field").value = state.field;
+}
+listFields();
+$("under").checked = state.under; $("under").onchange = e => { state.under = e.target.checked; changed(); showRanking(); };
+$("doubt").onchange = e => { state.doubt = e.target.value; draw(); };
+$("surface").onchange = e => { state.surface = e.target.value; renderer.update(); draw(); };
+$("ellipsoid").onchange = e => { state.ellipsoid = e.target.checked; draw(); };
 $("field").onchange = e => setField(Number(e.target.value));
 $("filter").onchange = e => { state.filter = e.target.checked; changed(); showRanking(); };
 $("above").onchange = e => { state.above = e.target.value === "1"; if (!state.filter) state.filter = $("filter").checked = true; changed(); showRanking(); };
@@ -251,10 +322,11 @@ $("unreached").checked = state.unreached; $("robot").value = state.robot;
 $("unreached").onchange = e => { state.unreached = e.target.checked; changed(); };
 $("robot").onchange = e => { state.robot = e.target.value; draw(); };
 $("projection").onclick = () => setProjection(!state.perspective);
+const picture = () => pictureOf(canvas, labels, 0.86 * fontPixels() * fullRatio());
 $("save").onclick = () => {
+  if (moving) { clearTimeout(moving); moving = 0; }
   drawNow();
-  const sheet = make("canvas", { width: canvas.width, height: canvas.height }), pen = sheet.getContext("2d");
-  pen.drawImage(canvas, 0, 0); pen.drawImage(labels, 0, 0);
+  const sheet = picture();
   const link = make("a", { download: `${D.robot.name}-${fields[state.field].name}.png` }); link.setAttribute("href", sheet.toDataURL("image/png")); link.click();
 };
 $("mostButton").onclick = () => extreme(true); $("leastButton").onclick = () => extreme(false);
@@ -271,14 +343,15 @@ if (!renderer) {
   $("message").textContent = `No WebGL in this browser${fault}: a slower, plainer drawing takes its place`
     + (N > MOST_FLAT ? `; of more than ${spaced(MOST_FLAT)} points it draws some, evenly chosen.` : ".");
 }
-showCuts(); setField(0); look("oblique");
+buildSprings(); showCuts(); setField(0); look("oblique");
 let known = 0; // The view is fitted anew where the shape of the stage changes much.
-new ResizeObserver(() => { const shape = canvas.clientWidth / Math.max(1, canvas.clientHeight); if (Math.abs(shape - known) > 0.1) { known = shape; currentCamera(); fit(canvas.width, canvas.height); } draw(); }).observe(canvas);
+new ResizeObserver(() => { const shape = canvas.clientWidth / Math.max(1, canvas.clientHeight); if (Math.abs(shape - known) > 0.1) { known = shape; currentCamera(); fit(canvas.width / mapsSeen().length, canvas.height); } draw(); }).observe(canvas);
 const view = /view=(\w+)/.exec(location.hash); if (view && VIEWS[view[1]]) look(view[1]);
 const point = /point=(\d+)/.exec(location.hash); if (point && Number(point[1]) >= 1 && Number(point[1]) <= N) pick(Number(point[1]) - 1);
 // For links into the page and for tests.
 window.mapViewer = {
-  state, counts: () => counts, renderer: renderer.name, pick, pickAt, setField, setLimit, cut, drawNow,
+  state, counts: () => counts, renderer: renderer.name, pick, pickAt, setField, setLimit, cut, drawNow: () => { if (moving) clearTimeout(moving); moving = 0; drawNow(); },
+  fields, surfaces, ellipsoid, complianceAt, eigen, showOther, learnedCompliance, springs, setSpring, shown, mapsSeen, picture, frame: () => drawNow(), drawnWhileTurning: () => moving ? most() : Infinity,
   frames: q => chainFrames(D.chain, q), tool: q => toolTip(chainFrames(D.chain, q)), extremes,
   // Where a point is, in CSS pixels of the picture.
   placeOf: i => { const [C, ratio] = currentCamera(), p = project(C, X[0][i], X[1][i], X[2][i]); return p && [p[0] / ratio, p[1] / ratio]; },

@@ -11,7 +11,7 @@ from posture_cases import spindle
 
 import fem
 from machining import Objective, Task, stiffness_index, tool_path
-from machining.stiffness.distribution import Distribution, best_gamma, distribution, why_not_reached
+from machining.stiffness.distribution import Distribution, best_gamma, distribution, trade_off, why_not_reached
 from machining.stiffness.grid import in_box, in_polygon
 from machining.sweep_parts import sweep_parts
 from robots import InputError, inverse_kinematics
@@ -285,3 +285,44 @@ def test_a_polygon_against_half_planes(rng: np.random.Generator) -> None:
         else:
             with pytest.raises(InputError, match="polygon"):
                 in_polygon(SQUARE, corners)
+
+
+# --- alike in neighbours, and what a choice costs ------------------------------------------------------------------
+
+
+def test_a_gamma_within_the_price_of_the_best_is_alike_in_neighbours() -> None:
+    # Two angles equally good but for 1 %, now the one ahead and now the other; the last point has one angle only.
+    value = np.array(
+        [[100.0, 50.0, 99.0], [99.0, 50.0, 100.0], [100.0, 50.0, 99.0], [60.0, 50.0, 100.0], [NAN, 7.0, NAN]]
+    )
+    made = found(value=value)
+    assert made.best_at_points().column.tolist() == [0, 2, 0, 2, 1]
+    steady = made.steady_at_points(0.02)
+    assert steady.column.tolist() == [2, 2, 2, 2, 1]
+    assert (steady.value >= 0.98 * made.best_at_points().value).all()
+    # At no price it is the best itself.
+    assert made.steady_at_points(0.0).column.tolist() == [0, 2, 0, 2, 1]
+    unreached = found(value=np.vstack([value, np.full(3, NAN)])).steady_at_points()
+    assert unreached.column[-1] == -1
+    assert np.isnan(unreached.gamma[-1])
+
+
+def test_what_is_small_where_good_is_steadied_too() -> None:
+    value = np.array([[1.0, 2.0, 1.01], [1.01, 2.0, 1.0], [1.5, 2.0, 1.0]])
+    assert found("displacement", value).steady_at_points(0.02).column.tolist() == [2, 2, 2]
+
+
+def test_the_trade_off_is_what_no_other_gamma_beats_in_both() -> None:
+    # Mean 225 over four points, 300 over two, 260 over three; 250 over two is beaten.
+    value = np.array(
+        [[225.0, 300.0, 260.0, 250.0], [225.0, 300.0, 260.0, 250.0], [225.0, NAN, 260.0, NAN], [225.0, NAN, NAN, NAN]]
+    )
+    made = Distribution(Objective(), np.radians([0.0, 10.0, 20.0, 30.0]), value)
+    traded = trade_off(made)
+    assert traded.front == (0, 2, 1)
+    assert traded.points.tolist() == [4, 2, 3, 2]
+    assert best_gamma(made).column == 0
+    inside = np.array([True, True, False, False])
+    assert trade_off(made, inside).front == (1,)
+    least = Distribution(Objective("displacement", np.array([0.0, 0.0, 1.0])), made.gamma, 1.0 / value)
+    assert trade_off(least).front == (0, 2, 1)

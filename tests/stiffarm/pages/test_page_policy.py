@@ -53,7 +53,8 @@ def test_the_report() -> None:
 @pytest.mark.parametrize(
     ("template", "scripts"),
     [
-        ("replay.html.j2", ("page_matrices.js",)),
+        ("replay.html.j2", ("page_matrices.js", "shop_scene.js")),
+        ("axes_page.html.j2", ("page_matrices.js", "shop_scene.js", "axes_page.js")),
         ("map_viewer.html.j2", ("page_matrices.js", "map_viewer_data.js", "map_viewer_draw.js")),
     ],
 )
@@ -76,7 +77,7 @@ def test_every_template_has_the_policy_before_all_else(template: Path) -> None:
 
 
 def test_pages_are_made_in_one_place() -> None:
-    assert len(TEMPLATES) == 4
+    assert len(TEMPLATES) == 6
     for package in ("stiffarm", "doe", "machining"):
         for file in (ROOT / package).rglob("*.py"):
             text = file.read_text(encoding="utf-8")

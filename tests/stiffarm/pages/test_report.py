@@ -13,27 +13,27 @@ from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, ROOT, FullRun, run_apart, tree
 
 from robots import load_description
 from robots.library.models import to_toml
+from stiffarm.pages.numbers import known_to, ranged
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from surrogate import load_surrogate
 
-# The story's order: from the data by way of the models to what they are used for, then what it all rests on.
+# The story's order: what was found, then what it is used for; how it was done folds away behind it.
 STORY = (
-    "In short",
-    "missing: the serial chain at 650 N",
-    "missing: all readings",
+    "missing",
     "measurements",
+    "calibration to trust",
+    "compliance comes from",
+    "stiffness map",
+    "rehearsal",
     "rigid joints",
     "staged scheme",
-    "calibration to trust",
     "Sensitivity",
     "link model changes: beams beside rigid links",
-    "compliance comes from",
     "Main effects",
     "surrogate",
-    "stiffness map",
     "Assumptions",
-    "rehearsal",
 )
+MOST_WORDS = 1200
 # Elements that load or run something.
 ACTIVE = {"script", "link", "iframe", "object", "embed", "base", "form", "video", "audio", "source", "svg", "applet"}
 EMPTY = {"meta", "img", "br", "hr", "input", "link", "base", "source", "embed"}
@@ -84,6 +84,7 @@ def test_the_run_leaves_what_it_promises(full_run: FullRun) -> None:
     assert full_run.outcome.code == 0, full_run.outcome.err
     assert full_run.outcome.out == "", "stdout is for --json"
     names = set(tree(full_run.folder))
+    assert {"index.html", "card.html", "map.html"} <= names
     assert {"report.html", "model.toml", "surrogate.json", "stiffness_map.vtu", "results.json", "run.json"} <= names
     assert {f"models/{s}_{p}.toml" for s in ("constant", "staged") for p in ("serial", "parallelogram")} <= names
     assert not [name for name in names if name.startswith((".", "previous"))]
@@ -95,14 +96,15 @@ def test_the_run_leaves_what_it_promises(full_run: FullRun) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_stands_by_itself(page: Page) -> None:
+def test_the_page_stands_by_itself(page: Page, full_run: FullRun) -> None:
     assert not ACTIVE & {tag for tag, _ in page.elements}
     for tag, attributes in page.elements:
         for name, value in attributes.items():
             assert not name.startswith("on"), f"<{tag} {name}>"
             if name in ("src", "href", "srcset", "action", "data", "poster", "background"):
                 assert value is not None
-                assert value.startswith(("data:image/png;base64,", "#")), f"<{tag} {name}={value[:60]}>"
+                if not value.startswith(("data:image/png;base64,", "#")):
+                    assert (full_run.folder / value).is_file(), f"<{tag} {name}={value[:60]}>"
     style = "".join(page.texts["style"])
     assert "url(" not in style
     assert "@import" not in style
@@ -123,7 +125,8 @@ def test_the_page_is_well_formed(page: Page) -> None:
     assert page.open == []
     ids = [str(attributes["id"]) for _, attributes in page.elements if "id" in attributes]
     assert len(set(ids)) == len(ids)
-    assert {str(a["href"]) for a in page.all("a")} == {f"#{i}" for i in ids}
+    inner = {str(a["href"]) for a in page.all("a") if str(a["href"]).startswith("#")}
+    assert inner <= {f"#{i}" for i in ids}
 
 
 @pytest.mark.slow
@@ -147,20 +150,23 @@ def test_the_sections_come_in_order(page: Page) -> None:
     for number, (title, words) in enumerate(zip(titles, STORY, strict=True), start=1):
         assert title.startswith(f"{number}. ")
         assert words in title
-    assert page.texts["a"] == titles, "the list of contents"
+    assert [text for text in page.texts["a"] if text in titles] == titles, "the list of contents"
 
 
 @pytest.mark.slow
 def test_figures_carry_units_and_are_those_of_results_json(page: Page, full_run: FullRun) -> None:
-    for unit in ("mm", "N/mm", "N m/rad", "um/N", "deg"):
+    for unit in ("mm", "N/mm", "N m/rad", "µm/N", "deg"):
         assert f" {unit}" in page.text
         assert unit in page.text
     results = full_run.results
     assert results["recommended"] == "constant, parallelogram"
     best = results["variants"][results["recommended"]]
-    keys = page.texts["b"]
-    assert f"{best['rms_mm']:.3f} mm" in page.text
-    assert f"{best['left_one_pose_out_rms_mm']:.3f} mm" in keys
+    assert f"{best['left_one_pose_out_rms_mm']:.3f} mm" in page.text
+    softest = results["stiffness_at_the_tool"]["softest"]
+    low, high = softest["interval95_N_per_mm"]
+    assert low < softest["stiffness_N_per_mm"] < high
+    assert known_to(softest["stiffness_N_per_mm"], low, high) in page.texts["b"][0]
+    assert any(ranged(low, high, "N/mm") in text for text in page.texts["span"])
     cells = page.texts["td"]
     for name, variant in results["variants"].items():
         row = cells.index(name)
@@ -179,9 +185,7 @@ def test_the_link_models_stand_beside_each_other(page: Page, full_run: FullRun) 
             for key in ("rms_mm", "left_one_pose_out_rms_mm"):
                 assert f"{one[side][key]:.4f}" in cells
     assert {f"models/constant_{path}.toml" for path in ("serial", "parallelogram")} <= set(tree(full_run.folder))
-    assert {f"figures/link_models_{name}.png" for name in ("springs", "match_serial", "match_parallelogram")} <= set(
-        tree(full_run.folder)
-    )
+    assert {"figures/match.png", "figures/springs.png"} <= set(tree(full_run.folder))
 
 
 @pytest.mark.slow

@@ -273,7 +273,8 @@ def test_the_load_path_decides_what_joint_2_does(cli: Command) -> None:
 def test_sensitivity_writes_table_and_picture(cli: Command, tmp_path: Path) -> None:
     outcome = cli("sensitivity", "xr701", "--out", "out")
     assert outcome.out == ""
-    assert set(tree(tmp_path / "out")) == {"sensitivity.json", "sensitivity.png", "run.json"}
+    files = {"sensitivity.json", "sensitivity.png", "run.json", "report.html", "figures", "figures/shares.png"}
+    assert set(tree(tmp_path / "out")) == files
     assert (tmp_path / "out" / "sensitivity.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -9,12 +9,13 @@ from scipy.spatial.transform import Rotation
 
 import fem
 from machining.task import Task, tool_path
-from robots import InputError, forward_kinematics, inverse_kinematics, tool_position
+from robots import InputError, Robot, forward_kinematics, inverse_kinematics, singularity_distance, tool_position
 from robots.arrays import Array
+from robots.inverse.singularities import NEAR_SINGULAR
 from surrogate.maps.candidates import Arm
 from surrogate.maps.layouts import box_layout, cylinder_layout, points_of, slice_layout
 from surrogate.maps.orientation import directions, spread_rotations, tool_rotations
-from surrogate.maps.poses import BestGamma, Extreme, check_robot, last_joint_is_free, shortfall
+from surrogate.maps.poses import BestGamma, Extreme, away_from_singular, check_robot, last_joint_is_free, shortfall
 
 UP = np.array([0.0, 0.0, 1.0])
 OFF_AXIS = np.eye(4)
@@ -247,3 +248,45 @@ def test_what_is_refused() -> None:
         )
     with pytest.raises(InputError, match="gamma"):
         BestGamma(UP, np.array([]))
+
+
+def test_the_stiffest_pose_is_not_near_a_singular_one_where_a_point_has_others() -> None:
+    """By stiffness alone, poses win in which the force passes through it."""
+    model = kr60()
+    grid = slice_layout("xz", np.arange(600.0, 1900.0, 300.0), np.arange(300.0, 1600.0, 300.0), 0.0)
+    points = points_of(grid)
+
+    def merit(q: Array) -> Array:
+        return stiffness(model, q)
+
+    tip = model.robot.T_flange_tool[:3, 3]
+    free = Arm(model.robot, model.robot.T_flange_tool, merit, True)
+    regular = Arm(model.robot, model.robot.T_flange_tool, away_from_singular(model.robot, tip, merit), True)
+    found = [Extreme().choose(arm, points).q for arm in (free, regular)]
+    there = np.isfinite(found[0]).all(axis=1)
+    assert (np.isfinite(found[1]).all(axis=1) == there).all()
+    near = [singularity_distance(model.robot, q[there]).sigma_min < NEAR_SINGULAR for q in found]
+    assert near[0].any()
+    assert not near[1].any()
+    # What is given up for it is little.
+    assert np.median(merit(found[1][there]) / merit(found[0][there])) > 0.99
+
+
+def test_a_point_that_has_only_poses_near_singular_ones_keeps_the_least_singular() -> None:
+    robot = kr60().robot
+    q = poses_near_singular(robot)
+    sigma = singularity_distance(robot, q).sigma_min
+    value = away_from_singular(robot, robot.T_flange_tool[:3, 3], lambda q: np.full(len(q), 5.0))(q)
+    singular = sigma < NEAR_SINGULAR
+    assert singular.any()
+    assert not singular.all()
+    assert (value[~singular] == 5.0).all()
+    assert (value[singular] < 0.0).all()
+    assert (np.argsort(value[singular]) == np.argsort(sigma[singular])).all()
+
+
+def poses_near_singular(robot: Robot) -> Array:
+    """Ever nearer to a stretched wrist, joint 5 at 0."""
+    q = np.tile(np.radians([0.0, -60.0, 90.0, 30.0, 0.0, 0.0]), (9, 1))
+    q[:, 4] = np.radians([30.0, 10.0, 3.0, 1.0, 0.5, 0.3, 0.1, 0.03, 0.01])
+    return q

@@ -1,20 +1,17 @@
-"""Figures of what readings determine: intervals of the numbers, their correlations, and singular directions."""
+"""Figure of what readings determine: intervals of the parameters."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-import matplotlib as mpl
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
-from robots.arrays import Array
 from stiffarm.commands.calibrate.words import estimate_text, known, shown_unit
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, drawing, log_ticks, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
@@ -25,8 +22,6 @@ _COLOURS: Final = {
     "at bound": OKABE_ITO["vermillion"],
     "not identified": "#8A8F96",
 }
-# With more numbers than this, cells are too small to write in.
-_WRITE_UP_TO: Final = 12
 
 
 def intervals_figure(
@@ -36,7 +31,7 @@ def intervals_figure(
 ) -> Figure:
     """Draw 95 % intervals, a panel for each unit: logarithmic for positive numbers, open ends as arrows.
 
-    A number at its bound or not identified has no marker, for its value means nothing.
+    A parameter at its bound has no marker, for its value means nothing; those without an interval share one line.
 
     Parameters
     ----------
@@ -49,23 +44,36 @@ def intervals_figure(
         No estimates.
     """
     groups: dict[tuple[str, bool], list[tuple[str, ParameterEstimate]]] = {}
+    # Drawn is what any calibration says something of; the rest has nothing to be drawn.
+    drawn = {e.parameter.name for some in rows.values() for e in some if _has_interval(e)}
+    open_names = list(dict.fromkeys(e.parameter.name for some in rows.values() for e in some))
+    open_names = [name for name in open_names if name not in drawn]
     for name, estimates in rows.items():
         for e in estimates:
-            key = shown_unit(e.parameter)[1], e.parameter.scale != "linear"
-            groups.setdefault(key, []).append((name, e))
+            if e.parameter.name in drawn or not drawn:
+                key = shown_unit(e.parameter)[1], e.parameter.scale != "linear"
+                groups.setdefault(key, []).append((name, e))
     if not groups:
         raise InputError("intervals figure: no estimates to draw")
     heights = [
         max(0.36, 0.24 * len(rows)) * len({e.parameter.name for _, e in group}) + 0.4 for group in groups.values()
     ]
-    size = (10.0, 0.8 + 0.25 * (len(rows) > 1) + 0.35 * len(groups) + sum(heights))
+    below = f"Not identified, so without an interval: {', '.join(open_names)}" if open_names and drawn else ""
+    below = textwrap.fill(below, 115)
+    size = (10.0, 0.8 + 0.25 * (len(rows) > 1) + 0.35 * len(groups) + sum(heights) + 0.2 * len(below.splitlines()))
     with drawing(heading, size, len(groups), 1, gridspec_kw={"height_ratios": heights}) as (figure, axes):
+        if below:
+            figure.supxlabel(below, x=0.01, ha="left", size=9.5)
         for ax, ((unit, log), group) in zip(axes, groups.items(), strict=True):
             _panel(ax, group, list(rows), expected, log=log)
             ax.set_xlabel(f"value ({unit})", labelpad=1)
         if len(rows) > 1:
             above(axes[0], axes[0].get_legend_handles_labels()[0], 3)
     return figure
+
+
+def _has_interval(e: ParameterEstimate) -> bool:
+    return known(e) or any(map(math.isfinite, e.interval))
 
 
 def _panel(
@@ -99,7 +107,7 @@ def _panel(
             _bar(ax, row, (low, high), ends, colour, log=log)
         if known(e):
             ax.plot(e.value * factor, row, MARKERS[i % 6], color=colour, markersize=7, markeredgecolor="white")
-        note(ax, estimate_text(e), (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=colour)
+        note(ax, estimate_text(e), (1.01, row), xycoords=("axes fraction", "data"), ha="left", color=INK)
     named_rows(ax, names)
 
 
@@ -131,38 +139,3 @@ def _ends(
         return -1.0, 1.0
     room = 0.12 * max(max(values) - min(values), 1e-12)
     return min(values) - room, max(values) + room
-
-
-def determination_figure(names: Sequence[str], correlation: Array, singular: Array, directions: Array) -> Figure:
-    """Draw the correlations (k, k) of k numbers and the singular directions (k, k; rows) with their values (k,).
-
-    Raises
-    ------
-    InputError
-        No names, or arrays of other sizes.
-    """
-    k = len(names)
-    if k == 0 or correlation.shape != (k, k) or directions.shape[1:] != (k,) or len(singular) != len(directions):
-        raise InputError("determination figure", value=f"{k} names", allowed="arrays of their number")
-    with drawing("", (11.0, min(2.2 + 0.42 * k, 11.0)), 1, 2) as (figure, (left, right)):
-        _cells(left, correlation, list(names), list(names))
-        left.set_title("correlation of the estimates (bounds ignored)", loc="left")
-        strength = singular / max(float(singular.max(initial=0.0)), 1e-300)
-        _cells(right, directions, [f"{s:.2g}" for s in strength], list(names))
-        right.set_title("combinations told, best first", loc="left")
-        right.set_ylabel("singular value, relative")
-    return figure
-
-
-def _cells(ax: Axes, values: Array, rows: list[str], columns: list[str]) -> None:
-    image = ax.imshow(values, cmap=mpl.colormaps["RdBu_r"], norm=Normalize(-1.0, 1.0), aspect="auto")
-    ax.figure.colorbar(image, ax=ax, shrink=0.85, pad=0.02)
-    ax.set_xticks(range(len(columns)), columns, rotation=60, ha="right", rotation_mode="anchor")
-    ax.set_yticks(range(len(rows)), rows)
-    ax.grid(visible=False)
-    ax.tick_params(length=0)
-    if len(columns) <= _WRITE_UP_TO:
-        for (i, j), v in np.ndenumerate(values):
-            if abs(v) >= 0.05:
-                text = f"{v:.2f}".replace("-", "−")
-                ax.text(j, i, text, ha="center", va="center", size=8, color="white" if abs(v) > 0.6 else INK)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.calibrate.laws import READ, LawCurve
-from stiffarm.pages.figure_parts import angle_label, log_ticks, panels, power_of_ten
+from stiffarm.pages.figure_parts import angle_label, log_ticks, panels
 from stiffarm.pages.style import INK, OKABE_ITO
 
 _LAW: Final = OKABE_ITO["blue"]
@@ -24,6 +24,11 @@ _POINTS: Final = {
     "mirrored": ("o", "white", OKABE_ITO["vermillion"], "mirrored by symmetry"),
     "held": ("s", "#8A8F96", "#5A5F66", "held at its starting value"),
 }
+# Points that readings stand behind.
+_OWN: Final = (READ, "calibrated")
+# Curves of a law of two angles, told apart by their strokes.
+_MOST_SLICES: Final = 3
+_STYLES: Final = ("-", "--", ":")
 # The axis shows the angles read and this much beyond; bands where nothing was read may be wide.
 _ROOM: Final = 1.6
 # A spring that varies little must not look wild.
@@ -31,9 +36,10 @@ _LEAST_SPAN: Final = 3.0
 
 
 def laws_figure(curves: Sequence[LawCurve]) -> Figure:
-    """Draw each law's stiffness (N m/rad, log axis) over its one or two angles, with 95 % band and points.
+    """Draw each law's stiffness (N m/rad, log axis) over its angle, with 95 % band and points.
 
-    Beyond the angles read a curve is dashed: extrapolation. A law of more angles has points only, over the first.
+    Of a law of two angles there is a curve over the one for each value that was read of the other: between these
+    nothing is known. Beyond the angles read a curve is dashed: extrapolation. A law of more angles has points only.
 
     Raises
     ------
@@ -43,14 +49,10 @@ def laws_figure(curves: Sequence[LawCurve]) -> Figure:
     if not curves:
         raise InputError("laws figure: no laws to draw")
     heading = "Joint stiffness against the joint angles"
-    with panels(heading, len(curves), 2, 10.0 if len(curves) > 1 else 7.4, 3.9, 0.9) as (figure, axes):
-        # Labels of axes in space hang over at the side.
-        figure.set_layout_engine("constrained", w_pad=0.12, h_pad=0.06)
+    with panels(heading, len(curves), 2, 10.0 if len(curves) > 1 else 7.4, 3.3, 0.9) as (figure, axes):
         for ax, curve in zip(axes, curves, strict=True):
             if len(curve.inputs) == 2:
-                place = ax.get_subplotspec()
-                ax.remove()
-                _surface(figure.add_subplot(place, projection="3d"), curve)
+                _slices(ax, curve)
             else:
                 _curve(ax, curve)
         keys: dict[str, Any] = {}
@@ -104,26 +106,30 @@ def _points(ax: Any, curve: LawCurve, angle_deg: Array, height: Array) -> None:
             ax.plot(*angle_deg[mine].T, height[mine], marker, zorder=4, label=label, **look)
 
 
-def _surface(ax: Any, curve: LawCurve) -> None:
-    """A law of two angles. 3-D axes know no log axis, so log10 k is drawn and the ticks are powers of ten."""
-    side = round(np.sqrt(len(curve.angle_deg)))
-    x, y = (column.reshape(side, side) for column in curve.angle_deg.T)
-    log_k, points = np.log10(curve.band.stiffness).reshape(side, side), np.log10(curve.read.stiffness)
-    ax.computed_zorder = False
-    look = {"alpha": 0.55, "rcount": 20, "ccount": 20, "linewidth": 0.35, "edgecolor": "#00507D"}
-    ax.plot_surface(x, y, log_k, color=_LAW, zorder=1, **look)
-    ax.plot([], [], [], color=_LAW, linewidth=2.4, label="law")
-    _points(ax, curve, curve.read_deg, points)
-    every = np.concatenate([log_k.ravel(), points])
-    low, high = np.floor(2.0 * np.nanmin(every)) / 2.0, np.ceil(2.0 * np.nanmax(every) + 1e-9) / 2.0
-    ax.set_zlim(low, high)
-    ax.set_zticks(np.arange(np.ceil(low), high + 0.01))
-    ax.zaxis.set_major_formatter(FuncFormatter(lambda v, _: power_of_ten(10.0**v)))
-    ax.set_xlabel(angle_label(curve.inputs[0]), labelpad=6)
-    ax.set_ylabel(angle_label(curve.inputs[1]), labelpad=6)
-    ax.set_zlabel("stiffness (N m/rad)", labelpad=1)
-    ax.locator_params(axis="x", nbins=5)
-    ax.locator_params(axis="y", nbins=5)
-    ax.view_init(elev=24, azim=-58)
-    ax.set_box_aspect((1.2, 1.0, 0.88), zoom=0.95)
+def _slices(ax: Axes, curve: LawCurve) -> None:
+    """A law of two angles: over the one that was read at more values, a curve for each value read of the other."""
+    ax.set_yscale("log")
+    own = np.array([origin in _OWN for origin in curve.origin])
+    own = own if own.any() else np.ones(len(own), dtype=np.bool_)
+    counts = [len(np.unique(curve.read_deg[own, k])) for k in range(2)]
+    along = int(np.argmax(counts))
+    beside = 1 - along
+    values = np.unique(curve.read_deg[own, beside])[:_MOST_SLICES]
+    grid = np.unique(curve.angle_deg[:, beside])
+    every = [curve.read.stiffness]
+    for value, style in zip(values, _STYLES, strict=False):
+        mine = curve.angle_deg[:, beside] == grid[np.argmin(np.abs(grid - value))]
+        angle, law = curve.angle_deg[mine, along], curve.band.stiffness[mine]
+        name = f"law, {angle_label(curve.inputs[beside]).replace(' (deg)', '')} = {value:g} deg".replace("-", "−")
+        read = curve.read_deg[own & (curve.read_deg[:, beside] == value), along]
+        inside = (angle >= read.min()) & (angle <= read.max())
+        ax.plot(angle, np.where(inside, law, np.nan), color=_LAW, linewidth=2.2, linestyle=style, label=name)
+        if np.isfinite(curve.band.low[mine]).any():
+            ax.fill_between(angle, curve.band.low[mine], curve.band.high[mine], color=_LAW, alpha=0.12, linewidth=0)
+        every.append(law[inside])
+    shown = np.isin(curve.read_deg[:, beside], values) | ~own
+    some = replace(curve, origin=tuple(o for o, s in zip(curve.origin, shown, strict=True) if s))
+    _points(ax, some, curve.read_deg[shown][:, [along]], curve.read.stiffness[shown])
+    _limits(ax, np.concatenate(every))
+    ax.set(xlabel=angle_label(curve.inputs[along]), ylabel="stiffness (N m/rad)")
     ax.set_title(f"{curve.joint}: {curve.kind}", loc="left", weight="bold")

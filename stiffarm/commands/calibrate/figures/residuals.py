@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.pages.figure_parts import drawing, named_columns
+from stiffarm.pages.figure_parts import drawing, named_columns, naturally
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _GOOD: Final = OKABE_ITO["blue"]
@@ -22,12 +22,18 @@ _ROOM: Final = 1.6
 
 
 def residuals_figure(
-    residual: Array, unit: str, groups: Mapping[str, Sequence[str]], flagged: Bools, sd: Array | None = None
+    residual: Array,
+    unit: str,
+    groups: Mapping[str, Sequence[str]],
+    flagged: Bools,
+    sd: Array | None = None,
+    loads_N: Array | None = None,
 ) -> Figure:
     """Draw residuals (m,) by each grouping (its name -> a label for each residual), a panel each.
 
-    Labels stand in order of first appearance. The black bar is the mean of a group. ``flagged`` (m,): outliers.
-    ``sd`` (m,): standard deviation by the noise found, of which the band shows twice the median.
+    Labels stand in their natural order. The black bar is the mean of a group. ``flagged`` (m,): outliers.
+    ``sd`` (m,): standard deviation by the noise found, of which the band shows twice the median. ``loads_N`` (m,): of
+    many different loads, which have an axis of their own.
 
     Raises
     ------
@@ -36,19 +42,27 @@ def residuals_figure(
     """
     if not groups or any(len(labels) != len(residual) for labels in groups.values()):
         raise InputError("residuals figure: groups", allowed="at least one, a label for each residual")
-    heading, size = "What the calibrated model leaves: read minus predicted", (10.0, 0.7 + 2.5 * len(groups))
-    with drawing(heading, size, len(groups), 1) as (figure, axes):
-        for ax, (name, labels) in zip(axes, groups.items(), strict=True):
+    count = len(groups) + (loads_N is not None)
+    heading, size = "What the calibrated model leaves: read minus predicted", (10.0, 0.7 + 2.5 * count)
+    with drawing(heading, size, count, 1) as (figure, axes):
+        if loads_N is not None:
+            _dots(axes[-1], loads_N, residual, flagged)
+            axes[-1].axhline(0.0, color=INK, linewidth=0.8, zorder=1)
+        for ax, (name, labels) in zip(axes, groups.items(), strict=False):
             _strip(ax, residual, list(labels), flagged)
+            ax.set_xlabel(f"by {name}")
+        for ax in axes:
             if sd is not None:
                 reach = 2.0 * float(np.median(sd))
                 ax.axhspan(-reach, reach, color=FAINT, alpha=0.25, linewidth=0, zorder=0.2)
-            ax.set(xlabel=f"by {name}", ylabel=f"residual ({unit})")
+            ax.set_ylabel(f"residual ({unit})")
+        if loads_N is not None:
+            axes[-1].set_xlabel("load (N)")
     return figure
 
 
 def _strip(ax: Axes, residual: Array, labels: list[str], flagged: Bools) -> None:
-    names = list(dict.fromkeys(labels))
+    names = naturally(labels)
     place = np.array([names.index(label) for label in labels], dtype=np.float64)
     spread = np.zeros(len(place))
     for k in range(len(names)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -80,7 +81,8 @@ def swept_effects_figure(data: MapData, look: Look, heading: str, facts: str = "
             log_ticks(axes[0].yaxis, lambda v: f"{v:g}")
         elif low >= 0.0:
             axes[0].set_ylim(0.0, 1.05 * high)
-        axes[0].set_ylabel(look.axis_label)
+        # A long label in one line would run into the title.
+        axes[0].set_ylabel(textwrap.fill(look.axis_label, 32))
         figure.legend([line, band], ["median", "5 to 95 % of the poses"], loc="outside lower left", ncols=2)
         headings(figure, heading, facts)
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -32,6 +33,8 @@ _MOST_SEAMS: Final = 0.3
 _ALIKE: Final = 0.01
 # Values that differ by less than this are one value.
 _EQUAL: Final = 1e-6
+# Width of a letter of the facts below a title, inches.
+_LETTER: Final = 0.068
 _MARKS: Final = (("*", 13.0), ("v", 8.0))
 
 
@@ -98,16 +101,18 @@ def unlike(data: MapData, look: Look, planes: Sequence[Plane]) -> list[Plane]:
 
 
 def headings(figure: Figure, heading: str, facts: str) -> None:
-    """A title, and below it a line of facts in smaller print, for which the layout keeps room."""
-    figure_title(figure, f"{heading}\n" if facts else heading)
+    """A title, and below it facts in smaller print, for which the layout keeps room."""
+    lines = textwrap.wrap(facts, int(figure.get_figwidth() / _LETTER))
+    # The title's letters are larger: a line of it is more than one of facts.
+    figure_title(figure, heading + "\n" * len(lines))
     # Once for all: with many panels the layout takes longer than the drawing, and each format would do it again.
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    if not facts:
+    if not lines:
         return
     (top,) = [text for text in figure.texts if text.get_text().startswith(heading)]
     box = top.get_window_extent().transformed(figure.transFigure.inverted())
-    figure.text(box.x0, box.y0, facts, size=9, color="#555555", va="bottom")
+    figure.text(box.x0, box.y0, "\n".join(lines), size=9, color="#555555", va="bottom")
 
 
 def panels(count: int, size: Array, look: Look) -> tuple[Figure, list[Axes]]:
@@ -197,11 +202,18 @@ def seams(look: Look, values: Array) -> Bools:
 
 
 def extremes(data: MapData, look: Look, plane: Plane) -> tuple[int, int]:
-    """Numbers of the plane's points with the largest and the smallest value."""
-    values = _values(data, look, plane)
+    """Numbers of the plane's points with the largest and the smallest value.
+
+    The stiffest one is sought where no pose is near a singular one, if there are such points.
+    """
+    every = _values(data, look, plane)
     across = plane.centres[0]
+    regular = np.where(data.regular(plane.rows.ravel()).reshape(plane.rows.shape), every, np.nan)
+    stiffest = regular if np.isfinite(regular).any() else every
     out = []
-    for end in (np.nanmax(values), np.nanmin(values)):
+    for k, pick in enumerate((np.nanmax, np.nanmin)):
+        values = stiffest if look.kind == ("stiff", "soft")[k] else every
+        end = pick(values)
         # Of equals, as on both sides of a symmetric map, the one to the right.
         equal = np.abs(values - end) <= _EQUAL * abs(end)
         out.append(int(plane.rows.flat[np.argmax(np.where(equal, across, -np.inf))]))

@@ -211,6 +211,8 @@ def robot_at_best(
         return []
     depth = np.where(posed, np.abs(depth_mm), np.inf)
     near = depth <= depth.min() + 0.02 * max(float(np.ptp(depth_mm)), 1.0)
+    regular = data.regular(rows)
+    near &= regular if (near & posed & regular).any() else True
     values = np.asarray(data.fields[look.name].values, dtype=np.float64)[rows]
     order = {"soft": -values, "category": -depth}.get(look.kind, values)
     best = int(np.nanargmax(np.where(near & np.isfinite(order), order, -np.inf)))

@@ -19,6 +19,7 @@ from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
 from stiffarm.commands.maps.looks import Look, look_of
 from stiffarm.commands.maps.planes import planes_of
 from stiffarm.pages import style
+from stiffarm.pages.band import banded
 from stiffarm.pages.rendering import VIEWS, chosen
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.data import MapData
@@ -162,5 +163,5 @@ def save_svg(figure: Figure, path: Path) -> None:
     """
     style.require_folder(path)
     text_as_text = mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiffarm"})
-    with written_whole(path) as draft, style.house_style(), text_as_text:
-        figure.savefig(draft, format="svg", dpi=_SVG_DPI, metadata={"Date": None})
+    with written_whole(path) as draft, style.house_style(), text_as_text, banded(figure) as shape:
+        figure.savefig(draft, format="svg", dpi=_SVG_DPI, metadata={"Date": None}, **shape)

@@ -10,23 +10,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
-from machining.stiffness.distribution import Distribution, GammaChoice
-from machining.stiffness.objective import shown
+from machining.stiffness.distribution import PRICE, Distribution, GammaChoice, TradeOff, trade_off
+from machining.stiffness.objective import Shown, shown
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.figures.slices import panel, panels
 from stiffarm.commands.maps.looks import look_bar, look_of
 from stiffarm.commands.maps.planes import Plane, edges
-from stiffarm.pages.figure_parts import drawing
+from stiffarm.pages.figure_parts import drawing, note
 from stiffarm.pages.figure_parts import title as figure_title
-from stiffarm.pages.style import INK, OKABE_ITO, house_style
+from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style
 from surrogate.maps.data import Field
 
 # Where no posture is: pale and hatched, unlike any colour of the scale.
 NOTHING: Final = "#ECECEC"
 HATCH: Final = "////"
 HATCH_INK: Final = "#B0B0B0"
+# What the gamma of a point is: not the best by a hair, which changes from point to point where two are as good.
+WITHIN: Final = f"to {100.0 * PRICE:g} %"
 # Panels of a figure of maps at most.
 MOST_PANELS: Final = 12
 _SCALES: Final = (
@@ -38,7 +41,9 @@ _SCALES: Final = (
 def draw_index_maps(
     plane: Plane, found: Distribution, columns: Sequence[int], *, title: str, inside: Bools | None = None
 ) -> Figure:
-    """Maps at some gamma on one scale of colours, then the best value at each point, and the gamma it has.
+    """Maps at some gamma on one scale of colours, then each point at a gamma of its own, and that gamma.
+
+    These are within a small share of the point's best (:meth:`Distribution.steady_at_points`).
 
     Parameters
     ----------
@@ -55,16 +60,19 @@ def draw_index_maps(
         raise InputError("map", value=f"{len(found.value)} values", allowed="one a point of the grid")
     if len(columns) + 2 > MOST_PANELS:
         raise InputError("maps in one figure", value=len(columns), allowed=f"{MOST_PANELS - 2} at most")
-    what, rows, best = shown(found.objective.quantity), plane.rows, found.best_at_points()
+    what, rows, best = shown(found.objective.quantity), plane.rows, found.steady_at_points()
     # With one angle there is nothing to choose.
     single = len(found.gamma) == 1
-    names = [f"gamma = {np.degrees(found.gamma[c]):.4g} deg" for c in columns] + ["best of each point"] * (not single)
+    names = [f"gamma = {np.degrees(found.gamma[c]):.4g} deg".replace("-", "−") for c in columns] + [
+        f"best of each point, {WITHIN}"
+    ] * (not single)
     values = what.factor * np.column_stack([found.value[:, list(columns)], best.value])[rows][..., : len(names)]
     look = look_of(what.column, Field(values.ravel(), what.unit, what.quantity))
     drawn = [(name, values[..., k], look) for k, name in enumerate(names)]
     if not single:
         degrees = np.degrees(best.gamma[rows])
-        drawn.append(("its gamma", degrees, look_of("best_gamma_deg", Field(degrees.ravel(), "deg", "best gamma"))))
+        angles = Field(degrees.ravel(), "deg", "gamma")
+        drawn.append(("its gamma", degrees, look_of("best_gamma_deg", angles)))
     outline = None if inside is None else inside[rows]
     with house_style():
         figure, axes = panels(len(drawn), np.array([np.ptp(corners) for corners in plane.corners]), look)
@@ -88,14 +96,18 @@ def draw_index_maps(
     return figure
 
 
-def draw_gamma_statistics(found: Distribution, *, title: str, choice: GammaChoice | None = None) -> Figure:
+def draw_gamma_statistics(
+    found: Distribution, *, title: str, choice: GammaChoice | None = None, inside: Bools | None = None
+) -> Figure:
     """Mean, standard deviation, peak to valley and share reached against gamma (Gao 2024, Fig. 11).
 
-    ``choice``: a dotted line at this gamma.
+    ``choice``: a dotted line at this gamma, and in the legend what it costs; ``inside`` (n,): the points that it was
+    made for, which then are those drawn.
     """
     what = shown(found.objective.quantity)
     degrees = np.degrees(found.gamma)
-    with drawing(title, (10.0, 6.4), 2, 2, sharex=True) as (figure, axes):
+    found = found if inside is None else found.within(inside)
+    with drawing(title, (10.0, 6.6), 2, 2, sharex=True) as (figure, axes):
         for (over, line, marker, label), colour in zip(_SCALES, ("blue", "vermillion"), strict=True):
             s = found.statistics(over)  # type: ignore[arg-type]
             look: dict[str, Any] = {"linestyle": line, "marker": marker, "color": OKABE_ITO[colour], "markersize": 3.5}
@@ -116,9 +128,64 @@ def draw_gamma_statistics(found: Distribution, *, title: str, choice: GammaChoic
             ax.set_xlabel("gamma (deg)")
         handles = axes[0].get_legend_handles_labels()[0]
         if choice is not None:
-            words = f"best for the {choice.aim}: {np.degrees(choice.gamma):.4g} deg"
+            words = f"best for the {choice.aim}: {price_words(trade_off(found, aim=choice.aim), choice, what)}"
             handles.append(Line2D([], [], color=INK, linestyle=":", linewidth=1.2, label=words))
-        figure.legend(handles=handles, loc="outside lower left", ncols=3)
+        figure.legend(handles=handles, loc="outside lower left", ncols=2)
+    return figure
+
+
+def price_words(traded: TradeOff, choice: GammaChoice, what: Shown) -> str:
+    """A chosen gamma and its value; and what another would have, at the price of which points."""
+    unit = f" {what.unit}".rstrip()
+    value = f"{what.factor * choice.value:.4g}{unit}"
+    reach = int(traded.points[choice.column])
+    said = f"{np.degrees(choice.gamma):.4g} deg, {value}, reaches {reach} of {traded.n} points"
+    others = [c for c in traded.front if traded.points[c] < reach]
+    if not others:
+        return said
+    # The steepest price first: the most gained for a point lost.
+    gain = [abs(traded.score[c] - choice.value) / (reach - traded.points[c]) for c in others]
+    other = others[int(np.argmax(gain))]
+    lost = int(reach - traded.points[other])
+    change = 100.0 * (traded.score[other] / choice.value - 1.0) if choice.value else 0.0
+    return (
+        f"{said};\n{np.degrees(traded.gamma[other]):.4g} deg would have {what.factor * traded.score[other]:.4g}{unit} "
+        f"({change:+.0f} %) but misses {lost} {'point' if lost == 1 else 'points'} more"
+    ).replace("-", "−")
+
+
+def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Shown, *, title: str) -> Figure:
+    """Mean (or worst) value of each gamma against how many points it reaches; the line is what no other gamma beats."""
+    with drawing(title, (8.0, 5.0)) as (figure, (ax,)):
+        known = np.isfinite(traded.score)
+        look: dict[str, Any] = {"linestyle": "none", "markersize": 6}
+        (dots,) = ax.plot(
+            traded.points[known], what.factor * traded.score[known], marker="o", color=FAINT, markeredgecolor="#777777",
+            label="a gamma that another beats in both", **look,
+        )  # fmt: skip
+        at = list(traded.front)
+        x, y = traded.points[at], what.factor * traded.score[at]
+        (front,) = ax.plot(
+            x, y, "-s", color=OKABE_ITO["blue"], markersize=7, label="no other has more of both: the trade-off"
+        )
+        handles = [dots, front]
+        if choice is not None:
+            place = (float(traded.points[choice.column]), what.factor * choice.value)
+            words = f"chosen for the {choice.aim}: {price_words(traded, choice, what)}"
+            handles += ax.plot(*place, "*", color="white", markeredgecolor=INK, markersize=17, zorder=5, label=words)
+            handles[-1].set_linestyle("none")
+        span, taken = np.ptp(ax.get_ylim()), list[tuple[float, float]]()
+        for column, a, b in zip(at, x, y, strict=True):
+            if any(abs(a - u) < 0.05 * np.ptp(ax.get_xlim()) and abs(b - v) < 0.06 * span for u, v in taken):
+                continue
+            taken.append((float(a), float(b)))
+            note(
+                ax, f"{np.degrees(traded.gamma[column]):.4g} deg".replace("-", "−"), (a, b), (9, 5), ha="left", size=9.0
+            )
+        ax.margins(x=0.12, y=0.12)
+        ax.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
+        ax.set(xlabel=f"points reached, of {traded.n}", ylabel=f"{traded.aim} over the points reached: {what.label}")
+        figure.legend(handles=handles, loc="outside lower left", ncols=1)
     return figure
 
 

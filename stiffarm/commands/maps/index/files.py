@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.arm import Arm
 from machining import Task
 from machining.stiffness.distribution import (
+    PRICE,
     Distribution,
     EveryGamma,
     GammaChoice,
     Statistics,
+    TradeOff,
     best_gamma,
+    distribution,
+    trade_off,
     why_not_reached,
 )
 from machining.stiffness.objective import Shown, shown
@@ -28,10 +33,12 @@ from stiffarm.commands.maps.index.request import IndexRequest, map_request
 from stiffarm.commands.maps.planes import layer_of
 from stiffarm.commands.maps.request import MapRequest
 from stiffarm.commands.maps.step import evaluated
+from stiffarm.session.caution import warned
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 from surrogate.maps.assembled import map_data
+from surrogate.maps.blocks import Engine
 from surrogate.maps.data import Field, MapData
 
 # Angles drawn, and values in the map's file, where the user names none: so many, spread over the range.
@@ -57,6 +64,11 @@ class IndexMap:
     drawn: tuple[int, ...]
 
     @property
+    def traded(self) -> TradeOff:
+        """What each gamma has against what it reaches, of the workpiece."""
+        return trade_off(self.found, self.inside, None if self.choice is None else self.choice.aim)
+
+    @property
     def shown(self) -> Shown:
         """Quantity and unit."""
         return shown(self.found.objective.quantity)
@@ -64,15 +76,16 @@ class IndexMap:
     def with_values(self, columns: Sequence[int]) -> MapData:
         """The map with the quantity at some of the gamma.
 
-        Fields: ``best_<quantity>`` and ``best_gamma_deg``, the quantity at each gamma, ``share_of_gamma`` that reach
+        Fields: ``best_<quantity>`` and ``best_gamma_deg`` (to a small share, so that neighbours are alike: see
+        :meth:`Distribution.steady_at_points`), the quantity at each gamma, ``share_of_gamma`` that reach
         the point, ``workpiece`` 0 or 1, and those that all maps have.
         """
         what, found = self.shown, self.found
-        best, unit = found.best_at_points(), what.unit or "1"
+        own, unit, within = found.steady_at_points(), what.unit or "1", f"within {100.0 * PRICE:g} % of the best"
         inside = np.ones(len(found.value)) if self.inside is None else self.inside.astype(np.float64)
         fields = {
-            f"best_{what.column}": Field(what.factor * best.value, unit, f"best {what.quantity}"),
-            "best_gamma_deg": Field(np.degrees(best.gamma), "deg", "best gamma"),
+            f"best_{what.column}": Field(what.factor * own.value, unit, f"{what.quantity}, {within}"),
+            "best_gamma_deg": Field(np.degrees(own.gamma), "deg", f"gamma, {within}"),
         }
         for c in columns:
             name = angle_name(found.gamma[c])
@@ -120,10 +133,40 @@ def make_index_map(
             choice = best_gamma(found, asked.inside, partly=asked.partly)
         except InputError as error:
             why = str(error)
-        data = map_data(engine, arrays, _metadata(given, asked, request, task))
+        data = map_data(engine, steadied(engine, arrays, found, task), _metadata(given, asked, request, task))
         drawn = asked.drawn or drawn_columns(asked.gamma, choice)
         with folder.timed("files"):
-            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files)
+            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files, request.normal)
+
+
+def steadied(
+    engine: Engine, arrays: Mapping[str, NDArray[np.generic]], found: Distribution, task: Task
+) -> dict[str, NDArray[np.generic]]:
+    """A map's arrays with each point's pose at the gamma that is alike in its neighbours, not best by a hair.
+
+    The blocks of a map know no neighbours; so the poses that this changes, and their fields, are made once more.
+    """
+    assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - of an index map
+    steady, best = found.steady_at_points(), found.best_at_points()
+    out: dict[str, NDArray[np.generic]] = dict(arrays)
+    moved = steady.column != best.column
+    if not moved.any():
+        return out
+    names = [kind.name for kind in engine.quantities.kinds]
+    out |= {name: np.array(arrays[name]) for name in ("q", *names)}
+    for column in np.unique(steady.column[moved]):
+        rows = np.flatnonzero(moved & (steady.column == column))
+        generator = np.random.default_rng(engine.seed)
+        one = distribution(
+            engine.rule.model, task.at(rows), found.objective, found.gamma[[column]], generator=generator
+        )
+        assert one.q is not None  # noqa: S101 - just made
+        # An inverse that is searched may miss what it found before: then the best pose stays.
+        there = np.isfinite(one.q).all(axis=1)
+        out["q"][rows[there]] = one.q[there]
+        for name, values in engine.quantities.values(one.q[there]).items():
+            out[name][rows[there]] = values
+    return out
 
 
 def _metadata(given: Arm, asked: IndexRequest, request: MapRequest, task: Task) -> dict[str, str]:
@@ -141,7 +184,7 @@ def _metadata(given: Arm, asked: IndexRequest, request: MapRequest, task: Task) 
         "gamma_counts_from": _words(frame[:3, :3] @ np.asarray(task.reference)),
         "force_N": "none" if force is None else _words(force),
         "not_looked_at": "collisions; the way from point to point",
-    }
+    } | warned(given)
 
 
 def _words(vector: Array) -> str:
@@ -160,10 +203,12 @@ def angle_name(gamma: float) -> str:
     return f"gamma_{round(float(np.degrees(gamma)), 6) + 0.0:g}_deg"
 
 
-def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dict[str, Any]:
-    """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json`` and the pictures.
+def write(
+    made: IndexMap, given: Arm, folder: OutputFolder, files: Files, normal: Sequence[float] = (0.0, 0.0, 1.0)
+) -> dict[str, Any]:
+    """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json``, pictures and page.
 
-    Returns what the JSON file holds, with the names of all files.
+    ``normal`` of the surface, base axes. Returns what the JSON file holds, with the names of all files.
     """
     title = f"Map of {made.shown.quantity} of the {given.description.title.split(' (')[0]}"
     names = write_arrays(given, made.with_values(made.drawn), folder, files, "index_map", title)
@@ -172,15 +217,18 @@ def write(made: IndexMap, given: Arm, folder: OutputFolder, files: Files) -> dic
     folder.write_text("gamma_statistics.csv", _statistics_table(made))
     if files.picture_formats:
         names += _pictures(made, folder, files.picture_formats)
-    content = payload(made) | {"files": names}
+    content = payload(made) | {"files": [*names, "report.html"]}
     folder.write_json("index_map.json", content)
+    from stiffarm.commands.maps.index.report import write_report
+
+    write_report(made, given, folder, content, normal)
     return content
 
 
 def payload(made: IndexMap) -> dict[str, Any]:
     """Figures for ``--json``."""
     what, found = made.shown, made.found
-    best = found.best_at_points()
+    best, traded = found.best_at_points(), made.traded
     return {
         "schema": "stiffarm-index-map/1",
         **made.data.metadata,
@@ -201,9 +249,19 @@ def payload(made: IndexMap) -> dict[str, Any]:
             "value": number(what.factor * made.choice.value),
         },
         "why_no_best_gamma": made.why_no_choice,
+        "trade_off": [
+            {
+                "gamma_deg": _degrees(traded.gamma[c]),
+                "points_reached": int(traded.points[c]),
+                "share_reached": number(traded.points[c] / traded.n),
+                "value": number(what.factor * float(traded.score[c])),
+            }
+            for c in traded.front
+        ],
         "drawn_gamma_deg": [_degrees(made.found.gamma[c]) for c in made.drawn],
         "by_gamma": _by_gamma(made),
-        "messages": _messages(found),
+        "warning": made.data.metadata.get("warning"),
+        "messages": _messages(found) + [made.data.metadata[key] for key in ("warning",) if key in made.data.metadata],
     }
 
 
@@ -256,7 +314,7 @@ def _statistics_table(made: IndexMap) -> str:
 
 def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> list[str]:
     from stiffarm.commands.maps.figures.whole import save_figure
-    from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps
+    from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps, draw_trade_off
 
     name = f"{made.shown.quantity} of the {made.data.metadata['robot']}"
     plane = layer_of(made.data.layout, _busiest_layer(made))
@@ -264,8 +322,17 @@ def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> l
     names = save_figure(maps, folder, "index_map", formats)
     if len(made.found.gamma) == 1:
         return names
-    statistics = draw_gamma_statistics(made.found, title=f"{name} against gamma", choice=made.choice)
-    return names + save_figure(statistics, folder, "gamma_statistics", formats)
+    of = "" if made.inside is None else ", over the workpiece"
+    statistics = draw_gamma_statistics(
+        made.found, title=f"{name} against gamma{of}", choice=made.choice, inside=made.inside
+    )
+    names += save_figure(statistics, folder, "gamma_statistics", formats)
+    if len(made.traded.front) > 1:
+        figure = draw_trade_off(
+            made.traded, made.choice, made.shown, title=f"{name}: {made.traded.aim} against reach{of}"
+        )
+        names += save_figure(figure, folder, "gamma_trade_off", formats)
+    return names
 
 
 def _busiest_layer(made: IndexMap) -> int:

@@ -16,28 +16,31 @@ from robots import InputError, Robot, require_at_least
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import SERIES, above, angle_label, drawing, note, panels
+from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, note, panels
 from stiffarm.pages.report import Picture
 from stiffarm.pages.style import FAINT, INK
 
-# Told apart without colour too.
-_LINES: Final = ("-", "--", "-.", ":")
+# Surface errors in one picture.
+_MOST: Final = 4
 _BAND: Final = 0.16
 # Points closer than this would make markers run into each other.
 _MARKED: Final = 25
 
 
-def joints_picture(pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot) -> Picture:
+def joints_picture(
+    pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False
+) -> Picture:
     """The picture of :func:`joints_figure` for a page."""
     caption = "Joint angles along the path; beyond the dotted lines are the limits."
-    return pictures.add(joints_figure(arc, courses, robot), "joints", caption)
+    return pictures.add(joints_figure(arc, courses, robot, narrow=narrow), "joints", caption)
 
 
-def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot) -> Figure:
+def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False) -> Figure:
     """Draw joint angles q (n, dof) rad of courses, the first boldly, over the path's length ``arc`` (n,) m."""
     degrees = {name: np.degrees(q) for name, q in courses.items()}
     labels = [angle_label(name) for name in robot.coordinates]
-    return motion_figure(arc * 1e3, degrees, labels, np.degrees(robot.limits), "Joint angles along the path")
+    heading = "Joint angles along the path"
+    return motion_figure(arc * 1e3, degrees, labels, np.degrees(robot.limits), heading, narrow=narrow)
 
 
 def motion_figure(
@@ -48,11 +51,12 @@ def motion_figure(
     heading: str,
     *,
     whole: bool = False,
+    narrow: bool = False,
 ) -> Figure:
     """Draw what joints or axes do along the path, one panel each, with their limits.
 
     ``arc_mm`` (n,); ``courses`` by name (n, c), the first is drawn boldly; ``limits`` (c, 2), in the
-    picture if near, with ``whole`` in any case.
+    picture if near, with ``whole`` in any case. ``narrow``: for half of a page's width.
 
     Raises
     ------
@@ -62,11 +66,12 @@ def motion_figure(
     n, many = len(arc_mm), len(labels)
     if not courses or any(q.shape != (n, many) for q in courses.values()) or limits.shape != (many, 2):
         raise InputError("motion figure", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
-    with panels(heading, many, 3, 10.0, 2.6, 0.9, sharex=True) as (figure, axes):
+    columns, width, height = (2, 5.2, 1.7) if narrow else (3, 10.0, 2.6)
+    with panels(heading, many, columns, width, height, 0.9, sharex=True) as (figure, axes):
         for j, ax in enumerate(axes):
             _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j], whole)
             ax.set_title(labels[j], loc="left", pad=4)
-        for ax in axes[-3:]:
+        for ax in axes[-columns:]:
             ax.set_xlabel("path, mm")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
@@ -75,7 +80,9 @@ def motion_figure(
 def draw_line(ax: Axes, arc_mm: Array, values: Array, name: str, k: int) -> None:
     """Draw values (n,) along the path as line ``k`` of several, the first of which is bold."""
     marker, width = "o" if len(arc_mm) == 1 else "", 2.2 if k == 0 else 1.2
-    ax.plot(arc_mm, values, color=SERIES[k], linewidth=width, zorder=4 - k, label=name, marker=marker)
+    ax.plot(
+        arc_mm, values, color=SERIES[k], linestyle=LINES[k], linewidth=width, zorder=4 - k, label=name, marker=marker
+    )
 
 
 def _panel(ax: Axes, arc_mm: Array, angles: Mapping[str, Array], limits: Array, whole: bool) -> None:
@@ -108,8 +115,8 @@ def milling_error_figure(
     InputError
         No errors or more than four, different paths or one of a single point, or a comparison of other errors.
     """
-    if not 1 <= len(errors) <= len(_LINES):
-        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {len(_LINES)}")
+    if not 1 <= len(errors) <= _MOST:
+        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {_MOST}")
     first = next(iter(errors.values()))
     s = first.arc_length
     lengths = [e.arc_length for e in errors.values()]
@@ -122,7 +129,7 @@ def milling_error_figure(
     look: dict[str, Any] = {} if rows == 1 else {"height_ratios": (1.6, 1.0), "sharex": True}
     with drawing(heading, (9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look) as (figure, axes):
         keys: list[Any] = []
-        for (name, error), colour, line in zip(errors.items(), SERIES, _LINES, strict=False):
+        for (name, error), colour, line in zip(errors.items(), SERIES, LINES, strict=False):
             _curve(axes[0], s, error.normal, error.band, colour, line)
             key: dict[str, Any] = {"color": colour, "linestyle": line, "linewidth": 2.2}
             keys.append(Line2D([], [], label=name, **key))
@@ -150,7 +157,7 @@ def _check(comparison: Comparison, normals: list[Array]) -> None:
         raise InputError("milling error figure: comparison", allowed="that of the first two errors")
 
 
-def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: str) -> None:
+def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: Any) -> None:
     x = s * 1e3
     look: dict[str, Any] = {"marker": "o", "markersize": 3.5} if len(s) <= _MARKED else {}
     ax.fill_between(x, band[0] * 1e6, band[1] * 1e6, color=colour, alpha=_BAND, linewidth=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ class CourseLine:
     value: Array
     colour: str
     dots: bool = False
-    dashed: bool = False
+    dash: Literal["-", "--", ":"] = "-"
 
 
 def course_lines(found: PathPosture, before: Course | None = None) -> dict[str, CourseLine]:
@@ -69,14 +69,16 @@ def course_lines(found: PathPosture, before: Course | None = None) -> dict[str, 
     }
     if found.fixed is not None:
         name = f"best fixed gamma, {np.degrees(found.fixed.gamma[0]):.4g} deg"
-        lines[name] = CourseLine(found.fixed.gamma, found.fixed.value, OKABE_ITO["sky"], dashed=True)
+        lines[name] = CourseLine(found.fixed.gamma, found.fixed.value, OKABE_ITO["sky"], dash=":")
     if before is not None:
-        lines["as programmed"] = CourseLine(before.gamma, before.value, OKABE_ITO["vermillion"], dashed=True)
+        lines["as programmed"] = CourseLine(before.gamma, before.value, OKABE_ITO["vermillion"], dash="--")
     return lines
 
 
-def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None, *, title: str) -> Figure:
-    """Map above, the courses' values along the path below.
+def draw_axes_map(
+    made: AxesMap, courses: Mapping[str, CourseLine] | None = None, *, title: str, narrow: bool = False
+) -> Figure:
+    """Map above, the courses' values along the path below; ``narrow``: for half of a page's width.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
             raise InputError(f"course {name}", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}")
     x = 1e3 * made.length
     look: dict[str, Any] = {"height_ratios": (2.3, 1.0)} if courses else {}
-    size = 10.5, 7.6 if courses else 5.4
+    size = (5.2, 6.4) if narrow else (10.5, 7.6 if courses else 5.4)
     with drawing(title, size, 2 if courses else 1, 1, sharex=True, **look) as (figure, axes):
         window = _cells(figure, axes[0], x, degrees, made)
         for line in courses.values():
@@ -109,7 +111,7 @@ def draw_axes_map(made: AxesMap, courses: Mapping[str, CourseLine] | None = None
             _values(axes[1], x, made, courses)
         handles = [_line_handle(name, line) for name, line in courses.items()] + _zone_handles(made)
         if handles:
-            figure.legend(handles=handles, loc="outside lower left", ncols=3)
+            figure.legend(handles=handles, loc="outside lower left", ncols=2 if narrow else 3)
     return figure
 
 
@@ -174,7 +176,7 @@ def _turns(gamma: Array, low: float, high: float) -> list[Array]:
 
 def _course(ax: Axes, x: Array, gammas: list[Array], line: CourseLine) -> None:
     look: dict[str, Any] = {"linewidth": 2.0, "path_effects": [Stroke(linewidth=4.0, foreground="white"), Normal()]}
-    look |= {"linestyle": "--", "zorder": 3.5} if line.dashed else {"linestyle": "-", "zorder": 5.0}
+    look |= {"linestyle": line.dash, "zorder": 3.5} if line.dash != "-" else {"linestyle": "-", "zorder": 5.0}
     if line.dots:
         look = {"linestyle": "none", "marker": "o", "markersize": 3.2, "markeredgecolor": "white"}
         look |= {"markeredgewidth": 0.5, "zorder": 4}
@@ -186,10 +188,9 @@ def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]
     what = shown(made.objective.quantity)
     for name, line in courses.items():
         look: dict[str, Any] = {"marker": "o", "markersize": 3.4, "linewidth": 0.8} if line.dots else {"linewidth": 1.8}
-        dash = "--" if line.dashed else "-"
         ax.plot(
-            x, what.factor * line.value, color=line.colour, linestyle=dash, label=name,
-            zorder=3.0 if line.dots or line.dashed else 4.0, **look,
+            x, what.factor * line.value, color=line.colour, linestyle=line.dash, label=name,
+            zorder=3.0 if line.dots or line.dash != "-" else 4.0, **look,
         )  # fmt: skip
     ax.set_ylabel(what.label)
     ax.margins(y=0.08)
@@ -198,7 +199,7 @@ def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]
 def _line_handle(name: str, line: CourseLine) -> Line2D:
     if line.dots:
         return Line2D([], [], color=line.colour, marker="o", markersize=4, linewidth=0.8, label=name)
-    return Line2D([], [], color=line.colour, linestyle="--" if line.dashed else "-", linewidth=2.0, label=name)
+    return Line2D([], [], color=line.colour, linestyle=line.dash, linewidth=2.0, label=name)
 
 
 def _zone_handles(made: AxesMap) -> list[Patch]:

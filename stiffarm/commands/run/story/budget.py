@@ -12,23 +12,25 @@ from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.simulate import field_results
 from stiffarm.commands.simulate.budgets import PoseBudget, WorkspaceBudget, pose_budget, workspace_budget
 from stiffarm.commands.simulate.field_picture import load_text
-from stiffarm.commands.simulate.figures import energy_share_figure, pose_shares_figure, workspace_budget_figure
+from stiffarm.commands.simulate.figures import pose_shares_figure, workspace_budget_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Note, Picture, Section, Text
+from stiffarm.pages.report import Block, Fold, Note, Picture, Section, Text
 
 
 def budget_section(f: Findings, pictures: Pictures) -> Section:
     """Pictures and sentences for the poses and for the workspace; writes budget.json, and field.vtu for shells."""
-    pose, budget, blocks = _pose(f, pictures)
+    pose, budget, shape = _pose(f, pictures)
+    blocks: list[Block] = []
     workspace = None
     try:
         found = workspace_budget(f.best.model)
         workspace = found.payload()
-        blocks += _workspace(f, found, pictures)
+        blocks = _workspace(f, found, pictures)
     except InputError as error:
         blocks.append(Note(f"No budget of the workspace: {error}"))
     pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": workspace})
-    return Section("Where the compliance comes from", (*_poses(f, pictures), *blocks))
+    more = Fold(f"Pose by pose, and the arm in pose {pose}", (*_poses(f, pictures), *shape))
+    return Section("Where the compliance comes from", (*blocks, more))
 
 
 def _poses(f: Findings, pictures: Pictures) -> list[Block]:
@@ -56,16 +58,11 @@ def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]
     label, model, q, wrench = used.pose[row], f.best.model, used.q[row], used.wrench[row]
     point = loaded_points(model, used)[row]
     budget = pose_budget(model, q, wrench, point)
-    facts = field_results.pose_text(model.robot, q).replace("-", "−")
-    figure = energy_share_figure(budget, f"Measured pose {label} under {load_text(wrench)}", facts)
-    blocks: list[Block] = [
-        pictures.add(
-            figure,
-            "energy_share",
-            f"Who gives how much in pose {label}, the measured one that deflects most. A part's share in the strain "
-            "energy is its share in the tool's motion along the load.",
-        )
-    ]
+    shares = ", ".join(f"{budget.parts[i]} {_percent(float(budget.share[i]))}" for i in budget.order[:3])
+    head = (
+        f"In pose {label}, the measured one that deflects most under {load_text(wrench)}, the tool's motion comes from"
+    )
+    blocks: list[Block] = [Text(f"{head} {shares}.")]
     if model.link_kind == "shell":
         arm = field_results.deformed_arm(f.best.description, model, q, wrench, point)
         field_results.save_vtu(arm, model, pictures.folder.path("field.vtu"))
@@ -82,6 +79,10 @@ def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]
     return label, budget, blocks
 
 
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f}\u00a0%"
+
+
 def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[Block]:
     names = ", ".join(name.removesuffix("_deg") for name in found.swept)
     figure = workspace_budget_figure(
@@ -91,7 +92,7 @@ def _workspace(f: Findings, found: WorkspaceBudget, pictures: Pictures) -> list[
     )
     blocks: list[Block] = [
         Text(
-            f"The same over the workspace: {len(found.q)} reachable poses, {names} spread evenly over their limits, "
+            f"Over the workspace, {len(found.q)} reachable poses, {names} spread evenly over their limits, "
             f"vertical load. {' '.join(found.sentences())}"
         ),
         pictures.add(

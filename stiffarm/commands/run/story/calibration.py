@@ -23,11 +23,9 @@ from stiffarm.commands.run.figures import (
 )
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.held_out import sentences
-from stiffarm.commands.run.link_models import NOUN
 from stiffarm.commands.sensitivity.figures import read_words, sensitivity_figure
-from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
+from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.steps import RigidJoints, springs_seen
 
 _DOUBTS = (
@@ -85,11 +83,13 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     ]
     if still:
         blocks.append(Text(f"No reading moves with {', '.join(still)}: nothing is said about their springs."))
-    if 1 < len(levels) <= MOST_LEVELS:
-        blocks.append(Note(_proportionality(f, levels)))
+    doubts: list[Block] = [Note(_proportionality(f, levels))] if 1 < len(levels) <= MOST_LEVELS else []
     if published:
-        blocks.append(Note(_DOUBTS_TEXT))
-    blocks.append(Bullets(f.data.notes))
+        doubts.append(Note(_DOUBTS_TEXT))
+    if f.data.notes:
+        doubts.append(Bullets(f.data.notes))
+    if doubts:
+        blocks.append(Fold("What is in doubt about these readings", tuple(doubts)))
     return Section("The measurements", tuple(blocks))
 
 
@@ -112,16 +112,8 @@ def _proportionality(f: Findings, levels: Array) -> str:
     )
 
 
-def first_model_section(f: Findings, r: RigidJoints, pictures: Pictures) -> Section:
+def first_model_section(f: Findings, r: RigidJoints) -> Section:
     """Flexible links with rigid joints against the readings."""
-    series = {"measured": r.measured_mm, f"{r.links} links, rigid joints": r.simulated_mm}
-    figure = bars_figure(
-        "The model with rigid joints against the measurement",
-        {name: dict(zip(r.pose, np.abs(values), strict=True)) for name, values in series.items()},
-        "largest deflection read (mm), log axis",
-        "pose",
-        log=True,
-    )
     simulated = np.abs(r.simulated_mm)
     factors = ", ".join(f"{factor:.0f} times in pose {pose}" for pose, factor in zip(r.pose, r.factor, strict=True))
     note = "Where sections of links are assumed, the factor is an order of magnitude."
@@ -134,12 +126,12 @@ def first_model_section(f: Findings, r: RigidJoints, pictures: Pictures) -> Sect
         "First model: flexible links, rigid joints",
         (
             Text(
-                f"With rigid joints the links alone give {simulated.min():.3f} to {simulated.max():.3f} mm. "
+                f"With rigid joints the {r.links} links alone give {simulated.min():.3f} to {simulated.max():.3f} mm. "
                 f"Measured is more, {factors}: the joints, not the links, make the arm soft."
             ),
-            pictures.add(figure, "rigid_joints", "Measured deflection beside that of the model with rigid joints."),
             Note(note),
         ),
+        folded=True,
     )
 
 
@@ -169,6 +161,7 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
             Bullets(rankings),
             *([Note(_PUBLISHED_RANKING)] if f.is_published else []),
         ),
+        folded=True,
     )
 
 
@@ -185,80 +178,64 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
         if variant.found.studies:
             blocks += study_blocks(variant, pictures)
     blocks.append(Note(_LEAST_ROUGHNESS))
-    return Section("Calibration in the published staged scheme", tuple(blocks))
+    return Section("Calibration in the published staged scheme", tuple(blocks), folded=True)
 
 
 def comparison_section(f: Findings, pictures: Pictures) -> Section:
-    """All variants side by side: parameters, fit, prediction, springs; pictures with both kinds of links."""
+    """Which calibration is recommended and why; all variants side by side fold away."""
+    held = f.held_out
+    path = f.best.model.load_path
+    mine = {v.name: v for v in f.variants if v.model.load_path == path}
+    springs = {v.name: v.springs for v in f.variants if v.springs}
+    others = [v for v in f.variants if v is not f.best.calibrated and np.isfinite(v.left_out_rms_mm)]
+    beside = ", ".join(f"{v.left_out_rms_mm:.3f} mm ({v.name})" for v in others)
+    text = (
+        f"Recommended is the model that best predicts poses that it has not seen: {f.best.name}, "
+        f"{f.best.left_out_rms_mm:.3f} mm RMS" + (f" against {beside}." if beside else ".")
+    )
+    caption = f"Measured and simulated deflection by pose ({path} load path), and residuals. Band: the gauge's digit."
+    stage = f.constant.stages[-1]
+    more: list[Block] = [
+        _variants_table(f),
+        Bullets(sentences(held, f.best.beside_variants_mm)),
+        Text(f"What {f.used.n} readings can and cannot tell ({f.constant.name} springs):"),
+        *told_blocks(f.constant, stage),
+        Note(verdict(stage.result, f.scheme.noise.gauge_mm)[1]),
+    ]
+    return Section(
+        "Which calibration to trust",
+        (
+            Text(text),
+            pictures.add(_match_picture(mine, f.scheme.noise.gauge_mm, f"{path} load path"), "match", caption),
+            pictures.add(
+                intervals_figure(springs, "Constant springs from all poses at once", f.scheme.springs.ends),
+                "springs",
+                "Constant springs with 95 % intervals. Arrow to the right: the data do not exclude a rigid joint.",
+            ),
+            Fold("All calibrations side by side, and what the readings can tell", tuple(b for b in more if b)),
+        ),
+    )
+
+
+def _variants_table(f: Findings) -> Table:
     held = f.held_out
     heads = ("variant", "parameters", "RMS (mm)", "left-out RMS (mm)", *(["held-out RMS (mm)"] if held else []))
     rows = []
     for v in f.variants:
         errors_mm = (v.found.rms_mm, v.left_out_rms_mm, *([held[v.name].rms_mm] if held else []))
         rows.append((v.name, _count(v), *(f"{error:.3f}" for error in errors_mm), _springs(v)))
-    errors = {
-        "fit to all poses": {v.name: v.found.rms_mm for v in f.variants},
-        "prediction of poses left out": {v.name: v.left_out_rms_mm for v in f.variants},
-    }
     best = next((k for k, v in enumerate(f.variants) if v is f.best.calibrated), len(rows))
     if f.best.calibrated is None:
-        text = "with what is missing, see above"
         of = f.best
         cells = (f"{error:.3f}" for error in (of.rms_mm, of.left_out_rms_mm, of.held_out_rms_mm) if error is not None)
-        rows.append((of.name, text, *cells, f"in {f.looks[-1].stem}/model.toml"))
-        for name, value in zip(errors, (f.best.rms_mm, f.best.left_out_rms_mm), strict=True):
-            errors[name][f.best.name] = value
-    named: dict[str, Calibrated] = {}
-    for pair in () if f.link_models is None else f.link_models.pairs:
-        named |= {f"{v.name}, {NOUN[v.model.link_kind]}": v for v in (pair.other, pair.own)}
-    named = named or {v.name: v for v in f.variants}
-    springs = {name: v.springs for name, v in named.items() if v.springs}
-    views: list[Block] = [
-        pictures.add(
-            bars_figure("Fit, and prediction of poses that were left out", errors, "RMS error (mm)"),
-            "comparison",
-            "Fit and prediction. Left-out: each pose is predicted by a calibration that has not seen it. "
-            "A variant with many parameters can fit well and predict badly.",
-        )
-    ]
-    for path in dict.fromkeys(v.model.load_path for v in f.variants):
-        mine = {name: v for name, v in named.items() if v.model.load_path == path}
-        views.append(
-            pictures.add(
-                _match_picture(mine, f.scheme.noise.gauge_mm, f"{path} load path"),
-                f"link_models_match_{path}",
-                f"{path.capitalize()} load path: measured and simulated deflection by pose, and the residuals with the "
-                "gauge's digit as a band. Where two kinds of links stand at one height, the springs make up for the "
-                "difference between them.",
-            )
-        )
-    stage = f.constant.stages[-1]
-    return Section(
-        "Which calibration to trust",
-        (
-            Text(
-                ("The published scheme beside the plain alternative, constant" if f.published else "Constant")
-                + " springs fitted to all readings at once by bounded least squares, for each load path the robot can "
-                "have."
-            ),
-            Table(
-                "Variants side by side (highlighted: recommended)",
-                (*heads, "springs (1e6 N m/rad, 95 % interval)"),
-                tuple(rows),
-                text_columns=(0, len(heads)),
-                best=best,
-            ),
-            Bullets(sentences(held, f.best.beside_variants_mm)),
-            *views,
-            pictures.add(
-                intervals_figure(springs, "Constant springs from all poses at once", f.scheme.springs.ends),
-                "link_models_springs",
-                "Constant springs with 95 % intervals. Arrow to the right: the data do not exclude a rigid joint.",
-            ),
-            Text(f"What {f.used.n} readings can and cannot tell ({f.constant.name} springs):"),
-            *told_blocks(f.constant, stage),
-            Note(verdict(stage.result, f.scheme.noise.gauge_mm)[1]),
-        ),
+        rows.append((of.name, "with what is missing", *cells, f"in {f.looks[-1].stem}/model.toml"))
+    return Table(
+        "Variants side by side (highlighted: recommended). Left-out: each pose is predicted by a calibration that has "
+        "not seen it; many parameters can fit well and predict badly",
+        (*heads, "springs (1e6 N m/rad, 95 % interval)"),
+        tuple(rows),
+        text_columns=(0, 1, len(heads)),
+        best=best,
     )
 
 

@@ -47,6 +47,7 @@ def links_section(f: Findings, both: LinkModels) -> Section:
                 "links are right, and absolute link shares rest on the sections in the model file."
             ),
         ),
+        folded=True,
     )
 
 

@@ -12,7 +12,8 @@ from stiffarm.commands.fit.report import quality_picture
 from stiffarm.commands.fit.results import errors_table
 from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, Note, Picture, Section, Table, Text
+from stiffarm.pages.numbers import significant
+from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects
 
@@ -31,19 +32,19 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
             "orthogonal and main effects mix a little."
         )
     blocks: list[Block] = [Text(text)]
-    for name, runs in f.factorial.items():
+    # One picture: that of the model to take.
+    for name, runs in ((name, runs) for name, runs in f.factorial.items() if name == f.best.name):
         effects = main_effects(runs.poses_deg, runs.stiffness_N_per_mm, runs.inputs)
-        role = "recommended model" if name == f.best.name else "the published scheme"
         caption = (
-            f"{name.capitalize()} ({role}): largest, mean and smallest normalised stiffness at each level "
+            f"{name.capitalize()} (recommended model): largest, mean and smallest normalised stiffness at each level "
             f"(1 = {runs.stiffness_N_per_mm.max():.0f} N/mm)."
         )
-        if f.published is not None and f.published.name == name:
+        if f.best.depends_on_angles:
             caption += (
                 " Angle-dependent springs are interpolated between few poses; extremes far from them are not data."
             )
         blocks.append(pictures.add(main_effects_figure(effects), f"main_effects_{slug(name)}", caption))
-    return Section("Main effects of the joint angles", tuple(blocks))
+    return Section("Main effects of the joint angles", tuple(blocks), folded=True)
 
 
 def surrogate_section(f: Findings, pictures: Pictures) -> Section:
@@ -64,9 +65,10 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
             _measured_poses(f),
             Note(
                 "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and gives "
-                "no value unless told otherwise (--extrapolate)."
+                "no value unless told otherwise (`--extrapolate`)."
             ),
         ),
+        folded=True,
     )
 
 
@@ -103,16 +105,21 @@ def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Secti
     swept, layer = default_sweep(f.given.robot)
     text = f"{drawn['points']} poses swept over {', '.join(swept)}"
     text += f", with {layer} moving the tool out of the plane. " if layer else ". "
-    text += f"Stiffness runs from {k['min']:.0f} to {k['max']:.0f} N/mm, median {k['median']:.0f} N/mm."
-    blocks: list[Block] = [Text(text)]
+    low, middle, high = (significant(k[name]) for name in ("min", "median", "max"))
+    text += (
+        f"Stiffness under a vertical load runs from {low} to {high} N/mm, median {middle} N/mm; it is largest where "
+        "the load passes through the joints. map.html is the map to turn, cut and pick points in."
+    )
+    views = {}
     for name in drawn["files"]:
         if name.endswith(".png"):
             view = name.removesuffix(".png").rsplit("_", 1)[-1]
-            blocks.append(Picture(pictures.folder.path(name), captions[view], f"stiffness map, {view} view"))
-    blocks.append(
-        Text("stiffness_map.vtu opens in ParaView; docs/reference/stiffness_map.md lists its arrays and their units.")
-    )
-    return Section("The stiffness map", tuple(blocks))
+            views[view] = Picture(pictures.folder.path(name), captions[view], f"stiffness map, {view} view")
+    shown = views.pop("side", None)
+    file = "stiffness_map.vtu opens in ParaView; docs/reference/stiffness_map.md lists its arrays and their units."
+    rest: list[Block] = [*views.values(), Text(file)]
+    first = [shown] if shown else []
+    return Section("The stiffness map", (Text(text), *first, Fold("From another side, and as a file", tuple(rest))))
 
 
 def assumptions_section(f: Findings) -> Section:
@@ -139,9 +146,9 @@ def assumptions_section(f: Findings) -> Section:
                 ("figure", "value", "source", "note"),
                 rows,
                 text_columns=(0, 1, 2, 3),
-                folded=True,
             ),
         ),
+        folded=True,
     )
 
 

@@ -87,7 +87,7 @@ def test_a_diagnosis_shows_its_checks(cli: Command, tmp_path: Path) -> None:
     assert all(g["share_sd"] > 0.0 for g in r["where"]["pose"])
 
     page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    first = html.unescape(page[page.index("In short</h2>") : page.index("Where they disagree</h2>")])
+    first = html.unescape(page[page.index("<main") : page.index("Where they disagree</h2>")])
     verdict = first.index("What is missing has a name")
     for text in ("Against load-path: another effect fits as well", "The last look gives"):
         assert verdict < first.index(text)

@@ -39,14 +39,14 @@ def at(**degrees: float) -> np.ndarray:
 def portable(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     """Written in all formats."""
     folder = tmp_path_factory.mktemp("portable") / "out"
-    outcome = run_here("fit", "kr60-3", *TWO, *QUICK, "--format", "onnx,c,python", "--json", "--out", folder)
+    outcome = run_here("fit", "kr60-3", *TWO, *QUICK, "--format", "onnx,c,python,javascript", "--json", "--out", folder)
     assert outcome.code == 0, outcome.err
     return folder, outcome
 
 
 def test_all_formats_are_written_and_named(portable: tuple[Path, Outcome]) -> None:
     folder, outcome = portable
-    files = {"surrogate.json", "surrogate.onnx", "surrogate.h", "surrogate_snippet.py"}
+    files = {"surrogate.json", "surrogate.onnx", "surrogate.h", "surrogate_snippet.py", "surrogate.js"}
     assert files <= set(outcome.json["files"]) <= set(tree(folder))
     assert {"surrogate_polynomial.json", "surrogate_errors.json", "run.json"} <= set(tree(folder))
     assert "report.html" in outcome.json["files"]

@@ -28,6 +28,7 @@ from stiffarm.commands.fit.figures.bars import (
 )
 from stiffarm.commands.fit.report import write_report
 from stiffarm.commands.fit.words import choice_words, doubts, relative
+from stiffarm.pages.numbers import known_to, ranged, typeset
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
 
@@ -98,9 +99,9 @@ def test_the_numbers_of_the_table_are_the_payloads(trained: Trained, page: str) 
         shown = [relative(s[f"{n}_relative_error"]).replace("\u00a0", " ") for n in names]
         assert row[:7] == [s["basis"], str(s["terms"]), str(s["runs_fitted"]), *shown]
         assert row[8] == f"{100.0 * s['coverage_of_95_percent_bars']:.1f} %"
-        assert row[9] == f"{s['condition_number']:.0e}"
+        assert row[9] == typeset(f"{s['condition_number']:.0e}")
     six = content["surrogates"][0]["matrix_max_relative_error"]
-    assert [r[7] for r in table] == [relative(six), "–", "–"]
+    assert [r[7] for r in table] == [relative(six).replace("\u00a0", " "), "–", "–"]
     assert f"are over {UNIFORM} uniform poses" in page
 
 
@@ -115,7 +116,7 @@ def test_a_title_is_text_and_nothing_comes_from_elsewhere(page: str) -> None:
         assert forbidden not in page
     sources = re.findall(r'src="([^"]{0,22})', page)
     # Neither basis errs by a millionth here, so no picture tells where.
-    assert sources == ["data:image/png;base64,"] * 2
+    assert sources == ["data:image/png;base64,"] * 3
     assert "Nowhere. Errors of factored and trigonometric are below a millionth" in page
 
 
@@ -161,7 +162,7 @@ def test_shares_inside_by_width_of_the_bars(trained: Trained, page: str) -> None
 
 def test_what_the_calibration_makes_of_it(page: str) -> None:
     # 1.96 times 10 %, as everywhere.
-    assert "makes ± 20 % of the compliance at the median pose and ± 20 % at the 95th percentile" in text(page)
+    assert "the compliance is ± 20 % at the median pose and ± 20 % at the 95th percentile" in text(page)
     assert "j5.stiffness at 100 % of the poses. There an error bar is a lower bound" in text(page)
 
 
@@ -175,7 +176,9 @@ def test_each_file_with_its_size(page: str) -> None:
 def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:
     best = trained.best
     low, high = np.degrees(best.lower), np.degrees(best.upper)
-    expected = [[n[:2], f"{a:g}", f"{b:g}", "no"] for n, a, b in zip(best.inputs, low, high, strict=True)]
+    expected = [
+        [n[:2], typeset(f"{a:g}"), typeset(f"{b:g}"), "no"] for n, a, b in zip(best.inputs, low, high, strict=True)
+    ]
     assert rows(page, "<caption>Inputs")[:2] == expected
     fixed = {r[0]: r[2] for r in rows(page, "Fixed coordinates")}
     assert fixed["q1"] == "0 %"
@@ -191,8 +194,23 @@ def test_the_example_can_be_asked(trained: Trained, page: str) -> None:
     found = re.search(r"--pose q2_deg=(\S+),q3_deg=(\S+)$", commands[0])
     assert found is not None
     answer = query(trained.best, np.radians([[float(v) for v in found.groups()]]))
-    value = f"{answer.stiffness_N_per_mm[0]:.5g} N/mm"
-    assert f"The answer to the first: stiffness {value} ± 20 % of it (95 %)" in text(page)
+    value = float(answer.stiffness_N_per_mm[0])
+    # 1.96 times 10 % of the compliance.
+    ends = value / 1.196, value / (1.0 - 0.196)
+    words = f"stiffness {known_to(value, *ends)} N/mm, 95 % interval {ranged(*ends)} N/mm"
+    assert f"The answer to the first: {words}" in text(page)
+
+
+def test_no_figure_that_nobody_can_act_on(trained: Trained, tmp_path: Path) -> None:
+    """What the readings left open by far more than its own size has no number, and neither has round-off."""
+    best, other = trained.surrogates
+    assert best.parameters is not None
+    wide = replace(best.parameters.gradients, coefficients=100.0 * best.parameters.gradients.coefficients)
+    open_ones = replace(best, parameters=replace(best.parameters, gradients=wide))
+    said = text(written(replace(trained, surrogates=(open_ones, other)), tmp_path / "out"))
+    assert "no number to work with" in said
+    assert "More readings would narrow the answers" in said
+    assert not re.search(r"± \d{3,} %|\d·10⁻¹\d", said)
 
 
 def test_what_is_wrong_is_said(trained: Trained, tmp_path: Path) -> None:
@@ -266,4 +284,4 @@ def test_fit_writes_it_and_names_it(tmp_path: Path) -> None:
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     (s,) = outcome.json["surrogates"]
     assert rows(page, "Relative errors of")[0][3] == relative(s["rms_relative_error"]).replace("\u00a0", " ")
-    assert page.count("data:image/png") == 3
+    assert page.count("data:image/png") == 4

@@ -205,7 +205,7 @@ def test_a_slice_has_cells_and_says_what_is_not_reached(tmp_path: Path, where: s
     description, model = arm("kr60-3")
     good, bad = int(np.flatnonzero(data.reached)[120]), int(np.flatnonzero(~data.reached)[-1])
     probe = f"""
-      out.cells = $("cells").disabled;
+      tick("under", false); out.cells = $("cells").disabled;
       const a = shot();
       tick("cells", false); out.dots = shot() !== a;
       tick("cells", true); out.same = shot() === a;

@@ -94,7 +94,8 @@ def test_six_poses_settle_what_nine_readings_cannot_tell(cli: Command) -> None:
 
 def test_files_of_a_plan(written: Path) -> None:
     assert {p.name for p in written.iterdir()} == {
-        "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png", "run.json",
+        "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png", "report.html", "figures",
+        "run.json",
     }  # fmt: skip
     plan = json.loads((written / "plan.json").read_text(encoding="utf-8"))
     rows = rows_of(written / "measurement_sheet.csv")

@@ -14,11 +14,17 @@ from numpy.typing import NDArray
 
 from machining import Objective
 from machining.posture.axes_map import AxesMap, Zone
-from machining.stiffness.distribution import Distribution, best_gamma
+from machining.stiffness.distribution import Distribution, best_gamma, trade_off
 from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.maps.index.figures import angle_ticks, draw_gamma_statistics, draw_index_maps
+from stiffarm.commands.maps.index.figures import (
+    angle_ticks,
+    draw_gamma_statistics,
+    draw_index_maps,
+    draw_trade_off,
+    price_words,
+)
 from stiffarm.commands.maps.planes import layer_of
 from stiffarm.commands.posture.figures.axes_map import TONES, CourseLine, _turns, draw_axes_map
 from surrogate.maps.layouts import plane_or_box
@@ -56,7 +62,7 @@ def test_an_axes_map_has_its_axes_and_names_its_zones_and_courses() -> None:
     made = an_axes_map()
     courses = {
         "recommended": a_course(np.linspace(100.0, 150.0, 12)),
-        "fixed": a_course(np.full(12, 40.0), dashed=True),
+        "fixed": a_course(np.full(12, 40.0), dash="--"),
     }
     figure = draw_axes_map(made, courses, title="a path")
     top, bottom = figure.axes[:2]
@@ -161,9 +167,9 @@ def test_maps_name_their_gamma_and_their_plane(tmp_path: Path) -> None:
     figure = draw_index_maps(plane, found, [0, 2], title="k_fs of an arm", inside=inside)
     panels = figure.axes[:4]
     assert [ax.get_title() for ax in panels] == [
-        "gamma = -90 deg",
+        "gamma = −90 deg",
         "gamma = 90 deg",
-        "best of each point",
+        "best of each point, to 3 %",
         "its gamma",
     ]
     assert figure.get_suptitle() == "k_fs of an arm, y = 200 mm"
@@ -211,6 +217,26 @@ def test_the_curves_show_both_sets_of_points_and_the_choice() -> None:
     ]
     assert legend(figure)[:2] == ["points that this gamma reaches", "points that all reach"]
     assert legend(figure)[2].startswith("best for the mean: ")
+
+
+def test_the_price_of_the_choice_stands_in_the_legend() -> None:
+    value = np.array([[225.0, 300.0], [225.0, 300.0], [225.0, np.nan], [225.0, np.nan]]) * 1e3
+    found = Distribution(Objective(), np.radians([0.0, 90.0]), value)
+    choice = best_gamma(found)
+    traded = trade_off(found)
+    words = price_words(traded, choice, shown("k_fs"))
+    assert "225 N/mm, reaches 4 of 4" in words
+    assert "300 N/mm (+33 %) but misses 2 points" in words
+    drawn = (
+        draw_gamma_statistics(found, title="k", choice=choice),
+        draw_trade_off(traded, choice, shown("k_fs"), title="k"),
+    )
+    for figure in drawn:
+        assert any(words in text for text in legend(figure))
+        figure.canvas.draw()
+    front = drawn[1].axes[0].lines[1]
+    assert front.get_xdata().tolist() == [4, 2]
+    np.testing.assert_allclose(front.get_ydata(), [225.0, 300.0])
 
 
 @pytest.mark.parametrize(

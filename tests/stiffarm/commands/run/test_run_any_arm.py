@@ -19,8 +19,8 @@ from stiffarm.commands.run import missing
 from stiffarm.session.inputs import read_model
 from stiffarm.session.outputs import OutputFolder
 
-SECTIONS = ("In short", "What is missing: all readings", "The measurements", "Which calibration to trust",
-            "Sensitivity: which spring matters", "The surrogate and its error", "The stiffness map")  # fmt: skip
+SECTIONS = ("What the model is missing", "The measurements", "Which calibration to trust", "The stiffness map",
+            "Sensitivity: which spring matters", "The surrogate and its error")  # fmt: skip
 
 
 def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], str]:

@@ -76,7 +76,8 @@ def test_a_table_and_a_picture(cli: Command, small: Path, tmp_path: Path, method
     outcome = cli("sensitivity", small / "small.urdf", small / "readings.csv", "--method", method, "--out", "out")
     assert (outcome.code, outcome.out) == (0, ""), outcome.err
     assert "shoulder.stiffness" in outcome.err
-    assert set(tree(tmp_path / "out")) == {"sensitivity.json", "sensitivity.png", "run.json"}
+    files = {"sensitivity.json", "sensitivity.png", "run.json", "report.html", "figures", "figures/shares.png"}
+    assert set(tree(tmp_path / "out")) == files
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def test_field_writes_file_pictures_and_budget(cli: Command, monkeypatch: pytest
     outcome = cli("simulate", "kr60-3", "--pose", "q2_deg=-40,q3_deg=60", "--field", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err
     names = {"field.vtu", "field.png", "energy_share.png", "budget.json", "simulation.json", "run.json"}
+    names |= {"report.html", "figures", "figures/parts.png"}
     assert set(tree(tmp_path / "out")) == names
     result = outcome.json
     assert result["links"] == "shell"

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from verify_cases import many_moves, parallelogram_program, verified
 
 from machining.cell import arm_of
-from machining.verification import Verification, verify
-from stiffarm.commands.verify.bodies import body_surfaces, placed_in_world
+from machining.verification import Verification, contact_of, verify
 from stiffarm.commands.verify.replay import MOST_POINTS, kept_points, replay_data, replay_page
+from stiffarm.pages.cell_bodies import body_surfaces, placed_in_world
 
 HOSTILE = "<script>alert('x')</script> {{ 7 * 7 }} </title>"
 
@@ -45,7 +45,7 @@ def test_the_data_are_the_programs(found: Verification) -> None:
     np.testing.assert_allclose(unpacked(data["values"], "<f4").reshape(n, -1), found.program.q, atol=1e-6)
     np.testing.assert_allclose(unpacked(data["tips"], "<f4").reshape(n, 3), found.program.motions.points, atol=1e-6)
     np.testing.assert_array_equal(unpacked(data["line"], "<i4"), found.program.motions.line)
-    assert [o["line"] for o in data["offences"]] == [o.line for o in found.offences]
+    assert [o["line"] for o in data["offences"]] == [o.line for o in found.ranked]
     distance = unpacked(data["clearance"], "<f4")
     assert (distance < 0.0).sum() == np.isfinite(found.swept.hit).sum()
 
@@ -84,7 +84,11 @@ addEventListener("load", () => setTimeout(() => {
   const cell = k => $("here").rows[k].cells[1].textContent;
   const key = (target, name) => target.dispatchEvent(new KeyboardEvent("keydown", { key: name, bubbles: true }));
   const shot = () => [...view.toDataURL()].reduce((h, c) => (31 * h + c.charCodeAt(0)) | 0, 0);
-  Object.assign(out, { renderer: R.renderer, first: shot(), firstLine: cell(0) });
+  const label = () => $("contact").hidden ? "" : $("contact").lastElementChild.textContent;
+  Object.assign(out, { renderer: R.renderer, opened: R.state.place, openedLabel: label() });
+  out.openedNow = !$("now").hidden;
+  R.go(0);
+  Object.assign(out, { first: shot(), firstLine: cell(0), firstLabel: label() });
   slider.value = 30.5; slider.dispatchEvent(new Event("input"));
   Object.assign(out, { moved: shot(), movedLine: cell(0), frames: R.frames(30.5) });
   key(view, "ArrowLeft"); out.turned = shot();
@@ -93,6 +97,8 @@ addEventListener("load", () => setTimeout(() => {
   Object.assign(out, { offenceLine: cell(0), offencePlace: R.state.place, clearance: cell(4) });
   out.marks = document.querySelectorAll("#marks button").length;
   out.current = document.querySelectorAll("#list [aria-current=true]").length;
+  out.marked = document.querySelectorAll("#marks [aria-current=true]").length;
+  out.hot = $("list").querySelector("[aria-current=true]") === $("list").querySelector("button");
   key(slider, "ArrowRight"); out.stepped = R.state.place;
   $("play").click(); out.playing = R.state.playing; $("play").click();
   const pre = document.createElement("pre"); pre.id = "probe"; pre.textContent = JSON.stringify(out);
@@ -140,9 +146,16 @@ def test_the_page_runs_in_a_browser(found: Verification, tmp_path: Path, where: 
     assert (seen["firstLine"], seen["movedLine"]) == ("11", "42")
     assert len({seen["first"], seen["moved"], seen["turned"]}) == 3
     check_frames(found, seen["frames"], 31)
-    first = found.offences[0]
-    assert seen["offenceLine"] == str(first.line)
-    assert seen["offencePlace"] == pytest.approx(first.move - 1 + first.at)
+    # It opens at the worst offence, marks it and says how deep it is.
+    worst = contact_of(found, found.ranked[0])
+    assert worst is not None
+    place = worst.move - 1 + worst.at
+    assert (seen["opened"], seen["openedNow"]) == (pytest.approx(place), True)
+    assert seen["openedLabel"] == f"{-worst.gap * 1e3:.3g} mm into each other"
+    assert seen["firstLabel"] == ""
+    assert (seen["marked"], seen["hot"]) == (1, True)
+    assert seen["offenceLine"] == str(worst.line)
+    assert seen["offencePlace"] == pytest.approx(place)
     assert seen["jumped"] == seen["offencePlace"]
     assert seen["clearance"] == "overlap"
     assert seen["marks"] >= 1

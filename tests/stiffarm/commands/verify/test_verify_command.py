@@ -16,8 +16,8 @@ from verify_cases import cell_file, program_at, program_file, verified
 
 from machining.cell import arm_of
 from machining.verification import verify
-from stiffarm.commands.verify.payload import sentence
 from stiffarm.commands.verify.picture import offence_picture
+from stiffarm.commands.verify.words import sentence
 
 
 def test_a_clean_program(cli: Command, tmp_path: Path) -> None:
@@ -165,9 +165,9 @@ def test_the_picture_shows_the_pair_in_colour(tmp_path: Path) -> None:
     assert picture.renderer == "matplotlib"
     pixels = np.asarray(Image.open(path).convert("RGB")).astype(int)
     red, green, blue = np.moveaxis(pixels, 2, 0)
-    # Vermillion: the mill, 8 mm of 440 mm wide; purple: the clamp. The squares of the legend have 400 pixels.
-    assert ((red > 120) & (red > 1.8 * green) & (blue < 0.5 * green + 20)).sum() > 700
-    assert ((red > 90) & (red > 1.3 * green) & (blue > 1.1 * green)).sum() > 2000
+    # Vermillion: the mill, 8 mm of 550 mm wide; purple: the clamp. The squares of the legend have 400 pixels.
+    assert ((red > 120) & (red > 1.8 * green) & (blue < 0.5 * green + 20)).sum() > 500
+    assert ((red > 90) & (red > 1.3 * green) & (blue > 1.1 * green)).sum() > 1200
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Surfaces of everything in a cell for pictures and the replay: triangles in the frames that bodies move with."""
+"""Surfaces of everything in a cell, for pictures and for pages that draw it: triangles in the bodies' frames."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import trimesh
 from machining.cell import Scene, Solid
 from machining.cell.scene import ARM, CARRIAGE, CUTTER, FIXED, HOLDER, PART
 from robots.arrays import Array, Integers
+from stiffarm.pages.parts import chain_data, column_matrix, packed
 
 KIND_NAMES = {ARM: "arm", HOLDER: "holder", CUTTER: "cutter", CARRIAGE: "carriage", FIXED: "fixture", PART: "part"}
 # Most triangles of one body; closed surfaces with more are thinned out, hulls are small anyway.
@@ -67,3 +68,32 @@ def placed_in_world(scene: Scene, surfaces: list[BodySurface], q: Array, travel:
         x = body.vertices @ R[body.frame].T + p[body.frame]
         placed.append(x @ base[:3, :3].T + base[:3, 3])
     return placed
+
+
+def cell_data(scene: Scene, most: int) -> dict[str, Any]:
+    """Arm and cell for ``cellScene`` of ``shop_scene.js``, with about ``most`` triangles in all."""
+    cell = scene.cell
+    return {
+        "chain": chain_data(scene.arm.robot),
+        "cell": {
+            "base": column_matrix(cell.T_world_base0),
+            "part": column_matrix(cell.T_world_part0),
+            "tool": column_matrix(cell.tool.T_flange_tool),
+            "rails": [axis.direction.tolist() for axis in cell.linear_axes],
+            "table": None
+            if cell.turntable is None
+            else {"point": cell.turntable.point.tolist(), "axis": cell.turntable.axis.tolist()},
+            "floor": cell.floor,
+        },
+        "frames": scene.arm.count,
+        "bodies": [
+            {
+                "name": body.name,
+                "kind": body.kind,
+                "frame": int(body.frame),
+                "v": packed(body.vertices, "<f4"),
+                "t": packed(body.triangles, "<u4"),
+            }
+            for body in body_surfaces(scene, most // max(1, len(scene.members)))
+        ],
+    }

@@ -1,0 +1,47 @@
+"""The interactive axes map of a posture study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from machining.cell import arm_of, scene_of
+from machining.posture.posing import CHOSEN, Posed
+from machining.setup import Setup
+from robots import InputError, ModelDescription
+from stiffarm.commands.posture.axes_page import AxesStudy, kept, thinned_angles
+
+
+def axes_study(posed: Posed, setup: Setup, model: str | Path, description: ModelDescription) -> AxesStudy | None:
+    """What the page shows; None for a single point or gamma, and for an arm without any shape to draw."""
+    request, course = posed.request, posed.course
+    if request.task.path.n < 2 or request.gammas.count < 3:
+        return None
+    try:
+        scene = scene_of(setup.cell, setup.arm or arm_of(model, description))
+    except InputError as fault:
+        if "no body has a shape" not in str(fault):
+            raise
+        return None
+    error = None if posed.milling is None else posed.milling.errors[CHOSEN]
+    worst = course.value.argmin() if error is None else np.abs(error.normal).argmax()
+    rows = kept(request.task.path.n, np.array([worst]))
+    task, objective = request.task.at(rows), request.objective
+    return AxesStudy(
+        model=posed.model,
+        task=task,
+        drive=request.drive,
+        scene=scene,
+        looked=task,
+        objective=objective.at(rows, request.task.path.n),
+        words=objective.quantity,
+        angles=thinned_angles(request.gammas.angles),
+        gamma=course.gamma[rows],
+        q=course.q[rows],
+        value=course.value[rows],
+        e=np.zeros((len(rows), len(setup.cell.linear_axes))),
+        table=0.0,
+        error=None if error is None else error.normal[rows],
+        force=None if error is None else error.force[rows],
+    )

@@ -1,0 +1,188 @@
+"""axes.html: the axes map to drag a course through, with the arm that follows and the path in colours of its error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_hex
+from scipy.ndimage import label
+
+import fem
+from machining.cell import Scene
+from machining.posture.axes_cells import AxesCells, causes_of, errors_of
+from machining.posture.axes_map import axes_map
+from machining.posture.drive import Drive
+from machining.stiffness.objective import Objective, shown
+from machining.task import Task
+from robots.arrays import Array, Integers
+from stiffarm.pages.cell_bodies import body_surfaces, cell_data, placed_in_world
+from stiffarm.pages.numbers import typeset
+from stiffarm.pages.parts import packed, render_page
+from stiffarm.pages.sight import towards
+from stiffarm.pages.style import STIFFNESS_COLOURS
+
+NAME = "axes.html"
+# Points of the path and angles that the page holds.
+MOST_POINTS, MOST_ANGLES = 160, 73
+MOST_TRIANGLES = 40_000
+COLOURS = 64
+# Triangles of a body that sight is judged by.
+COARSE = 300
+# What must be seen about the worst point, m.
+ABOUT = 0.05
+# Zones of fewer cells than this share of the map get no name on it.
+LEAST_NAMED = 0.004
+
+
+@dataclass(frozen=True, eq=False)
+class AxesStudy:
+    """A course along a path, and what its axes map is made of; everything is over the n points that the page holds.
+
+    Attributes
+    ----------
+    model, task, drive, scene : arm, path on the part, limits, bodies
+    looked, objective, words : what the map's colour is of: the task with the directions that it is looked at in, and
+        what it is called
+    angles : (m,) rad of the map
+    gamma, q, value : (n,) rad, (n, dof) rad and (n,) of the objective along the course
+    e, table : (n, k) m of the linear axes and rad of the turntable
+    error, force : (n,) m along the course and (n, 3) N in base axes; None without a cutting force
+    """
+
+    model: fem.ArmModel
+    task: Task
+    drive: Drive
+    scene: Scene
+    looked: Task
+    objective: Objective
+    words: str
+    angles: Array
+    gamma: Array
+    q: Array
+    value: Array
+    e: Array
+    table: float
+    error: Array | None
+    force: Array | None
+
+
+def kept(n: int, also: Integers) -> Integers:
+    """Numbers of the path's points that the page holds: evenly chosen, with some that must be among them."""
+    return np.union1d(np.round(np.linspace(0, n - 1, min(n, MOST_POINTS))).astype(np.int64), also)
+
+
+def thinned_angles(angles: Array) -> Array:
+    """Angles of the map, every second, third ... of many."""
+    return angles[:: -(-len(angles) // MOST_ANGLES)]
+
+
+def axes_page(study: AxesStudy, title: str) -> str:
+    """The page as HTML text; what comes from files is escaped."""
+    scripts = ("page_matrices.js", "shop_scene.js", "axes_page.js")
+    return render_page("axes_page.html.j2", axes_data(study), scripts, title=title)
+
+
+def cells_of(study: AxesStudy) -> AxesCells:
+    """The map by cell."""
+    made = axes_map(
+        study.model, study.looked, study.objective, study.drive, study.angles, postures=True,
+        generator=np.random.default_rng(0),
+    )  # fmt: skip
+    cause, causes = causes_of(made, study.model.robot, study.scene, study.e, study.table)
+    error = None
+    if study.error is not None and study.force is not None:
+        error = errors_of(made, study.task, study.model, study.force, study.q, study.error)
+    return AxesCells(made, cause, causes, error)
+
+
+def axes_data(study: AxesStudy) -> dict[str, Any]:
+    """Everything that the page shows; arrays as base64, little end first, angles in deg, lengths in mm."""
+    cells = cells_of(study)
+    made, what = cells.map, shown(study.objective.quantity)
+    assert made.q is not None  # noqa: S101 - it was made with postures
+    names = {member.body.name for member in study.scene.members}
+    value = what.factor * made.value
+    return {
+        **cell_data(study.scene, MOST_TRIANGLES),
+        "n": len(study.gamma),
+        "m": len(study.angles),
+        "closed": bool(np.ptp(study.angles) + np.median(np.diff(study.angles)) > 2.0 * np.pi - 1e-6),
+        "length": packed(1e3 * study.task.path.arc_length, "<f4"),
+        "gamma": packed(np.degrees(study.angles), "<f4"),
+        "tips": packed(study.task.path.points, "<f4"),
+        "q": packed(made.q, "<f4"),
+        "travel": packed(study.e, "<f4"),
+        "table": study.table,
+        "zone": packed(made.zone, "<u1"),
+        "cause": packed(cells.cause, "<u1"),
+        "causes": [{"words": cause, "bodies": _bodies(cause, names)} for cause in cells.causes],
+        "labels": labels_of(cells),
+        "value": packed(value, "<f4"),
+        "error": None if cells.error is None else packed(1e6 * cells.error, "<f4"),
+        "course": {
+            "gamma": packed(np.degrees(study.gamma), "<f4"),
+            "q": packed(study.q, "<f4"),
+            "value": packed(what.factor * study.value, "<f4"),
+            "error": None if study.error is None else packed(1e6 * study.error, "<f4"),
+        },
+        "axes": [name.removesuffix("_deg") for name in study.model.robot.coordinates],
+        "quantity": {"name": typeset(study.words), "unit": typeset(what.unit), "small": study.objective.minimised},
+        "eye": eye_of(study).tolist(),
+        "range": [float(v) for v in _range(value)],
+        "colours": [to_hex(STIFFNESS_COLOURS(x)) for x in np.linspace(0.0, 1.0, COLOURS)],
+    }
+
+
+def eye_of(study: AxesStudy) -> Array:
+    """From the worst point of the course to an eye that sees it past the arm and the fixtures."""
+    bad = study.value * (1.0 if study.objective.minimised else -1.0) if study.error is None else np.abs(study.error)
+    i = int(bad.argmax())
+    surfaces = body_surfaces(study.scene, COARSE)
+    placed = placed_in_world(study.scene, surfaces, study.q[i], study.e[i], study.table)
+    others = [x[b.triangles] for b, x in zip(surfaces, placed, strict=True) if b.kind not in ("part", "cutter")]
+    cell = study.scene.cell
+    place = (cell.T_world_part(np.array([study.table]))[0] @ np.append(study.task.path.points[i], 1.0))[:3]
+    base = cell.T_world_base(study.e[i][None])[0, :3, 3]
+    # Not the point alone: what is about it is looked at too.
+    about = place + ABOUT * np.array([[0.0, 0.0, 0.3], [1, 0, 0.5], [-1, 0, 0.5], [0, 1, 0.5], [0, -1, 0.5], [0, 0, 1]])
+    return towards(base, place, [about], np.concatenate(others))
+
+
+def _bodies(cause: str, names: set[str]) -> list[str]:
+    """The bodies that a cause names."""
+    first, _, second = cause.removesuffix(" too near").partition(" and ")
+    return [name for name in (first, second) if name in names]
+
+
+def _range(value: Array) -> Array:
+    """What the colours reach over: the middle 96 % of the map."""
+    finite = value[np.isfinite(value)]
+    if not finite.size:
+        return np.array([0.0, 1.0])
+    low, high = np.percentile(finite, [2.0, 98.0])
+    return np.array([low, high if high > low else low + 1.0])
+
+
+def labels_of(cells: AxesCells) -> list[dict[str, Any]]:
+    """Names of zones, each where its largest patch is broadest: place along the path (mm) and gamma (deg)."""
+    out = []
+    for k, words in enumerate(cells.causes):
+        patches, count = label(cells.cause == k)
+        sizes = np.bincount(patches.ravel(), minlength=count + 1)[1:]
+        if k == 0 or not count or sizes.max() < LEAST_NAMED * patches.size:
+            continue
+        i, j = np.nonzero(patches == 1 + int(sizes.argmax()))
+        # Of the cells of the patch that which is nearest to its middle.
+        away = [(k - k.mean()) / max(float(np.ptp(k)), 1.0) for k in (i, j)]
+        at = int(np.hypot(*away).argmin())
+        out.append(
+            {
+                "words": words,
+                "at": float(1e3 * cells.map.length[i[at]]),
+                "gamma": float(np.degrees(cells.map.gamma[j[at]])),
+                "cells": int(sizes.max()),
+            }
+        )
+    return sorted(out, key=lambda one: -one["cells"])

@@ -1,0 +1,111 @@
+"""A verification in words: what is wrong, where, by how much, and what to do about it; in the units of the shop."""
+
+from __future__ import annotations
+
+from collections import Counter
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from machining.verification import Kind, Offence, Severity, Verification
+
+_SCALES = {"rad": (180.0 / np.pi, "deg"), "m": (1e3, "mm"), "": (1.0, "")}
+REMEDIES: Final = MappingProxyType(
+    {
+        Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
+        " `stiffarm posture` and `stiffarm place` keep clear of the cell's bodies.",
+        Kind.RAPID_CONTACT: "Lift the rapid move clear of the part, or draw the tool out along its axis first.",
+        Kind.LIMIT: "Write the program anew with another branch, turn or gamma (`stiffarm posture`), or another"
+        " place of the base (`stiffarm place`).",
+        Kind.BRANCH_JUMP: "Let `stiffarm posture` choose one course for the whole path, or part the program there.",
+        Kind.UNFOLLOWED: "Put points closer together, or run that move as a joint move.",
+        Kind.SINGULARITY: "Choose another gamma (`stiffarm posture`), or another place of the base (`stiffarm place`).",
+        Kind.CLEARANCE: "Raise safety_mm in the cell file and choose the posture again (`stiffarm posture`), or allow"
+        " less with `--safety`.",
+        Kind.UNPROVEN: "Check again with a finer `--resolution`.",
+        Kind.SPEED: "Lower the feed there, or choose a posture with smaller joint steps.",
+        Kind.ACCELERATION: "Lower the feed at the corner, or state how long the controller blends corners"
+        " (`--smoothing`).",
+        Kind.DEVIATION: "Put points closer together (`stiffarm post`), run straight lines (`--interpolation linear`),"
+        " or allow more with `--tolerance`.",
+    }
+)
+
+
+def shown(value: float, unit: str) -> tuple[float, str]:
+    """A number in SI in the shop's unit: deg for rad, mm for m; rates likewise."""
+    base, _, per = unit.partition("/")
+    factor, name = _SCALES[base]
+    return value * factor, f"{name}/{per}" if per else name
+
+
+def value_words(offence: Offence) -> str:
+    """What was found and what is allowed, as in "13.1 deg, limit 12 deg"."""
+    if offence.kind in (Kind.COLLISION, Kind.RAPID_CONTACT):
+        return "overlap"
+    if not np.isfinite(offence.value):
+        return ""
+    value, unit = shown(offence.value, offence.unit)
+    limit, _ = shown(offence.limit, offence.unit)
+    if offence.kind is Kind.BRANCH_JUMP:
+        return f"largest joint step {value:.3g} {unit}"
+    if offence.kind is Kind.UNPROVEN:
+        apart = f"{value:.2g}" if value >= 1e-3 else "less than 0.001"
+        return f"{apart} {unit} apart where it was seen"
+    # A value that rounds to its limit would look like no offence.
+    digits = 4 if f"{value:.4g}" != f"{limit:.4g}" else 9
+    return f"{value:.{digits}g} {unit}".strip() + f", limit {limit:.4g} {unit}".rstrip()
+
+
+def offence_words(offence: Offence) -> str:
+    """What it is about: bodies, axis, or the words that the check gave."""
+    parts = [" and ".join(offence.bodies)] if offence.bodies else []
+    parts += [part for part in (offence.axis, offence.text) if part]
+    return "; ".join(parts)
+
+
+def place_words(offence: Offence) -> str:
+    """Where it is: line in the source, in the program written if known, and how many moves it lasts."""
+    where = f"line {offence.line}"
+    if offence.nc_line is not None:
+        where += f" (program file line {offence.nc_line})"
+    return where if offence.moves == 1 else f"{where}, {offence.moves} moves"
+
+
+def sentence(offence: Offence) -> str:
+    """One offence in one sentence."""
+    said = [part for part in (offence_words(offence), value_words(offence)) if part]
+    return f"{place_words(offence)}: {offence.kind}" + (f": {'; '.join(said)}" if said else "")
+
+
+def verdict(found: Verification) -> str:
+    """What a user needs to know first: how many offences, the worst, and the first line if that is another."""
+    warnings = len(found.offences) - len(found.errors)
+    aside = f" {counted(warnings, 'warning')}." if warnings else ""
+    if found.clean:
+        return f"No offence found in {found.program.n} moves.{aside}"
+    worst, first = found.ranked[0], found.errors[0]
+    if len(found.errors) == 1:
+        return f"1 offence found: {sentence(worst)}.{aside}"
+    earlier = f" The first is in line {first.line}: {first.kind}." if first.line < worst.line else ""
+    return f"{len(found.errors)} offences found. Worst: {sentence(worst)}.{earlier}{aside}"
+
+
+def counted(n: int, what: str) -> str:
+    """As in "1 offence", "2 offences"."""
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def kinds_words(found: Verification) -> str:
+    """How many errors there are of each kind, the worst kind first, as in "1 collision, 4 axis speed"."""
+    counts = Counter(o.kind for o in found.ranked if o.severity is Severity.ERROR)
+    return ", ".join(f"{n} {kind}" for kind, n in counts.items())
+
+
+def distance_words(found: Verification) -> str:
+    """The least distance of any two bodies, as far as distances were worked out."""
+    least, within = float(found.swept.distance.min()), found.swept.within
+    if least >= within:
+        return f"over {within * 1e3:g} mm"
+    return "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"

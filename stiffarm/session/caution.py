@@ -1,0 +1,57 @@
+"""What every picture and page of a command must say of the model behind it: joints held rigid for want of a spring.
+
+A command's results go through many hands before they are drawn, and none of them may forget it; so the frame of the
+command says it once, for all that is drawn and written meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fem.arm import Arm
+
+RIGID_AS_ASKED = "Joints held rigid, as asked: only the links give way here."
+
+_said: ContextVar[str] = ContextVar("caution", default="")
+
+
+def caution() -> str:
+    """What to write across pictures and pages now; empty where there is nothing to warn of."""
+    return _said.get()
+
+
+@contextmanager
+def cautioned(text: str) -> Iterator[None]:
+    """Within it, every picture and page carries ``text`` on a band."""
+    before = _said.set(text)
+    try:
+        yield
+    finally:
+        _said.reset(before)
+
+
+def uncalibrated(arm: Arm) -> str:
+    """The warning of a model with joints held rigid for want of a spring; empty where every joint has one."""
+    rigid, joints = arm.joints_without_springs, len(arm.model.joints)
+    if not rigid:
+        return ""
+    if len(rigid) == joints:
+        return (
+            "Not calibrated: no joint of this model has a spring, so only the links give way. "
+            "The real arm is typically about ten times softer; stiffarm calibrate finds its springs from readings."
+        )
+    names = ", ".join(rigid[:-1]) + " and " * (len(rigid) > 1) + rigid[-1]
+    return (
+        f"Not fully calibrated: {names} {'is' if len(rigid) == 1 else 'are'} held rigid for want of a spring. "
+        "The real arm is softer wherever a load turns " + ("it." if len(rigid) == 1 else "them.")
+    )
+
+
+def warned(arm: Arm) -> dict[str, str]:
+    """The same as an entry ``warning`` of what a file says of itself; none where there is nothing to warn of."""
+    text = uncalibrated(arm)
+    return {"warning": text} if text else {}
