@@ -166,7 +166,7 @@ def test_ranges_and_names(arm: ArmModel, effects: tuple[PlacedEffect, ...]) -> N
     assert p("gauge-zero.z").lower == pytest.approx(-6e-4)
     assert p("friction:j2.friction").scale == "log"
     assert p("base-tilt.stiffness_x").value == pytest.approx(2e7)
-    with pytest.raises(InputError, match=r"friction:j2.\{share\|friction\}"):
+    with pytest.raises(InputError, match=r"friction:j2.\{share\|friction\|carried\}"):
         p("friction:j4.friction")
     with pytest.raises(InputError, match="allowed: effects here: none"):
         FreeModel(arm, (p("backlash:j3.gap"),), LoadedPoses(np.zeros((1, 6)), np.zeros((1, 6)), np.zeros((1, 3))))
