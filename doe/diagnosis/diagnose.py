@@ -46,7 +46,7 @@ MOST = 3
 # quite right.
 FURTHER = 0.01
 # And this many times what its law may be off by, as a share of what it explained.
-BENT_OFF = 4.0
+BENT_OFF = 5.5
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
@@ -275,7 +275,7 @@ def diagnose(
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-        if _as_noise(gain, s) < FURTHER * _as_noise(total, s) or gain < _bent_off(found):
+        if _as_noise(gain, s) < FURTHER * _as_noise(total, s) or _as_noise(gain, s) < _bent_off(found, s):
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
@@ -349,10 +349,10 @@ def _with_partner(rankings: Sequence[Ranking], found: Sequence[_Pick], r: Rankin
     return Decision(kind, picked, "it explains the readings together with what was found before it")
 
 
-def _bent_off(found: Sequence[_Pick]) -> float:
+def _bent_off(found: Sequence[_Pick], s: Setting) -> float:
     """Log evidence that laws which are not quite right may leave to a further effect."""
     laws = ((pick.gain, pick.hypothesis.signature) for pick in found)
-    return BENT_OFF * max((gain * c.effect.law_doubt**2 for gain, c in laws if c is not None), default=0.0)
+    return BENT_OFF * max((_as_noise(x, s) * c.effect.law_doubt**2 for x, c in laws if c is not None), default=0.0)
 
 
 def _words(r: Ranking) -> str:

@@ -195,7 +195,9 @@ def decide(r: Ranking, *, further: bool = False) -> Decision:
             )
         if further:
             return Decision("ambiguous", None, "what is left is nothing that the catalogue knows")
-        return Decision("unknown", best_law(r), "no effect of the catalogue explains the pattern over poses and loads")
+        some = top if top.log_evidence > none.log_evidence + GAIN else None
+        reason = "no effect of the catalogue explains the pattern over poses and loads"
+        return Decision("unknown", best_law(r) or some, reason)
     if is_learned(top.code):
         return _learned(top, effects, none, unknown.probability if same_axis else 0.0)
     gain = float(top.left_out.log_density.sum() - none.left_out.log_density.sum())
