@@ -195,7 +195,7 @@ def _finer(
     whitened: dict[Noise, Whitened] = {}
     free = free_columns(s, base)
     lead = sorted((code for code in best if best[code] > LEADS), key=lambda code: -best[code])
-    for code in [code for code in lead if _has_fine(candidates[code][0].effect)][:REFINED]:
+    for code in [code for code in lead if candidates[code][0].effect.fine][:REFINED]:
         noise, i = at[code]
         c = candidates[code][i]
         # The noise that this law leaves: by a larger one all shapes near it would do as well.
@@ -206,10 +206,6 @@ def _finer(
             w = whitened.setdefault(noise, Whitened(base, covariance(s, noise, weight)))
             best[code] = max(best[code], float(fit_all(w, [found[0]]).log_evidence[0]) - w.log_evidence)
     return out
-
-
-def _has_fine(effect: Effect) -> bool:
-    return any(p.fine and len(p.grid) > 1 for p in effect.parameters)
 
 
 def impossible(s: Setting, effect: Effect) -> str | None:

@@ -275,7 +275,7 @@ def diagnose(
         if d.hypothesis is None or look == MOST:
             break
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
-        if _as_noise(gain, s) < FURTHER * _as_noise(total, s) or _as_noise(gain, s) < _bent_off(found, s):
+        if _as_noise(gain, s) < max(FURTHER * _as_noise(total, s), _bent_off(found, s)):
             break
         total = max(total, gain)
         here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting

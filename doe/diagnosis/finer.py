@@ -32,7 +32,7 @@ def finer(s: Setting, w: Whitened, c: Signature) -> tuple[Signature, Array] | No
 
     Its ``rarity``: log of how many shapes of the last step's size go into one point of the grid.
     """
-    fine = [k for k, p in enumerate(c.effect.parameters) if p.fine and len(p.grid) > 1]
+    fine = c.effect.fine
     if not fine or c.shift is not None:
         return None
     first = fit_all(w, [c])

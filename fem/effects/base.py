@@ -231,6 +231,11 @@ class Effect:
         """Indices of the shapes among the parameters."""
         return [k for k, p in enumerate(self.parameters) if p.role == "shape"]
 
+    @property
+    def fine(self) -> list[int]:
+        """Indices of the shapes that may lie between the values tried (:class:`EffectParameter`)."""
+        return [k for k, p in enumerate(self.parameters) if p.fine and len(p.grid) > 1]
+
     def without_stays(self) -> Effect:
         """The effect for readings of one load cycle a stay: shapes that make no difference there at their defaults."""
         if not any(p.of_stays for p in self.parameters):

@@ -92,7 +92,7 @@ class History:
         def law(now: Indices, last: Array) -> Array:
             return np.asarray(np.maximum(z[now] - r[now], np.minimum(z[now] + r[now], last)))
 
-        return self.follow_on(law, zeroed=carried == 1) if carried else self.follow(law)
+        return self._follow(law, carried)
 
     def stick(self, x: Array, width: float, kept: float, carried: Carried = 0) -> Array:
         """What stays where it is until x (n,) is more than ``width`` away, then jumps to ``kept`` of that from x.
@@ -106,6 +106,9 @@ class History:
             held = z[now] - last
             return np.where(np.abs(held) > width, z[now] - np.sign(held) * kept * width, last)
 
+        return self._follow(law, carried)
+
+    def _follow(self, law: Callable[[Indices, Array], Array], carried: Carried) -> Array:
         return self.follow_on(law, zeroed=carried == 1) if carried else self.follow(law)
 
     def follow_on(self, law: Callable[[Indices, Array], Array], *, zeroed: bool) -> Array:
