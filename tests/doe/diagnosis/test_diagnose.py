@@ -101,7 +101,9 @@ def test_readings_that_unload_make_friction_testable_for_the_others_too() -> Non
     bare = tuple(None if early else phase for early, phase in zip(first, data.phase, strict=True))
     mixed = replace(data, phase=bare, step=np.full(data.n, np.nan))
     up = mixed.select(~first | np.array([phase == "loading" for phase in data.phase]))
-    assert "friction:j2" not in {c for c, why in diagnose(few(setting(up), "friction:j2")).not_testable().items() if "phase" in why}
+    assert "friction:j2" not in {
+        c for c, why in diagnose(few(setting(up), "friction:j2")).not_testable().items() if "phase" in why
+    }
 
 
 def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
