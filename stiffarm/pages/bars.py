@@ -79,8 +79,12 @@ def bars_figure(
     with drawing(heading, (10.0, 4.0)) as (figure, (ax,)):
         for i, (name, heights) in enumerate(zip(series, values, strict=True)):
             at = np.arange(len(labels)) + (i - (len(series) - 1) / 2) * step
-            look = {"color": colours[i % len(colours)], "hatch": HATCHES[i % len(HATCHES)], "edgecolor": "white"}
-            ax.bar(at, np.minimum(heights, top), 0.92 * step, label=name, linewidth=0.0, **look)
+            look: dict[str, Any] = {
+                "color": colours[i % len(colours)],
+                "hatch": HATCHES[i % len(HATCHES)],
+                "edgecolor": "white",
+            }
+            ax.bar(at, np.minimum(heights, top), 0.92 * step, label=name, **look)
             for x, height in zip(at, heights, strict=True):
                 _value(ax, x, height, top, values.size, digits)
         for (name, value), style in zip((lines or {}).items(), ("--", ":"), strict=False):

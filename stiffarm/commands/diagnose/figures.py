@@ -15,9 +15,8 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.pages.dumbbells import dumbbells_figure
 from stiffarm.pages.figure_parts import drawing, named_columns, named_rows, note
-from stiffarm.pages.numbers import significant
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
-from stiffarm.session.probability_words import percent
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]

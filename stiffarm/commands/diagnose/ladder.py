@@ -14,9 +14,8 @@ from doe.diagnosis.checks import Check, stated_of
 from doe.diagnosis.diagnose import Diagnosis, Found, state_of
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from stiffarm.commands.diagnose.check_words import AGAINST
-from stiffarm.pages.numbers import significant
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Table
-from stiffarm.session.probability_words import percent
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,8 @@ def ladder_table(of: Ladder) -> Table:
         for r in of.rungs
     ]
     rows.append(("nothing more", "", "", "", last_words(of)))
-    heads = ("taken up", "error at poses left out (mm)", "probable then", "probable now", "still in doubt")
-    return Table("Look by look", heads, tuple(rows), (0, 4))
+    heads = ("taken up", "error (mm)", "then", "now", "still in doubt")
+    return Table("RMS error at poses left out, and probability then and now", heads, tuple(rows), (0, 4))
 
 
 def last_words(of: Ladder) -> str:

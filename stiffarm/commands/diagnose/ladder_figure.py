@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from stiffarm.commands.diagnose.ladder import Ladder
 from stiffarm.pages.dumbbells import AFTER, BEFORE, draw_dumbbells
 from stiffarm.pages.figure_parts import drawing, named_rows, note
+from stiffarm.pages.numbers import percent
 from stiffarm.pages.style import INK
-from stiffarm.session.probability_words import percent
 
 # Probabilities nearer than this have their numbers at one end; left of an end a number needs so much of the axis.
 _NEAR, _ROOM, _HALF = 0.2, 0.15, 0.5

@@ -8,9 +8,9 @@ from doe.diagnosis.proposals.next_readings import NextReadings
 from doe.diagnosis.proposals.rivals import look_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.diagnose.words import NAMED, and_list, rivals_text, sentence
+from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Block, Bullets, Fold, Table, Text
 from stiffarm.session.direction_words import set_up_rows
-from stiffarm.session.probability_words import percent
 
 # Set-ups that most probably leave everything open do not settle it.
 OPEN = 0.9

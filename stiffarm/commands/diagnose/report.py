@@ -15,11 +15,10 @@ from stiffarm.commands.diagnose.sections import explained, ladder_section, laws,
 from stiffarm.commands.diagnose.space import campaign_picture, cost_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import significant
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Answer, Block, KeyFigure, Picture, Section, Table, Text, data_words, write_page
 from stiffarm.session.noise_words import floor_name, scatter_name
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.probability_words import percent
 from stiffarm.session.spring_words import mega
 
 VERDICTS = {

@@ -12,9 +12,8 @@ from matplotlib.lines import Line2D
 from robots.arrays import Array
 from stiffarm.commands.diagnose.traces import Row, Trace, Traces, widest
 from stiffarm.pages.figure_parts import drawing
-from stiffarm.pages.numbers import significant
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
-from stiffarm.session.probability_words import percent
 
 _LEFT: Final[dict[str, Any]] = {"color": INK, "linestyle": "none", "marker": "o", "markersize": 2.4, "alpha": 0.55}
 _OWN: Final[dict[str, Any]] = {"color": OKABE_ITO["vermillion"], "linewidth": 1.7}

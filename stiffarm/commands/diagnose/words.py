@@ -17,9 +17,8 @@ from stiffarm.commands.diagnose.check_words import check_sentences
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.ladder import NAMES
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.numbers import significant
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.session.noise_words import RESIDUAL, is_residual
-from stiffarm.session.probability_words import percent
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15

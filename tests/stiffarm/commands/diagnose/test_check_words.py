@@ -15,7 +15,7 @@ from doe.diagnosis.checks import FACTORS, Check, Code
 from doe.diagnosis.where import Group
 from stiffarm.commands.diagnose.check_words import AGAINST, check_sentences, check_table
 from stiffarm.commands.diagnose.words import share_text
-from stiffarm.session.probability_words import percent
+from stiffarm.pages.numbers import percent
 
 
 def checked(*made: Check, codes: tuple[str, ...] = ("backlash:j2",)) -> Any:

@@ -84,4 +84,4 @@ def test_twins_stand_beside_their_effect() -> None:
     figure = traces_figure(Traces((row,), ("a",) * 3 + ("b",) * 3, ("Z",) * 6, "mm"))
     assert [ax.get_title(loc="left").split("\n")[0] for ax in figure.axes] == ["backlash:j2", "twin hardening:j2"]
     # They differ by dash, not by colour alone.
-    assert len({str(line.get_linestyle()) for ax in figure.axes for line in ax.lines if len(line.get_xdata()) == 6}) > 1
+    assert len({str(ax.lines[-2].get_linestyle()) for ax in figure.axes}) == 2
