@@ -2,11 +2,13 @@
 
     python benchmarks/diagnosis/protocol.py make DIR [--commit TAG] [--worlds shopfloor,frame] [--share 1.0]
     python benchmarks/diagnosis/protocol.py run DIR [--jobs 2]
+    python benchmarks/diagnosis/protocol.py page DIR
 
 ``make`` takes the seed of each world from the commit's hash, so that nobody can choose them, and writes them with the
 numbers of sets into ``protocol.json``. ``run`` diagnoses every set as `stiffarm study` does; stopped, it goes on where
 it was (``rows.jsonl``), and refuses sets made for another state of the program. DIR/study gets ``study.json``,
-``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``.
+``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page`` writes what came of it so
+far into docs/validation/diagnosis_study.md, above that page's line of notes, and draws the diagram beside it.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from protocol_page import page
 
 from stiffarm.commands.study import payload, words
 from stiffarm.commands.study.report import write_report
@@ -124,13 +128,17 @@ def main() -> int:
     running = commands.add_parser("run")
     running.add_argument("folder", type=Path)
     running.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    telling = commands.add_parser("page")
+    telling.add_argument("folder", type=Path)
     a = parser.parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if a.command == "make":
         make(a.folder, git("rev-parse", f"{a.commit}^{{commit}}"), a.worlds.split(","), a.share)
-    else:
+    elif a.command == "run":
         run(a.folder, a.jobs)
+    else:
+        page(a.folder, list(kept(a.folder / "rows.jsonl")), ROOT / "docs" / "validation" / "diagnosis_study.md")
     return 0
 
 
