@@ -14,6 +14,7 @@ far into docs/validation/diagnosis_study.md, above that page's line of notes, an
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import subprocess
@@ -96,7 +97,9 @@ def run(folder: Path, jobs: int) -> None:
         stream.write(json.dumps(started) + "\n")
     rows = {r.name: r for r in kept(folder / "rows.jsonl")}
     sets = study_sets(folder / "sets")
-    todo = [one for one in sets if one.name not in rows]
+    # In any order, but always the same one: what is done when a run is stopped is like the whole.
+    mixed = sorted(sets, key=lambda one: hashlib.sha256(f"{commit} {one.name}".encode()).digest())
+    todo = [one for one in mixed if one.name not in rows]
     with (
         ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=TASKS) as pool,
         (folder / "rows.jsonl").open("a", encoding="utf-8") as stream,
