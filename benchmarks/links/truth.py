@@ -104,7 +104,7 @@ def stiffness(mesh: SolidMesh, ccx: str) -> sp.csc_array:
         )
         if not (Path(folder) / "link.sti").is_file() or "*ERROR" in done.stdout:
             raise RuntimeError(done.stdout[-2000:])
-        rows = np.array((Path(folder) / "link.sti").read_text().split(), dtype=np.float64).reshape(-1, 3)
+        rows = np.fromfile(Path(folder) / "link.sti", sep=" ").reshape(-1, 3)
         freedoms = (Path(folder) / "link.dof").read_text().split()
     if freedoms != [f"{node}.{way}" for node in range(1, len(mesh.nodes) + 1) for way in (1, 2, 3)]:
         raise RuntimeError("freedoms are not in the order of the nodes")
