@@ -110,7 +110,7 @@ def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     "command",
     [
-        ("map", "joints", "xr701", "--points", "3"),
+        ("map", "joints", "xr701", "--points", "2"),
         ("map", "index", "xr701", "--x", "1200:1600:400", "--y", "0:400:400", "--z", "900", "--gamma", "0:90:90"),
         ("index", "xr701", "--pose", "q2_deg=5,q3real_deg=77.5"),
     ],

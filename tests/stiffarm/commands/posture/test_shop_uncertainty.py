@@ -26,6 +26,8 @@ from robots.library.models import to_toml
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.session.parsing import parse_frame
 
+pytestmark = pytest.mark.usefixtures("blank")
+
 TRUTH = {"j1": 1.5e6, "j2": 9e5, "j3": 1.1e6, "j4": 2.4e5, "j5": 1.5e5, "j6": 1e5}
 FREE = ",".join(f"{joint}.stiffness" for joint in TRUTH)
 TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
