@@ -107,6 +107,7 @@ def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> 
     assert f'<p id="caution" role="note">{warning}</p>' in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
@@ -126,6 +127,7 @@ def test_other_commands_warn_too(
     assert all("no joint" in (said(png) or "") for png in pngs)
 
 
+@pytest.mark.slow
 def test_the_deformed_arm_warns(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshes.casings.AROUND", 12)
     monkeypatch.setattr("meshes.casings.AROUND_WITH_OPENINGS", 12)

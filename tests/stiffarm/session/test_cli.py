@@ -148,6 +148,7 @@ def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_fi
     assert calibration.data_sha256 == run["inputs_sha256"]["data"]
 
 
+@pytest.mark.slow
 def test_the_command_in_run_json_is_the_one_typed(tmp_path: Path, data_file: Path) -> None:
     folder = tmp_path / "out"
     typed = ("simulate", "xr701", str(data_file), "--out", str(folder))

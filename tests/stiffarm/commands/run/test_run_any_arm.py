@@ -24,7 +24,7 @@ SECTIONS = ("What the model is missing", "The measurements", "Which calibration 
 
 
 def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], str]:
-    outcome = cli("run", *arguments, "--points", "5", "--out", folder)
+    outcome = cli("run", *arguments, "--points", "5", "--no-rehearse", "--out", folder)
     assert outcome.code == 0, outcome.err
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     return results, (folder / "report.html").read_text(encoding="utf-8")
