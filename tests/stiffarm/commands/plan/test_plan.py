@@ -209,7 +209,7 @@ def test_order_is_a_tour_or_random_on_request() -> None:
 
 
 def test_same_seed_same_plan() -> None:
-    one, two, other = (make_plan(XR701, DATA, Request(3, candidates=100, seed=s)) for s in (1, 1, 2))
+    one, two, other = (make_plan(XR701, DATA, Request(3, candidates=30, seed=s)) for s in (1, 1, 2))
     np.testing.assert_array_equal(one.made.q, two.made.q)
     assert not np.array_equal(one.made.q, other.made.q)
 
@@ -274,7 +274,7 @@ def test_sentences() -> None:
     assert "may stay open" in words.told(_foresight(3.4, 3.0), None)
 
 
-@pytest.mark.parametrize("criterion", ["D", "A", "I"])
+@pytest.mark.parametrize("criterion", ["D", *(pytest.param(c, marks=pytest.mark.slow) for c in "AI")])
 def test_figure(criterion: str) -> None:
     request = Request(3, candidates=60, criterion=criterion,  # type: ignore[arg-type]
                       free=("j3.stiffness", "j4.stiffness", "j2.zero", "forearm.modulus"))  # fmt: skip

@@ -238,6 +238,7 @@ def test_the_covariance_of_another_arm_is_refused(model_of: Callable[[float], Pa
     assert forward_kinematics(model.robot, q).p_flange.shape == (1, 3)
 
 
+@pytest.mark.slow
 def test_a_program_s_stiffness_and_compensation_carry_it(
     model_of: Callable[[float], Path], wall: Path, tmp_path: Path
 ) -> None:
@@ -262,6 +263,7 @@ def test_a_program_s_stiffness_and_compensation_carry_it(
     assert 0.0 < width["calibrated"] < 0.3 * width["assumed"]
 
 
+@pytest.mark.slow
 def test_a_placement_carries_it_on_axes_that_give_way_too(
     model_of: Callable[[float], Path], wall: Path, tmp_path: Path
 ) -> None:
