@@ -12,6 +12,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from robots.errors import twice
+from robots.schema.controller import AxisTerm, Controller, ControllerAngle, Placed
 from robots.schema.effects import EffectNumber, EffectTable
 from robots.schema.links import (
     BoxSection,
@@ -51,11 +52,14 @@ from robots.schema.uncertainty import CalibrationUncertainty, UndeterminedNumber
 __all__ = [
     "BUILT_IN_SOURCES",
     "SCHEMA",
+    "AxisTerm",
     "BearingLaws",
     "BoxSection",
     "Calibration",
     "CalibrationUncertainty",
     "ComplianceEntry",
+    "Controller",
+    "ControllerAngle",
     "Coupling",
     "CouplingTerm",
     "DHRow",
@@ -111,13 +115,6 @@ class DHRow(Strict):
     alpha: Angle
     a: Length
     d: Length
-
-
-class Placed(Strict):
-    """Where something is in the frame before it, and how it is turned there."""
-
-    xyz: Position
-    rpy: Angles | None = None
 
 
 class FrameRow(Placed):
@@ -257,6 +254,7 @@ class ModelDescription(Strict):
     link: tuple[Link, ...] = ()
     parallelogram: ParallelogramBar | None = None
     coupling: tuple[Coupling, ...] = ()
+    controller: Controller | None = None
     effect: tuple[EffectTable, ...] = ()
     calibration: Calibration | None = None
 
