@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from robots.arrays import Array
 from robots.errors import InputError, twice
 from robots.frames import framed, rotation_rpy
 from robots.schema.controller import Controller, Placed
+
+if TYPE_CHECKING:
+    from robots.robot import Robot
 
 # Below this share of the largest singular value, two of the controller's angles are one.
 _SINGULAR = 1e-9
@@ -74,6 +78,22 @@ def arm_controller(table: Controller | None, coordinates: Sequence[str], robot: 
         table.axes or tuple(coordinates), matrix, offset, table.formats,
         None if table.base is None else _frame(table.base), np.eye(4) if table.flange is None else _frame(table.flange),
     )  # fmt: skip
+
+
+def shown_tool(robot: Robot) -> Array:
+    """The frame (4, 4) m in the model's flange frame whose place the controller shows.
+
+    That is the model's tool; without one, the controller's own flange frame.
+    """
+    if robot.controller is None or not np.array_equal(robot.T_flange_tool, np.eye(4)):
+        return robot.T_flange_tool
+    return robot.controller.T_flange
+
+
+def shown_base(robot: Robot) -> Array:
+    """The controller's robot frame (4, 4) m in the model's base frame; that frame itself where it is not known."""
+    known = None if robot.controller is None else robot.controller.T_base
+    return np.eye(4) if known is None else known
 
 
 def _frame(placed: Placed) -> Array:

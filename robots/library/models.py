@@ -7,6 +7,7 @@ import json
 from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
@@ -36,6 +37,18 @@ def _names(*folder: str) -> tuple[str, ...]:
     return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
 
 
+def library_table() -> list[dict[str, Any]]:
+    """What a list says of each arm of the library; its files are ours, so they are read without their checks."""
+    out = []
+    for name in library_names():
+        text = resources.files("robots").joinpath("data", "library", f"{name}.toml").read_text(encoding="utf-8")
+        data = parse_toml(text, name)
+        figures = {f"{key}_kg": data[key]["value"] if key in data else None for key in ("payload", "mass")}
+        formats = data.get("controller", {}).get("formats", [])
+        out.append({"name": name, "title": data["title"], **figures, "formats": formats})
+    return out
+
+
 @recording()
 def load_description(model: str | Path) -> ModelDescription:
     """Read a model by bundled name, from a TOML file, or from a URDF (see :func:`robots.urdf.reading.read_urdf`).
@@ -54,7 +67,8 @@ def load_description(model: str | Path) -> ModelDescription:
             return parse_description(text, f"{kind} {name}")
     path = Path(model)
     if not _is_file(path):
-        close = meant(name, ", ".join(library_names()))
+        begun = (known for known in library_names() if len(name) > 2 and known.startswith(name.lower()))
+        close = meant(name, ", ".join(library_names())) or next(begun, None)
         raise InputError(
             "model",
             value=name,
