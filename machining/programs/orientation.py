@@ -2,7 +2,7 @@
 
 Sources: KUKA System Software programming manual (A, B, C turn about Z, then the new Y, then the new X); Staubli VAL3
 reference manual (rx, ry, rz turn about X, then the new Y, then the new Z); ABB RAPID reference manual, ``orient`` (unit
-quaternion, scalar first); FANUC operator's manual (W, P, R about the fixed X, Y, Z), which Yaskawa's Rx, Ry, Rz are too;
+quaternion, scalar first); FANUC operator's manual (W, P, R about the fixed X, Y, Z), as Yaskawa's Rx, Ry, Rz;
 Kawasaki AS language reference (O, A, T about Z, then the new Y, then the new Z), as Comau's A, E, R; Universal Robots
 URScript manual (rotation vector, rad).
 """

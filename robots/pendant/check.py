@@ -138,9 +138,7 @@ def _seen(T_base: Array, position: Array) -> Array:
     return np.asarray(position @ T_base[:3, :3].T + T_base[:3, 3])
 
 
-def _search(
-    robot: Robot, q: Array, places: list[tuple[bool, Array]], tolerance: float
-) -> list[Explanation]:
+def _search(robot: Robot, q: Array, places: list[tuple[bool, Array]], tolerance: float) -> list[Explanation]:
     """Explanations with the fewest slips that reach the tolerance, best first; without any, all of the last round."""
     single = slips(robot)
 

@@ -81,7 +81,7 @@ def _coupled_remedy(robot: Robot, k: int, j: int, factor: float) -> str:
     names = robot.controller.names if robot.controller else tuple(f"J{i + 1}_deg" for i in range(robot.dof))
     axes = ", ".join(f'"{name}"' for name in names)
     return (
-        f"[controller] axes = [{axes}] and [[controller.angle]] coordinate = \"{robot.coordinates[k]}\", "
+        f'[controller] axes = [{axes}] and [[controller.angle]] coordinate = "{robot.coordinates[k]}", '
         f'terms = [{{ axis = "{names[k]}", factor = 1 }}, {{ axis = "{names[j]}", factor = {factor:g} }}]; '
         "name the table's columns so"
     )

@@ -147,7 +147,7 @@ def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
             allowed=f"either the model's coordinates or the controller's angles: {', '.join(shown)}",
             remedy="give all angles in one of the two",
         )
-    return robot.controller.model(np.radians([[values.get(name, 0.0) for name in shown]]))[0]
+    return np.asarray(robot.controller.model(np.radians([[values.get(name, 0.0) for name in shown]]))[0])
 
 
 def parse_load(text: str, option: str = "--load") -> Array:

@@ -33,8 +33,10 @@ class _Robots(TyperGroup):
 
 robots = typer.Typer(
     cls=_Robots, add_completion=False, pretty_exceptions_enable=False,
-    help="List the robots, show one with its tool at a pose, or check a model against the controller. "
-    "`stiffarm robots` lists all, `stiffarm robots NAME` is short for `stiffarm robots show NAME`.",
+    help="""List robots, show one, or check its kinematics.
+
+    `stiffarm robots` lists all; `stiffarm robots NAME` is short for `stiffarm robots show NAME`.
+    """,
 )  # fmt: skip
 
 
@@ -53,7 +55,9 @@ def show_command(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="With --pose: folder for the answer and a picture of the arm (pose.json, pose.png)."),
+        typer.Option(
+            "--out", help="With --pose: folder for the answer and a picture of the arm (pose.json, pose.png)."
+        ),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -68,7 +72,9 @@ def show_command(
                              allowed="with a robot's name", remedy="name the robot first, as in "
                              "`stiffarm robots kr60-3 --pose q2_deg=-90,q3_deg=90`")  # fmt: skip
         if name is not None and out is not None and pose is None:
-            raise InputError("--out", value=str(out), allowed="together with --pose", remedy="give a pose, or leave it out")
+            raise InputError(
+                "--out", value=str(out), allowed="together with --pose", remedy="give a pose, or leave it out"
+            )
         if name is not None and pose is not None:
             from stiffarm.commands.robots.pose import answer_pose
 

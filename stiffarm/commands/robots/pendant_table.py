@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
+from doe.tables.columns import Columns, RawTable, drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
 from machining.programs.orientation import SPOKEN, Spoken
 from robots import InputError, Robot
-from robots.errors import listed
+from robots.errors import line_ranges, listed
 from robots.faults import Faults
 from robots.pendant.check import PendantReadings
 
@@ -40,7 +42,7 @@ def read_pendant(path: Path, robot: Robot) -> tuple[PendantReadings, str | None,
         faults.add(1, "no joint column", value=", ".join(table.header), allowed=", ".join(robot.angle_names),
                    remedy="name the columns of the joint angles exactly so")  # fmt: skip
     spoken = _convention(set(columns.known), faults)
-    table = drop_ragged(table, faults)
+    table, unread = _read_rows(drop_ragged(table, faults), columns)
     q = joint_angles(table, columns, robot, faults)
     position = numbers(table, columns, POSITION, faults)
     turned = None if spoken is None else numbers(table, columns, spoken.columns, faults, si=False)
@@ -55,9 +57,29 @@ def read_pendant(path: Path, robot: Robot) -> tuple[PendantReadings, str | None,
     given = [name for name in robot.angle_names if name in columns.known]
     absent = [n for n in _same_kind(robot, given) if n not in given]
     remarks += [f"{path.name}: joint columns missing, taken as 0: {', '.join(absent)}"] if absent else []
+    remarks += [f"{path.name}: rows without a position skipped: {line_ranges(unread)}"] if unread else []
     remarks += [f"{path.name}: {note}" for note in table.notes]
     rotation = None if spoken is None or turned is None else spoken.orientation.read(turned)
     return PendantReadings(q, position, rotation, labels), None if spoken is None else spoken.code, remarks
+
+
+def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
+    """The rows in which a position was filled in, and the lines of the others.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    at = [columns.known[name] for name in POSITION if name in columns.known]
+    read = [not at or any(row[i] for i in at) for row in table.rows]
+    if table.rows and not any(read):
+        raise InputError(f"pendant table {table.name}: no position was filled in yet",
+                         allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
+                         remedy="drive to the poses and fill them in; rows left empty are skipped")  # fmt: skip
+    unread = [line for line, there in zip(table.lines, read, strict=True) if not there]
+    kept = replace(table, rows=tuple(compress(table.rows, read)), lines=tuple(compress(table.lines, read)))
+    return kept, unread
 
 
 def _same_kind(robot: Robot, given: list[str]) -> tuple[str, ...]:
