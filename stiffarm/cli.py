@@ -33,7 +33,7 @@ MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
     "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
-    "new": Entry("new", "new", MODEL, "Make a model file of an arm, and tables to check and measure it."),
+    "new": Entry("new", "new", MODEL, "Make a model file of an arm, and tables to check it by."),
     "import": Entry(
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),

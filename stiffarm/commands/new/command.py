@@ -66,11 +66,11 @@ def new(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Make a model file of an arm, and tables to check and measure it.
+    """Make a model file of an arm, and tables to check it by.
 
     Give one of --mdh, --dh, --urdf and --like. Without any, an empty table is written to fill in. The folder gets the
-    model with every key explained, a table of poses to read at the pendant (for `stiffarm robots check`), a first measuring sheet, and a JSON
-    schema for editors.
+    model with every key explained, a table of poses to read at the pendant (for `stiffarm robots check`), a first
+    measuring sheet, and a JSON schema for editors.
     """
     with command(out or Path(name), as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.new.step import (
