@@ -15,6 +15,8 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word, refuse_given
 
 TABLE = "dh.csv"
+# No arm bears or weighs less or more.
+LIGHTEST_kg, HEAVIEST_kg = 0.01, 1e5
 
 
 def new(
@@ -83,8 +85,11 @@ def new(
         )
 
         checked_name(name)
-        require_positive("--payload-kg", payload_kg, "kg")
-        require_positive("--mass-kg", mass_kg, "kg")
+        for option, value in (("--payload-kg", payload_kg), ("--mass-kg", mass_kg)):
+            require_positive(option, value, "kg")
+            if value is not None and not LIGHTEST_kg <= value <= HEAVIEST_kg:
+                raise InputError(option, value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg",
+                                 remedy="give kg")  # fmt: skip
         prior = parse_word(springs, ("none", "class"), "--springs") == "class"
         given = {k: v for k, v in {"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like}.items() if v is not None}
         if len(given) > 1:

@@ -22,6 +22,8 @@ COLUMNS = ("joint", *FIGURES, "theta_deg", *LIMITS, "sign")
 FLANGE = "flange"
 # No arm has more from one joint to the next.
 LONGEST_mm = 10_000.0
+# More is no angle of a table; limits may be several turns.
+WIDEST_deg = {"alpha_deg": 360.0, "theta_deg": 360.0, "limits": 3600.0}
 # Right angles and half turns in rad, which nobody has in deg.
 _IN_RADIANS = np.array([np.pi / 2.0, np.pi])
 # A joint that turns over less than that in all was given in rad.
@@ -59,7 +61,7 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
                    remedy="name it as one of these, or remove it")  # fmt: skip
     faults.raise_if_any("table of Denavit-Hartenberg parameters")
     table = drop_ragged(table, faults)
-    lines = _lines(table, columns, faults)
+    lines = _lines(table, columns, faults) if table.rows else []
     faults.raise_if_any("table of Denavit-Hartenberg parameters")
     return [line for line in lines if line.limits is not None], next((x for x in lines if x.limits is None), None)
 
@@ -87,6 +89,10 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
                        remedy="-1 where the joint turns against the table's axis")  # fmt: skip
     for i, row in enumerate(figures):
         _check_figures(table.lines[i], row, faults)
+        for name, angle in (("alpha_deg", row[0]), ("theta_deg", theta[i])):
+            if abs(angle) > WIDEST_deg[name]:
+                faults.add(table.lines[i], f"column {name}", value=f"{angle:g}",
+                           allowed=f"up to {WIDEST_deg[name]:g} deg in size", remedy="give degrees")  # fmt: skip
     if joint.any() and not faults and np.abs(limits[joint]).max() < _NARROW_deg:
         faults.add(table.lines[0], "columns lower_deg, upper_deg", value=f"{limits[0, 0]:g} to {limits[0, 1]:g}",
                    allowed="degrees", remedy="these look like radians: convert all angles to degrees")  # fmt: skip
@@ -119,9 +125,10 @@ def _check_limits(line: int, limits: Array, faults: Faults) -> None:
     if missing and line not in faults.lines:
         faults.add(line, f"no {' and no '.join(missing)}", allowed="both ends of the joint's range, in deg",
                    remedy="fill them in from the data sheet (-360 and 360 where it turns without end)")  # fmt: skip
-    elif not missing and not limits[0] < limits[1]:
+    elif not missing and not (limits[0] < limits[1] and np.abs(limits).max() <= WIDEST_deg["limits"]):
         faults.add(line, "columns lower_deg, upper_deg", value=f"{limits[0]:g}, {limits[1]:g}",
-                   allowed="lower_deg less than upper_deg", remedy="swap them, or correct one")  # fmt: skip
+                   allowed=f"lower_deg less than upper_deg, at most {WIDEST_deg['limits']:g} deg in size",
+                   remedy="swap them, or correct one")  # fmt: skip
 
 
 def _check_figures(line: int, row: Array, faults: Faults) -> None:

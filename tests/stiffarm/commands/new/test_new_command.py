@@ -98,6 +98,8 @@ def test_without_a_source_there_is_a_table_to_fill_in(cli: Command) -> None:
         ("alpha_deg", "alpha_rad", "alpha_deg"),
         ("flange,0,0,170,0,,,\n", "", "no row named flange"),
         ("j3,", "j2,", "column joint"),
+        ("-119,119,1", "-119,1e6,1", "row 6, columns lower_deg, upper_deg"),
+        ("-90,350,0,0", "-90,350,0,1e6", "row 3, column theta_deg"),
         ("-119,119,1", "-119,119,2", "column sign"),
     ],
 )
@@ -118,6 +120,7 @@ def test_a_slip_in_the_table_is_one_message(cli: Command, tmp_path: Path, old: s
         ("mine", "--like", "gp2"),
         ("mine", "--like", "gp25", "--urdf", "x.urdf"),
         ("mine", "--like", "gp25", "--payload-kg", "-1"),
+        ("mine", "--like", "gp25", "--payload-kg", "1e9"),
         ("mine", "--like", "gp25", "--springs", "steel"),
         ("mine", "--like", "gp25", "--tip", "tool0"),
         ("mine", "--payload-kg", "5"),
