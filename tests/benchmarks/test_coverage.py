@@ -46,7 +46,8 @@ def test_intervals_hold_the_truth(robot: str, name: str, repeats: int) -> None:
     ids=lambda v: getattr(v, "name", v),
 )
 def test_intervals_of_every_case_hold_the_truth(robot: str, case: Case) -> None:
-    row = study(robot, case, 30).row()
+    # Of 36 stiffnesses a draw tells as much in a third of the draws.
+    row = study(robot, case, 10 if case.name == "36 stiffnesses" else 30).row()
     # The search for outliers among nine readings costs a percent or so: 0.02 for it
     # (docs/validation/calibration_coverage.md).
     assert row["coverage"] > _least(int(row["intervals"]), 2) - 0.02

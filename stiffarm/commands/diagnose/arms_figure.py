@@ -15,7 +15,6 @@ from robots import InputError, Robot
 from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.diagnose.arms import Stand, skeleton
-from stiffarm.pages.figure_parts import title
 from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
@@ -73,7 +72,8 @@ def arms_figure(some: Sequence[Stand], robot: Robot, heading: str, scale_by: Seq
     size = (max(columns * wide * inch, _NARROWEST_IN), _TOP_IN + _BOTTOM_IN + rows * (_TITLE_IN + high * inch))
     figure, _ = new_figure(size, rows=0)
     with house_style():
-        title(figure, heading)
+        # As far from the edge in inches, however high the figure is.
+        figure.suptitle(heading, x=0.01, y=1.0 - 0.08 / size[1], ha="left", va="top", size=11.5, weight="bold")
         ax = figure.add_axes((0.0, _BOTTOM_IN / size[1], 1.0, 1.0 - (_TOP_IN + _BOTTOM_IN) / size[1]))
         ax.set_axis_off()
         ax.set(xlim=(0.0, size[0] / inch), ylim=(-rows * (high + _TITLE_IN / inch), 0.0), autoscale_on=False)

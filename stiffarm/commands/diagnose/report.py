@@ -6,10 +6,11 @@ import math
 from dataclasses import replace
 
 from doe.diagnosis.where import noise_floor_mm
+from fem.arm import Arm
 from stiffarm.commands.calibrate.words import bound_of, noise_parts
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.files import Written
-from stiffarm.commands.diagnose.model import springs_of
+from stiffarm.commands.diagnose.model import described, springs_of
 from stiffarm.commands.diagnose.next_words import next_sentence, proposal_blocks
 from stiffarm.commands.diagnose.sections import explained, ladder_section, laws, shrunk, where
 from stiffarm.commands.diagnose.space import campaign_picture, cost_blocks
@@ -17,6 +18,7 @@ from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Answer, Block, KeyFigure, Picture, Section, Table, Text, data_words, write_page
+from stiffarm.session.caution import uncalibrated
 from stiffarm.session.noise_words import floor_name, scatter_name
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.spring_words import mega
@@ -53,8 +55,16 @@ def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
         f"{data_words(d.used)}; {len(p)} readings at {len(p.poses)} poses, {d.given.model.link_kind} links, "
         f"{d.given.model.load_path} load path, springs of {', '.join(d.found.before.setting.free)} fitted"
     )
-    answer = Answer(words.how_sure(d), next_sentence(d), first)
+    answer = Answer(words.how_sure(d), next_sentence(d), first, _rigid(d))
     write_page(folder, title, words.headline(d), _key_figures(d), sections, QUESTION, made_of, answer)
+
+
+def _rigid(d: Diagnosed) -> tuple[str, ...]:
+    """The warning of a new model with joints held rigid for want of a spring."""
+    if not d.tells:
+        return ()
+    said = uncalibrated(Arm(described(d), d.given.robot, d.found.after.setting.arm))
+    return (said,) if said else ()
 
 
 def _key_figures(d: Diagnosed) -> list[KeyFigure]:
