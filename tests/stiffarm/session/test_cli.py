@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import stiffarm
-from robots import ModelDescription, bundled_names, load_description
+from robots import ModelDescription, bundled_names, library_names, load_description
 from stiffarm.cli import COMMANDS
 
 pytestmark = pytest.mark.usefixtures("blank", "quick_fit")
@@ -34,6 +34,9 @@ def test_each_command_has_help(cli: Command, command: str) -> None:
     if command == "map":  # a command of commands
         assert all(kind in outcome.out for kind in ("joints", "slice", "box", "cylinder", "index"))
         outcome = cli(command, "slice", "--help")
+    if command == "robots":
+        assert all(kind in outcome.out for kind in ("show", "check"))
+        outcome = cli(command, "check", "--help")
     assert "--debug" in outcome.out
     assert outcome.err == ""
 
@@ -53,6 +56,7 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
     shown, listed = cli("robots"), cli("robots", "--json")
     assert all(name in shown.err for name in bundled_names())
     assert tuple(r["name"] for r in listed.json["robots"]) == bundled_names()
+    assert tuple(r["name"] for r in listed.json["library"]) == library_names()
     readings = {r["name"]: r["readings"] for r in listed.json["robots"] if r["readings"]}
     assert readings == {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
 
@@ -60,7 +64,8 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
 @pytest.mark.parametrize("name", bundled_names())
 def test_a_robots_json_is_its_whole_description_and_its_masses(cli: Command, name: str) -> None:
     answer = cli("robots", name, "--json").json
-    masses = answer.pop("masses")
+    masses, prior = answer.pop("masses"), answer.pop("class_prior")
+    assert list(prior["stiffness_Nm_per_rad"]) == [joint["name"] for joint in answer["joint"]]
     assert ModelDescription.model_validate(answer) == load_description(name)
     declared = [link["declared_kg"] for link in masses["links"].values()]
     parts = sum(declared) + (masses["bar_kg"] or 0.0) + (masses["crank_kg"] or 0.0)
