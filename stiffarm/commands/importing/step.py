@@ -16,6 +16,7 @@ from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, s
 from meshes.surfaces.link import ImportedLink, prepare_link
 from meshes.surfaces.reading import check_scale, read_surface
 from meshes.surfaces.routes import ImportSettings, Repair
+from meshes.surfaces.seats import ALONG
 from robots import InputError, InputErrors, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
 from robots.progress import Progress, report_progress
@@ -221,7 +222,8 @@ def _sorted_out(
 ) -> tuple[list[str], dict[str, str]]:
     """Bodies to make shells of, and the others with the reason why they stay rigid."""
     bodies = ("base", *robot.joint_names)
-    tips = {body: link_interfaces(robot, i)["tip"].point for i, body in enumerate(bodies)}
+    ends = {body: link_interfaces(robot, i) for i, body in enumerate(bodies)}
+    tips = {body: both["tip"].point for body, both in ends.items()}
     longest = max(float(np.linalg.norm(tip)) for tip in tips.values())
     jobs, rigid = [], {}
     for body in bodies:
@@ -232,18 +234,22 @@ def _sorted_out(
             rigid[body] = f"no {options.meshes} mesh"
         elif span <= SHORT * longest:
             rigid[body] = f"root and tip only {1e3 * span:.3g} mm apart"
-        elif _cover(surfaces[body].nodes, tips[body]) < LEAST_COVER:
-            cover = _cover(surfaces[body].nodes, tips[body])
+        elif (cover := _cover(surfaces[body].nodes, tips[body], ends[body]["root"].axis)) < LEAST_COVER:
             rigid[body] = f"its shapes span {100 * cover:.0f} % of the way from root to tip"
         else:
             jobs.append(body)
     return jobs, rigid
 
 
-def _cover(nodes: Array, tip: Array) -> float:
-    """Share of the way from the origin to ``tip`` that the nodes span."""
+def _cover(nodes: Array, tip: Array, axis: Array | None) -> float:
+    """Share of the way from the origin to ``tip`` that the nodes span.
+
+    A joint whose axis runs along the way may have its origin anywhere on it: the way then begins where the nodes do.
+    """
     share = nodes @ tip / (tip @ tip)
-    return float(max(min(share.max(), 1.0) - max(share.min(), 0.0), 0.0))
+    first, last = max(float(share.min()), 0.0), min(float(share.max()), 1.0)
+    along = axis is not None and abs(float(axis @ tip)) >= ALONG * float(np.linalg.norm(axis) * np.linalg.norm(tip))
+    return max(last - first, 0.0) / (max(1.0 - first, 1e-9) if along else 1.0)
 
 
 def _part(
