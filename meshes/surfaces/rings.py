@@ -188,3 +188,15 @@ def _words(found: Seats, given: bool) -> str:
     body = ", with the whole body of its flange" if found.flange_m3 else ""
     bearing = ", its radius given" if given else ""
     return f"disc of {1e3 * found.radius:.4g} mm about the joint's axis at {places} mm{near}{bearing}{body}"
+
+
+def one_bearing(tip: Ring, root: Ring, before: int, after: int) -> list[tuple[int, str, float]]:
+    """What to mend where two links meet: number of the link, its interface, and the radius (m) it should have.
+
+    ``tip`` of link ``before`` and ``root`` of link ``after`` are bolted to the same bearing.
+    """
+    if not (tip.seat and root.seat):
+        return []
+    if tip.radius > ONE_BEARING * root.radius:
+        return [(after, "root", tip.radius)]
+    return [(before, "tip", root.radius)] if root.radius > ONE_BEARING * tip.radius else []
