@@ -15,11 +15,12 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --max
 # The stamps below share one environment: two pips at once would spoil it.
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
-.PHONY: help run test test-all fuzz lint docs bench clean .make-venv
+.PHONY: help run test test-slow test-all fuzz lint docs bench clean .make-venv
 
 help:
 	@echo "make run       calibrate the xr701 from its measurements; results in out/"
-	@echo "make test      the tests, without the slow ones"
+	@echo "make test      the tests, without the slow ones; some files: FILES='tests/test_ci.py ...'"
+	@echo "make test-slow the slow ones alone"
 	@echo "make test-all  all tests"
 	@echo "make fuzz      mutated files through every reader, and kills: FUZZ_COUNT=100000 FUZZ_SECONDS=600 FUZZ_SEED=... FUZZ_KILLS=100"
 	@echo "make lint      ruff, mypy and the import contract"
@@ -31,7 +32,10 @@ run: $(VENV)/.installed-run
 	$(BIN)/stiffarm run xr701 --out out
 
 test: $(VENV)/.installed-test
-	$(PYTEST) -m "not slow"
+	$(PYTEST) -m "not slow" $(FILES)
+
+test-slow: $(VENV)/.installed-test
+	$(PYTEST) -m slow
 
 test-all: $(VENV)/.installed-test
 	$(PYTEST)

@@ -17,11 +17,11 @@ def case(name: str, inside: str = "", module: str = "tests.test_a") -> str:
     return f'<testcase classname="{module}" name="{name}">{inside}</testcase>'
 
 
-def judge(folder: Path, *passes: str) -> tuple[int, str]:
+def judge(folder: Path, *passes: str, options: tuple[str, ...] = ()) -> tuple[int, str]:
     files = [folder / f"{i}.xml" for i in range(len(passes))]
     for file, cases in zip(files, passes, strict=True):
         file.write_text(f"<testsuites><testsuite>{cases}</testsuite></testsuites>", encoding="utf-8")
-    command = [sys.executable, str(EACH_TEST_RAN), *map(str, files)]
+    command = [sys.executable, str(EACH_TEST_RAN), *options, *map(str, files)]
     run = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)  # noqa: S603 - ours
     assert "Traceback" not in run.stderr
     return run.returncode, run.stdout
@@ -43,6 +43,16 @@ def test_what_ran_in_none_is_named_with_its_reason(tmp_path: Path) -> None:
         "ran in no pass: tests.test_a::test_one: no ccx",
         "ran in no pass: tests.test_b: no b",
     ]
+
+
+def test_files_with_tests_to_try_again_are_named_once(tmp_path: Path) -> None:
+    module_skipped = case("tests.fem.test_b", SKIPPED.format("no b"), module="")
+    skipped = "".join(case(f"test_{word}[a b/c.d]", SKIPPED.format("no ccx")) for word in ("one", "two"))
+    ran = case("test_three", module="tests.test_c")
+    code, out = judge(tmp_path, skipped + module_skipped + ran, options=("--files",))
+    assert (code, out.split()) == (0, [f"tests/{name}.py" for name in ("fem/test_b", "test_a")])
+    # Nothing was skipped: no file, where make would otherwise be told to run all.
+    assert judge(tmp_path, ran, options=("--files",)) == (0, "\n")
 
 
 def test_what_fails_as_expected_has_run_and_no_tests_at_all_is_a_failure(tmp_path: Path) -> None:

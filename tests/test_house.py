@@ -154,11 +154,10 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 def test_nothing_can_run_code_from_a_file() -> None:
     files = sources()
     assert len(files) > len(LAYERS)
-    found = {
-        str(path.relative_to(ROOT)): unsafe
-        for path in files
-        if (unsafe := unsafe_parts(ast.parse(path.read_text(encoding="utf-8"))))
-    }
+    word = re.compile("|".join({*UNSAFE_MODULES, *UNSAFE_CALLS, *UNSAFE_METHODS, *UNSAFE_FLAGS}))
+    # Parsing all of them would take most of the test's time.
+    texts = {path: text for path in files if word.search(text := path.read_text(encoding="utf-8"))}
+    found = {str(path.relative_to(ROOT)): bad for path, text in texts.items() if (bad := unsafe_parts(ast.parse(text)))}
     assert found == {}
 
 

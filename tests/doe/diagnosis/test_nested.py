@@ -27,7 +27,7 @@ FRICTION = {"share": 0.9, "friction": 120.0}
 def _few(data: Measurements) -> Setting:
     """The setting with a few candidates, which is what takes time."""
     s = setting(data)
-    known = {code: s.known[code] for code in ("friction:j2", "friction:j3", "backlash:j2", "payload")}
+    known = {code: s.known[code] for code in ("friction:j2", "backlash:j2")}
     return replace(s, known=known)
 
 
@@ -52,17 +52,17 @@ def test_equal_angles_are_one_pose_whatever_the_labels() -> None:
 
 def test_what_is_left_out_does_not_change_its_own_prediction() -> None:
     """A reading spoilt changes no prediction in its own fold: nothing of it was seen."""
-    data = read({"friction:j2": FRICTION}, poses=12, repeats=1)
-    found = nested(_few(data), data, Options(), folds=3, seed=4)
-    assert found.folds == 3
-    assert found.chosen["friction:j2"] == 3
+    data = read({"friction:j2": FRICTION}, poses=10, repeats=1)
+    found = nested(_few(data), data, Options(), folds=2, seed=4)
+    assert found.folds == 2
+    assert found.chosen["friction:j2"] == 2
     assert found.rms_after_mm < 0.7 * found.rms_before_mm
     spoilt = data.select(np.ones(data.n, dtype=bool))
     pose = pose_numbers(data)
-    of_reading = folds_of(pose, 3, 4)
+    of_reading = folds_of(pose, 2, 4)
     shifted = np.where((of_reading == 0)[:, None], data.displacement * 1.3, data.displacement)
     object.__setattr__(spoilt, "displacement", shifted)
-    other = nested(_few(spoilt), spoilt, Options(), folds=3, seed=4)
+    other = nested(_few(spoilt), spoilt, Options(), folds=2, seed=4)
     mine = found.fold == 0
     predicted = data.displacement[data.used][mine] - found.after[mine]
     again = shifted[data.used][mine] - other.after[mine]
@@ -103,7 +103,7 @@ def _quarter_off(flat: bool) -> tuple[Setting, Measurements]:
     return setting_of(description, model, data), data
 
 
-@pytest.mark.parametrize("flat", [False, True])
+@pytest.mark.parametrize("flat", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_convention_that_a_pose_left_out_could_not_have_is_no_candidate(flat: bool) -> None:
     s, data = _quarter_off(flat)
     known = {code: s.known[code] for code in ("angle-offset:j3", "angle-sign:j3", "payload")}

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up import kr60, read, setting
+from made_up import few, kr60, read, setting
 from scipy.stats import multivariate_normal
 
 from doe.diagnosis.diagnose import diagnose
@@ -95,7 +95,7 @@ def test_lengths_that_are_off_pass_for_nothing() -> None:
     d = observed(built, at, (), history_of(data))
     d = d * (1.0 + 0.0005 * rng.normal(size=d.shape))
     data = replace(data, displacement=np.where(np.isnan(data.displacement), np.nan, d))
-    found = diagnose(setting_of(description, model, data))
+    found = diagnose(few(setting_of(description, model, data), "joint-zero-offset:j5"))
     assert found.verdict == "none"
     bare = replace(found.start, errors=np.zeros((len(found.start.data), 0)))
     # Without that knowledge something is asked for.

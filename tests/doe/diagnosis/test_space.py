@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_up import kr60, read, setting
+from made_up import few, kr60, read, setting
 
 from doe.diagnosis.diagnose import Diagnosis, diagnose
 from doe.diagnosis.space import cost_of_leaving_out, gaps
@@ -16,7 +16,7 @@ from robots import forward_kinematics, tool_position
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    return diagnose(setting(read({"payload": {"force": 40.0}}, seed=1)))
+    return diagnose(few(setting(read({"payload": {"force": 40.0}}, poses=10, repeats=1, seed=1))))
 
 
 def test_gaps_stand_at_the_tool_and_leave_unread_components_open(found: Diagnosis) -> None:
