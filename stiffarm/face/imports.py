@@ -172,8 +172,8 @@ def import_link(
     Traceback (most recent call last):
     robots.errors.InputError: surface: got 'missing.stl'; allowed: an existing file. To fix it: check the path
     """
-    from stiffarm.commands.importing.results import write_link
     from stiffarm.commands.importing.options import ImportOptions
+    from stiffarm.commands.importing.results import write_link
     from stiffarm.commands.importing.step import import_into_model
 
     source = Path(surface)
