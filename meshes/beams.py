@@ -64,7 +64,10 @@ def body_tip(robot: Robot, body: int) -> Array:
 
 
 def body_axes(robot: Robot, body: int) -> dict[str, Array]:
-    """Axes (3,) of the joints at a body's root and tip, in its frame; a base has its joint's, a flange the last one's."""
+    """Axes (3,) of the joints at a body's root and tip, in its frame.
+
+    The base has its joint's at both, and so has the last body.
+    """
     own = robot.T_pre[0][:3, 2] if body == 0 else robot.R_post[body - 1].T[:, 2]
     return {"root": own, "tip": own if body == robot.dof else robot.T_pre[body][:3, 2]}
 

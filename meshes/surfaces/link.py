@@ -179,9 +179,8 @@ def shell_on(
     report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in held.items()]
     boss = boss_elements(done.nodes, done.faces, interfaces, held)
     if boss.any() and settings.boss != 1.0:
-        report.append(
-            f"bosses: walls of {1e3 * settings.boss * settings.wall:.3g} mm on {100 * boss.mean():.0f} % of the elements"
-        )
+        thick = 1e3 * settings.boss * settings.wall
+        report.append(f"bosses: walls of {thick:.3g} mm on {100 * boss.mean():.0f} % of the elements")
     mesh = ShellMesh(
         name=surface.name,
         nodes=done.nodes,

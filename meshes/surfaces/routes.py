@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -75,6 +75,7 @@ class Meshed:
     """A mid-surface: nodes (n, 3) m, faces (m, 3), element size (m), lines for the report.
 
     ``departure`` (m) from the original: the value that 95 % of the surfaces keep, and the worst; NaN if unknown.
+    ``off`` (n,) m: by node, how far it is from the original, as over an opening that was closed; empty if unknown.
     """
 
     nodes: Array
@@ -82,6 +83,7 @@ class Meshed:
     size: float
     report: tuple[str, ...]
     departure: tuple[float, float] = (float("nan"), float("nan"))
+    off: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def usual_size(area: float, wall: float) -> float:
@@ -151,7 +153,7 @@ def _casing(
 ) -> Meshed:
     """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is over ``most`` m off."""
     from meshes.surfaces.trials import TooFar, warning
-    from meshes.surfaces.wrap import departure, middle_surface, original_seen, wrap_surface
+    from meshes.surfaces.wrap import departure, middle_surface, off_original, original_seen, wrap_surface
 
     wrap = wrap_surface(name, nodes, faces, size, opening, method)
     _check_room(name, wrap.nodes, wrap.faces, size, wall, wrap.offset)
@@ -174,7 +176,7 @@ def _casing(
         f"all of it by less than {1e3 * off.worst:.3g} mm",
     )
     report = (*warning(off, size), *report)
-    return Meshed(middle, cells, size, report, (off.middling, off.worst))
+    return Meshed(middle, cells, size, report, (off.middling, off.worst), off_original(original, middle, wall))
 
 
 def _remeshed(

@@ -17,6 +17,9 @@ _triangles: Any = trimesh.triangles
 
 # Walls of a boss over those of the barrel beside it: castings carry their bearings on walls 2 to 3 times as thick.
 BOSS = 2.5
+# The hull of a link shows no bosses, and encloses more than the link does: with one wall all over, that of a casting of
+# known geometry is stiffer by 1 / 0.81 (docs/validation/imported_links.md), which a thinner wall makes good.
+HULL = 0.8
 # Share of a link's published mass that is its casing: of castings with drives in them, and of bare tubes.
 CASING_SHARE, TUBE_SHARE = 0.6, 0.8
 # Walls (m) that are assumed where no mass is known; between which a wall may be; of steel, below which it is not cast.
@@ -33,14 +36,20 @@ class Areas:
     barrel: float
     bosses: float
     flanges_m3: float
+    boss: float = BOSS
+
+    @property
+    def weighted(self) -> float:
+        """Area (m^2) of barrel's wall with the same mass."""
+        return self.barrel + self.boss * self.bosses
 
     def wall(self, kg: float, density: float) -> float:
         """Thickness of the barrel's wall (m) with which the casing weighs ``kg``; not positive where flanges do."""
-        return (kg / density - self.flanges_m3) / (self.barrel + BOSS * self.bosses)
+        return (kg / density - self.flanges_m3) / self.weighted
 
     def kg(self, wall: float, density: float) -> float:
         """What the casing weighs with a barrel's wall of ``wall`` m."""
-        return density * (wall * (self.barrel + BOSS * self.bosses) + self.flanges_m3)
+        return density * (wall * self.weighted + self.flanges_m3)
 
 
 def boss_elements(
@@ -59,8 +68,8 @@ def boss_elements(
     return boss
 
 
-def areas_of(nodes: Array, faces: Integers, boss: Bools, rings: Mapping[str, Ring]) -> Areas:
-    """Areas of barrel and bosses; the nodes of solid flanges count as these, not as walls."""
+def areas_of(nodes: Array, faces: Integers, boss: Bools, rings: Mapping[str, Ring], times: float = BOSS) -> Areas:
+    """Areas of barrel and bosses, whose walls are ``times`` as thick; solid flanges count as these, not as walls."""
     area = _triangles.area(nodes[faces])
     solid = np.zeros(len(nodes), dtype=bool)
     for ring in rings.values():
@@ -68,7 +77,7 @@ def areas_of(nodes: Array, faces: Integers, boss: Bools, rings: Mapping[str, Rin
             solid[ring.nodes] = True
     wall = ~solid[faces].all(axis=1)
     volume = sum(ring.flange_m3 for ring in rings.values())
-    return Areas(float(area[wall & ~boss].sum()), float(area[wall & boss].sum()), float(volume))
+    return Areas(float(area[wall & ~boss].sum()), float(area[wall & boss].sum()), float(volume), times)
 
 
 @dataclass(frozen=True)
@@ -82,11 +91,12 @@ class Wall:
 
 @dataclass(frozen=True)
 class Casing:
-    """What is known of a link's casing: its areas, published mass (kg) or None, and whether it is a bare tube."""
+    """What is known of a link's casing: its areas, published mass (kg) or None, whether it is a tube or a hull."""
 
     areas: Areas
     kg: float | None
     tube: bool
+    hull: bool = False
 
     @property
     def share(self) -> float:
@@ -127,7 +137,7 @@ def material_by_mass(casings: Mapping[str, Casing], steel: float) -> Literal["st
     """Aluminium where steel of density ``steel`` (kg/m^3) would make walls thinner than anyone casts, by all masses."""
     known = [one for one in casings.values() if one.kg is not None]
     kg = sum(one.share * one.kg for one in known if one.kg is not None)
-    area = sum(one.areas.barrel + BOSS * one.areas.bosses for one in known)
+    area = sum(one.areas.weighted for one in known)
     solid = sum(one.areas.flanges_m3 for one in known)
     return "steel" if not known or kg / steel - solid >= THIN_STEEL * area else "aluminium"
 
@@ -157,12 +167,15 @@ def walls_of(
             out[name] = Wall(spread, "robot", f"by the arm's {robot_kg:g} kg, of which {CASING_SHARE:g} is casings")
         else:
             out[name] = Wall(USUAL_WALL, "assumed", "assumed: no mass is known")
+        if one.hull and name not in given:
+            words = f"{out[name].words}, {HULL:g} of it because the surface is a hull, which is stiffer than its link"
+            out[name] = Wall(HULL * out[name].metres, out[name].basis, words)
     return out
 
 
 def _of_the_arm(casings: Mapping[str, Casing], robot_kg: float, density: float) -> float | None:
     """One wall for all links by the mass of the arm, None where none can be."""
-    area = sum(one.areas.barrel + BOSS * one.areas.bosses for one in casings.values())
+    area = sum(one.areas.weighted for one in casings.values())
     solid = sum(one.areas.flanges_m3 for one in casings.values())
     wall = (CASING_SHARE * robot_kg / density - solid) / area
     return wall if LEAST_WALL <= wall <= MOST_WALL else None

@@ -67,7 +67,7 @@ def import_arm(
     density: float | None = None,
     tip: str | None = None,
     base: str | None = None,
-    boss: float = 2.5,
+    boss: float | None = None,
     mass_kg: float | None = None,
     meshes: Literal["auto", "visual", "collision"] = "auto",
     rigid: Sequence[str] = (),
@@ -81,14 +81,14 @@ def import_arm(
     ----------
     urdf : the URDF
     folder : where model.toml and meshes/ go; it is created if needed
-    wall_mm : wall thickness of all casings, or of links by name; default: by each link's mass, else by the arm's, else 6
+    wall_mm : wall thickness of all casings, or of links by name; default: by the links' masses, else the arm's, else 6
     size_mm : element size; default: chosen for about 10,000 elements per link
     close_mm : openings up to this width are closed; default: found by trial
-    material : of all links, "steel", "aluminium" or "cast-iron"; default: steel, or aluminium where walls of steel would
-        be thinner than 3 mm by the links' masses
+    material : of all links, "steel", "aluminium" or "cast-iron"; default: steel, or aluminium where walls of
+        steel would be thinner than 3 mm by the links' masses
     youngs_modulus_GPa, poissons_ratio, density : of the material (density in kg/m^3); default: its usual values
     tip, base : URDF links at the ends of the arm; default: where the most revolute joints lead, the root link
-    boss : wall of the bosses around joints over the wall beside them
+    boss : wall of the bosses around joints over the wall beside them; default: 2.5, and 1 on convex hulls
     mass_kg : of the whole arm, for its walls where the links have no masses
     meshes : URDF meshes to use; "auto": visual ones, and collision meshes where these fail
     rigid : links to leave rigid

@@ -30,8 +30,8 @@ INTERFACES = ("root", "tip", "pin")
 class Bodies:
     """Bodies of a robot in order from the base.
 
-    ``names``: of their links. ``surfaces``: by body, kinds of meshes in the order in which they are tried. ``faults``: by
-    body, what is wrong with shapes that are none of these. ``rigid``: why a body is no link.
+    ``names``: of their links. ``surfaces``: by body, kinds of meshes in the order in which they are tried. ``faults``:
+    by body, what is wrong with shapes that are none of these. ``rigid``: why a body is no link.
     """
 
     order: tuple[str, ...]

@@ -66,5 +66,5 @@ def tip_compliances(description: ModelDescription, names: tuple[str, ...]) -> di
 def warnings_of(made: MadeShell, compliance: TipCompliance) -> list[str]:
     """All warnings of one link: departure first, then what the gate says, then shell against beam."""
     said = [line for line in made.link.report if line.startswith("WARNING")]
-    more = (made.verdict.warning, compliance.warning())
-    return [*said, *(line for line in more if line)]
+    soft = compliance.warning()
+    return [*said, *made.verdict.warnings, *([soft] if soft else [])]

@@ -72,7 +72,10 @@ def import_command(
     ] = None,
     boss: Annotated[
         float | None,
-        typer.Option("--boss", help="Wall of the bosses around joints over the wall beside them. Default: 2.5."),
+        typer.Option(
+            "--boss",
+            help="Wall of the bosses around joints over the wall beside them. Default: 2.5, and 1 on convex hulls.",
+        ),
     ] = None,
     mass_kg: Annotated[
         float | None,
@@ -121,7 +124,6 @@ def import_command(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         from meshes.surfaces.routes import Repair
-        from meshes.surfaces.walls import BOSS
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing
         from stiffarm.commands.importing.options import ImportOptions, MaterialChoice, Meshes, Wrap
@@ -141,7 +143,7 @@ def import_command(
         options = ImportOptions(
             material=chosen,
             wall=_metres(wall_mm),
-            boss=BOSS if boss is None else boss,
+            boss=boss,
             robot_kg=mass_kg,
             walls=_by_link(wall, "--wall"),
             rigid=tuple(part.strip() for part in rigid.split(",")) if rigid else (),

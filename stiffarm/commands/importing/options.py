@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from meshes.surfaces.routes import Repair
-from meshes.surfaces.walls import BOSS
 from robots import InputError, require_one_of
 from robots.schema.description import Material
 from robots.schema.quantities import Density, Modulus, PoissonsRatio
@@ -38,15 +37,15 @@ class ImportOptions:
     """What the user asks of an import; lengths in m.
 
     ``wall``: of all links; None: by mass, or assumed. ``walls``, ``rigid``: by link, named as in the URDF or by its
-    joint. ``boss``: walls of bosses over the barrel's. ``robot_kg``: mass of the whole arm, where links have none.
-    ``size`` None: some ten thousand elements a link. ``radius``: by link, or by link and interface as in
-    ``forearm.tip``, of the interfaces' discs.
+    joint. ``boss``: walls of bosses over the barrel's, None: 2.5, and 1 for hulls. ``robot_kg``: mass of the whole arm,
+    where links have none. ``size`` None: some ten thousand elements a link. ``radius``: by link, or by link and interface
+    as in ``forearm.tip``, of the rings.
     """
 
     material: MaterialChoice = MaterialChoice()
     wall: float | None = None
     walls: Mapping[str, float] = field(default_factory=dict)
-    boss: float = BOSS
+    boss: float | None = None
     robot_kg: float | None = None
     rigid: tuple[str, ...] = ()
     radius: Mapping[str, float] = field(default_factory=dict)

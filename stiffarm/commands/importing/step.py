@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,14 @@ from meshes import section_dimensions
 from meshes.beams import body_index
 from meshes.link_sections import EquivalentSection, equivalent_section
 from meshes.surfaces.bodies import link_interfaces, surface_samples
+from meshes.surfaces.doubts import is_hull
 from meshes.surfaces.link import ImportedLink, MidSurface, Rings, mid_surface, shell_on
 from meshes.surfaces.reading import read_surface
 from meshes.surfaces.rings import Interface, one_bearing
 from meshes.surfaces.routes import ImportSettings
 from meshes.surfaces.seats import ALONG
 from meshes.surfaces.walls import (
+    BOSS,
     USUAL_WALL,
     Casing,
     Wall,
@@ -112,12 +115,21 @@ class _Draft:
         axis = self.interfaces["root"].axis
         return axis is not None and self.index > 0 and abs(float(axis @ way)) >= ALONG * float(np.linalg.norm(way))
 
-    def casing(self, trust_mass: bool = True) -> Casing:
-        """What its wall is taken from."""
+    @cached_property
+    def hull(self) -> bool:
+        """Whether its surface is the hull of a link."""
+        return is_hull(self.surface.mesh.nodes, self.surface.mesh.faces)
+
+    def boss(self, asked: float | None) -> float:
+        """Walls of its bosses over the barrel's: as asked for, else usual ones, which a hull does not show."""
+        return asked if asked is not None else 1.0 if self.hull else BOSS
+
+    def casing(self, asked: float | None) -> Casing:
+        """What its wall is taken from; ``asked``: walls of bosses over the barrel's, None for usual ones."""
         mesh, rings = self.surface.mesh, self.rings.by_name
         boss = boss_elements(mesh.nodes, mesh.faces, self.interfaces, rings)
-        kg = None if self.declared is None or not trust_mass else self.declared.si
-        return Casing(areas_of(mesh.nodes, mesh.faces, boss, rings), kg, self.tube)
+        areas = areas_of(mesh.nodes, mesh.faces, boss, rings, self.boss(asked))
+        return Casing(areas, None if self.declared is None else self.declared.si, self.tube, self.hull)
 
 
 def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | None = None) -> RobotImport:
@@ -204,7 +216,7 @@ def _settings(options: ImportOptions, wall: float, figures: Material, span: floa
         options.wrap,
         expected_span=span,
         span_ratio=SPAN_RATIO,
-        boss=options.boss,
+        boss=BOSS if options.boss is None else options.boss,
     )
 
 
@@ -233,7 +245,7 @@ def _with_one_bearing(drafts: list[_Draft]) -> list[_Draft]:
 
 def _walls(drafts: list[_Draft], options: ImportOptions) -> tuple[str, Material, dict[str, Wall], list[str]]:
     """Material and wall of each link, and what is to be said of both."""
-    casings = {draft.name: draft.casing() for draft in drafts}
+    casings = {draft.name: draft.casing(options.boss) for draft in drafts}
     asked = options.material.name
     lightest = options.material.figures(asked or "aluminium").density.si
     fault = masses_at_fault(casings, lightest)
@@ -254,17 +266,17 @@ def _walls(drafts: list[_Draft], options: ImportOptions) -> tuple[str, Material,
 
 
 def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) -> ImportedPart:
-    settings = _settings(options, wall.metres, figures, None)
+    settings = replace(_settings(options, wall.metres, figures, None), boss=draft.boss(options.boss))
     points = np.stack([one.point for one in draft.interfaces.values()])
 
     def shell(interfaces: Mapping[str, Interface], rings: Rings) -> ImportedLink:
         return shell_on(draft.surface, interfaces, rings, settings)
 
-    link, verdict = judged(draft.name, draft.surface, draft.interfaces, draft.rings, points, shell)
+    link, verdict = judged(draft.surface, draft.interfaces, draft.rings, points, shell, draft.hull)
     section = equivalent_section(
         draft.name, link.mesh.nodes, link.mesh.triangles, wall.metres, np.zeros(3), draft.interfaces["tip"].point
     )
-    casing = draft.casing()
+    casing = draft.casing(options.boss)
     density = figures.density.si
     kg = casing.areas.kg(wall.metres, density)
     quarter = None
@@ -319,7 +331,7 @@ def import_into_model(
     points = np.stack([one.point for one in interfaces.values()])
     surface = mid_surface(name, nodes, faces, points, settings, tuple(notes))
     shell, verdict = judged(
-        name, surface, interfaces, surface.rings(interfaces), points, lambda i, r: shell_on(surface, i, r, settings)
+        surface, interfaces, surface.rings(interfaces), points, lambda i, r: shell_on(surface, i, r, settings)
     )
     basis = Wall(thickness, "given", "as given" if wall is not None else "that of the model's section")
     return MadeShell(name, shell, thickness, points, verdict, basis)
