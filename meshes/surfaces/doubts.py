@@ -63,10 +63,8 @@ def is_hull(nodes: Array, faces: Integers) -> bool:
     middle = nodes - nodes.mean(axis=0)
     axes = np.linalg.svd(middle[:: max(1, len(middle) // 4000)], full_matrices=False)[2]
     along = middle @ axes[0]
-    girths = [
-        _girth(mesh, nodes.mean(axis=0), axes[0], place)
-        for place in np.quantile(along, np.linspace(0.1, 0.9, STATIONS))
-    ]
+    places = along.min() + np.linspace(0.1, 0.9, STATIONS) * np.ptp(along)
+    girths = [_girth(mesh, nodes.mean(axis=0), axes[0], float(place)) for place in places]
     return float(np.std(girths) / np.mean(girths)) > EVEN
 
 

@@ -26,6 +26,11 @@ from robots.arrays import Array, Bools
 LEAST_SHARE, LOW_SHARE, MOST_EXPONENT = 0.015, 0.03, 1.8
 # A ring that half of the energy sits at is made this much larger, so many times.
 LARGER, TRIES = 1.5, 2
+_HULL = (
+    "WARNING: its surface is convex, as collision hulls are: waists, hollows and bosses are not shown. One wall all "
+    "over, 0.8 of the usual one, makes good what a hull is too stiff by on average; by direction it may be off by a "
+    "factor of 1.5"
+)
 
 
 @dataclass(frozen=True)
@@ -117,11 +122,7 @@ def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) 
             f"({1e3 * size:.3g} mm): sections are that much larger or smaller"
         )
     if hull:
-        said.append(
-            "WARNING: its surface is convex, as collision hulls are: waists, hollows and bosses are not shown. One wall "
-            "all over, 0.8 of the usual one, makes good what a hull is too stiff by on average; in single directions it "
-            "may be off by a factor of 1.5"
-        )
+        said.append(_HULL)
     held = np.concatenate(list(link.mesh.interfaces.values()))
     found = openings(link.mesh.nodes, link.mesh.triangles, mesh.off, size, held)
     if found:
@@ -129,7 +130,7 @@ def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) 
         widest = found[0]
         said.append(
             f"WARNING: an opening {1e3 * widest.width:.0f} mm wide around {np.round(1e3 * widest.middle).tolist()} mm "
-            f"was closed. If it is open in truth, the link is {least:.2g} to {most:.2g} times as compliant, by direction"
+            f"was closed. If it is open in truth, the link is {least:.2g} to {most:.2g} times as compliant, by load"
         )
     return tuple(said)
 

@@ -37,9 +37,9 @@ class ImportOptions:
     """What the user asks of an import; lengths in m.
 
     ``wall``: of all links; None: by mass, or assumed. ``walls``, ``rigid``: by link, named as in the URDF or by its
-    joint. ``boss``: walls of bosses over the barrel's, None: 2.5, and 1 for hulls. ``robot_kg``: mass of the whole arm,
-    where links have none. ``size`` None: some ten thousand elements a link. ``radius``: by link, or by link and interface
-    as in ``forearm.tip``, of the rings.
+    joint. ``boss``: walls of bosses over the barrel's, None: 2.5, and 1 for hulls. ``robot_kg``: mass of the whole
+    arm, where links have none. ``size`` None: some ten thousand elements a link. ``radius``: of the rings, by link, or
+    by link and interface as in ``forearm.tip``.
     """
 
     material: MaterialChoice = MaterialChoice()

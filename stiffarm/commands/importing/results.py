@@ -78,6 +78,7 @@ def _facts(shell: MadeShell, warnings: Sequence[str]) -> list[str]:
     rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
     how = "wrapped" if figures.wrapped else "as it is"
     mesh = f"{figures.triangles} triangles, wall {1e3 * shell.wall:g} mm, surface {how}"
+    how = f"{how}, {shell.verdict.kind}"
     said = [f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json"] if warnings else []
     return [mesh, f"rings: {rings}", *said]
 
