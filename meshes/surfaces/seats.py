@@ -258,7 +258,11 @@ def _ring(around: _Around, seat: _Seat, most: float, given: bool, disc: bool) ->
     elif disc:
         # Half an element more, so that the rim of a round boss is all in; and as far as enough nodes need.
         least = np.sort(off[ring])[min(LEAST_NODES, ring.size) - 1]
-        ring = ring[off[ring] <= max(seat.reach + 0.5 * skin.size, float(least))]
+        radius = max(seat.reach + 0.5 * skin.size, float(least))
+        # The facets of a hull around the axis lie in planes of their own.
+        facing = (around.out @ seat.normal >= FACING) & (off <= min(radius, most))
+        facets = facing & (np.abs(place - middle) <= 0.5 * DEPTH * skin.size + SLANT * off)
+        ring = _piece_of(np.union1d(ring[off[ring] <= radius], np.flatnonzero(facets)), ring, skin)
     # Walls that start beside the ring would else hang on its edge.
     beside = np.unique(skin.faces[np.isin(skin.faces, ring).any(axis=1)])
     limit = off[ring].max() + 0.25 * skin.size
