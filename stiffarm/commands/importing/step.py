@@ -142,7 +142,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     """
     robot = robot_from(urdf.description)
     bodies = bodies_of(urdf, robot, options)
-    faults: list[InputError] = []
+    faults = list(bodies.lost)
     drafts: list[_Draft] = []
     for i, body in enumerate(bodies.links):
         report_progress(progress, i, len(bodies.links))
