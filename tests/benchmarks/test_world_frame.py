@@ -67,7 +67,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.parametrize(("name", "path"), [*((name, "serial") for name in SPRINGS), ("xr701", "parallelogram")])
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [*(pytest.param(name, "serial", marks=pytest.mark.slow) for name in SPRINGS), ("xr701", "parallelogram")],
+)
 def test_springs_alone_are_those_of_simulate(name: str, path: str, tmp_path: Path) -> None:
     arm, rng, rows = load(name), np.random.default_rng(3), []
     (tmp_path / "m.toml").write_text(model_text(arm, dict(zip(arm.joints, arm.springs, strict=True))), encoding="utf-8")
@@ -235,7 +238,7 @@ def test_wishes_are_dealt_evenly() -> None:
     assert {sum(f == w.families[0] for w in found) for f in KNOWN} == {2}
     assert sum(w.reads == "z" for w in found) == sum(w.outliers for w in found) == len(KNOWN)
     assert [sum(w.poses == n for w in found) for n in (9, 27, 81)] == [14, 35, 21]
-    for number, wish in enumerate(sets.wishes(np.random.default_rng(1), "pair", 60)):
+    for number, wish in enumerate(sets.wishes(np.random.default_rng(1), "pair", 20)):
         one, two = sets.draw(replace(wish, poses=9), number).effects
         assert (one.family != two.family, one.place != two.place) == (True, True)
 
