@@ -67,10 +67,12 @@ class Seats:
 class _Seat:
     """A place around an axis: nodes, area (m^2), reach (m), place along the axis, gap (m), and the way it faces.
 
+    ``follows``: those of its nodes that the neighbour's surface is beside; all without a neighbour.
     ``beyond``: share of the neighbour around the axis that lies on the side it faces; 1 without a neighbour.
     """
 
     nodes: Integers
+    follows: Integers
     area: float
     reach: float
     along: float
@@ -145,7 +147,8 @@ def seats_around(
     facing : (p, 3) m, points on the neighbour's surface; without, the seats nearest to the point
     given : whether ``most`` is the bearing's own radius: the ring then also takes what faces along the axis a little
         below the seat
-    disc : cut to a disc with the median of the seat's reach all round; else the whole seat is held
+    disc : cut to a disc with the median of the seat's reach all round; else the seat is held as far as the neighbour's
+        surface is beside it
     flange : hold a thin flange by its whole body, with back face and rim
     """
     around = _Around(skin, point, axis)
@@ -241,7 +244,7 @@ def _seat(around: _Around, level: tuple[Integers, Array], other: _Neighbour | No
     area = float(around.area[nodes[around.off[nodes] <= reach]].sum())
     place = float(np.median(around.arm[follows] @ normal))
     beyond = 1.0 if other is None else other.beyond(normal, place - around.skin.size, reach)
-    return _Seat(nodes, area, reach, float(np.median(around.along[follows])), gap, normal, beyond)
+    return _Seat(nodes, follows, area, reach, float(np.median(around.along[follows])), gap, normal, beyond)
 
 
 def _ring(around: _Around, seat: _Seat, most: float, given: bool, disc: bool) -> Integers:
@@ -263,6 +266,9 @@ def _ring(around: _Around, seat: _Seat, most: float, given: bool, disc: bool) ->
         facing = (around.out @ seat.normal >= FACING) & (off <= min(radius, most))
         facets = facing & (np.abs(place - middle) <= 0.5 * DEPTH * skin.size + SLANT * off)
         ring = _piece_of(np.union1d(ring[off[ring] <= radius], np.flatnonzero(facets)), ring, skin)
+    else:
+        # The end of an arm as far as its neighbour goes: a foot's upper side is wider than what stands on it.
+        ring = seat.follows
     # Walls that start beside the ring would else hang on its edge.
     beside = np.unique(skin.faces[np.isin(skin.faces, ring).any(axis=1)])
     limit = off[ring].max() + 0.25 * skin.size
