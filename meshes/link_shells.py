@@ -180,7 +180,10 @@ def _check_interfaces(link: str, surface: Surface, mesh: ShellMesh, beam: BeamMe
     for name, point in zip(beam.interfaces, points, strict=True):
         ring = mesh.nodes[mesh.interfaces[name]]
         middle = ring.mean(axis=0)
-        radius, distance = np.linalg.norm(ring - middle, axis=1).max(), np.linalg.norm(middle - point)
+        # A joint's frame may be anywhere on its axis.
+        apart = middle - point
+        apart = apart - beam.axes[name] * (beam.axes[name] @ apart) if name in beam.axes else apart
+        radius, distance = np.linalg.norm(ring - middle, axis=1).max(), np.linalg.norm(apart)
         limit = max(FARTHEST * radius, STAND_OFF * way)
         if distance > limit:
             raise InputError(
