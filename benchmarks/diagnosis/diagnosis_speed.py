@@ -12,19 +12,30 @@ import argparse
 import json
 import statistics
 import sys
+import tempfile
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
-from diagnosis_cases import SetSpec, arm, described, make, opened
 from scipy.optimize import least_squares
+
+# The root, not its folder of tests: that has folders with the names of packages.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting, setting_of, with_compliances
 from doe.diagnosis.signatures import prior, shape_count
+from doe.tables.measurements import Measurements
+from fem.arm import Arm
 from fem.effects.base import Effect, PlacedEffect
 from robots.arrays import Array
+from stiffarm.commands.study.sets import study_sets
+from stiffarm.session.inputs import read_model
+from stiffarm.session.readings import read_data
+from tests.blind.sets import make, unseen
+from tests.blind.spec import SetSpec
 
 SPEC, SEED = SetSpec(robot="kr60-3", effects=("payload",)), 4
 REPEATS = 3
@@ -50,6 +61,15 @@ class Result:
     def ratio_of_all_shapes(self) -> float:
         """The same if every shape that the ranking weighs is refitted, as a law that bends may need."""
         return self.ratio * self.shapes / self.candidates
+
+
+def drawn() -> tuple[Arm, Measurements]:
+    """Arm and readings of one set of our second world."""
+    with tempfile.TemporaryDirectory() as folder:
+        make(SPEC, SEED).write(Path(folder), unseen(SPEC, SEED))
+        (one,) = study_sets(Path(folder))
+        given = read_model(one.model, one.file.links, one.file.load_path)
+        return given, read_data(given.robot, one.readings)
 
 
 def refitted(s: Setting, effect: Effect) -> float:
@@ -80,19 +100,16 @@ def main() -> int:
     parser.add_argument("--candidates", type=int, default=12, help="how many to time the plain way on")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     a = parser.parse_args()
-    made = make(SPEC, SEED)
-    model = arm(made.model_toml, made.links)
-    data = opened(made.csv_text, model)
-    description = described(made.model_toml)
-    s = setting_of(description, model, data)
+    given, data = drawn()
+    s = setting_of(given.description, given.model, data)
     weight = np.ones(len(s.data))
     seconds: dict[str, list[float]] = {"ranking": [], "diagnosis": []}
     for _ in range(REPEATS):
         start = time.perf_counter()
-        ranking = rank(setting_of(description, model, data), weight)
+        ranking = rank(setting_of(given.description, given.model, data), weight)
         seconds["ranking"].append(time.perf_counter() - start)
         start = time.perf_counter()
-        diagnose(setting_of(description, model, data))
+        diagnose(setting_of(given.description, given.model, data))
         seconds["diagnosis"].append(time.perf_counter() - start)
     codes = [h.code for h in ranking.hypotheses if h.code in s.known]
     some = [codes[i] for i in np.linspace(0, len(codes) - 1, a.candidates).astype(int)]

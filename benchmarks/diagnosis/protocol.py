@@ -2,16 +2,19 @@
 
     python benchmarks/diagnosis/protocol.py make DIR [--commit TAG] [--worlds shopfloor,frame] [--share 1.0]
     python benchmarks/diagnosis/protocol.py run DIR [--jobs 2]
+    python benchmarks/diagnosis/protocol.py page DIR
 
 ``make`` takes the seed of each world from the commit's hash, so that nobody can choose them, and writes them with the
 numbers of sets into ``protocol.json``. ``run`` diagnoses every set as `stiffarm study` does; stopped, it goes on where
 it was (``rows.jsonl``), and refuses sets made for another state of the program. DIR/study gets ``study.json``,
-``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``.
+``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page`` writes what came of it so
+far into docs/validation/diagnosis_study.md, above that page's line of notes, and draws the diagram beside it.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import subprocess
@@ -26,6 +29,8 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from protocol_page import page
 
 from stiffarm.commands.study import payload, words
 from stiffarm.commands.study.report import write_report
@@ -92,7 +97,9 @@ def run(folder: Path, jobs: int) -> None:
         stream.write(json.dumps(started) + "\n")
     rows = {r.name: r for r in kept(folder / "rows.jsonl")}
     sets = study_sets(folder / "sets")
-    todo = [one for one in sets if one.name not in rows]
+    # In any order, but always the same one: what is done when a run is stopped is like the whole.
+    mixed = sorted(sets, key=lambda one: hashlib.sha256(f"{commit} {one.name}".encode()).digest())
+    todo = [one for one in mixed if one.name not in rows]
     with (
         ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=TASKS) as pool,
         (folder / "rows.jsonl").open("a", encoding="utf-8") as stream,
@@ -124,13 +131,17 @@ def main() -> int:
     running = commands.add_parser("run")
     running.add_argument("folder", type=Path)
     running.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    telling = commands.add_parser("page")
+    telling.add_argument("folder", type=Path)
     a = parser.parse_args()
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     if a.command == "make":
         make(a.folder, git("rev-parse", f"{a.commit}^{{commit}}"), a.worlds.split(","), a.share)
-    else:
+    elif a.command == "run":
         run(a.folder, a.jobs)
+    else:
+        page(a.folder, list(kept(a.folder / "rows.jsonl")), ROOT / "docs" / "validation" / "diagnosis_study.md")
     return 0
 
 

@@ -3,9 +3,9 @@
     python -m benchmarks.links.truth --ccx /usr/bin/ccx [--cases a,b] [--sizes 24,16,12]
 
 CalculiX gives the stiffness matrix of the free body (SOLVER=MATRIXSTORAGE); the root's seat is fixed, the tip's seat
-rigid, and its point's motion for six unit loads follows from one factorisation. On (a) six steps of CalculiX itself with
-*RIGID BODY gave the same to seven digits. Meshes of several sizes show how far the figures are from converged. Writes
-benchmarks/links/truth.json.
+rigid, and its point's motion for six unit loads follows from one factorisation. On (a) six steps of CalculiX itself
+with *RIGID BODY gave the same to seven digits. Meshes of several sizes show how far the figures are from converged.
+Writes benchmarks/links/truth.json.
 """
 
 from __future__ import annotations

@@ -23,6 +23,7 @@ from doe.diagnosis.unknowns import discrepancies
 from doe.estimation.noise import OUTLIERS, WIDER, Noise
 from doe.estimation.problem import Problem
 from doe.estimation.repeats import repeated
+from doe.estimation.robust import robust_sd
 from robots.arrays import Array
 
 # A reading that counts for less than this share is odd.
@@ -44,8 +45,6 @@ SEARCHED = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24)
 MOST_WRONG, MOST_SEARCHED = 0.1, 300
 # The middle half of readings never counts for less than this share of their noise: many may repeat one another exactly.
 LEAST = 0.3
-# Median of the absolute value of a standard normal number.
-MEDIAN = 0.6745
 
 
 def reading_weights(s: Setting, explanations: Sequence[Array] = ()) -> Array:
@@ -134,7 +133,7 @@ def _drawn_out(s: Setting, flexible: Base, noise: Noise) -> Array:
     sd, weight = np.sqrt(noise.variance(s.data, s.prediction)), np.ones(len(s.data))
     for _ in range(DRAWING):
         rest = (flexible.residual - flexible.columns @ Whitened(flexible, covariance(s, noise, weight)).u) / sd
-        weight = 1.0 / (1.0 + (rest / (BEND * max(_middle(np.abs(rest)), 1e-3))) ** 2)
+        weight = 1.0 / (1.0 + (rest / (BEND * max(robust_sd(rest), 1e-3))) ** 2)
     return np.asarray(weight)
 
 
@@ -172,15 +171,11 @@ def _standing_out(s: Setting, flexible: Base, noise: Noise, weight: Array) -> Ar
     apart = np.abs(_apart(p)) / np.sqrt(variance)
     # Of good readings the middle half is as wide as a normal distribution's: outliers widen the noise and hide in it.
     # Without repeats it is what the model misses that widens it, and what follows that may be one pose's own.
-    alone = away / (ALONE * max(1.0, _middle(away)))
+    alone = away / (ALONE * max(1.0, robust_sd(away)))
     # Where repeats tell the noise nothing of that hides in it.
     least = LEAST if repeated(p) is None else 1.0
-    away, apart = (x / max(least, _middle(x[repeats > 1])) for x in (away, apart))
+    away, apart = (x / max(least, robust_sd(x[repeats > 1])) for x in (away, apart))
     return np.asarray(np.where(repeats > 1, np.minimum(away, apart), alone))
-
-
-def _middle(x: Array) -> float:
-    return float(np.median(x)) / MEDIAN if len(x) else 0.0
 
 
 def _away(s: Setting, flexible: Base, noise: Noise, weight: Array, variance: Array) -> Array:

@@ -29,6 +29,7 @@ from doe.estimation.noise import (
 from doe.estimation.problem import Problem
 from doe.estimation.repeats import repeated
 from doe.estimation.restricted_likelihood import Known
+from doe.estimation.robust import robust_sd
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -44,8 +45,6 @@ SETTLED = 1e-6
 STILL_NOISE = 1e-5
 # Rounds are not counted on to shrink by more than this, though the last ones did.
 LEAST_RATE = 0.05
-# Median of the absolute value of a standard normal number.
-MEDIAN = 0.6745
 # The middle half of good readings' residuals is at most so many times as wide as the noise says.
 MOST_WIDE = 2.0
 
@@ -148,7 +147,7 @@ def estimate(
             # Before outliers have lost their weight they widen the noise and hide in it; the median does not see them.
             # Residuals are smaller than the noise by what the parameters follow: without that, a few good readings
             # beside almost as many parameters would lose weight, and intervals come out too narrow.
-            middle = _middle(own) / np.sqrt(1.0 - len(u) / len(p)) if turn == 0 else 1.0
+            middle = robust_sd(own) / np.sqrt(1.0 - len(u) / len(p)) if turn == 0 else 1.0
             own = own / min(max(middle, 1e-3), 1.0)
             if fixed_noise is None and turn > 0:
                 # Other weights make for another noise, and that for other weights: what it will be, all but a little.
@@ -160,18 +159,13 @@ def estimate(
     return estimate_at(p, u, noise, weight, settled=settled, given=fixed_noise is not None)
 
 
-def _middle(own: Array) -> float:
-    """How wide the middle half of standardised residuals (m,) is, over that of standard normal numbers."""
-    return float(np.median(np.abs(own))) / MEDIAN
-
-
 def _weights(noise: Noise, own: Array) -> Array:
     """Weights (m,) of residuals over the readings' own standard deviations; most readings are no outliers.
 
     Where half of all stand out the noise is too small, not the readings wrong: without that a fit may end at the few
     readings that it follows exactly, all others taken for outliers.
     """
-    return noise.weigh(own / max(_middle(own) / MOST_WIDE, 1.0))
+    return noise.weigh(own / max(robust_sd(own) / MOST_WIDE, 1.0))
 
 
 def structure_of(p: Problem, noise: Noise) -> Structure:

@@ -35,6 +35,7 @@ from doe.estimation.noise import (
 )  # fmt: skip
 from doe.estimation.problem import Problem
 from doe.estimation.restricted_likelihood import Likelihood, Term, maximise
+from doe.estimation.robust import robust_sd
 from robots.arrays import Array, Indices
 
 # Contrasts from which on their scatter is told: to within a sixth.
@@ -55,8 +56,6 @@ ROUNDS = 12
 SETTLED = 0.03
 # White noise (m or rad) that no gauge stays below.
 LEAST = 1e-7
-# Median of the absolute value of a standard normal number.
-MEDIAN = 0.6745
 # Loads must differ by this factor for noise in proportion to them to be told.
 LOAD_SPAN = 1.3
 
@@ -236,9 +235,7 @@ def _fitted(c: _Contrasts, structure: Structure, tail: float) -> tuple[float, No
 def _middle(value: Array, slope: Array) -> float:
     """Variance by which a pattern alone would make the middle half of contrasts as wide as it is."""
     mine = slope > 0.0
-    if not mine.any():
-        return 0.0
-    return float(np.median(np.abs(value[mine]) / np.sqrt(slope[mine])) / MEDIAN) ** 2
+    return robust_sd(value[mine] / np.sqrt(slope[mine])) ** 2
 
 
 def _beyond_normal(y: Array, weight: Array, tail: float) -> float:
