@@ -84,7 +84,7 @@ def assemble_solid(mesh: SolidMesh) -> sp.csc_array:
         at = place[NODES**2 * first : NODES**2 * first + len(K)]
         own, where = np.unique(at, return_inverse=True)
         gather = sp.csr_array((np.ones(len(at)), (where, np.arange(len(at)))), shape=(len(own), len(at)))
-        sums[own] += gather @ K
+        sums[own] += np.asarray(gather @ K)
     starts = np.searchsorted(keys, k * np.arange(k + 1))
     blocks = sums.reshape(-1, 3, 3), (keys % k).astype(np.int32), starts.astype(np.int32)
     # Rows for columns: the matrix is symmetric, and this costs nothing.
@@ -98,6 +98,16 @@ def solid_volume(mesh: SolidMesh) -> tuple[Array, Array]:
     points = np.einsum("pn,eni->epi", shapes, mesh.nodes[mesh.tetrahedra], optimize=True)
     total = volume.sum(axis=1)
     return np.asarray(total), np.asarray(np.einsum("ep,epi->ei", volume, points) / total[:, None])
+
+
+def solid_energy(mesh: SolidMesh, displacement: Array) -> Array:
+    """Strain energy (e,) J of the elements, from displacements (k, 3) m."""
+    energy = []
+    for first in range(0, len(mesh.tetrahedra), BLOCK):
+        part = slice(first, first + BLOCK)
+        u = displacement[mesh.tetrahedra[part]].reshape(-1, 3 * NODES)
+        energy.append(0.5 * np.einsum("ei,eij,ej->e", u, solid_stiffness(mesh, part), u, optimize=True))
+    return np.concatenate(energy)
 
 
 def solid_stress(mesh: SolidMesh, displacement: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from fem.elements.condensation import condense
-from fem.elements.couplings import Coupling, distributing_coupling, ring_weights, led_by, rigid_motion
+from fem.elements.couplings import Coupling, distributing_coupling, led_by, rigid_motion, ring_weights
 from fem.elements.shell import CoupledShell, couple, shell_superelement
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
