@@ -43,7 +43,8 @@ FLANGES: tuple[FlangeCoupling, ...] = ("rigid", "distributing")
 class LinkPart:
     """A flexible link: the body it is (0 = base), its condensed FE model, its beam, and its shell if it is one.
 
-    ``shell``: the mesh, of a solid link the solid's. ``flanges``: how its interfaces were coupled to their points, by name; rigid where nothing is said.
+    ``shell``: the mesh, of a solid link the solid's. ``flanges``: how its interfaces were coupled to their points, by
+    name; rigid where nothing is said.
     """
 
     name: str

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from meshes.solid_mesh import SolidMesh, outer_faces
-from meshes.solids.tetrahedra import STEP_SUFFIXES, in_surface, read_step
+from meshes.solids.tetrahedra import STEP_SUFFIXES, in_surface, mesh_step, open_step
 from meshes.surfaces.checks import mean_wall
 from meshes.surfaces.link import check_interfaces
 from meshes.surfaces.reading import SPAN_RATIO, check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring, choose_rings
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
 
 # A closed surface whose mean wall is less than this share of its least extent is that of the material itself: walls of
 # castings have some 0.05, outer skins and solid bars 0.25 and more.
@@ -63,7 +64,7 @@ def import_solid(
     Raises
     ------
     InputError
-        What :func:`meshes.solids.tetrahedra.read_step` and :func:`meshes.solids.tetrahedra.in_surface` refuse, a
+        What :func:`meshes.solids.tetrahedra.open_step` and :func:`meshes.solids.tetrahedra.in_surface` refuse, a
         wrong scale, no seat at an interface, seats that share nodes.
     """
     name = path.stem
@@ -71,8 +72,9 @@ def import_solid(
         nodes, faces, notes = read_surface(path, scale)
         return solid_in_surface(name, nodes, faces, interfaces, settings, tuple(notes))
     check_interfaces(interfaces)
-    nodes, cells, size, notes = read_step(path, settings.size, scale)
-    said = check_scale(name, nodes, _points(interfaces), settings.expected_span, settings.span_ratio)
+    step = open_step(path, scale)
+    said = check_scale(name, step.extent, _points(interfaces), settings.expected_span, settings.span_ratio)
+    nodes, cells, size, notes = mesh_step(step, settings.size)
     return _with_seats(name, nodes, cells, size, interfaces, settings, (*notes, said))
 
 
@@ -126,7 +128,7 @@ def _with_seats(
 
 
 def _whole_face(ring: Ring, here: Interface, nodes: Array, faces: Integers, size: float) -> Ring:
-    """The plane face that a seat lies on, where it is one and hardly larger than the seat; else the seat as it is.
+    """The plane faces that a seat lies on, where they are hardly larger than the seat; else the seat as it is.
 
     A shell's seat is cut to be on the safe side; a solid shows where the machined face ends.
     """
@@ -134,26 +136,43 @@ def _whole_face(ring: Ring, here: Interface, nodes: Array, faces: Integers, size
         return ring
     axis = here.axis / np.linalg.norm(here.axis)
     along = (nodes - here.point) @ axis
-    level = float(np.median(along[ring.nodes]))
-    flat = (np.abs(along[faces] - level) <= ON_PLANE * size).all(axis=1)
-    if np.abs(along[ring.nodes] - level).max() > 2.0 * size or not flat.any():
-        return ring
-    # Spread over the plane's faces from those of the seat.
-    face = np.isin(np.arange(len(nodes)), ring.nodes) & (np.abs(along - level) <= ON_PLANE * size)
-    while True:
-        grown = face.copy()
-        grown[faces[flat & face[faces].any(axis=1)]] = True
-        if (grown == face).all():
-            break
-        face = grown
     off = np.linalg.norm(nodes - here.point - along[:, None] * axis, axis=1)
-    found = np.flatnonzero(face)
-    if not found.size or off[found].max() > WHOLE_FACE * ring.radius:
+    in_ring = np.zeros(len(nodes), dtype=bool)
+    in_ring[ring.nodes] = True
+    # Across the axis, with a corner in the seat.
+    flat = np.ptp(along[faces], axis=1) <= 2.0 * ON_PLANE * size
+    planes = []
+    for level in np.unique(np.round(along[faces[flat & in_ring[faces].all(axis=1), 0]] / (ON_PLANE * size))):
+        same = flat & (np.abs(along[faces] - level * ON_PLANE * size) <= 2.0 * ON_PLANE * size).all(axis=1)
+        face = _spread(in_ring, faces[same])
+        if face.size and off[face].max() <= WHOLE_FACE * ring.radius:
+            planes.append(face)
+    if not planes:
         return ring
+    gap = [_gap(here, nodes[face], along[face]) for face in planes]
+    found = np.unique(np.concatenate([face for face, one in zip(planes, gap, strict=True) if one <= min(gap) + size]))
     radius = float(off[found].max())
-    return replace(
-        ring, nodes=found, radius=radius, words=f"whole plane face, {1e3 * radius:.4g} mm about the joint's axis"
-    )
+    words = f"whole plane face, {1e3 * radius:.4g} mm about the joint's axis"
+    return replace(ring, nodes=found, radius=radius, words=words)
+
+
+def _spread(start: Bools, faces: Integers) -> Integers:
+    """Nodes that faces (f, 3) lead to from those of ``start`` (n,) which are on them."""
+    on = np.zeros(len(start), dtype=bool)
+    on[faces[start[faces].all(axis=1)]] = True
+    while True:
+        grown = on.copy()
+        grown[faces[on[faces].any(axis=1)]] = True
+        if (grown == on).all():
+            return np.flatnonzero(on)
+        on = grown
+
+
+def _gap(here: Interface, nodes: Array, along: Array) -> float:
+    """How far a face is from the neighbour (m), or without one from the interface's point along the axis."""
+    if here.facing is None or not len(here.facing):
+        return float(np.abs(np.median(along)))
+    return float(np.quantile(KDTree(here.facing).query(nodes)[0], 0.25))
 
 
 def _with_middles(nodes: Integers, skin: Integers) -> Integers:

@@ -6,6 +6,7 @@ Netgen (LGPL 2.1) brings OpenCASCADE along, which reads STEP in mm whatever the 
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -44,19 +45,27 @@ def usual_size(area: float, volume: float) -> float:
     return max(float(np.sqrt(PER_AREA * area / USUAL_ELEMENTS)), float(np.cbrt(PER_VOLUME * volume / USUAL_ELEMENTS)))
 
 
-def read_step(path: Path, size: float | None, scale: float | None = None) -> tuple[Array, Integers, float, list[str]]:
-    """Nodes (k, 3) m, ten-noded tetrahedra (e, 10), their size (m) and notes, of the one solid in a STEP file.
+@dataclass(frozen=True)
+class StepSolid:
+    """The one solid of a STEP file: Netgen's shape, metres for its unit, area (m^2), volume (m^3), extent (2, 3) m."""
 
-    Parameters
-    ----------
-    size : element size, m; None gives some 25,000 elements
-    scale : metres for one mm of the file, where its unit is not what it says; None takes the file's own
+    name: str
+    shape: Any
+    metre: float
+    area: float
+    volume: float
+    extent: Array
+
+
+def open_step(path: Path, scale: float | None = None) -> StepSolid:
+    """Read a STEP file with one solid.
+
+    ``scale``: metres for one mm of the file, where its unit is not what it says; None takes the file's own.
 
     Raises
     ------
     InputError
-        No Netgen, file missing or unreadable, no solid or several, a solid that Netgen cannot mesh, far too many
-        elements.
+        No Netgen, file missing or unreadable, no solid or several.
     """
     require_netgen(f"STEP file {path.name}")
     require_positive("scale (m for one unit of the file)", scale)
@@ -79,15 +88,28 @@ def read_step(path: Path, size: float | None, scale: float | None = None) -> tup
         )
     metre = MM if scale is None else scale
     area = sum(float(face.mass) for face in solids[0].faces) * metre**2
-    volume = float(solids[0].mass) * metre**3
-    size = usual_size(area, volume) if size is None else size
-    _check_count(path.name, size, area, volume)
-    nodes, cells = _meshed_step(path.name, solids[0], size / metre)
+    extent = metre * np.array([list(corner) for corner in solids[0].bounding_box])
+    return StepSolid(path.name, solids[0], metre, area, float(solids[0].mass) * metre**3, extent)
+
+
+def mesh_step(solid: StepSolid, size: float | None) -> tuple[Array, Integers, float, list[str]]:
+    """Nodes (k, 3) m, ten-noded tetrahedra (e, 10), their size (m) and notes.
+
+    ``size`` m; None gives some 25,000 elements.
+
+    Raises
+    ------
+    InputError
+        A solid that Netgen cannot mesh, far too many elements.
+    """
+    size = usual_size(solid.area, solid.volume) if size is None else size
+    _check_count(solid.name, size, solid.area, solid.volume)
+    nodes, cells = _meshed_step(solid.name, solid.shape, size / solid.metre)
     notes = [
-        f"read one solid of {volume:.6g} m3 from {path.name}",
+        f"read one solid of {solid.volume:.6g} m3 from {solid.name}",
         f"meshed with {len(cells)} tetrahedra of {1e3 * size:.4g} mm",
     ]
-    return untangled(metre * nodes, cells), cells, size, notes
+    return untangled(solid.metre * nodes, cells), cells, size, notes
 
 
 def _meshed_step(name: str, solid: Any, size: float) -> tuple[Array, Integers]:
@@ -107,7 +129,7 @@ def _meshed_step(name: str, solid: Any, size: float) -> tuple[Array, Integers]:
 def in_surface(
     name: str, nodes: Array, faces: Integers, size: float | None
 ) -> tuple[Array, Integers, float, list[str]]:
-    """As :func:`read_step`, inside a closed surface, nodes (n, 3) m and faces (m, 3); hollows in it stay hollow.
+    """As :func:`mesh_step`, inside a closed surface, nodes (n, 3) m and faces (m, 3); hollows in it stay hollow.
 
     Middle nodes of the skin are put back onto the surface, so that elements follow its curvature.
 

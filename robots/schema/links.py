@@ -115,7 +115,8 @@ class Link(Strict):
     The centre line runs from the body's own joint to the next one, through ``via`` if given.
     ``beam_up`` is the direction (body frame) that the section's height follows. For shell links: openings and
     rims of the casing, or the ``surface`` in its place. For solid links: the ``solid``. For both: how the interfaces
-    (``root``, ``tip``, ``pin``) are coupled to their points (``flanges``; rigid where nothing is said). ``youngs_modulus`` overrides the material's.
+    (``root``, ``tip``, ``pin``) are coupled to their points (``flanges``; rigid where nothing is said).
+    ``youngs_modulus`` overrides the material's.
     """
 
     name: str
