@@ -11,6 +11,7 @@ sys.path[:0] = [str(HERE / "_site"), str(HERE.parent)]
 
 import command_pages  # noqa: E402 - found beside this file
 import docstrings  # noqa: E402
+import key_pages  # noqa: E402
 import package_pages  # noqa: E402
 
 project = "stiffarm"
@@ -54,6 +55,7 @@ html_theme_options = {"navigation_with_keys": True}
 def setup(app: object) -> None:
     """Write the generated pages, then let docstrings be read as they are meant."""
     command_pages.write(HERE / "reference" / "commands")
+    key_pages.write(HERE / "reference" / "keys")
     package_pages.write(HERE / "reference" / "python")
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # type: ignore[attr-defined]
     app.connect("autodoc-process-signature", docstrings.short)  # type: ignore[attr-defined]

@@ -11,7 +11,14 @@ if TYPE_CHECKING:
     from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
     from robots.inverse.turns import EquivalentPoses
     from robots.kinematics import BodyFrames, forward_kinematics, jacobian, tool_position
-    from robots.library.models import bundled_names, content_hash, load_description, load_robot, save_description
+    from robots.library.models import (
+        bundled_names,
+        content_hash,
+        library_names,
+        load_description,
+        load_robot,
+        save_description,
+    )
     from robots.robot import CouplingLimit, Parallelogram, Robot
     from robots.schema.description import LoadPath, ModelDescription
     from robots.urdf.reading import Primitive, UrdfRobot, Visual, read_urdf
@@ -42,6 +49,7 @@ __all__ = [
     "forward_kinematics",
     "inverse_kinematics",
     "jacobian",
+    "library_names",
     "load_description",
     "load_robot",
     "read_urdf",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robots.arrays import Array, Bools
+from robots.controller import ArmController, arm_controller
 from robots.errors import InputError, require_one_of
 from robots.frames import framed, rotation_rpy
 from robots.schema.description import Joint, ModelDescription, Placed
@@ -45,7 +46,8 @@ class Robot:
 
     Body 0 is the base, body i moves with joint i (1-based). ``T_body[i] = T_body[i-1] @ T_pre[i]
     @ Rot_z(theta_i) @ T_post[i]`` with ``theta = sign * q + offset``; each joint turns about the z axis
-    of its joint frame ``T_body[i-1] @ T_pre[i]``. ``T_post`` is a pure rotation.
+    of its joint frame ``T_body[i-1] @ T_pre[i]``. ``T_post`` is a pure rotation. ``controller``: the angles that its
+    controller shows, where these are others than q.
     """
 
     name: str
@@ -60,11 +62,17 @@ class Robot:
     T_last_flange: Array
     T_flange_tool: Array
     parallelogram: Parallelogram | None
+    controller: ArmController | None = None
 
     @property
     def dof(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    @property
+    def angle_names(self) -> tuple[str, ...]:
+        """Names that an angle may bear where people give it: the coordinates, and the controller's angles."""
+        return tuple(dict.fromkeys((*self.coordinates, *(self.controller.names if self.controller else ()))))
 
     def coordinate_index(self, coordinate: str) -> int:
         """Column of a joint coordinate in a pose array."""
@@ -158,6 +166,7 @@ def robot_from(description: ModelDescription) -> Robot:
         T_last_flange=_transform(description.flange),
         T_flange_tool=np.eye(4) if description.tool is None else _transform(description.tool),
         parallelogram=_parallelogram(description),
+        controller=arm_controller(description.controller, [joint.coordinate for joint in joints], description.name),
     )
     _check_parallelogram(robot)
     return robot

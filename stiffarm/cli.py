@@ -32,7 +32,8 @@ USE: Final = "Use"
 MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
-    "robots": Entry("robots", "robots", MODEL, "List the bundled robots, or show one in detail."),
+    "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
+    "new": Entry("new", "new", MODEL, "Make a model file of an arm, and tables to check it by."),
     "import": Entry(
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),

@@ -235,6 +235,7 @@ def _arm(name: str, file: _Robot) -> Robot:
         joint_names=tuple(file.joint_names),
         couplings=(),
         parallelogram=None,
+        controller=None,
         **arrays,
     )
 

@@ -15,7 +15,7 @@ from stiffarm.cli import COMMANDS, command_of
 
 DOCS = ROOT / "docs"
 # Written by the build (docs/conf.py).
-GENERATED = (DOCS / "reference" / "commands", DOCS / "reference" / "python")
+GENERATED = tuple(DOCS / "reference" / name for name in ("commands", "keys", "python"))
 LONGEST_README = 90
 FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1", re.MULTILINE | re.DOTALL)
 FENCE_BODY = re.compile(r"^ *```\w*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
@@ -122,6 +122,8 @@ def unknown_words(words: list[str]) -> list[str]:
         return words[:1]
     command, rest = command_of(words[0]), words[1:]
     if below := getattr(command, "commands", {}):
+        if words[0] == "robots" and (not rest or rest[0] not in below):
+            rest = ["show", *rest]  # as the command itself takes it
         if not rest or rest[0] not in below:
             return rest[:1] or words[:1]
         command = below[rest[0]]

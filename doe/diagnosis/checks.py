@@ -89,11 +89,13 @@ def checks(d: Diagnosis, rng: np.random.Generator | None = None) -> tuple[Check,
 
 def stated(d: Diagnosis, made: tuple[Check, ...]) -> float:
     """Probability of the first name after the factors of all checks that are about it; NaN without a name."""
-    if not d.found:
-        return math.nan
-    first = d.found[0]
-    p = min(first.probability, SUREST)
-    odds = p / (1.0 - p) * math.prod(c.factor for c in made if c.effect in ("", first.code))
+    return stated_of(d.found[0], made) if d.found else math.nan
+
+
+def stated_of(f: Found, made: tuple[Check, ...]) -> float:
+    """Probability of an effect that was taken up after the factors of all checks that are about it."""
+    p = min(f.probability, SUREST)
+    odds = p / (1.0 - p) * math.prod(c.factor for c in made if c.effect in ("", f.code))
     return odds / (1.0 + odds)
 
 

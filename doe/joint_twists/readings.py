@@ -151,7 +151,7 @@ class Cells:
 def read_cells(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Cells:
     """Parse the columns that both kinds of table have."""
     cells = (table, columns)
-    q = mc.numbers(*cells, robot.coordinates, faults, missing=0.0)
+    q = mc.joint_angles(*cells, robot, faults)
     wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
     point = mc.numbers(*cells, POINT, faults, missing=0.0)
     mc.numbers(*cells, ("step",), faults, empty="not known")

@@ -175,14 +175,15 @@ def find_columns(
     The contract has joint coordinates, loads and ``own`` columns; of each group ``needed`` (by what it is called), as
     of the first two, at least one must be there.
     """
-    columns, meant = sorted_columns(table, (*robot.coordinates, *LOADS, *own), faults)
+    angles = robot.angle_names
+    columns, meant = sorted_columns(table, (*angles, *LOADS, *own), faults)
     for name in [name for name in columns.unknown if _JOINT_LIKE.fullmatch(name)]:
         del columns.unknown[name]
         meant.update(robot.coordinates)
         faults.add(1, f"column {name} is not a joint coordinate of {robot.name}", value=name,
-                   allowed=", ".join(robot.coordinates),
+                   allowed=", ".join(angles),
                    remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
-    groups = {f"joint column of {robot.name}": robot.coordinates, "load column": LOADS, **needed}
+    groups = {f"joint column of {robot.name}": angles, "load column": LOADS, **needed}
     _check_groups(groups, {*columns.known, *meant}, faults)
     return columns
 
@@ -236,6 +237,8 @@ def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults
                    remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
 
 
+# What a sheet rounds angles of two conventions to; beyond it they contradict one another.
+SAME_ANGLE_rad: Final = float(np.radians(0.01))
 # No angle, load or deflection of an arm in the file's units comes near; beyond it products overflow.
 LARGEST_NUMBER = 1e12
 
@@ -288,6 +291,29 @@ def numbers(
                 problem = f"column {name}" + ("" if text else " is empty")
                 faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=str(error))
     return out
+
+
+def joint_angles(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
+    """Coordinates (n, dof) rad of the model: from its own columns, or from those of its controller's angles.
+
+    Where a row has both, they must agree; a column that is missing among those given is 0.
+    """
+    controller = robot.controller
+    own = [name for name in robot.coordinates if name in columns.known]
+    shown = () if controller is None else controller.names
+    other = [name for name in shown if name in columns.known and name not in robot.coordinates]
+    q = numbers(table, columns, robot.coordinates, faults, missing=0.0)
+    if controller is None or not other:
+        return q
+    read = controller.model(numbers(table, columns, shown, faults, missing=0.0))
+    if not set(own) - set(shown):
+        return read
+    for row in np.flatnonzero(np.abs(read - q).max(axis=1) > SAME_ANGLE_rad):
+        k = int(np.argmax(np.abs(read[row] - q[row])))
+        faults.add(table.lines[row], f"column {robot.coordinates[k]}", value=f"{np.degrees(q[row, k]):g}",
+                   allowed=f"{np.degrees(read[row, k]):g}, as the controller's angles of this row say",
+                   remedy=f"correct one of them, or keep only the columns {', '.join(shown)}")  # fmt: skip
+    return q
 
 
 def texts(table: RawTable, index: int | None) -> tuple[str, ...]:

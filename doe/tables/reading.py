@@ -89,7 +89,7 @@ def _checked(
 def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:
     """Parse all cells; rows with a fault are recorded and left out, so that later checks see numbers only."""
     cells = (table, columns)
-    q = mc.numbers(*cells, robot.coordinates, faults, missing=0.0)
+    q = mc.joint_angles(*cells, robot, faults)
     wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
     displacement = mc.numbers(*cells, DISPLACEMENTS, faults, empty="not read")
     point = mc.numbers(*cells, POINT, faults, empty="the tool point")
@@ -122,7 +122,9 @@ def _labels(q: Array) -> tuple[str, ...]:
 
 def column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
     """Say which columns are missing, and which are not used."""
-    for kind, group in (("joint", robot.coordinates), ("load", LOADS)):
+    shown = () if robot.controller is None else robot.controller.names
+    joints = shown if any(name in columns.known and name not in robot.coordinates for name in shown) else ()
+    for kind, group in (("joint", joints or robot.coordinates), ("load", LOADS)):
         if missing := [name for name in group if name not in columns.known]:
             yield f"{kind} columns missing, taken as 0: {', '.join(missing)}"
     if columns.unknown:
@@ -163,10 +165,16 @@ def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> di
     def column(name: str, values: Array) -> tuple[str, ...]:
         return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name) + 0.0).tolist())
 
-    needed = ("pose", *robot.coordinates, *LOADS, *to_fill)
+    # A sheet is filled in at the pendant: it shows the angles of its controller too.
+    shown = robot.controller if to_fill else None
+    more = () if shown is None else tuple(name for name in shown.names if name not in robot.coordinates)
+    needed = ("pose", *more, *robot.coordinates, *LOADS, *to_fill)
     names = (*robot.coordinates, *LOADS, *DISPLACEMENTS, *POINT, "sigma_mm", "step", "time_s", "temperature_C")
     values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step, m.time, m.temperature]).T
-    columns = {"pose": m.pose} | {name: column(name, v) for name, v in zip(names, values, strict=True)}
+    columns = {"pose": m.pose}
+    if shown is not None:
+        columns |= {n: column(n, v) for n, v in zip(shown.names, shown.controller(m.q).T, strict=True) if n in more}
+    columns |= {name: column(name, v) for name, v in zip(names, values, strict=True)}
     columns["repeat"] = tuple("" if number is None else str(number) for number in m.repeat)
     columns["phase"] = tuple(phase or "" for phase in m.phase)
     columns["session"] = m.session

@@ -78,12 +78,35 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
             (_choice("offset", "angle", "deg", OFFSETS, "what the angle is off by"),),
             lambda q, v, k: q[:, k] + v[0],
         )  # fmt: skip
-        if index and abs(axes[index] @ axes[index - 1]) > 1.0 - PARALLEL:
+        parallel = bool(index and abs(axes[index] @ axes[index - 1]) > 1.0 - PARALLEL)
+        yield from _uncoupled(model, index, name, parallel)
+        if parallel:
             yield _convention(
                 "coupling", index, name, f"{name}'s angle counts from the horizontal, not from the part before it",
                 (_choice("share", "ratio", "1", (-1.0, 1.0), "share of the angle before it that comes on top"),),
                 lambda q, v, k: q[:, k] + v[0] * q[:, k - 1],
             )  # fmt: skip
+
+
+def _uncoupled(model: ArmModel, index: int, name: str, parallel: bool) -> Iterator[Effect]:
+    """The table's angle is the joint's own after all, though the model says that its controller couples it.
+
+    Not where axes are ``parallel`` and the angle counts from the horizontal: with the other sign of its share that is
+    the effect ``angle-coupling`` already.
+    """
+    controller = model.robot.controller
+    if controller is None or index not in controller.coupled:
+        return
+    others = {int(k): abs(controller.matrix[index, k]) for k in np.flatnonzero(controller.matrix[index]) if k != index}
+    if parallel and others == {index - 1: 1.0}:
+        return
+
+    def alone(q: Array, _: Array, k: int) -> Array:
+        p = controller.controller(q)
+        return np.asarray(controller.matrix[k, k] * p[:, k] + controller.offset[k])
+
+    words = f"{name}'s angle is not coupled to others, as the model's [controller] says"
+    yield _convention("uncoupled", index, name, words, (), alone)
 
 
 def _point(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:

@@ -17,8 +17,10 @@ from machining.cell.reading import frame
 from machining.cell.schema import Placed, Strict
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
+from robots.controller import ArmController
 from robots.files.reading import parse_toml
 from robots.files.validated import tuples, validated
+from robots.frames import rpy_of
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 
@@ -27,6 +29,8 @@ SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
 class Convention(Strict):
     """A controller's angle is ``sign`` times this project's plus ``offset_deg``; frames as in cell files.
+
+    ``matrix``: where angles are coupled, a row of factors for each of the controller's angles, in place of ``sign``.
 
     ``base``: the controller's robot frame in the robot's base frame; left out where it is not known. ``flange``: the
     controller's flange frame in the robot's. ``external_sign`` and ``external_offset`` (mm, deg) likewise for linear
@@ -39,6 +43,7 @@ class Convention(Strict):
     notes: tuple[str, ...] = ()
     sign: tuple[Literal[-1, 1], ...]
     offset_deg: tuple[float, ...]
+    matrix: tuple[tuple[float, ...], ...] = ()
     base: Placed | None = None
     flange: Placed = Placed()
     external_sign: tuple[Literal[-1, 1], ...] = ()
@@ -56,10 +61,14 @@ class Convention(Strict):
 
     def controller_deg(self, q: Array) -> Array:
         """Angles (n, dof) deg as the controller counts them, of q (n, dof) rad."""
+        if self.matrix:
+            return np.asarray(np.degrees(q) @ np.array(self.matrix).T + self.offset_deg)
         return np.asarray(np.degrees(q) * self.sign + self.offset_deg)
 
     def radians(self, controller_deg: Array) -> Array:
         """Angles q (n, dof) rad of the controller's (n, dof) deg."""
+        if self.matrix:
+            return np.asarray(np.radians(np.linalg.solve(self.matrix, (controller_deg - self.offset_deg).T).T))
         return np.asarray(np.radians((controller_deg - self.offset_deg) * self.sign))
 
     def external(self, values: Array) -> Array:
@@ -72,7 +81,7 @@ class Convention(Strict):
 
 
 def convention_for(robot: Robot, externals: int, language: str, given: Convention | None) -> Convention:
-    """The convention given, else the bundled one of this robot and format.
+    """The convention given, else the bundled one of this robot and format, else that of the model's [controller].
 
     Raises
     ------
@@ -81,13 +90,17 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     """
     known = [] if given is not None else _bundled()
     found = given or next((c for c in known if c.robot == robot.name and language in c.formats), None)
+    if found is None and robot.controller is not None and language in robot.controller.formats:
+        found = _of_the_model(robot.controller, robot.name)
     if found is None:
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
             allowed="known for " + ", ".join(f"{c.robot} ({', '.join(c.formats)})" for c in known),
-            remedy="give sign and offset_deg of each joint in [arm] of the options, or write json or csv",
+            remedy="give sign and offset_deg of each joint in [arm] of the options, or formats in [controller] of the "
+            "model file, or write json or csv",
         )
-    for name, count in (("sign", len(found.sign)), ("offset_deg", len(found.offset_deg))):
+    rows = {("matrix", len(row)) for row in (found.matrix, *found.matrix) if found.matrix}
+    for name, count in (("sign", len(found.sign)), ("offset_deg", len(found.offset_deg)), *rows):
         if count != robot.dof:
             raise InputError(f"[arm] {name}", value=count, allowed=f"{robot.dof} numbers, one a joint")
     for name, count in (
@@ -98,6 +111,26 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
             allowed = f"{externals} numbers: linear axes, then the turntable"
             raise InputError(f"[arm] {name}", value=count, allowed=allowed)
     return found
+
+
+def _of_the_model(controller: ArmController, name: str) -> Convention:
+    """The [controller] table of a model file as a convention."""
+    back, dof = np.linalg.inv(controller.matrix), len(controller.names)
+    coupled = bool(controller.coupled) or not np.array_equal(np.abs(back), np.eye(dof))
+    return Convention(
+        robot=name,
+        sign=tuple(1 if coupled or back[i, i] > 0.0 else -1 for i in range(dof)),
+        offset_deg=tuple(np.degrees(-back @ controller.offset).tolist()),
+        matrix=tuple(map(tuple, back.tolist())) if coupled else (),
+        base=None if controller.T_base is None else _placed(controller.T_base),
+        flange=_placed(controller.T_flange),
+    )
+
+
+def _placed(T: Array) -> Placed:
+    x, y, z = (T[:3, 3] * 1e3).tolist()
+    roll, pitch, yaw = np.degrees(rpy_of(T[:3, :3])).tolist()
+    return Placed(position_mm=(x, y, z), rpy_deg=(roll, pitch, yaw))
 
 
 def _bundled() -> list[Convention]:

@@ -7,10 +7,11 @@ import json
 from contextlib import ExitStack
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
-from robots.errors import InputError
+from robots.errors import InputError, meant
 from robots.files.reading import parse_toml, read_text, recording
 from robots.files.validated import validated
 from robots.files.written import write_whole
@@ -22,9 +23,30 @@ from robots.urdf.xml import is_xml
 
 
 def bundled_names() -> tuple[str, ...]:
-    """Names of the bundled robots."""
-    files = resources.files("robots").joinpath("data").iterdir()
+    """Names of the bundled robots: those that somebody measured or described beyond their kinematics."""
+    return _names("data")
+
+
+def library_names() -> tuple[str, ...]:
+    """Names of the library's arms: kinematics, limits, payload and the controller's conventions, no springs."""
+    return _names("data", "library")
+
+
+def _names(*folder: str) -> tuple[str, ...]:
+    files = resources.files("robots").joinpath(*folder).iterdir()
     return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+def library_table() -> list[dict[str, Any]]:
+    """What a list says of each arm of the library; its files are ours, so they are read without their checks."""
+    out = []
+    for name in library_names():
+        text = resources.files("robots").joinpath("data", "library", f"{name}.toml").read_text(encoding="utf-8")
+        data = parse_toml(text, name)
+        figures = {f"{key}_kg": data[key]["value"] if key in data else None for key in ("payload", "mass")}
+        formats = data.get("controller", {}).get("formats", [])
+        out.append({"name": name, "title": data["title"], **figures, "formats": formats})
+    return out
 
 
 @recording()
@@ -39,16 +61,20 @@ def load_description(model: str | Path) -> ModelDescription:
         Unknown name, unreadable file, or a file that does not fit the schema (all faults at once).
     """
     name = str(model)
-    if name in bundled_names():
-        text = resources.files("robots").joinpath("data", f"{name}.toml").read_text(encoding="utf-8")
-        return parse_description(text, f"bundled robot {name}")
+    for names, folder, kind in ((bundled_names, (), "bundled robot"), (library_names, ("library",), "library arm")):
+        if name in names():
+            text = resources.files("robots").joinpath("data", *folder, f"{name}.toml").read_text(encoding="utf-8")
+            return parse_description(text, f"{kind} {name}")
     path = Path(model)
     if not _is_file(path):
+        begun = (known for known in library_names() if len(name) > 2 and known.startswith(name.lower()))
+        close = meant(name, ", ".join(library_names())) or next(begun, None)
         raise InputError(
             "model",
             value=name,
-            allowed=f"{', '.join(bundled_names())}, or the path of a model TOML or a URDF",
-            remedy="`stiffarm robots` lists the bundled ones",
+            allowed=f"{', '.join((*bundled_names(), *([close] if close else [])))}, an arm of the library, or the path "
+            "of a model TOML or a URDF",
+            remedy="`stiffarm robots` lists all names; `stiffarm new` makes a model file of an arm that is not there",
         )
     if is_xml(path):
         return read_urdf(path).description
@@ -113,6 +139,8 @@ def content_hash(description: ModelDescription) -> str:
     data = description.model_dump(mode="json", by_alias=True)
     if not data["effect"]:
         del data["effect"]  # models of the time before effects keep their hash
+    if data["controller"] is None:
+        del data["controller"]  # and those of the time before controllers' angles
     if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
     if data["load"] is not None and data["load"]["point"] is None:

@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from robots.errors import twice
+from robots.schema.controller import AxisTerm, Controller, ControllerAngle, Placed
 from robots.schema.effects import EffectNumber, EffectTable
 from robots.schema.links import (
     BoxSection,
@@ -34,6 +36,7 @@ from robots.schema.quantities import (
     Length,
     Mass,
     Position,
+    Quantity,
     RotationalStiffness,
     Strict,
     TranslationalStiffness,
@@ -49,15 +52,19 @@ from robots.schema.springs import (
     TableLaw,
 )
 from robots.schema.uncertainty import CalibrationUncertainty, UndeterminedNumber
+from robots.schema.units import DIMENSIONS
 
 __all__ = [
     "BUILT_IN_SOURCES",
     "SCHEMA",
+    "AxisTerm",
     "BearingLaws",
     "BoxSection",
     "Calibration",
     "CalibrationUncertainty",
     "ComplianceEntry",
+    "Controller",
+    "ControllerAngle",
     "Coupling",
     "CouplingTerm",
     "DHRow",
@@ -93,6 +100,8 @@ __all__ = [
 ]
 
 SCHEMA = "stiffarm-model/1"
+# The longest links of industrial arms have some 3 m.
+LONGEST_LINK_m = 20.0
 BUILT_IN_SOURCES = ("assumed", "derived", "definition")
 
 LoadPath = Literal["parallelogram", "serial"]
@@ -106,6 +115,17 @@ class ReferenceFaults(ValueError):  # noqa: N818 - a list of faults
         super().__init__("; ".join(faults))
 
 
+def _check_length(key: str, length: Quantity) -> None:
+    """Refuse what no arm has between two joints: as a rule a decimal point too far, or another unit."""
+    for number in np.abs(length.si_array):
+        if not number <= LONGEST_LINK_m:
+            most = LONGEST_LINK_m / DIMENSIONS["length"].units[length.unit]
+            raise ValueError(
+                f"{key} has {number * most / LONGEST_LINK_m:g} {length.unit}, but no arm has more than {most:g} "
+                f"{length.unit} from one joint to the next; check unit and decimal point"
+            )
+
+
 class DHRow(Strict):
     """One row of modified DH parameters: ``Rot_x(alpha) Trans_x(a) Rot_z(theta) Trans_z(d)``.
 
@@ -116,18 +136,22 @@ class DHRow(Strict):
     a: Length
     d: Length
 
-
-class Placed(Strict):
-    """Where something is in the frame before it, and how it is turned there."""
-
-    xyz: Position
-    rpy: Angles | None = None
+    @model_validator(mode="after")
+    def _of_an_arm(self) -> Self:
+        _check_length("a", self.a)
+        _check_length("d", self.d)
+        return self
 
 
 class FrameRow(Placed):
     """A joint's frame in its parent body's frame, and the joint axis in that frame."""
 
     axis: Direction = (0.0, 0.0, 1.0)
+
+    @model_validator(mode="after")
+    def _of_an_arm(self) -> Self:
+        _check_length("xyz", self.xyz)
+        return self
 
 
 class Joint(Strict):
@@ -226,6 +250,11 @@ class LoadPlacement(Strict):
 class Flange(Placed):
     """The flange in the last body's frame."""
 
+    @model_validator(mode="after")
+    def _of_an_arm(self) -> Self:
+        _check_length("xyz", self.xyz)
+        return self
+
 
 class Calibration(Strict):
     """Where calibrated springs came from, and how sure they are (``uncertainty``, where the calibration can say)."""
@@ -261,6 +290,7 @@ class ModelDescription(Strict):
     link: tuple[Link, ...] = ()
     parallelogram: ParallelogramBar | None = None
     coupling: tuple[Coupling, ...] = ()
+    controller: Controller | None = None
     effect: tuple[EffectTable, ...] = ()
     calibration: Calibration | None = None
 

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 # From this many bars on, their numbers stand upright; from the second on they are left out.
 _BARS_UPRIGHT, _BARS_BARE = 20, 48
+# As many as colours: no two series of bars differ by hue alone.
+HATCHES: Final = ("", "////", "....", "xxxx", "\\\\\\\\", "++++")
 # Bands below this mean share everywhere are drawn together.
 _LEAST_BAND: Final = 0.03
 _GREYS: Final = ("#4E545B", "#DADDE1")
@@ -77,7 +79,12 @@ def bars_figure(
     with drawing(heading, (10.0, 4.0)) as (figure, (ax,)):
         for i, (name, heights) in enumerate(zip(series, values, strict=True)):
             at = np.arange(len(labels)) + (i - (len(series) - 1) / 2) * step
-            ax.bar(at, np.minimum(heights, top), 0.92 * step, color=colours[i % len(colours)], label=name)
+            look: dict[str, Any] = {
+                "color": colours[i % len(colours)],
+                "hatch": HATCHES[i % len(HATCHES)],
+                "edgecolor": "white",
+            }
+            ax.bar(at, np.minimum(heights, top), 0.92 * step, label=name, **look)
             for x, height in zip(at, heights, strict=True):
                 _value(ax, x, height, top, values.size, digits)
         for (name, value), style in zip((lines or {}).items(), ("--", ":"), strict=False):

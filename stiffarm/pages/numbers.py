@@ -62,6 +62,15 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{round(value, places):,.{max(places, 0)}f}".replace("-", "−")
 
 
+def percent(value: float) -> str:
+    """A probability: ``82 %``; never 0 % or 100 % for what is neither."""
+    if 0.0 < value < 0.005:
+        return "below 1 %"
+    if value >= 0.995:
+        return "above 99 %"
+    return f"{100.0 * value:.0f} %"
+
+
 def known_to(value: float, low: float, high: float) -> str:
     """A number with the digits that its interval leaves it: 44,717 within 20,000 and 90,000 is ``45,000``."""
     return _to_place(value, high - low)

@@ -28,14 +28,19 @@ _CAMERA = style.Camera(np.array([0.55, -1.0, 0.42]))
 
 
 def pose_pictures(
-    description: ModelDescription, robot: Robot, q: Array, direction: Array, progress: Progress | None = None
+    description: ModelDescription,
+    robot: Robot,
+    q: Array,
+    direction: Array | None,
+    progress: Progress | None = None,
 ) -> list[str]:
-    """A base64 PNG for each pose q (n, dof) rad under a load along direction (n, 3); all at the same scale."""
+    """A base64 PNG for each pose q (n, dof) rad under a load along direction (n, 3) or none; all at the same scale."""
     tool = tool_position(robot, forward_kinematics(robot, q)) * M_TO_MM
     nothing = np.zeros((0, 3))
     scenes = [Scene(_CAMERA, nothing, nothing, tuple(draw_robot(description, robot, one))) for one in q]
     reach = max(float(np.linalg.norm(body.mesh.bounds, axis=1).max()) for scene in scenes for body in scene.bodies)
-    arrows = [np.stack([end, end + 0.22 * reach * d]) for end, d in zip(tool, direction, strict=True)]
+    along = np.zeros((len(q), 3)) if direction is None else direction
+    arrows = [np.stack([end, end + 0.22 * reach * d]) for end, d in zip(tool, along, strict=True)]
     extent = _extent(scenes, arrows)
     out = []
     for scene, arrow in zip(scenes, arrows, strict=True):
@@ -61,7 +66,8 @@ def _drawn(scene: Scene, arrow: Array, extent: tuple[float, float, float, float]
         axes.imshow(image, extent=extent, aspect="auto", interpolation="antialiased")
         start, end = _CAMERA(arrow)[:, :2]
         look = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": _ARROW, "lw": 2.6}
-        axes.annotate("", end, start, arrowprops={**look, "shrinkA": 0.0, "shrinkB": 0.0})
+        if (arrow[0] != arrow[1]).any():
+            axes.annotate("", end, start, arrowprops={**look, "shrinkA": 0.0, "shrinkB": 0.0})
         axes.set(xlim=extent[:2], ylim=extent[2:])
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=WIDTH / _SIZE_IN[0])

@@ -28,6 +28,8 @@ from stiffarm.pages.scenes import Image, Scene, Window, gl_image, z_buffer_image
 Renderer = Literal["pyvista", "matplotlib"]
 
 NO_GL_VARIABLE: Final = "STIFFARM_NO_GL"
+# Pixels drawn for one of the picture, along each side: reducing them smooths the edges.
+FINENESS = 2.0
 _WINDOW_VARIABLE: Final = "VTK_DEFAULT_OPENGL_WINDOW"
 _PROBE: Final = """
 import pyvista
@@ -127,6 +129,5 @@ def drawn(figure: Figure, axes: Axes, scene: Scene, works: bool, fineness: float
 
 def show(figure: Figure, axes: Axes, scene: Scene, works: bool) -> None:
     """Draw a scene into such axes."""
-    # Reducing the pixels smooths the edges.
-    image, window = drawn(figure, axes, scene, works, fineness=2.0)
+    image, window = drawn(figure, axes, scene, works, fineness=FINENESS)
     axes.imshow(image, extent=window.extent, aspect="auto", zorder=2, interpolation="antialiased")

@@ -36,7 +36,7 @@ def value_words(spot: Spot) -> str:
 def interval_words(spot: Spot) -> str:
     """``95 %: 260 to 330 N/mm``."""
     if not spot.has_interval:
-        return "no interval: not calibrated"
+        return "no interval known"
     more = f"; open: {open_words(spot.open_names, 1)}" if spot.open_names else ""
     return f"95\u00a0%: {ranged(spot.low, spot.high, UNIT)}{more}"
 
@@ -76,7 +76,10 @@ def lede(found: WorkspaceStiffness) -> str:
 def interval_remark(found: WorkspaceStiffness) -> str:
     """What the intervals hold, and what they do not."""
     if not found.has_intervals:
-        return "There is no interval: the model was not calibrated, or its springs stand at bounds."
+        return (
+            "There is no interval: no calibration left the covariance of its parameters. One that matches each pose by "
+            "itself has none, nor have springs at their bounds."
+        )
     text = "Intervals (95\u00a0%) hold the uncertainty of the calibrated parameters"
     if found.open_names:
         return f"{text}, but not what the readings left open: {open_words(found.open_names, 4)}."

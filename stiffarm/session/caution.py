@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from fem.arm import Arm
 
+# The source of springs that nobody measured: the middle of what arms of the size have (`stiffarm new --springs class`).
+CLASS_PRIOR = "class-prior"
 RIGID_AS_ASKED = "Joints held rigid, as asked: only the links give way here."
 
 _said: ContextVar[str] = ContextVar("caution", default="")
@@ -35,8 +37,15 @@ def cautioned(text: str) -> Iterator[None]:
 
 
 def uncalibrated(arm: Arm) -> str:
-    """The warning of a model with joints held rigid for want of a spring; empty where every joint has one."""
+    """The warning of a model with joints held rigid for want of a spring, or with springs that nobody measured."""
     rigid, joints = arm.joints_without_springs, len(arm.model.joints)
+    prior = [j.name for j in arm.description.joint if getattr(j.stiffness, "source", None) == CLASS_PRIOR]
+    if not rigid and prior:
+        which = "the springs" if len(prior) == joints else f"springs of {', '.join(prior)}"
+        return (
+            f"Not calibrated: {which} are a class prior, the middle of what arms of this size have. "
+            "The real ones may be several times softer or stiffer."
+        )
     if not rigid:
         return ""
     if len(rigid) == joints:

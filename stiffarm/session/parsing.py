@@ -119,9 +119,12 @@ def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
 
 
 def parse_pose(robot: Robot, text: str) -> Array:
-    """One pose (dof,) rad from ``q2_deg=5,q3real_deg=77.5``; the rest is 0. Limits are checked."""
-    values = parse_pairs(text, "--pose", robot.coordinates)
-    q = np.radians([values.get(name, 0.0) for name in robot.coordinates])
+    """One pose (dof,) rad from ``q2_deg=5,q3real_deg=77.5``; the rest is 0. Limits are checked.
+
+    The controller's angles may be given instead, all that are not 0 of them.
+    """
+    values = parse_pairs(text, "--pose", robot.angle_names)
+    q = angles_of(robot, values, "--pose")
     wrong = robot.violations(q)
     if wrong:
         raise InputError(
@@ -129,6 +132,22 @@ def parse_pose(robot: Robot, text: str) -> Array:
             remedy="keep the ranges named (a coordinate that is not given stands at 0)",
         )
     return np.asarray(q)
+
+
+def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
+    """Coordinates (dof,) rad from angles in deg by name, all the model's or all the controller's; the rest is 0."""
+    shown = () if robot.controller is None else robot.controller.names
+    other = [name for name in values if name not in robot.coordinates]
+    if robot.controller is None or not other:
+        return np.radians([values.get(name, 0.0) for name in robot.coordinates])
+    mixed = [name for name in values if name not in shown]
+    if mixed:
+        raise InputError(
+            f"{option}: {', '.join(mixed)} beside {', '.join(other)}",
+            allowed=f"either the model's coordinates or the controller's angles: {', '.join(shown)}",
+            remedy="give all angles in one of the two",
+        )
+    return np.asarray(robot.controller.model(np.radians([[values.get(name, 0.0) for name in shown]]))[0])
 
 
 def parse_load(text: str, option: str = "--load") -> Array:

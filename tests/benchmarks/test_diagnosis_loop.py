@@ -74,7 +74,7 @@ def test_what_is_counted() -> None:
 
 @pytest.mark.slow
 def test_a_foreign_set_is_measured_on_until_something_is_named(tmp_path: Path) -> None:
-    folders = make(tmp_path, 5, single=12, none=0, outside=0, pairs=0)
+    folders = make(tmp_path, 5, single=4, none=0, outside=0, pairs=0)
     few = min(folders, key=lambda folder: (folder / "readings.csv").stat().st_size)
     (one,) = [s for s in study_sets(tmp_path) if s.folder == few]
     r = run_set(one, steps=1)

@@ -42,12 +42,19 @@ def _table() -> dict[tuple[str, str], dict[int, float]]:
 
 
 PRINTED = _table()
+FINE = 32
+
+
+# The brief's 1 %: other formulations of the same theory leave 0.1 to 0.7 % on these meshes.
+SAME_THEORY = 0.01
+
+
+def _ours(element: str) -> str:
+    return next(name for name, shape in OURS.items() if shape == SHAPES[element])
 
 
 def _agree(problem: str, element: str, n: int) -> None:
-    ours = next(name for name, shape in OURS.items() if shape == SHAPES[element])
-    # The brief's 1 %: other formulations of the same theory leave 0.1 to 0.7 % on these meshes.
-    assert ratio(problem, element, n) == pytest.approx(ratio(problem, ours, n), rel=0.01)
+    assert ratio(problem, element, n) == pytest.approx(ratio(problem, _ours(element), n), rel=SAME_THEORY)
 
 
 # Quads of the same kind: enhanced membrane, MITC4 bending and a treatment of warp of its own.
@@ -61,20 +68,22 @@ def test_triangles_agree_with_shelldkgt(problem: str, n: int) -> None:
     _agree(problem, "ShellDKGT", n)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("problem", "element"),
     # ShellMITC4 has no correction for warp and has not converged at n = 96.
     [k for k in PRINTED if k[1] not in OURS and not (k[0].startswith("twisted") and k[1] == "ShellMITC4")],
 )
 def test_all_agree_where_both_have_converged(problem: str, element: str) -> None:
-    _agree(problem, element, max(PRINTED[problem, element]))
+    printed, ours = PRINTED[problem, element], PRINTED[problem, _ours(element)]
+    assert printed[max(printed)] == pytest.approx(ours[max(printed)], rel=SAME_THEORY)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("problem", "element"), PRINTED)
 def test_the_printed_table_is_what_comes_out(problem: str, element: str) -> None:
-    printed = PRINTED[problem, element]
+    # The finest meshes take most of the time: elements take turns, one a problem.
+    turn = list(SHAPES)[list(COURSE).index(problem) % len(SHAPES)]
+    printed = {n: value for n, value in PRINTED[problem, element].items() if n <= FINE or element == turn}
     found = [ratio(problem, element, n) for n in printed]
     # Three digits are printed: half of the last one, and a little for other solvers' round-off.
     np.testing.assert_allclose(found, list(printed.values()), rtol=0, atol=5.5e-4)

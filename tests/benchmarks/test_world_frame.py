@@ -235,7 +235,7 @@ def test_wishes_are_dealt_evenly() -> None:
     assert {sum(f == w.families[0] for w in found) for f in KNOWN} == {2}
     assert sum(w.reads == "z" for w in found) == sum(w.outliers for w in found) == len(KNOWN)
     assert [sum(w.poses == n for w in found) for n in (9, 27, 81)] == [14, 35, 21]
-    for number, wish in enumerate(sets.wishes(np.random.default_rng(1), "pair", 60)):
+    for number, wish in enumerate(sets.wishes(np.random.default_rng(1), "pair", 20)):
         one, two = sets.draw(replace(wish, poses=9), number).effects
         assert (one.family != two.family, one.place != two.place) == (True, True)
 

@@ -15,7 +15,13 @@ from doe.estimation.campaign import load_campaign
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import ArmModel, build_model
-from robots import load_description
+from robots import forward_kinematics, load_description, load_robot
+from robots.library.commented import commented_toml
+from robots.library.dh import description_from_dh
+from robots.library.models import parse_description
+from robots.robot import robot_from
+from stiffarm.commands.new.dh_table import read_dh
+from stiffarm.commands.robots.pendant_table import read_pendant
 from stiffarm.commands.study.sets import study_set
 
 from .mutate_tables import TABLE, WORKBOOK
@@ -23,6 +29,8 @@ from .readers_arm import JSON, TOML
 from .registry import Reader
 from .samples import Sample
 from .trial import ROOT, require, require_finite
+
+ROBOT = load_robot("kr60-3")
 
 WIDE = """pose,repeat,phase,step,q1_deg,q2_deg,q3real_deg,q4_deg,q5_deg,q6_deg,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,\
 dx_mm,dy_mm,dz_mm,rx_mrad,ry_mrad,rz_mrad,px_mm,py_mm,pz_mm,sigma_mm,who,time_s,session,temperature_C
@@ -192,9 +200,35 @@ def _study(path: Path, name: str) -> object:
         return found
 
 
+def _dh_tables() -> list[Sample]:
+    head, rows = "joint,alpha_deg,a_mm,d_mm,theta_deg,lower_deg,upper_deg,sign", "j1,0,0,815,0,-185,185,1\nj2,-90,350,0"
+    return [Sample(".csv", f"{head}\n{rows},0,-135,35,-1\nflange,0,0,170,90,,,\n".encode())]
+
+
+def _dh_arm(path: Path) -> object:
+    lines, flange = read_dh(path, "--mdh")
+    made = description_from_dh(lines, flange, "modified", name="arm", title="arm", where=path.name, sha256="")
+    require(parse_description(commented_toml(made), "written back") == made, "new model: another description")
+    require_finite(forward_kinematics(robot_from(made), np.zeros((1, len(lines)))), "new model: kinematics")
+    return made
+
+
+def _pendant_tables() -> list[Sample]:
+    row = "P1,10,-60,30,1,2,3,1500,20,900,180,-30,5\nP2,20,-70,40,1,2,3,,,,,,"
+    return [Sample(".csv", f"pose,{','.join(ROBOT.coordinates)},x_mm,y_mm,z_mm,w_deg,p_deg,r_deg\n{row}\n".encode())]
+
+
+def _pendant(path: Path) -> object:
+    readings, _, _ = read_pendant(path, ROBOT)
+    require_finite((readings.q, readings.position), "pendant readings")
+    return readings
+
+
 READERS: dict[str, Reader] = {
     "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
     "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
+    "measurement file: Denavit-Hartenberg": Reader(_dh_tables, _dh_arm, TABLE),
+    "measurement file: pendant": Reader(_pendant_tables, _pendant, TABLE),
     "measurement file: joint twists": Reader(
         lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0
     ),

@@ -17,14 +17,16 @@ from .registry import readers, turn
 from .samples import Sample
 from .trial import PACKAGES, ROOT, attempt
 
-# Kinds that are not data: the user's own effects are Python code that he runs on purpose.
-CODE = {"effect file"}
+# Kinds that are not data: the user's own effects are Python code, and xacro files macros with expressions in Python;
+# whoever gives one runs it on purpose.
+CODE = {"effect file", "xacro file"}
 # Hashing what another reader has read.
 HASHED = {"input file"}
 # Who may open files by other means than robots.files.reading: place -> why.
 ELSEWHERE = {
     "robots/files/reading.py _ordinary": "the one place",
     "robots/library/models.py load_description": "bundled with the package",
+    "robots/library/models.py library_table": "bundled with the package",
     "doe/estimation/campaign.py bundled_campaign": "bundled with the package",
     "machining/programs/convention.py _bundled": "bundled with the package",
     "stiffarm/pages/parts.py": "bundled with the package",

@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
-from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, Command, FullRun, run_apart, run_here
+from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, Command, FullRun, run_here
+from matplotlib.figure import Figure
 
 from doe import bundled_data
+from doe.diagnosis import nested, setting
 from robots import load_description
 from robots.library.models import to_toml
+from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.pages import pose_pictures, rendering
 from surrogate import training
+
+# Families of effects that a quick diagnosis looks among.
+FAMILIES = (
+    "angle-dependent-stiffness", "backlash", "drift", "friction", "joint-compliance", "load-path", "payload",
+)  # fmt: skip
+
+# A PNG of one white pixel.
+PIXEL = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGP4DwABAQEAsTj2FAAAAABJRU5ErkJggg==")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _coarse_pictures() -> Iterator[None]:
+    """Scenes are drawn with few pixels, which are most of a picture's time: nobody looks at these."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rendering, "FINENESS", 0.5)
+        patch.setattr(pose_pictures, "FINENESS", 1)
+        yield
 
 
 @contextmanager
@@ -21,6 +44,48 @@ def few_runs() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for name, count in (("CALIBRATION_RUNS", 1500), ("HELD_OUT_UNIFORM", 1500), ("HELD_OUT_BOUNDARY", 64)):
             patch.setattr(training, name, count)
+        yield
+
+
+@contextmanager
+def quick_diagnosis(*families: str) -> Iterator[None]:
+    """Diagnose among few families of effects, in two folds at most: what commands do with the result is the same."""
+    every, wanted = setting.catalogue, families or FAMILIES
+
+    def few(*given: Any, **more: Any) -> Any:
+        return {code: e for code, e in every(*given, **more).items() if code.partition(":")[0] in wanted}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(setting, "catalogue", few)
+        patch.setattr(nested, "SPLIT", 2)
+        patch.setattr(diagnosing, "nested", lambda *given, **more: nested.nested(*given, **more | {"folds": 2}))
+        yield
+
+
+@pytest.fixture
+def quick_diagnoses() -> Iterator[None]:
+    """Every diagnosis of a test is a quick one."""
+    with quick_diagnosis():
+        yield
+
+
+@contextmanager
+def blank_pictures() -> Iterator[None]:
+    """Every picture is one pixel: files and pages are the same, and nothing is drawn."""
+
+    def savefig(_: Figure, target: Any, **__: Any) -> None:
+        target.write(PIXEL) if hasattr(target, "write") else Path(target).write_bytes(PIXEL)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", savefig)
+        patch.setattr(rendering, "show", lambda *_: None)
+        yield
+
+
+@pytest.fixture
+def blank() -> Iterator[None]:
+    """No picture of a test is drawn."""
+    with blank_pictures():
         yield
 
 
@@ -48,7 +113,8 @@ def data_file() -> Path:
 def calibrated(tmp_path_factory: pytest.TempPathFactory, data_file: Path) -> Path:
     """The folder of a calibration with constant springs."""
     folder = tmp_path_factory.mktemp("calibrated") / "out"
-    outcome = run_here("calibrate", "xr701", data_file, "--scheme", "global", "--out", folder)
+    with blank_pictures():
+        outcome = run_here("calibrate", "xr701", data_file, "--scheme", "global", "--out", folder)
     assert outcome.code == 0, outcome.err
     return folder
 
@@ -57,7 +123,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory, data_file: Path) -> Pat
 def fitted(tmp_path_factory: pytest.TempPathFactory, calibrated: Path) -> Path:
     """The folder of a surrogate of the calibrated model."""
     folder = tmp_path_factory.mktemp("fitted") / "out"
-    with few_runs():
+    with few_runs(), blank_pictures():
         outcome = run_here("fit", calibrated / "model.toml", "--runs", "1400", "--out", folder)
     assert outcome.code == 0, outcome.err
     return folder
@@ -77,4 +143,5 @@ def hostile_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def full_run(tmp_path_factory: pytest.TempPathFactory, hostile_model: Path) -> FullRun:
     """The whole chain on the published data, with a coarse map and a hostile title."""
     folder = tmp_path_factory.mktemp("run") / "deep" / "out"
-    return FullRun(run_apart("run", hostile_model, "--out", folder, "--points", "4"), folder)
+    with quick_diagnosis(), few_runs():
+        return FullRun(run_here("run", hostile_model, "--out", folder, "--points", "4"), folder)

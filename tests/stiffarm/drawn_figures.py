@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from colour_blind import alike
 from figure_texts import texts
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -23,11 +24,15 @@ TOUCH = 1.0
 
 @dataclass
 class Drawn:
-    """A saved figure: its title, size of its smallest letters as a page shows them (px), labels that overlap."""
+    """A saved figure: its title, size of its smallest letters as a page shows them (px), labels that overlap.
+
+    ``alike``: series that only a hue tells apart.
+    """
 
     title: str
     smallest_px: float
     overlaps: list[str] = field(default_factory=list)
+    alike: list[str] = field(default_factory=list)
 
 
 @contextmanager
@@ -51,7 +56,7 @@ def looked_at(figure: Figure) -> Drawn:
     inches = float(figure.get_size_inches()[0])
     scale = min(PX_PER_INCH, PAGE_PX / inches) / 72.0
     title = figure.get_suptitle() or next((ax.get_title(loc="left") for ax in figure.axes), "")
-    return Drawn(title, min((one.size for one in seen), default=np.inf) * scale, overlaps(figure))
+    return Drawn(title, min((one.size for one in seen), default=np.inf) * scale, overlaps(figure), alike(figure))
 
 
 def overlaps(figure: Figure) -> list[str]:
@@ -88,4 +93,5 @@ def _shared(one: Bbox, other: Bbox) -> bool:
 def faults(figures: Sequence[Drawn], least_px: float = 11.0) -> list[str]:
     """What is wrong with them, in words."""
     small = [f"{f.title}: letters of {f.smallest_px:.1f} px" for f in figures if f.smallest_px < least_px]
-    return small + [f"{f.title}: {pair}" for f in figures for pair in f.overlaps]
+    pairs = [f"{f.title}: {pair}" for f in figures for pair in f.overlaps]
+    return small + pairs + [f"{f.title}: told apart by hue alone: {pair}" for f in figures for pair in f.alike]

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from doe.calibration.run import StageResult
 from doe.certainty.uncertainty import LawBand, law_band
-from doe.published.pose_studies import PoseStudies
+from doe.published.pose_studies import PoseStudies, SpringPoints, fit_law
 from fem.free.parameters import FreeLaw
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from
 from robots import Robot
 from robots.arrays import Array
+from robots.schema.description import LogPolynomialLaw
 from stiffarm.session.json_text import number
 
 # Points of a grid along each of one, or of two angles.
@@ -56,14 +57,19 @@ def _estimated(s: StageResult, law: FreeLaw) -> LawCurve:
 
 
 def study_curves(studies: Sequence[PoseStudies], robot: Robot) -> list[LawCurve]:
-    """Every law put through springs calibrated pose by pose, over the angles that it holds for."""
+    """Every law put through springs calibrated pose by pose, over the angles that it holds for.
+
+    Bands are what would match the readings as well, each pose by itself.
+    """
     out = []
-    for joint, law, points in ((j, law, s.points[j]) for s in studies for j, law in s.laws.items()):
+    for study, joint, law in ((s, j, law) for s in studies for j, law in s.laws.items()):
+        points = study.points[joint]
         centre, half = np.array(law.centre_deg), np.array(law.half_range_deg)
         angles = _grid(np.stack([centre - half, centre + half], axis=1))
         columns = [robot.coordinate_index(name) for name in law.inputs]
-        stiffness = 1.0 / spring_from(robot, law).compliance(_poses(robot, columns, np.radians(angles)))
-        known, read = _exact(stiffness), _exact(points.stiffness)
+        at = _poses(robot, columns, np.radians(angles))
+        ranges = np.stack([fit.equivalent[fit.joints.index(joint)] for fit in study.fits])
+        known, read = _matching(robot, law, points, ranges, at), _of_points(points, ranges)
         kind = f"polynomial of degree {max(map(sum, law.exponents), default=0)}"
         out.append(LawCurve(joint, kind, law.inputs, angles, known, np.degrees(points.angles), read, points.origin))
     return sorted(out, key=lambda curve: robot.joint_names.index(curve.joint))
@@ -83,9 +89,32 @@ def _poses(robot: Robot, columns: Sequence[int], angles: Array) -> Array:
     return q
 
 
-def _exact(stiffness: Array) -> LawBand:
-    nothing = np.full(len(stiffness), np.nan)
-    return LawBand(np.asarray(stiffness), nothing, nothing)
+def _matching(robot: Robot, law: LogPolynomialLaw, points: SpringPoints, ranges: Array, q: Array) -> LawBand:
+    """A law through points at poses q (n, dof), and how far it moves as they do within their ``ranges`` (m, 2).
+
+    The logarithm of the law is linear in those of the points, which were matched one by one: their ways add up like
+    errors. NaN where a point has no range, for nothing matched there.
+    """
+
+    def of(one: LogPolynomialLaw) -> Array:
+        return -np.log(spring_from(robot, one).compliance(q))
+
+    degree, middle = max(map(sum, law.exponents), default=0), of(law)
+    squares = np.zeros((2, len(q)))
+    for k, (low, high) in enumerate(ranges.tolist()):
+        # A mirrored point moves with the one that it mirrors.
+        moved = np.array([i % len(ranges) == k and o != "held" for i, o in enumerate(points.origin)])
+        stepped = replace(points, stiffness=points.stiffness * np.where(moved, np.e, 1.0))
+        share = of(fit_law(robot, stepped, degree, law.source)) - middle
+        ways = share[:, None] * np.log([low / points.stiffness[k], high / points.stiffness[k]])
+        squares += np.stack([np.minimum(ways, 0.0).min(axis=1) ** 2, np.maximum(ways, 0.0).max(axis=1) ** 2])
+    return LawBand(np.exp(middle), np.exp(middle - np.sqrt(squares[0])), np.exp(middle + np.sqrt(squares[1])))
+
+
+def _of_points(points: SpringPoints, ranges: Array) -> LawBand:
+    """Points with their ranges; those that were held have none."""
+    each = [ranges[i % len(ranges)] if o != "held" else [np.nan] * 2 for i, o in enumerate(points.origin)]
+    return LawBand(points.stiffness, *np.array(each).T)
 
 
 def _inputs(law: FreeLaw) -> tuple[list[int], str]:

@@ -49,7 +49,9 @@ def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
     path = c.model.load_path
     caption = (
         f"{path.capitalize()} load path: regression of each spring over its angles. Filled points were calibrated, "
-        "hollow ones mirrored, grey ones held at the start value during an earlier stage."
+        "hollow ones mirrored, grey ones held at the start value during an earlier stage. Strokes and band: what would "
+        "match the readings as well, to within the gauge, with the other springs of the stage free; a law with a point "
+        "that nothing matches has no band."
     )
     figure = laws_figure(study_curves(c.found.studies, c.model.robot))
     blocks: list[Block] = [studies_table(c), pictures.add(figure, f"springs_against_angle_{path}", caption)]

@@ -6,6 +6,7 @@ import numpy as np
 
 from doe.certainty.lack_of_fit import FLAGGED, outliers
 from doe.published.parametric import PoseFit
+from doe.published.pose_studies import IDENTIFIED_WITHIN
 from doe.tables.columns import COMPONENTS
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
@@ -59,19 +60,20 @@ def studies_table(c: Calibrated) -> Table:
     """The springs of every pose that was studied by itself."""
     return Table(
         f"Level studies pose by pose, {c.model.load_path} load path: {c.found.count}, RMS {c.found.rms_mm:.3f} mm",
-        ("stage", "pose", "springs (1e6 N m/rad)", "error (mm)", "runs", "would match as well (1e6 N m/rad)"),
-        tuple(_study_row(s.stage.name, fit) for s in c.found.studies for fit in s.fits),
-        text_columns=(0, 2, 5),
+        ("stage", "pose", "spring", "value (1e6 N m/rad)", "would match as well", "identified", "error (mm)", "runs"),
+        tuple(row for s in c.found.studies for fit in s.fits for row in _study_rows(s.stage.name, fit)),
+        text_columns=(0, 2, 4, 5),
     )
 
 
-def _study_row(stage: str, fit: PoseFit) -> tuple[str, ...]:
-    springs = ", ".join(f"{j} {mega(k)}" for j, k in zip(fit.joints, fit.stiffness, strict=True))
-    ranges = ", ".join(
-        f"{j} {mega(a)} to {mega(b)}" if np.isfinite(a) else f"{j}: nothing matches"
-        for j, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
-    )
-    return stage, fit.pose, springs, f"{fit.error_mm:+.3f}", str(fit.runs), ranges
+def _study_rows(stage: str, fit: PoseFit) -> list[tuple[str, ...]]:
+    """A row for each spring: its value at this pose, what would match as well, and whether that identifies it."""
+    rows: list[tuple[str, ...]] = []
+    for joint, k, (low, high) in zip(fit.joints, fit.stiffness, fit.equivalent, strict=True):
+        matching = f"{mega(low)} to {mega(high)}" if np.isfinite(low) else "nothing matches"
+        known = "yes" if high < IDENTIFIED_WITHIN * low else "no"
+        rows.append((stage, fit.pose, joint, mega(k), matching, known, f"{fit.error_mm:+.3f}", str(fit.runs)))
+    return rows
 
 
 def numbers_table(s: StageFindings) -> Table:

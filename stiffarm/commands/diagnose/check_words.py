@@ -34,11 +34,6 @@ def check_sentences(d: Diagnosis) -> tuple[str, ...]:
     return (f"No check speaks against {_all(d)}: {passed} passed{beside}.",)
 
 
-def last_doubt(d: Diagnosis) -> tuple[str, ...]:
-    """What the last look still doubts, where that is not said among the checks that failed."""
-    return tuple(_sentence(c.evidence) for c in d.checks if c.code == "nothing-left" and c.passed is not False)
-
-
 def check_table(d: Diagnosis) -> Table:
     """All checks, folded."""
     rows = tuple((c.code, c.effect or "all", RESULT[c.passed], c.evidence, _factor(c)) for c in d.checks)
@@ -52,7 +47,3 @@ def _factor(c: Check) -> str:
 
 def _all(d: Diagnosis) -> str:
     return d.found[0].code if len(d.found) == 1 else f"all {len(d.found)} effects together"
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."

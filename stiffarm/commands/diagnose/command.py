@@ -142,4 +142,6 @@ def _show(found: Diagnosed) -> None:
         [h.code, f"{100.0 * h.probability:.1f} %", f"{h.log_evidence:.1f}", f"{h.lopo_rms_mm:.4f}"]
         for h in found.found.ranking.hypotheses[:8]
     ]
-    show_table("Candidates", ["code", "probability", "log evidence", "RMS of poses left out (mm)"], rows)
+    show_table(
+        "Candidates", ["code", "probability", "log evidence", "RMS of poses left out, at its own noise (mm)"], rows
+    )

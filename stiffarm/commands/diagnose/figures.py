@@ -13,18 +13,23 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.bars import bars_figure
+from stiffarm.pages.dumbbells import dumbbells_figure
 from stiffarm.pages.figure_parts import drawing, named_columns, named_rows, note
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]
 _MANY_BARS, _NUMBERED = 12, 3
 _MANY_POINTS: Final = 250
-EFFECT: Final = OKABE_ITO["blue"]
-CHOSEN: Final = OKABE_ITO["green"]
 UNKNOWN: Final = OKABE_ITO["orange"]
-NOTHING: Final = "#8A9097"
+# Looks of candidates by kind: they differ by lightness or hatching, not by hue alone.
+_KINDS: Final[dict[str, dict[str, Any]]] = {
+    "effect": {"facecolor": OKABE_ITO["sky"], "edgecolor": "white"},
+    "chosen": {"facecolor": OKABE_ITO["blue"], "edgecolor": "white"},
+    "none": {"facecolor": "#D5D8DC", "edgecolor": "#6F757D", "linewidth": 0.8},
+    "unknown": {"facecolor": UNKNOWN, "edgecolor": "white", "hatch": "////"},
+}
 _MOST_TWINS: Final = 18
 
 
@@ -151,7 +156,7 @@ def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
 def gap_figure(
     rows: Mapping[str, tuple[float, float]], noise: float, least: float, name: str = "noise alone"
 ) -> Figure:
-    """Draw the RMS error (mm) before and after, a pair of bars for each way to judge it (name -> before, after).
+    """Draw the RMS error (mm) before and after, a dumbbell for each way to judge it (name -> before, after).
 
     ``noise``: what noise alone would give, called ``name``; ``least``: the least that springs alone could reach in
     the fit. After is NaN where the model did not change.
@@ -163,14 +168,10 @@ def gap_figure(
     """
     if not rows:
         raise InputError("gap figure: no errors to draw")
-    series = {when: {label: pair[k] for label, pair in rows.items()} for k, when in enumerate(("before", "after"))}
-    if all(np.isnan(pair[1]) for pair in rows.values()):
-        del series["after"]
-    lines = {f"{name}: {noise:.3f}": noise}
+    lines = {f"{name}: {significant(noise)}": noise}
     if np.isfinite(least):
-        lines[f"springs alone, at best: {least:.3f}"] = least
-    heading = "The gap between simulation and measurement"
-    return bars_figure(heading, series, "RMS error (mm)", lines=lines, colours=(BEFORE, AFTER))
+        lines[f"springs alone, at best: {significant(least)}"] = least
+    return dumbbells_figure("The gap between simulation and measurement", rows, "RMS error (mm)", lines=lines)
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,6 @@ class Bar:
 
     name: str
     probability: float
-    left_out_rms_mm: float
     kind: str
 
 
@@ -245,7 +245,7 @@ def _with_sd(value: float, sd: float) -> str:
 
 
 def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
-    """Draw the candidates: probability, and the error at poses left out.
+    """Draw how probable the candidates are.
 
     Raises
     ------
@@ -254,33 +254,21 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
     """
     if not bars:
         raise InputError("ranking figure: no candidates to draw")
-    colours = {"effect": EFFECT, "chosen": CHOSEN, "none": NOTHING, "unknown": UNKNOWN}
     words = {"chosen": "taken into the model", "effect": "other effects", "none": "nothing missing",
              "unknown": "something unknown"}  # fmt: skip
     y = np.arange(len(bars))
-    size = (10.0, 1.7 + 0.34 * len(bars))
-    with drawing(heading, size, 1, 2, sharey=True, width_ratios=[1.7, 1.0]) as (figure, (left, right)):
-        left.barh(y, [100.0 * b.probability for b in bars], 0.68, color=[colours[b.kind] for b in bars])
+    with drawing(heading, (10.0, 1.4 + 0.3 * len(bars))) as (figure, (ax,)):
+        drawn = ax.barh(y, [100.0 * b.probability for b in bars], 0.68)
+        for patch, b in zip(drawn, bars, strict=True):
+            patch.set(**_KINDS[b.kind])
         for k, b in enumerate(bars):
-            note(left, _percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
-        named_rows(left, [words[b.kind] if b.kind in ("none", "unknown") else b.name for b in bars])
-        left.set(xlim=(0.0, 112.0), xticks=range(0, 101, 20), xlabel="probability (%)")
-        rms = [b.left_out_rms_mm for b in bars]
-        right.hlines(y, 0.0, rms, color="#D5D8DC", linewidth=1.4)
-        right.scatter(rms, y, s=34, color=[colours[b.kind] for b in bars], zorder=3, linewidths=0)
-        right.set(xlim=(0.0, 1.12 * max(rms)), xlabel="error at poses left out, RMS (mm)")
-        right.grid(visible=False, axis="y")
-        right.tick_params(axis="y", length=0)
+            note(ax, percent(b.probability), (100.0 * b.probability, k), (4, 0), ha="left")
+        named_rows(ax, [words[b.kind] if b.kind in ("none", "unknown") else b.name for b in bars])
+        ax.set(xlim=(0.0, 112.0), xticks=range(0, 101, 20), xlabel="probability (%)")
         kinds = [kind for kind in words if any(b.kind == kind for b in bars)]
-        handles = [Patch(color=colours[kind], label=words[kind]) for kind in kinds]
+        handles = [Patch(label=words[kind], **_KINDS[kind]) for kind in kinds]
         figure.legend(handles=handles, loc="outside lower left", ncols=4)
     return figure
-
-
-def _percent(p: float) -> str:
-    if p > 0.9995:
-        return "> 99.9 %"
-    return f"{100.0 * p:.1f} %" if p >= 0.0005 else "< 0.1 %"
 
 
 def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:

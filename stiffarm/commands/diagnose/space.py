@@ -15,7 +15,7 @@ from robots.arrays import Array
 from robots.constants import M_TO_MM
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Text
+from stiffarm.pages.report import Block, Picture, Text
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.steps import VERTICAL
@@ -115,26 +115,34 @@ def write_cost(made: CostMap, d: Diagnosed, new: Arm, folder: OutputFolder, befo
     folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
 
 
-def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pictures, before: str = "") -> list[Block]:
-    """The gap at the measured poses, and what leaving the effects out costs over the workspace.
+def campaign_picture(d: Diagnosed, found: Gaps, pictures: Pictures, before: str = "") -> Picture:
+    """The whole campaign in space: the gap at the measured poses, and the poses to measure next.
 
     ``before``: what file names begin with, as of :func:`write_cost`.
     """
     from stiffarm.commands.diagnose.space_figure import space_figure
+
+    planned = None if d.proposal is None else d.proposal.q
+    next_ = "" if planned is None else " Diamonds with dashed arms: set-ups proposed to measure next."
+    return pictures.add(
+        space_figure(found, d.given, planned, changed=bool(d.in_model)),
+        "gap_in_space",
+        f"Arrows of measured minus simulated displacement.{next_} {before}{GAP_FILE} opens in ParaView with all loads.",
+    )
+
+
+def cost_blocks(d: Diagnosed, made: CostMap | None, pictures: Pictures, before: str = "") -> list[Block]:
+    """What leaving the effects out costs over the workspace; nothing where none was found.
+
+    ``before``: what file names begin with, as of :func:`write_cost`.
+    """
     from stiffarm.commands.maps.figures.whole import one_figure
 
-    blocks: list[Block] = [
-        pictures.add(
-            space_figure(found, d.given, changed=bool(d.in_model)),
-            "gap_in_space",
-            f"Arrows of measured minus simulated displacement. {before}{GAP_FILE} opens in ParaView with all loads.",
-        )
-    ]
     if made is None:
-        return blocks
+        return []
     of, worst = made.figures, made.worst_pose_deg
     where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in worst.items() if value)
-    blocks += [
+    return [
         Text(
             f"Without {made.data.metadata['effects']} the model would be off by {of.median:.2f} mm under "
             f"{made.load_N:.4g} N straight down (median of {of.count:,} poses over the joint limits), and by up to "
@@ -148,4 +156,3 @@ def space_blocks(d: Diagnosed, found: Gaps, made: CostMap | None, pictures: Pict
             "ParaView. Far from the measured poses both models extrapolate.",
         ),
     ]
-    return blocks

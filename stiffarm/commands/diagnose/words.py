@@ -5,27 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from doe.diagnosis.checks import stated_of
 from doe.diagnosis.diagnose import Found
-from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.nested import Nested
-from doe.diagnosis.proposals.next_readings import NextReadings
-from doe.diagnosis.proposals.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.base import Effect
 from fem.effects.learned import axes_of
 from stiffarm.commands.diagnose.check_words import check_sentences
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
+from stiffarm.commands.diagnose.ladder import NAMES
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.report import Block, Bullets, Table, Text
-from stiffarm.session.direction_words import set_up_rows
+from stiffarm.pages.numbers import percent, significant
 from stiffarm.session.noise_words import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15
-# Below this, "nothing missing" is not what is most probable.
-HALF = 0.5
-NAMES = {NONE: "nothing missing", UNKNOWN: "something unknown"}
+# Below this, "nothing missing" is not what is most probable; names below it are suspicions, from SURE on they are firm.
+HALF, SURE = 0.5, 0.8
 NAMED = 3
 # What something unknown varies with, for a sentence.
 BY = {
@@ -33,16 +31,6 @@ BY = {
     "session": "the day or visit", "direction": "the direction of the load", "": "the pose",
 }  # fmt: skip
 NAMED_ODD = 6
-NEXT: dict[Kind, str] = {
-    "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
-    "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
-    "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
-    "again with larger loads.",
-    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in "
-    "the new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
-    "unknown": "Look at the poses named above first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
-    "can be tried with --effect FILE.py.",
-}
 
 
 def headline(d: Diagnosed) -> str:
@@ -51,6 +39,8 @@ def headline(d: Diagnosed) -> str:
     if found.verdict == "none":
         if hints(d):
             return "These readings do not prove that anything is missing, but they hint at it."
+        if found.rankings[0].of(NONE).probability < SURE:
+            return "These readings do not show that anything is missing; they leave room for something small."
         if is_residual(found.after.setting.data):
             return (
                 "Nothing is missing that these readings could show. Without repeats, how much of what is left is noise "
@@ -60,25 +50,35 @@ def headline(d: Diagnosed) -> str:
     if not d.tells:
         return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
     if found.verdict == "named":
-        names = _and([what(f) for f in found.effects])
+        names = and_list([what(f) for f in found.effects])
         beside = f" Beside that, with no name: {_learned(found.learned)}." if found.learned else ""
-        return f"What is missing has a name: {names}.{beside}"
+        return f"{as_sure(d, 'What is missing has a name')}: {names}.{beside}"
     if found.verdict == "learned":
         return f"Something is missing that the catalogue has no name for: {_learned(found.learned)}."
     if found.verdict == "ambiguous" and found.effects:
-        names = _and([what(f) for f in found.effects])
-        return f"Missing: {names}. Beyond that these readings cannot tell which it is: {_rivals(d)}."
+        names = and_list([what(f) for f in found.effects])
+        beside = (
+            f"these readings cannot tell which it is: {rivals_text(d)}" if d.rivals else "something unknown is left"
+        )
+        return f"{as_sure(d, 'Missing')}: {names}. Beyond that {beside}."
     if found.verdict == "ambiguous":
-        return f"Something is missing, but these readings cannot tell which of several effects it is: {_rivals(d)}."
+        return f"Something is missing, but these readings cannot tell which of several effects it is: {rivals_text(d)}."
     if found.provisional:
-        codes = _and([f.code for f in found.provisional])
+        codes = and_list([f.code for f in found.provisional])
         return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
     return "Something is missing that no effect of the catalogue explains."
 
 
+def as_sure(d: Diagnosed, said: str) -> str:
+    """What is said of a name, less firmly the less probable its checks leave it."""
+    if d.found.stated >= SURE:
+        return said
+    return "Probably missing" if d.found.stated >= HALF else "Suspected, though its checks speak against it"
+
+
 def _learned(found: Sequence[Found]) -> str:
     """``joint j2 turns by a law of its own over its torque (along load, pose; learned-torque:j2)``."""
-    return _and([_law(f.placed.effect) for f in found])
+    return and_list([_law(f.placed.effect) for f in found])
 
 
 def _law(effect: Effect) -> str:
@@ -102,15 +102,8 @@ def how_sure(d: Diagnosed) -> str:
         return (
             f"{d.found.reason[0].upper()}{d.found.reason[1:]}. No number is given from them, and no model is written."
         )
-    if d.found.verdict == "named":
-        parts = [f"{f.code} {percent(f.probability)}" for f in d.found.effects]
-        return (
-            f"Probability among all candidates when it was found: {', '.join(parts)}; {d.found.reason}. "
-            f"After the checks below {percent(d.found.stated)} are left for {d.found.effects[0].code}."
-        )
-    if d.found.verdict == "learned":
-        parts = [f"{f.code} {percent(f.probability)}" for f in d.found.learned]
-        return f"Probability when it was found: {', '.join(parts)}; {d.found.reason}."
+    if d.found.verdict in ("named", "learned"):
+        return f"{then_and_now(d)}; {d.found.reason}."
     if d.found.verdict == "none":
         none = first.of(NONE).probability
         other = next(h for h in first.hypotheses if h.code != NONE)
@@ -132,7 +125,19 @@ def how_sure(d: Diagnosed) -> str:
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
-    return f"Probabilities: {', '.join(parts)}; {d.found.reason}."
+    sure = f"{then_and_now(d)}. " if d.found.effects else ""
+    beyond = " beyond that" if d.found.effects else ""
+    return f"{sure}Probabilities{beyond}: {', '.join(parts)}; {d.found.reason}."
+
+
+def then_and_now(d: Diagnosed) -> str:
+    """``load-path 42 % now that its checks are heeded (92 % when it was found)``, of each name."""
+    made = d.found.checks
+    parts = [
+        f"{f.code} {percent(stated_of(f, made))} ({percent(f.probability)} before)"
+        for f in (*d.found.effects, *d.found.learned)
+    ]
+    return f"Probability after the checks: {', '.join(parts)}"
 
 
 def gap_sentence(d: Diagnosed) -> str:
@@ -140,17 +145,18 @@ def gap_sentence(d: Diagnosed) -> str:
     before, after, h = d.found.before, d.found.after, d.held_out
     a, b = d.unseen_rms_mm
     if not d.in_model:
-        text = f"The model with fitted springs is {before.fit_rms_mm:.3f} mm (RMS) off its readings"
+        text = f"The model with fitted springs is {significant(before.fit_rms_mm)} mm (RMS) off its readings"
         where = f"at {unseen_poses(d)}" if h is None else f"on {h.data.source}, which it has not seen"
         read = rms_mm(before.setting.data.value, before.setting.data.component)
         if not d.tells:
-            return f"{text}, which are {read:.3f} mm (RMS) themselves, and {a:.3f} mm {where}."
-        return f"{text} and {a:.3f} mm {where}; {_floor(d)}."
+            return f"{text}, which are {significant(read)} mm (RMS) themselves, and {significant(a)} mm {where}."
+        return f"{text} and {significant(a)} mm {where}; {_floor(d)}."
     where = f"At {unseen_poses(d)}" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
-        f"{where} the error went from {a:.3f} to {b:.3f} mm RMS (in the fit from {before.fit_rms_mm:.3f} to "
-        f"{after.fit_rms_mm:.3f} mm; no springs alone get below {least_rms_mm(d.found):.3f} mm). "
-        f"{_without_odd(d)}{_sentence(_floor(d))}."
+        f"{where} the error went from {significant(a)} to {significant(b)} mm RMS (in the fit from "
+        f"{significant(before.fit_rms_mm)} to {significant(after.fit_rms_mm)} mm; no springs alone get "
+        f"below {significant(least_rms_mm(d.found))} mm). "
+        f"{_without_odd(d)}{sentence(_floor(d))}."
     )
 
 
@@ -168,18 +174,21 @@ def unseen_poses(d: Diagnosed) -> str:
     return f"poses it has not seen ({d.nested.folds} folds, effects chosen anew in each)"
 
 
-def nested_sentence(n: Nested) -> str:
-    """What the folds found."""
+def chosen_anew(n: Nested) -> str:
+    """What the folds found and how far off they are: the error to rely on."""
     chosen = ", ".join(f"{code} in {count} of {n.folds}" for code, count in n.chosen.items())
-    return f"Found without the poses left out: {chosen or 'nothing, in any fold'}."
+    return (
+        f"The error to rely on is that of poses which the whole search had not seen: {significant(n.rms_before_mm)} → "
+        f"{significant(n.rms_after_mm)} mm. Found without them: {chosen or 'nothing, in any fold'}."
+    )
 
 
 def _floor(d: Diagnosed) -> str:
     """What noise alone would give, or what the model leaves where only that is known."""
     floor, p = noise_floor_mm(d.found), d.found.after.setting.data
     if is_residual(p):
-        return f"{RESIDUAL}, from which no repeats tell the noise, is put at {floor:.3f} mm"
-    return f"noise alone would give {floor:.3f} mm"
+        return f"{RESIDUAL}, from which no repeats tell the noise, is put at {significant(floor)} mm"
+    return f"noise alone would give {significant(floor)} mm"
 
 
 def where_sentences(d: Diagnosed) -> tuple[str, ...]:
@@ -257,20 +266,13 @@ def numbers_sentence(d: Diagnosed, f: Found) -> str:
     return "; ".join(number_text(n) for n in mine) or "no number: it is there or it is not"
 
 
-def percent(value: float) -> str:
-    """``82 %``; never 0 % or 100 % for what is neither."""
-    if 0.0 < value < 0.005:
-        return "below 1 %"
-    if value >= 0.995:
-        return "above 99 %"
-    return f"{100.0 * value:.0f} %"
+def rivals_text(d: Diagnosed) -> str:
+    """Effects between which the verdict could not choose."""
+    return " or ".join(d.rivals[:4]) + (" or others" if len(d.rivals) > 4 else "") if d.rivals else "something unknown"
 
 
-def _rivals(d: Diagnosed) -> str:
-    return " or ".join(d.rivals[:4]) + (" or others" if len(d.rivals) > 4 else "") if d.rivals else "none stands out"
-
-
-def _and(parts: Sequence[str]) -> str:
+def and_list(parts: Sequence[str]) -> str:
+    """``a, b and c``."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
@@ -299,76 +301,9 @@ def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
     )
 
 
-def next_sentence(d: Diagnosed) -> str:
-    """What to do next."""
-    if d.found.verdict == "ambiguous" and d.found.same:
-        return (
-            f"In these readings {_and([f.code for f in d.found.provisional] or ['it'])} cannot be told from "
-            f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
-            "readings measured against the robot's base, the tool point); further readings help only where they differ."
-        )
-    if d.nothing_next and d.found.verdict != "unknown":
-        return f"No further set-up would settle it: {d.nothing_next}."
-    if d.found.verdict == "ambiguous":
-        return f"Readings that differ between {_rivals(d)} would settle it."
-    if d.still_open:
-        return _still_open(d)
-    if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
-        return _beside_twins(d)
-    return NEXT[d.found.verdict]
-
-
-def _still_open(d: Diagnosed) -> str:
-    """What a name could still be instead."""
-    parts = []
-    for code, others in d.still_open.items():
-        best = look_of(d.found, code)
-        listed = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
-        parts.append(f"{code} could still be {listed}")
-    return f"{_and(parts)}: readings that differ between them would settle it."
-
-
-def _beside_twins(d: Diagnosed) -> str:
-    """Why nothing is left to settle of a name that others could imitate."""
-    parts = []
-    for f in d.found.effects:
-        if others := d.twins.get(f.code):
-            parts.append(f"{_and(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}")
-    return (
-        f"{_and(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the name."
-    )
-
-
-def proposal_text(n: NextReadings) -> str:
-    """Loads, phases and repeats of a proposal."""
-    done = n.protocol
-    loads = ", ".join(f"{v:g}" for v in done.forces)
-    way = "put on one after the other and taken off again" if done.unloading else "put on one after the other"
-    read = ", ".join(
-        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
-    )
-    return (
-        f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
-        f"of {loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
-        "`stiffarm diagnose MODEL DATA next_readings.csv`."
-    )
-
-
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
     """With a capital, unless it begins with a code."""
     return text if ":" in text.split()[0] or "-" in text.split()[0] else f"{text[0].upper()}{text[1:]}"
-
-
-def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
-    """The proposal as text, what it is expected to tell, and a table of set-ups."""
-    heads = ("set-up", *(f"{c.removesuffix('_deg')} (deg)" for c in d.given.robot.coordinates), "load")
-    return [
-        Text(proposal_text(n)),
-        Bullets(tuple(f"{_sentence(w)}." for w in n.words)),
-        Table(
-            "Set-ups to measure next", heads, set_up_rows(n.labels, n.q, n.direction), (0, len(heads) - 1), folded=True
-        ),
-    ]
 
 
 def summary(d: Diagnosed) -> list[str]:

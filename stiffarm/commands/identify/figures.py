@@ -16,7 +16,7 @@ from doe.joint_twists import Direction, Identified
 from doe.joint_twists.substitute import Errors, Window
 from fem.statics.ports import ROWS
 from robots import InputError
-from stiffarm.pages.bars import bars_figure
+from stiffarm.pages.bars import HATCHES, bars_figure
 from stiffarm.pages.figure_parts import SERIES, above, drawing, log_ticks, note, panels
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
@@ -154,7 +154,16 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
                 note(ax, "n.i." if d.status == "not identified" else "n.d.", (x, bottom * 1.1), rotation=90,
                      va="bottom", size=8, color="#666666")  # fmt: skip
                 continue
-            bar = ax.bar(x, factor * d.mean - bottom, 0.25, bottom=bottom, color=SERIES[r])
+            bar = ax.bar(
+                x,
+                factor * d.mean - bottom,
+                0.25,
+                bottom=bottom,
+                color=SERIES[r],
+                hatch=HATCHES[r],
+                edgecolor="white",
+                linewidth=0.0,
+            )
             half = float(np.nan_to_num(factor * d.quantile * d.spread))
             low = min(half, factor * d.mean - 0.5 * bottom)
             ax.errorbar(x, factor * d.mean, [[low], [half]], color=INK, linewidth=1.0, capsize=2.0)

@@ -103,10 +103,13 @@ def _head(column: str) -> str:
 
 
 def angles(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
-    """Joint coordinates with their angles in deg, as texts."""
+    """Angles in deg as texts, as the controller counts them where that is known, else the model's coordinates."""
+    names = robot.coordinates
+    if robot.controller is not None:
+        names, q = robot.controller.names, robot.controller.controller(q[None])[0]
     return tuple(
         (name.removesuffix("_deg"), f"{np.degrees(v):.5g}".replace("-", "−") if abs(v) > 1e-9 else "0")
-        for name, v in zip(robot.coordinates, q, strict=True)
+        for name, v in zip(names, q, strict=True)
     )
 
 

@@ -83,7 +83,7 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
         kinds = {"none": "none", "unknown": "unknown"} | dict.fromkeys(r.verdict.found, "chosen")
         names = {r.world.code: f"{r.world.code} (hidden)"}
         bars = [
-            Bar(h.code if h.code in ("none", "unknown") else names.get(h.code, h.code), h.probability, h.lopo_rms_mm,
+            Bar(h.code if h.code in ("none", "unknown") else names.get(h.code, h.code), h.probability,
                 kinds.get(h.code, "effect"))
             for h in shown
         ]  # fmt: skip

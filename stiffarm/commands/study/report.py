@@ -11,7 +11,7 @@ from stiffarm.commands.study import words
 from stiffarm.commands.study.figures import reliability_figure, scores_figure
 from stiffarm.commands.study.scores import KINDS, Row, reliability, scores
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, write_page
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 
 QUESTION = "how often is the diagnosis right?"
@@ -25,25 +25,25 @@ def write_report(rows: Sequence[Row], name: str, folder: OutputFolder) -> None:
             f"{count[k]} with an effect {text}" for k, text in KINDS.items() if count[k]) + "."  # fmt: skip
     by = {s.name: s.share for s in scores(rows)}
     key = [
-        KeyFigure(words.rate(by[name]), label)
+        KeyFigure(words.rate(by[name]), label, f"95\u00a0%: {words.interval(by[name])}" if by[name].of else "")
         for name, label in (
             ("right family leads, detectable", "right family leads, of the detectable single effects"),
             ("named and right, detectable", "of these were named right"),
             ("a wrong name, all sets", "sets got a wrong name"),
         )
     ]
-    sections = [_short(rows, pictures), _groups(rows, pictures)]
+    picture = pictures.add(scores_figure(scores(rows)), "scores", "Scores, with the number of sets in brackets.")
+    sections = [_short(rows), _groups(rows, pictures)]
     sections += [replace(_every(rows), folded=True), replace(_how(), folded=True)]
-    sure = "Every set was diagnosed blind; intervals of the rates stand in the table of scores."
-    write_page(folder, name, lede, key, sections, QUESTION, "", Answer(sure))
+    sure = "Every set was diagnosed blind; the intervals of the rates are exact."
+    write_page(folder, name, lede, key, sections, QUESTION, "", Answer(sure, words.todo(rows), picture))
 
 
-def _short(rows: Sequence[Row], pictures: Pictures) -> Section:
+def _short(rows: Sequence[Row]) -> Section:
     return Section(
         "In short",
         (
-            *(Note(text) for text in words.summary(rows)),
-            pictures.add(scores_figure(scores(rows)), "scores", "Scores, with the number of sets in brackets."),
+            Bullets(tuple(words.summary(rows))),
             Table("Scores", words.HEADS, _unbroken(words.lines(rows)), (0, 4, 5)),
         ),
     )

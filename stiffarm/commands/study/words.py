@@ -10,16 +10,28 @@ from stiffarm.commands.study.scores import KINDS, SHRINK, Row, Score, by_family,
 HEADS = ("of", "share", "sets", "95 % interval", "aim", "met")
 FAMILY_HEADS = ("effect", "sets", "detectable", "right family", "exact", "named and right")
 TAG_HEADS = ("tag", "value", "right family leads, detectable singles", "a wrong name, all sets")
+# Shares of fewer sets than this are counts.
+FEW = 10
+# Rates of fewer sets than this tell little.
+TELLING = 50
 RELIABILITY_HEADS = ("stated", "mean stated", "right", "95 % interval", "holds")
 
 
 def rate(s: Share) -> str:
-    """``85 % of 20``; a dash where there is none."""
-    return f"{100 * s.count / s.of:.1f} % of {s.of}" if s.of else "-"
+    """``85.0 % of 20``; of a few ``2 of 3``, for percents say too much of them; a dash where there is none."""
+    if not s.of:
+        return "-"
+    return f"{100 * s.count / s.of:.1f} % of {s.of}" if s.of >= FEW else f"{s.count} of {s.of}"
 
 
 def _counted(s: Share) -> str:
-    return f"{s.count} ({100 * s.count / s.of:.1f} %)" if s.count else "none"
+    if not s.count or s.of < FEW:
+        return str(s.count or "none")
+    return f"{s.count} ({100 * s.count / s.of:.1f} %)"
+
+
+def _sets(count: int) -> str:
+    return f"{count} set" if count == 1 else f"{count} sets"
 
 
 def interval(s: Share) -> str:
@@ -42,7 +54,8 @@ def lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
 def _line(s: Score) -> tuple[str, ...]:
     aim = "" if s.aim is None else f"{'at most' if s.at_most else 'at least'} {100 * s.aim:.0f} %"
     met = {None: "", True: "yes", False: "no"}[s.is_met]
-    return (s.name, f"{100 * s.share.count / s.share.of:.1f} %", str(s.share.of), interval(s.share), aim, met)
+    share = f"{100 * s.share.count / s.share.of:.1f} %" if s.share.of >= FEW else rate(s.share)
+    return (s.name, share, str(s.share.of), interval(s.share), aim, met)
 
 
 def families(rows: Sequence[Row]) -> list[tuple[str, ...]]:
@@ -74,13 +87,14 @@ def summary(rows: Sequence[Row]) -> list[str]:
     led, named = by["right family leads, detectable"], by["named and right, detectable"]
     if named.of:
         out.append(
-            f"{named.of} sets have one effect that the readings can show (chi-square {DETECTABLE:.0f} and more): the "
-            f"right family leads in {_counted(led)}, and {_counted(named)} were named right."
+            f"{_sets(named.of)} with one effect that the readings can show (chi-square {DETECTABLE:.0f} and more): the "
+            f"right family leads in {_counted(led)}, and {_counted(named)} {'was' if named.count == 1 else 'were'} "
+            "named right."
         )
     wrong, calm = by["a wrong name, all sets"], by["nothing hidden: a name"]
-    out.append(f"A wrong name was given in {_counted(wrong)} of {wrong.of} sets.")
+    out.append(f"A wrong name was given in {_counted(wrong)} of {_sets(wrong.of)}.")
     if calm.of:
-        out.append(f"With nothing hidden, {_counted(calm)} of {calm.of} sets got a name.")
+        out.append(f"With nothing hidden, {_counted(calm)} of {_sets(calm.of)} got a name.")
     refused = by["refused, all sets"]
     if refused.count:
         out.append(f"{refused.count} of {refused.of} sets were refused, which is never right; rows.csv says why.")
@@ -88,3 +102,16 @@ def summary(rows: Sequence[Row]) -> list[str]:
     if failed.count:
         out.append(f"The program failed at {failed.count} sets: please report what rows.csv says of them.")
     return out
+
+
+def todo(rows: Sequence[Row]) -> str:
+    """What to do with such a result."""
+    missed = [s.name for s in scores(rows) if s.is_met is False]
+    if missed:
+        return f"Aims missed: {'; '.join(missed)}. rows.csv has every set: look at those with a wrong name first."
+    if len(rows) < TELLING:
+        return (
+            f"{_sets(len(rows))} tell little: look at the intervals, and take {TELLING} or more before trusting a "
+            "rate. rows.csv has every set."
+        )
+    return "All aims are met. rows.csv has every set."

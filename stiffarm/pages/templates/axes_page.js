@@ -77,7 +77,7 @@ function drawArm() {
   scene.draw(F, hot);
   const p = scene.flatPoint(at(mul(F[scene.TABLE], D.cell.part), tips[3 * state.at], tips[3 * state.at + 1], tips[3 * state.at + 2]));
   $("mark").hidden = !p;
-  if (p) { $("mark").style.left = `${p[0]}px`; $("mark").style.top = `${p[1]}px`; }
+  if (p) { const [x, y] = scene.share(p); $("mark").style.left = x; $("mark").style.top = y; }
 }
 
 // --- the map ---
@@ -88,6 +88,7 @@ const style = name => getComputedStyle(document.documentElement).getPropertyValu
 function sized() {
   const ratio = window.devicePixelRatio || 1, w = Math.max(1, Math.round(map.clientWidth * ratio)), h = Math.max(1, Math.round(map.clientHeight * ratio));
   if (map.width !== w || map.height !== h) { map.width = w; map.height = h; }
+  scene.keepShape(map);
   box = { ratio, x: ROOM.left, y: ROOM.top, w: Math.max(10, map.clientWidth - ROOM.left - ROOM.right), h: Math.max(10, map.clientHeight - ROOM.top - ROOM.bottom) };
 }
 const LIMITS = 2, SINGULAR = 3, COLLISION = 4;

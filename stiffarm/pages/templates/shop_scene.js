@@ -48,7 +48,14 @@ function camera(width, height) {
 function size() {
   const ratio = window.devicePixelRatio || 1, w = Math.max(1, Math.round(canvas.clientWidth * ratio)), h = Math.max(1, Math.round(canvas.clientHeight * ratio));
   if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  keepShape(canvas);
   return [w, h, ratio];
+}
+function keepShape(one) { // Paper has another width: a picture drawn for the screen keeps its shape there.
+  if (!matchMedia("print").matches) one.parentElement.style.setProperty("--shape", `${Math.max(1, one.clientWidth)} / ${Math.max(1, one.clientHeight)}`);
+}
+function share(p) { // A place on the canvas in shares of it, which hold at any size.
+  return [`${100 * p[0] / Math.max(1, canvas.clientWidth)}%`, `${100 * p[1] / Math.max(1, canvas.clientHeight)}%`];
 }
 
 function makeGL() {
@@ -160,7 +167,7 @@ function flatPoint(x) { // Where a point of the world is on the page, in pixels 
   return k < 0.02 ? null : [0.5 * canvas.clientWidth * (1 + P[0] * p[0] / k), 0.5 * canvas.clientHeight * (1 - P[5] * p[1] / k)];
 }
 return {
-  frames, tipAt, look, eye, hands, flatPoint, TABLE, shades: () => shades, renderer, trouble, recolour: () => renderer.recolour(),
+  frames, tipAt, look, eye, hands, flatPoint, share, keepShape, TABLE, shades: () => shades, renderer, trouble, recolour: () => renderer.recolour(),
   draw: (F, hot) => renderer.draw(F, hot),
 };
 }

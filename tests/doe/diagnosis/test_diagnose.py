@@ -121,10 +121,10 @@ def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
     ("code", "values"),
     [
         pytest.param("creep:j3", {"share": 0.25, "time": 300.0}, marks=pytest.mark.slow),
-        ("slip:j2", {"angle": 3e-4, "torque": 150.0}),
+        pytest.param("slip:j2", {"angle": 3e-4, "torque": 150.0}, marks=pytest.mark.slow),
         pytest.param("slip:base", {"angle": 3e-4, "moment": 150.0}, marks=pytest.mark.slow),
         pytest.param("warming:j2", {"share": 0.2, "settling": 0.3}, marks=pytest.mark.slow),
-        pytest.param("loose-base", {"gap": 3e-4, "closing": 80.0}, marks=pytest.mark.slow),
+        ("loose-base", {"gap": 3e-4, "closing": 80.0}),
     ],
 )
 def test_what_lags_slips_warms_or_rocks_is_named(code: str, values: dict[str, float]) -> None:

@@ -78,6 +78,7 @@ def test_a_bent_law_has_columns_of_the_size_of_its_doubt(small: Setting) -> None
     assert bent(small, exact, exact.sd) is exact
 
 
+@pytest.mark.slow
 def test_lengths_that_are_off_pass_for_nothing() -> None:
     """Axes moved by 1 mm, the gauge exact to half a per mille: what stands out of the noise is no effect."""
     from doe.diagnosis.setting import setting_of

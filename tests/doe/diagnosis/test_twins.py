@@ -46,6 +46,7 @@ def test_each_is_the_others_twin(turned: Diagnosis) -> None:
     assert "turned-frame" in twins["joint-zero-offset:j1"]
 
 
+@pytest.mark.slow
 def test_a_flipped_sign_is_found_like_another_load_path() -> None:
     d = diagnose(few(setting(readings("angle-sign:j3", {})), "angle-sign:j3"))
     assert d.rankings[0].hypotheses[0].code == "angle-sign:j3"

@@ -77,6 +77,7 @@ def test_a_joint_a_whole_turn_farther_is_the_same_pose(serial: ArmModel, names: 
             np.testing.assert_allclose([b.value, *b.interval], [a.value, *a.interval], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_no_reading_moves_with_changes_nothing(serial: ArmModel) -> None:
     data = select_loads(read_measurements(bundled_data("xr701"), serial.robot), (375.0, 650.0))
     known = ("j2.stiffness", "j3.zero", "tool.tz")

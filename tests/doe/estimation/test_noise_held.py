@@ -43,7 +43,7 @@ def assert_held(e: Estimate) -> None:
     assert max(e.noise.share, e.noise.pose_share) <= MOST_SHARE
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     how=st.sampled_from(["rows flipped", "cells flipped", "random", "shuffled", "upside down", "as it is"]),

@@ -32,7 +32,7 @@ def error(found, of, row: slice = slice(0, 6)) -> float:
     return worst
 
 
-@pytest.mark.parametrize("law", [None, "fourier-1", "fourier-2", "table"])
+@pytest.mark.parametrize("law", [None, "fourier-1", pytest.param("fourier-2", marks=pytest.mark.slow), "table"])
 def test_without_noise_all_36_come_back(law: LawKind | None) -> None:
     of = truth()
     found = identify(tx200(), readings(of), law=law)
@@ -242,6 +242,7 @@ def coverage(law: LawKind | None, repeats: int) -> tuple[float, np.ndarray]:
     return held / asked, np.abs(np.concatenate(off))
 
 
+@pytest.mark.slow
 def test_unseen_poses_are_predicted_within_three_percent() -> None:
     share, off = coverage(None, 2)
     # 98 % in docs/validation/tx200_stiffness.md; two campaigns scatter by less than a percent.

@@ -168,6 +168,7 @@ def test_large_turns_and_mirrored_noise_do_not_fool_the_fit() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_noisy_coordinates() -> None:
     rng, sigma, origin = np.random.default_rng(0), 5e-6, np.array([0.4, 0.1, 0.0])
     noise = sigma * rng.standard_normal((2000, 2, *SPOTS.shape))

@@ -93,6 +93,7 @@ def _widths(c: Certainty) -> np.ndarray:
     return np.array([1.0 / e.interval[0] - 1.0 / e.interval[1] for e in c.estimates])
 
 
+@pytest.mark.slow
 def test_simulated_readings_shrink_the_intervals_as_predicted(model: ArmModel, all_loads: Measurements) -> None:
     """Old and new readings drawn 20 times, noise estimated anew each time: the median ratio of interval widths."""
     springs = [parameter(model, name) for name in SPRINGS]

@@ -685,7 +685,7 @@ def tables(draw: st.DrawFn) -> Measurements:
     )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(m=tables())
 def test_round_trip(m: Measurements, tmp_path: Path, xr701: Robot) -> None:
     path = tmp_path / "made.csv"

@@ -63,7 +63,7 @@ def difference(a: Array, b: Array) -> float:
 
 def test_condensed_path_equals_the_full_solve(arm: ArmModel, reachable: Draw, soften: Soften, rng: Random) -> None:
     shells = couple_links(arm)
-    variants = [arm, arm.with_rigid_joints(), soften(arm, rng, other=True), replace(arm, load_path="serial", bar=None)]
+    variants = [soften(arm, rng, other=True), replace(arm.with_rigid_joints(), load_path="serial", bar=None)]
     for model, q in zip(variants, reachable(arm.robot, len(variants), rng), strict=True):
         point = 0.3 * rng.normal(size=3)
         full = solve_shell_arm(model, q, np.eye(6), point, shells=shells)

@@ -16,8 +16,8 @@ def test_fast_path_equals_direct_stiffness_with_shell_links(name: str, path: str
     model = model.with_springs(dict(zip(model.robot.joint_names, rng.uniform(3e5, 3e6, 6), strict=True)))
     limits = model.robot.limits
     q = rng.uniform(limits[:, 0], limits[:, 1], (400, 6))
-    q = q[model.robot.reachable(q)][:100]
-    assert len(q) == 100
+    q = q[model.robot.reachable(q)][:20]
+    assert len(q) == 20
     C, D = fem.compliance(model, q), direct.compliance(model, q)
     scale = np.sqrt(np.einsum("nii->ni", C))
     # eps times the condition of the direct system, as for beams (tests/fem/reference/test_fast_against_direct.py).

@@ -85,7 +85,7 @@ def test_derivatives_are_those_of_the_displacement(soft: ArmModel) -> None:
     given = [parameter(soft, name) for name in NAMES]
     basis = FourierBasis(2, 2)
     laws = law_parameters(soft, "j3", basis)
-    free = FreeModel(soft, (*given, *laws), _loaded(soft), (FreeLaw("j3", basis, len(given)),))
+    free = FreeModel(soft, (*given, *laws), _loaded(soft, 4), (FreeLaw("j3", basis, len(given)),))
     # Away from the model's own values, so that products of changes count.
     u = free.start + np.array(
         [1e-7 if p.kind.name == "stiffness" else 0.01 * STEPS.get(p.kind.name, 0.0) for p in free.parameters]

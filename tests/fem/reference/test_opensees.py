@@ -53,7 +53,10 @@ def largest_difference(size: float, shape: str, element: str) -> float:
     return float(np.abs((theirs - ours) / np.outer(scale, scale)).max())
 
 
-@pytest.mark.parametrize(("size", "shape", "element"), [(0.08, "quad", "ASDShellQ4"), (0.06, "tri", "ShellDKGT")])
+@pytest.mark.parametrize(
+    ("size", "shape", "element"),
+    [(0.08, "quad", "ASDShellQ4"), pytest.param(0.06, "tri", "ShellDKGT", marks=pytest.mark.slow)],
+)
 def test_flexibility_of_the_forearm_is_openseess(size: float, shape: str, element: str) -> None:
     # The brief's 1 %; measured 0.3 % at 2200 freedoms and 0.5 % at 4300.
     assert largest_difference(size, shape, element) < 0.01

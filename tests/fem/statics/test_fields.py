@@ -41,14 +41,15 @@ def xr701() -> Prepared:
     return _prepared("xr701")
 
 
-@pytest.fixture(scope="module")
-def kr60() -> Prepared:
-    return _prepared("kr60-3")
-
-
-@pytest.fixture(scope="module", params=["xr701 parallelogram", "xr701 serial", "kr60-3 serial"])
-def arm(request: pytest.FixtureRequest, xr701: Prepared, kr60: Prepared) -> Prepared:
-    model, shells, shapes = xr701 if request.param.startswith("xr701") else kr60
+@pytest.fixture(
+    scope="module",
+    params=[
+        "xr701 parallelogram",
+        *(pytest.param(a, marks=pytest.mark.slow) for a in ("xr701 serial", "kr60-3 serial")),
+    ],
+)
+def arm(request: pytest.FixtureRequest, xr701: Prepared) -> Prepared:
+    model, shells, shapes = xr701 if request.param.startswith("xr701") else _prepared("kr60-3")
     if request.param == "xr701 serial":
         # The links are the same; to condense them again would cost a second.
         model = replace(model, load_path="serial", bar=None)
@@ -101,8 +102,8 @@ def _split(mesh: ShellMesh, kept: int) -> ShellMesh:
     return replace(mesh, triangles=triangles, quads=mesh.quads[:kept], thickness=thickness)
 
 
-def test_a_link_of_triangles_beside_quads(kr60: Prepared, reachable: Draw, rng: Random) -> None:
-    model, shells, shapes = kr60
+def test_a_link_of_triangles_beside_quads(xr701: Prepared, reachable: Draw, rng: Random) -> None:
+    model, shells, shapes = xr701
     wrist = next(link for link in model.links if link.name == "wrist")
     assert wrist.shell is not None
     mesh = _split(wrist.shell, 120)

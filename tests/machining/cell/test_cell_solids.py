@@ -153,7 +153,7 @@ BOUNDS = [bounds_of(solid) for solid in SOLIDS]
 numbers = st.floats(-1.0, 1.0, allow_nan=False)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(
     st.integers(0, len(SOLIDS) - 1),
     st.integers(0, len(SOLIDS) - 1),

@@ -234,7 +234,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(do=st.sampled_from(list(FINE)), changed=st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=2))
 def test_no_request_breaks_the_session(kr60: fem.ArmModel, do: str, changed: dict[str, Any]) -> None:
     """Requests that are fine but for a key or two."""

@@ -17,6 +17,7 @@ PART = Path(__file__).resolve().parents[3] / "docs" / "examples" / "kr60_posture
 PNG = b"\x89PNG"
 
 
+@pytest.mark.usefixtures("blank")
 def test_an_identification_is_that_of_the_command_line(tmp_path: Path) -> None:
     found = sa.identify(sa.load("tx200"), synthetic=True, law="constant")
     asked = run_here("identify", "tx200", "--synthetic", "--law", "constant", "--out", tmp_path / "out", "--json")

@@ -107,10 +107,11 @@ def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> 
     assert f'<p id="caution" role="note">{warning}</p>' in page
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
-        ("map", "joints", "xr701", "--points", "3"),
+        ("map", "joints", "xr701", "--points", "2"),
         ("map", "index", "xr701", "--x", "1200:1600:400", "--y", "0:400:400", "--z", "900", "--gamma", "0:90:90"),
         ("index", "xr701", "--pose", "q2_deg=5,q3real_deg=77.5"),
     ],
@@ -126,6 +127,7 @@ def test_other_commands_warn_too(
     assert all("no joint" in (said(png) or "") for png in pngs)
 
 
+@pytest.mark.slow
 def test_the_deformed_arm_warns(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshes.casings.AROUND", 12)
     monkeypatch.setattr("meshes.casings.AROUND_WITH_OPENINGS", 12)

@@ -20,6 +20,7 @@ from stiffarm.commands.calibrate.figures.residuals import residuals_figure
 from stiffarm.commands.run.figures import data_figure, match_figure
 from stiffarm.pages.bars import bars_figure, ranked_figure
 from stiffarm.pages.figure_parts import drawing, naturally
+from stiffarm.pages.style import INK, OKABE_ITO
 
 RNG = np.random.default_rng(0)
 DATA = read_measurements(bundled_data("fanuc-r2000ic"), robot_from(load_description("fanuc-r2000ic")))
@@ -61,6 +62,18 @@ def test_what_is_looked_for_is_found() -> None:
         ax.set_xlabel("load (N)")
     assert faults([replace(looked_at(figure), overlaps=[])])
     assert faults([Drawn("good", 12.0)]) == []
+
+
+def test_series_that_a_hue_alone_tells_apart_are_found() -> None:
+    def drawn(**other: object) -> list[str]:
+        with drawing("", (6.0, 3.0)) as (figure, (ax,)):
+            ax.plot([0, 1], color=OKABE_ITO["vermillion"], label="one")
+            ax.plot([1, 0], **{"color": OKABE_ITO["green"], "label": "other", **other})  # type: ignore[arg-type]
+            ax.legend()
+        return looked_at(figure).alike
+
+    assert drawn() == ["one | other"]
+    assert drawn(linestyle="--") == drawn(color=INK) == drawn(marker="o") == drawn(linewidth=5.0) == []
 
 
 def test_many_loads_make_an_axis() -> None:

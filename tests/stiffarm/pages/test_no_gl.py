@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from cli_runs import ROOT, environment
 from matplotlib.image import imread
+from small_robot import write_readings, write_urdf
 from verify_cases import cell_file, program_at, program_file
 
 # What VTK loads, by the names in its error messages, and what these load in turn.
@@ -118,7 +119,10 @@ def test_picture_of_an_offence(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_whole_chain(tmp_path: Path) -> None:
-    outcome = without_gl("-m", "stiffarm", "run", "xr701", "--points", "4", "--out", tmp_path / "out")
+    urdf = write_urdf(tmp_path / "small.urdf")
+    given = urdf, write_readings(urdf, tmp_path / "readings.csv", poses=3)
+    options = ("--points", "2", "--no-rehearse", "--out", tmp_path / "out")
+    outcome = without_gl("-m", "stiffarm", "run", *given, *options)
     assert outcome.returncode == 0, outcome.stderr
     assert said(outcome) == 1
     assert (tmp_path / "out" / "report.html").is_file()

@@ -16,7 +16,7 @@ import oracles
 import pytest
 from browser import needs_browser
 from cli_runs import run_here
-from conftest import few_runs
+from conftest import few_runs, quick_diagnosis
 from devtools import Scheme, Tab, seen, tab
 from drawn_figures import Drawn, faults, recorded
 from small_robot import write_readings, write_urdf
@@ -67,7 +67,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
         "URDF": Arm().write(root),
     }
     named["calibrate/model.toml"] = root / "calibrate" / "model.toml"
-    with recorded() as figures, few_runs():
+    with recorded() as figures, few_runs(), quick_diagnosis():
         for name, arguments in COMMANDS.items():
             outcome = run_here(*(named.get(word, word) for word in arguments), "--out", root / name)
             assert outcome.code == 0, (name, outcome.err)
@@ -81,8 +81,7 @@ def browser() -> Iterator[Tab]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1400])
+@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1400, "dark")])
 def test_nothing_stops_people(site: Site, browser: Tab, kind: str, width: int, scheme: Scheme) -> None:
     oracles.load("axe_core_python")
     browser.show(site.root / kind, width, 844, scheme)

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, ROOT, FullRun, run_apart, tree
+from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, ROOT, FullRun, run_here, tree
 
 from robots import load_description
 from robots.library.models import to_toml
@@ -217,6 +217,7 @@ def test_the_same_title_does_no_harm_elsewhere(full_run: FullRun) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick_fit", "quick_diagnoses")
 def test_names_with_dollars_in_a_run_with_shells(tmp_path: Path, data_file: Path) -> None:
     """Title, pose labels and a link's name that matplotlib would take for mathematics, in every figure there is."""
     title, pose, link = "Arm $10 & <b>", "$x_", "$f_{orearm$"
@@ -230,7 +231,8 @@ def test_names_with_dollars_in_a_run_with_shells(tmp_path: Path, data_file: Path
     (tmp_path / "scheme.toml").write_text(re.sub(r'"(5|41)"', rf'"{pose}\1"', scheme), encoding="utf-8")
     files = ("model.toml", "data.csv", "--scheme-file", "scheme.toml")
     given = [tmp_path / name if "." in name else name for name in files]
-    outcome = run_apart("run", *given, "--links", "shell", "--points", "3", "--out", tmp_path / "out")
+    options = ("--links", "shell", "--points", "3", "--no-rehearse", "--out", tmp_path / "out")
+    outcome = run_here("run", *given, *options)
     assert outcome.code == 0, outcome.err
     assert "Warning" not in outcome.err
     run = FullRun(outcome, tmp_path / "out")

@@ -481,6 +481,7 @@ def test_bad_input_in_a_process_of_its_own(tmp_path: Path) -> None:
     assert tree(tmp_path) == {}
 
 
+@pytest.mark.usefixtures("blank", "quick_fit")
 def test_a_surrogate_that_does_not_know_what_the_map_or_a_table_moves_is_refused(cli: Command, tmp_path: Path) -> None:
     options = ("--inputs", "q2_deg,q3real_deg", "--runs", "300", "--basis", "polynomial", "--degree", "3")
     assert cli("fit", "xr701", *options, "--out", "flat").code == 0
@@ -496,6 +497,7 @@ def test_a_surrogate_that_does_not_know_what_the_map_or_a_table_moves_is_refused
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("blank", "quick_fit")
 def test_a_surrogate_of_a_sideways_load_is_refused_for_the_map(cli: Command, tmp_path: Path) -> None:
     options = ("--direction", "1,0,0", "--runs", "300", "--basis", "polynomial", "--degree", "2")
     assert cli("fit", "xr701", *options, "--out", "side").code == 0

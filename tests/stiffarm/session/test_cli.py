@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import ROOT, Command, environment, run_apart, run_here, start, tree
+from small_robot import write_readings, write_urdf
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import stiffarm
-from robots import ModelDescription, bundled_names, load_description
+from robots import ModelDescription, bundled_names, library_names, load_description
 from stiffarm.cli import COMMANDS
+
+pytestmark = pytest.mark.usefixtures("blank", "quick_fit")
 
 LOADS_USED_N = 650.0
 
@@ -31,6 +34,9 @@ def test_each_command_has_help(cli: Command, command: str) -> None:
     if command == "map":  # a command of commands
         assert all(kind in outcome.out for kind in ("joints", "slice", "box", "cylinder", "index"))
         outcome = cli(command, "slice", "--help")
+    if command == "robots":
+        assert all(kind in outcome.out for kind in ("show", "check"))
+        outcome = cli(command, "check", "--help")
     assert "--debug" in outcome.out
     assert outcome.err == ""
 
@@ -50,6 +56,7 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
     shown, listed = cli("robots"), cli("robots", "--json")
     assert all(name in shown.err for name in bundled_names())
     assert tuple(r["name"] for r in listed.json["robots"]) == bundled_names()
+    assert tuple(r["name"] for r in listed.json["library"]) == library_names()
     readings = {r["name"]: r["readings"] for r in listed.json["robots"] if r["readings"]}
     assert readings == {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
 
@@ -57,7 +64,8 @@ def test_robots_lists_all_bundled_ones(cli: Command) -> None:
 @pytest.mark.parametrize("name", bundled_names())
 def test_a_robots_json_is_its_whole_description_and_its_masses(cli: Command, name: str) -> None:
     answer = cli("robots", name, "--json").json
-    masses = answer.pop("masses")
+    masses, prior = answer.pop("masses"), answer.pop("class_prior")
+    assert list(prior["stiffness_Nm_per_rad"]) == [joint["name"] for joint in answer["joint"]]
     assert ModelDescription.model_validate(answer) == load_description(name)
     declared = [link["declared_kg"] for link in masses["links"].values()]
     parts = sum(declared) + (masses["bar_kg"] or 0.0) + (masses["crank_kg"] or 0.0)
@@ -145,6 +153,7 @@ def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_fi
     assert calibration.data_sha256 == run["inputs_sha256"]["data"]
 
 
+@pytest.mark.slow
 def test_the_command_in_run_json_is_the_one_typed(tmp_path: Path, data_file: Path) -> None:
     folder = tmp_path / "out"
     typed = ("simulate", "xr701", str(data_file), "--out", str(folder))
@@ -507,9 +516,12 @@ def test_a_plain_ascii_terminal_can_show_everything(calibrated: Path) -> None:
 
 @pytest.mark.slow
 def test_the_whole_chain_gives_the_same_twice(tmp_path: Path) -> None:
+    """In two processes, which put sets in different orders."""
+    urdf = write_urdf(tmp_path / "small.urdf")
+    given = urdf, write_readings(urdf, tmp_path / "readings.csv", poses=3)
     results = []
-    for name in ("a", "b"):
-        outcome = run_apart("run", "xr701", "--out", tmp_path / name, "--points", "4")
+    for name, run in (("a", run_here), ("b", run_apart)):
+        outcome = run("run", *given, "--out", tmp_path / name, "--points", "2", "--no-rehearse")
         assert outcome.code == 0, outcome.err
         results.append((tmp_path / name / "results.json").read_bytes())
     assert results[0] == results[1]

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from cli_runs import Command, environment, heed_ctrl_c, run_here, start, tree
+from small_robot import write_readings, write_urdf
 
 from robots import InputError
 from robots.files.reading import read_bytes, recording
@@ -230,18 +231,20 @@ def wait_for(condition: Callable[[], bool]) -> None:
     ("number", "stage"),
     [
         (signal.SIGINT, "diagnosis"),
-        pytest.param(signal.SIGTERM, "rigid joints", marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, "recommended", marks=pytest.mark.slow),
         pytest.param(signal.SIGINT, "pictures", marks=pytest.mark.slow),
     ],
 )
 def test_a_run_that_is_stopped_leaves_the_earlier_results(tmp_path: Path, number: signal.Signals, stage: str) -> None:
     """While VTK draws, a KeyboardInterrupt would be printed and forgotten, or crash it."""
+    urdf = write_urdf(tmp_path / "small.urdf")
+    given = urdf, write_readings(urdf, tmp_path / "readings.csv", poses=3)
     target = tmp_path / "out"
     target.mkdir()
     for name in ("model.toml", "report.html"):
         (target / name).write_text("of an earlier run", encoding="utf-8")
     before = tree(tmp_path)
-    process = start(("run", "xr701", "--points", "4", "--out", target))
+    process = start(("run", *given, "--points", "2", "--out", target))
     assert process.stderr is not None
     if stage != "pictures":
         while stage not in process.stderr.readline():

@@ -49,6 +49,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.usefixtures("blank", "quick_diagnoses")
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("change", [FLIPPED, SHUFFLED], ids=["flipped", "shuffled"])
 def test_no_number_is_made_of_readings_that_tell_nothing(

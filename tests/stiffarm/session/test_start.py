@@ -68,17 +68,19 @@ def test_robots_are_listed_without_their_mechanics() -> None:
     assert loaded(found, {"doe.estimation", "doe.calibration", "doe.diagnosis", "doe.certainty"}) == set()
 
 
+@pytest.mark.slow
 def test_a_calibration_loads_neither_surrogates_nor_tables_of_others() -> None:
     found = modules("calibrate", "xr701", "--scheme", "global")
     assert loaded(found, HEAVY | {"surrogate", "machining"}) == set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
         ("sensitivity", "xr701"),
         ("plan", "xr701", "--poses", "1", "--free", "j2.stiffness,j3.stiffness"),
-        pytest.param(("diagnose", "xr701", "--loads", "650", "--next", "0"), marks=pytest.mark.slow),
+        ("diagnose", "xr701", "--loads", "650", "--next", "0", "--folds", "0"),
     ],
     ids=lambda arguments: arguments[0],
 )
@@ -95,6 +97,7 @@ def test_an_identification_loads_no_surfaces_and_no_surrogates(tmp_path: Path) -
     assert loaded(found, (HEAVY - {"matplotlib"}) | {"machining", "surrogate", "fem.elements.shell"}) == set()
 
 
+@pytest.mark.slow
 def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
@@ -104,6 +107,7 @@ def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Pa
     assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
 
 
+@pytest.mark.slow
 def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None:
     ranges = ("--x", "900:1300:400", "--z", "600:1000:400")
     found = modules("map", "slice", "kr60-3", "--links", "rigid", *ranges, "--no-pictures", "--out", tmp_path / "out")
@@ -111,6 +115,7 @@ def test_a_map_without_pictures_loads_what_computes_only(tmp_path: Path) -> None
     assert loaded(found, (HEAVY - {"numba", "skfem"}) | {"scipy.stats", "machining.cell", "doe"}) == set()
 
 
+@pytest.mark.slow
 def test_programs_are_written_without_renderers_and_surrogates(tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from doe.certainty.uncertainty import LawBand
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.calibrate.laws import READ, LawCurve
@@ -33,6 +34,8 @@ _STYLES: Final = ("-", "--", ":")
 _ROOM: Final = 1.6
 # A spring that varies little must not look wild.
 _LEAST_SPAN: Final = 3.0
+# Ends of intervals farther away than this leave the axis.
+_FARTHEST: Final = 10.0
 
 
 def laws_figure(curves: Sequence[LawCurve]) -> Figure:
@@ -81,17 +84,22 @@ def _curve(ax: Axes, curve: LawCurve) -> None:
     if unknown.size:
         look: dict[str, Any] = {"color": INK, "label": "not determined", "transform": ax.get_xaxis_transform()}
         ax.plot(unknown, np.full(len(unknown), 0.03), "x", **look)
-    _limits(ax, np.concatenate([within, read.low, read.stiffness, read.high]))
+    _limits(ax, np.concatenate([within, read.stiffness]), np.concatenate([read.low, read.high]))
     ax.set(xlabel=angle_label(curve.inputs[0]), ylabel="stiffness (N m/rad)")
     also = "" if len(angle) else f", also over {', '.join(n.removesuffix('_deg') for n in curve.inputs[1:])}"
     ax.set_title(f"{curve.joint}: {curve.kind}{also}", loc="left", weight="bold")
 
 
-def _limits(ax: Axes, values: Array) -> None:
-    """What is known between the angles read decides the axis, three times from end to end at least."""
+def _limits(ax: Axes, values: Array, ends: Array) -> None:
+    """What is known between the angles read decides the axis, three times from end to end at least.
+
+    ``ends`` of intervals count as far as they are not decades away.
+    """
     values = values[np.isfinite(values) & (values > 0.0)]
     if not values.size:
         return
+    ends = np.clip(ends[np.isfinite(ends)], values.min() / _FARTHEST, values.max() * _FARTHEST)
+    values = np.concatenate([values, ends])
     low, high = values.min() / _ROOM, values.max() * _ROOM
     middle, half = np.sqrt(low * high), max(np.sqrt(high / low), np.sqrt(_LEAST_SPAN))
     ax.set_ylim(middle / half, middle * half)
@@ -104,6 +112,9 @@ def _points(ax: Any, curve: LawCurve, angle_deg: Array, height: Array) -> None:
         if mine.any():
             look = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.5, "markersize": 7.0}
             ax.plot(*angle_deg[mine].T, height[mine], marker, zorder=4, label=label, **look)
+            if origin != READ:
+                low, high = curve.read.low[mine], curve.read.high[mine]
+                ax.vlines(*angle_deg[mine].T, low, high, color=edge, linewidth=1.2, zorder=3)
 
 
 def _slices(ax: Axes, curve: LawCurve) -> None:
@@ -116,11 +127,12 @@ def _slices(ax: Axes, curve: LawCurve) -> None:
     beside = 1 - along
     values = np.unique(curve.read_deg[own, beside])[:_MOST_SLICES]
     grid = np.unique(curve.angle_deg[:, beside])
-    every = [curve.read.stiffness]
+    every, ends = [curve.read.stiffness], [curve.read.low, curve.read.high]
     for value, style in zip(values, _STYLES, strict=False):
         mine = curve.angle_deg[:, beside] == grid[np.argmin(np.abs(grid - value))]
         angle, law = curve.angle_deg[mine, along], curve.band.stiffness[mine]
-        name = f"law, {angle_label(curve.inputs[beside]).replace(' (deg)', '')} = {value:g} deg".replace("-", "−")
+        other = f"{angle_label(curve.inputs[beside]).replace(' (deg)', '')} = {value:g} deg".replace("-", "−")
+        name = f"law, {other}" if len(values) > 1 else "law"
         read = curve.read_deg[own & (curve.read_deg[:, beside] == value), along]
         inside = (angle >= read.min()) & (angle <= read.max())
         ax.plot(angle, np.where(inside, law, np.nan), color=_LAW, linewidth=2.2, linestyle=style, label=name)
@@ -128,8 +140,11 @@ def _slices(ax: Axes, curve: LawCurve) -> None:
             ax.fill_between(angle, curve.band.low[mine], curve.band.high[mine], color=_LAW, alpha=0.12, linewidth=0)
         every.append(law[inside])
     shown = np.isin(curve.read_deg[:, beside], values) | ~own
-    some = replace(curve, origin=tuple(o for o, s in zip(curve.origin, shown, strict=True) if s))
+    read_here = LawBand(*(v[shown] for v in (curve.read.stiffness, curve.read.low, curve.read.high)))
+    origins = tuple(o for o, s in zip(curve.origin, shown, strict=True) if s)
+    some = replace(curve, origin=origins, read=read_here)
     _points(ax, some, curve.read_deg[shown][:, [along]], curve.read.stiffness[shown])
-    _limits(ax, np.concatenate(every))
+    _limits(ax, np.concatenate(every), np.concatenate(ends))
     ax.set(xlabel=angle_label(curve.inputs[along]), ylabel="stiffness (N m/rad)")
-    ax.set_title(f"{curve.joint}: {curve.kind}", loc="left", weight="bold")
+    at = f", {other}" if len(values) == 1 else ""
+    ax.set_title(f"{curve.joint}: {curve.kind}{at}", loc="left", weight="bold")

@@ -16,7 +16,7 @@ from scipy.stats import binned_statistic
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import NORMAL_95
-from stiffarm.commands.fit.figures.effects import exceedance, percent_label
+from stiffarm.commands.fit.figures.effects import exceedance, percent_label, series_look
 from stiffarm.pages.figure_parts import MARKERS, SERIES, above, angle_label, drawing, log_ticks, panels
 from stiffarm.pages.style import FAINT, INK
 
@@ -92,7 +92,7 @@ def error_bars_figure(rows: Sequence[JudgedBars]) -> Figure:
 def _ratios(ax: Axes, rows: Sequence[JudgedBars]) -> None:
     ratios = [row.error / np.maximum(row.half_width, 1e-300) for row in rows]
     lines = [
-        exceedance(ax, ratio, SERIES[row.colour % len(SERIES)], f"{row.name}: {100.0 * row.inside:.1f} % inside")
+        exceedance(ax, ratio, row.colour, f"{row.name}: {100.0 * row.inside:.1f} % inside")
         for row, ratio in zip(rows, ratios, strict=True)
     ]
     most = max(float(ratio.max()) for ratio in ratios)
@@ -144,10 +144,10 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
         for j, (ax, name) in enumerate(zip(axes, inputs, strict=True)):
             for row in rows:
                 middle, median, high = gathered(Q_deg[:, j], row.error)
-                colour = SERIES[row.colour % len(SERIES)]
-                ax.fill_between(middle, median, high, color=colour, alpha=0.12, linewidth=0)
-                ax.plot(middle, high, color=colour, label=f"{row.name}: 95 % of the runs are below")
-                ax.plot(middle, median, color=colour, linewidth=1.2, linestyle=(0, (4, 2)), label="its median")
+                look = series_look(row.colour)
+                ax.fill_between(middle, median, high, color=look["color"], alpha=0.12, linewidth=0)
+                ax.plot(middle, high, linewidth=2.4, label=f"{row.name}: 95 % of the runs are below", **look)
+                ax.plot(middle, median, linewidth=1.1, label="its median", **look)
             ax.set(yscale="log", xlabel=angle_label(name))
             ax.locator_params(axis="x", nbins=7)
             if j % columns == 0:

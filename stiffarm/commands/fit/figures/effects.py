@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.pages.figure_parts import SERIES, above, angle_label, drawing, log_ticks, note
+from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, log_ticks, note
 from stiffarm.pages.style import FAINT, OKABE_ITO
 from surrogate.main_effects import MainEffect
 
@@ -146,9 +146,18 @@ def _parity(ax: Axes, row: HeldOut, ends: tuple[float, float], what: str) -> Pol
     return cells
 
 
-def exceedance(ax: Axes, values: Array, colour: str, label: str) -> Line2D:
-    """Draw which share of the values (n,) is at least x, on a logarithmic axis of shares in percent."""
-    (line,) = ax.plot(np.sort(values), 1.0 - np.arange(len(values)) / len(values), color=colour, label=label)
+def series_look(number: int) -> dict[str, Any]:
+    """Colour and dash of a surrogate by its number, the same in every figure."""
+    return {"color": SERIES[number % len(SERIES)], "linestyle": LINES[number % len(LINES)]}
+
+
+def exceedance(ax: Axes, values: Array, number: int, label: str) -> Line2D:
+    """Draw which share of the values (n,) is at least x, on a logarithmic axis of shares in percent.
+
+    ``number``: of the series, by which it has its colour and dash.
+    """
+    shares = 1.0 - np.arange(len(values)) / len(values)
+    (line,) = ax.plot(np.sort(values), shares, label=label, **series_look(number))
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda v, _: percent_label(float(v))))
     ax.yaxis.set_minor_locator(NullLocator())
@@ -166,9 +175,9 @@ def _tails(ax: Axes, rows: Sequence[HeldOut], error_of: str) -> None:
         marks = {"RMS": np.sqrt(np.mean(error**2)), "95 %": np.quantile(error, 0.95), "max": error.max()}
         text = f"{row.name}: " + ", ".join(f"{key} {percent_label(float(value))}" for key, value in marks.items())
         if row not in shown:
-            lines += ax.plot([], [], color=SERIES[i % 6], label=f"{text} (left of the axis)")
+            lines += ax.plot([], [], label=f"{text} (left of the axis)", **series_look(i))
             continue
-        lines.append(exceedance(ax, error, SERIES[i % 6], text))
+        lines.append(exceedance(ax, error, i, text))
         # The largest stands at the end of the curve, also where several runs share it.
         heights = [np.mean(error >= marks["RMS"]), np.mean(error >= marks["95 %"]), 1.0 / len(error)]
         for marker, value, at in zip("osD", marks.values(), heights, strict=True):

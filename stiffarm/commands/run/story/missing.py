@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stiffarm.commands.diagnose import report, words
-from stiffarm.commands.diagnose.space import space_blocks
+from stiffarm.commands.diagnose import report, sections, words
+from stiffarm.commands.diagnose.next_words import next_sentence
+from stiffarm.commands.diagnose.space import cost_blocks
 from stiffarm.commands.run.missing import Look
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Fold, Note, Picture, Section, Text
@@ -20,24 +21,26 @@ def missing_section(looks: Sequence[Look], pictures: Pictures) -> Section:
 
 
 def _look(look: Look, pictures: Pictures, *, last: bool) -> list[Block]:
-    d = look.found
+    d, before = look.found, f"{look.stem}/"
     mine = Pictures(pictures.folder, f"{look.stem}_")
-    shrunk = report.shrunk(d, mine).blocks
-    seen: list[Block] = [Note(f"{look.title}: {words.headline(d)}"), Text(words.gap_sentence(d))]
-    space = space_blocks(d, look.written.gaps, look.written.cost, mine, f"{look.stem}/")
-    shown = [block for block in (*shrunk, *space) if isinstance(block, Picture) and last][:1] if d.in_model else []
-    parts = [report.in_short(d)]
+    gaps = look.written.gaps
+    parts = [*sections.shrunk(d, mine).blocks]
     if d.tells:
-        parts += [report.where(d, mine), report.explained(d, mine)]
+        parts = [*sections.ladder_section(d, mine).blocks, *sections.where(d, gaps, mine, before).blocks, *parts]
+        parts += sections.explained(d, mine).blocks
     if d.in_model:
-        parts.append(report.laws(d, mine))
-    rest: list[Block] = [block for part in parts for block in part.blocks]
-    rest += [*shrunk, *space]
+        parts += [*sections.laws(d, mine).blocks, *cost_blocks(d, look.written.cost, mine, before)]
     if last and d.tells:
-        rest += [*report.next_readings(d).blocks, *report.not_told(d).blocks]
-    # Parts of the diagnosis's own page begin alike: each sentence once.
-    told = [*seen, *shown, Note(words.headline(d))]
-    rest = [block for block in dict.fromkeys(rest) if block not in told]
+        parts += [*report.next_readings(d).blocks, *report.not_told(d).blocks]
+    seen: list[Block] = [
+        Note(f"{look.title}: {words.headline(d)}"),
+        Text(words.how_sure(d)),
+        Text(words.gap_sentence(d)),
+    ]
+    # The ladder, where there is one.
+    shown = [block for block in parts if isinstance(block, Picture) and last][:1] if d.in_model else []
+    # Each sentence once.
+    rest = [block for block in dict.fromkeys(parts) if block not in (*seen, *shown)]
     of = f"{look.title[0].lower()}{look.title[1:]}"
     rest.append(Text(f"All figures are in {look.stem}/diagnosis.json, the model in {look.stem}/model.toml."))
     return [*seen, *shown, Fold(f"How sure, where, and what else it could be: {of}", tuple(rest))]
@@ -47,7 +50,7 @@ def next_words(look: Look) -> str:
     """What to measure next, in one sentence."""
     d = look.found
     if d.proposal is None:
-        return words.next_sentence(d)
+        return next_sentence(d)
     return (
         f"Measure {len(d.proposal.labels)} set-ups that would settle what is open: fill in "
         f"{look.stem}/next_readings.csv and run again with it."

@@ -29,6 +29,7 @@ def _said(content: dict[str, Any]) -> dict[str, Any]:
     return {key: content[key] for key in SAME}
 
 
+@pytest.mark.usefixtures("quick_diagnoses")
 @pytest.mark.parametrize("path", ["parallelogram", "serial"])
 def test_calibrate_diagnose_and_plan_agree(cli: Command, nine: str, path: str) -> None:
     arm = ("xr701", nine, "--load-path", path, "--json")
@@ -51,8 +52,11 @@ def test_calibrate_diagnose_and_plan_agree(cli: Command, nine: str, path: str) -
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick_diagnoses", "quick_fit")
 def test_the_whole_chain_says_what_calibrate_says(cli: Command, nine: str) -> None:
-    ran = cli("run", "xr701", nine, "--links", "rigid", "--points", "2", "--out", "out", "--json").json["variants"]
+    ran = cli(
+        "run", "xr701", nine, "--links", "rigid", "--points", "2", "--no-rehearse", "--out", "out", "--json"
+    ).json["variants"]
     for path in ("parallelogram", "serial"):
         arm = ("xr701", nine, "--links", "rigid", "--load-path", path, "--json")
         assert _said(ran[f"constant, {path}"]) == _said(cli("calibrate", *arm, "--free", FREE).json)

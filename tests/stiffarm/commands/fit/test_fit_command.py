@@ -14,6 +14,7 @@ import numpy as np
 import oracles
 import pytest
 from cli_runs import Command, Outcome, environment, run_here, tree
+from conftest import blank_pictures, few_runs
 
 from fem import build_model, compliance, directional_stiffness
 from machining.stiffness.indices import evaluate
@@ -22,7 +23,7 @@ from robots.library.models import to_toml
 from robots.schema.description import LogPolynomialLaw
 from surrogate import load_surrogate
 
-pytestmark = pytest.mark.usefixtures("quick_fit")
+pytestmark = pytest.mark.usefixtures("quick_fit", "blank")
 
 QUICK = ("--basis", "polynomial", "--degree", "3", "--runs", "300")
 TWO = ("--inputs", "q2_deg,q3_deg")
@@ -39,7 +40,10 @@ def at(**degrees: float) -> np.ndarray:
 def portable(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     """Written in all formats."""
     folder = tmp_path_factory.mktemp("portable") / "out"
-    outcome = run_here("fit", "kr60-3", *TWO, *QUICK, "--format", "onnx,c,python,javascript", "--json", "--out", folder)
+    with blank_pictures():
+        outcome = run_here(
+            "fit", "kr60-3", *TWO, *QUICK, "--format", "onnx,c,python,javascript", "--json", "--out", folder
+        )
     assert outcome.code == 0, outcome.err
     return folder, outcome
 
@@ -151,9 +155,7 @@ def test_what_cannot_be_fitted_among_others_is_said(cli: Command) -> None:
 def exact(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A factored surrogate of the kr60-3, exact to round-off."""
     folder = tmp_path_factory.mktemp("exact") / "out"
-    from conftest import few_runs
-
-    with few_runs():
+    with few_runs(), blank_pictures():
         assert run_here("fit", "kr60-3", "--basis", "factored", "--out", folder).code == 0
     return folder / "surrogate.json"
 

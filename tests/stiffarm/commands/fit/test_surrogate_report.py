@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import HOSTILE_TITLE, run_here
-from conftest import few_runs
+from conftest import blank_pictures, few_runs
 
 from fem import build_model
 from robots import InputError, load_description
@@ -64,7 +64,7 @@ def trained() -> Trained:
 
 
 def written(result: Trained, folder: Path, title: str = "Arm") -> str:
-    with OutputFolder(folder, ["stiffarm"], {}, 0) as out:
+    with blank_pictures(), OutputFolder(folder, ["stiffarm"], {}, 0) as out:
         save_surrogate(result.best, out.path("surrogate.json"))
         for one in result.surrogates:
             save_surrogate(one, out.path(f"surrogate_{one.basis}.json"))
@@ -277,7 +277,7 @@ def test_figures_refuse_what_does_not_fit(row: JudgedBars) -> None:
 
 def test_fit_writes_it_and_names_it(tmp_path: Path) -> None:
     options = ("--inputs", "q2_deg,q3_deg", "--basis", "polynomial", "--degree", "3", "--runs", "200")
-    with fewer_runs():
+    with fewer_runs(), blank_pictures():
         outcome = run_here("fit", "kr60-3", *options, "--links", "rigid", "--json", "--out", tmp_path / "out")
     assert outcome.code == 0, outcome.err
     assert outcome.json["files"] == ["surrogate.json", "report.html"]

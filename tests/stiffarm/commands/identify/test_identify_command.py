@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import run_here
+from conftest import blank_pictures
 
 from doe import write_measurements
 from doe.joint_twists import read_twists, write_twists
@@ -25,7 +26,8 @@ FIGURES = ("compliances", "gears_alone", "hysteresis", "stiffness_map", "stiffne
 def made_up(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a synthetic campaign."""
     folder = tmp_path_factory.mktemp("identify") / "out"
-    outcome = run_here("identify", "tx200", "--synthetic", "--seed", "3", "--out", folder, "--law", "fourier-1")
+    with blank_pictures():
+        outcome = run_here("identify", "tx200", "--synthetic", "--seed", "3", "--out", folder, "--law", "fourier-1")
     assert outcome.code == 0, outcome.err
     return folder
 

@@ -142,6 +142,7 @@ def test_a_box_has_hexahedra_and_a_number_has_no_unit(cli: Command, tmp_path: Pa
     assert "index_map.png" not in tree(tmp_path / "out")
 
 
+@pytest.mark.usefixtures("blank")
 def test_the_files_are_those_of_all_maps(cli: Command, tmp_path: Path) -> None:
     """Formats, the page to pick in, and a work folder that a second run goes on from; the pose is the best gamma's."""
     grid = ("--x", "900:1100:100", "--y", "-100:100:100", "--z", "600", *TOOL, "--gamma", "-180:180:60")

@@ -18,6 +18,8 @@ from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import directional_stiffness
 from robots import load_description
 
+pytestmark = pytest.mark.usefixtures("blank")
+
 CELL = """
 schema = "stiffarm-cell/1"
 name = "small"

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from cli_runs import Command
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Polygon, Rectangle
@@ -30,6 +31,7 @@ limits_mm = [-400, 200]
 """
 
 
+@pytest.mark.usefixtures("blank")
 def test_the_answer_comes_first(cli: Command, tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_text(CELL)
     rows = [f"{x},0,0,0,0,1" for x in (-50, 0, 50)]

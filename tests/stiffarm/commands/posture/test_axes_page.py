@@ -205,8 +205,7 @@ def drag_and_keys(page: Any, api: str) -> None:
 
 @pytest.mark.slow
 @needs_browser
-@pytest.mark.parametrize("width", [1400, 390])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (390, "dark")])
 def test_everyone_can_use_it(study: AxesStudy, tmp_path: Path, width: int, scheme: Any) -> None:
     file = tmp_path / "axes.html"
     file.write_text(axes_page(study, "arm"), encoding="utf-8")

@@ -26,6 +26,8 @@ from robots.library.models import to_toml
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.session.parsing import parse_frame
 
+pytestmark = pytest.mark.usefixtures("blank")
+
 TRUTH = {"j1": 1.5e6, "j2": 9e5, "j3": 1.1e6, "j4": 2.4e5, "j5": 1.5e5, "j6": 1e5}
 FREE = ",".join(f"{joint}.stiffness" for joint in TRUTH)
 TOOL, PART = "200,0,80,0,90,0", "1200,200,600"
@@ -236,6 +238,7 @@ def test_the_covariance_of_another_arm_is_refused(model_of: Callable[[float], Pa
     assert forward_kinematics(model.robot, q).p_flange.shape == (1, 3)
 
 
+@pytest.mark.slow
 def test_a_program_s_stiffness_and_compensation_carry_it(
     model_of: Callable[[float], Path], wall: Path, tmp_path: Path
 ) -> None:
@@ -260,6 +263,7 @@ def test_a_program_s_stiffness_and_compensation_carry_it(
     assert 0.0 < width["calibrated"] < 0.3 * width["assumed"]
 
 
+@pytest.mark.slow
 def test_a_placement_carries_it_on_axes_that_give_way_too(
     model_of: Callable[[float], Path], wall: Path, tmp_path: Path
 ) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import Command, run_here
+from conftest import blank_pictures, quick_diagnosis
 from small_robot import write_readings, write_urdf
 
 import stiffarm as sa
@@ -17,13 +18,16 @@ from robots import load_robot
 from stiffarm.commands.rehearse import step as rehearsing
 from stiffarm.commands.rehearse.sheet import Gauge, of_sheet
 
+pytestmark = pytest.mark.usefixtures("blank", "quick_diagnoses")
+
 QUICK = ("kr60-3", "--links", "rigid", "--poses", "9")
 
 
 @pytest.fixture(scope="module")
 def hidden_payload(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("rehearsal") / "out"
-    assert run_here("rehearse", *QUICK, "--hide", "payload", "--out", out).code == 0
+    with blank_pictures(), quick_diagnosis():
+        assert run_here("rehearse", *QUICK, "--hide", "payload", "--out", out).code == 0
     return out
 
 

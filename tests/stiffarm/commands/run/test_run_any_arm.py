@@ -24,13 +24,14 @@ SECTIONS = ("What the model is missing", "The measurements", "Which calibration 
 
 
 def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], str]:
-    outcome = cli("run", *arguments, "--points", "5", "--out", folder)
+    outcome = cli("run", *arguments, "--points", "5", "--no-rehearse", "--out", folder)
     assert outcome.code == 0, outcome.err
     results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     return results, (folder / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("quick_fit")
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick_fit", "quick_diagnoses")
 def test_a_urdf_goes_through_the_whole_chain(cli: Command, tmp_path: Path) -> None:
     urdf = write_urdf(tmp_path / "small.urdf")
     readings = write_readings(urdf, tmp_path / "readings.csv", poses=10)
@@ -54,7 +55,7 @@ def test_a_urdf_goes_through_the_whole_chain(cli: Command, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("quick_fit")
+@pytest.mark.usefixtures("quick_fit", "quick_diagnoses")
 def test_what_is_missing_is_named_added_and_mapped(cli: Command, tmp_path: Path) -> None:
     urdf = write_urdf(tmp_path / "small.urdf")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from cli_runs import Command
+from conftest import quick_diagnosis
 
 from stiffarm.commands.study import step, words
 from stiffarm.commands.study.report import write_report
@@ -27,7 +28,8 @@ def made(folder: Path, name: str, seed: int, *effects: str) -> None:
 
 def test_a_set_is_diagnosed_blind_and_scored(tmp_path: Path, cli: Command) -> None:
     made(tmp_path, "a", 3, "gauge-zero")
-    result = cli("study", tmp_path, "--json").json
+    with quick_diagnosis("gauge-zero"):
+        result = cli("study", tmp_path, "--jobs", "1", "--json").json
     (row,) = result["rows"]
     assert (row["verdict"], row["named"], row["right"]) == ("named", ["gauge-zero"], True)
     assert row["after_mm"] < row["before_mm"]

@@ -1,0 +1,121 @@
+"""What to do after a diagnosis, in words: what is left to settle, and the set-ups that would."""
+
+from __future__ import annotations
+
+from doe.diagnosis.hypotheses import Kind
+from doe.diagnosis.proposals.foresight import SETTLED
+from doe.diagnosis.proposals.next_readings import NextReadings
+from doe.diagnosis.proposals.rivals import look_of
+from stiffarm.commands.diagnose.step import Diagnosed
+from stiffarm.commands.diagnose.words import NAMED, and_list, rivals_text, sentence
+from stiffarm.pages.numbers import percent
+from stiffarm.pages.report import Block, Bullets, Fold, Table, Text
+from stiffarm.session.direction_words import set_up_rows
+
+# Set-ups that most probably leave everything open do not settle it.
+OPEN = 0.9
+NEXT: dict[Kind, str] = {
+    "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
+    "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
+    "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
+    "again with larger loads.",
+    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in "
+    "the new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
+    "unknown": "Look at the poses named below first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
+    "can be tried with --effect FILE.py.",
+}
+
+
+def next_sentence(d: Diagnosed) -> str:
+    """What to do next."""
+    if d.found.verdict == "ambiguous" and d.found.same:
+        return (
+            f"In these readings {and_list([f.code for f in d.found.provisional] or ['it'])} cannot be told from "
+            f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
+            "readings measured against the robot's base, the tool point); further readings help only where they differ."
+        )
+    if d.nothing_next and d.found.verdict != "unknown":
+        return f"No further set-up would settle it: {d.nothing_next}."
+    if d.found.verdict == "none" and d.proposal is not None:
+        return _hidden(d.proposal)
+    if d.found.verdict == "ambiguous":
+        if not d.rivals:
+            return f"{NEXT['unknown']}{_settles(d)}"
+        return f"Readings that differ between {rivals_text(d)} would settle it.{_settles(d)}"
+    if d.still_open:
+        return _still_open(d)
+    if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
+        return _beside_twins(d)
+    return NEXT[d.found.verdict]
+
+
+def _hidden(n: NextReadings) -> str:
+    """What set-ups would show of what these readings cannot see."""
+    hidden = [r for r in n.rivals if r.hidden]
+    seen = [r.code for r in hidden if r.against_none >= SETTLED]
+    if not seen:
+        return "Nothing needs to be settled, and no further set-up of this kind would show more."
+    some = f"{', '.join(seen[:NAMED])}{' and others' if len(seen) > NAMED else ''}"
+    return (
+        f"Nothing needs to be settled of what these readings can show. {len(hidden)} effects are hidden from them; the "
+        f"set-ups of next_readings.csv would show {len(seen)} of these: {some}."
+    )
+
+
+def _settles(d: Diagnosed) -> str:
+    """That the set-ups proposed are not expected to settle it, where they are not."""
+    if d.proposal is None or d.proposal.expected.open < OPEN:
+        return ""
+    return " The set-ups proposed tell most of it, but most probably do not settle it."
+
+
+def _still_open(d: Diagnosed) -> str:
+    """What a name could still be instead."""
+    parts = []
+    for code, others in d.still_open.items():
+        best = look_of(d.found, code)
+        some = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
+        parts.append(f"{code} could still be {some}")
+    return f"{and_list(parts)}: readings that differ between them would settle it."
+
+
+def _beside_twins(d: Diagnosed) -> str:
+    """Why nothing is left to settle of a name that others could imitate."""
+    parts = []
+    for f in d.found.effects:
+        if others := d.twins.get(f.code):
+            parts.append(
+                f"{and_list(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}"
+            )
+    return (
+        f"{and_list(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the "
+        "name."
+    )
+
+
+def proposal_text(n: NextReadings) -> str:
+    """Loads, phases and repeats of a proposal."""
+    done = n.protocol
+    loads = ", ".join(f"{v:g}" for v in done.forces)
+    way = "put on one after the other and taken off again" if done.unloading else "put on one after the other"
+    read = ", ".join(
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
+    )
+    return (
+        f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
+        f"of {loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        "`stiffarm diagnose MODEL DATA next_readings.csv`."
+    )
+
+
+def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
+    """The proposal as text, what it is expected to tell, and a table of set-ups."""
+    heads = ("set-up", *(f"{c.removesuffix('_deg')} (deg)" for c in d.given.robot.coordinates), "load")
+    rows = set_up_rows(n.labels, n.q, n.direction)
+    # How probable each name is now stands in the ladder; here only what the set-ups would change.
+    told = tuple(f"{sentence(w)}." for w in n.words[1:])
+    return [
+        Text(proposal_text(n)),
+        Table("Set-ups to measure next", heads, rows, (0, len(heads) - 1), folded=True),
+        Fold("What they are expected to tell", (Bullets(told),)),
+    ]

@@ -1,0 +1,189 @@
+"""The command `new`: a model file of an arm, with what it takes to check and to measure it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robots import InputError, ModelDescription, require_positive
+from stiffarm.session.console import say
+from stiffarm.session.frame import Frame, command
+from stiffarm.session.options import Debug, Json
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import parse_word, refuse_given
+
+TABLE = "dh.csv"
+# No arm bears or weighs less or more.
+LIGHTEST_kg, HEAVIEST_kg = 0.01, 1e5
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new model, as in my-arm.")],
+    mdh: Annotated[
+        Path | None,
+        typer.Option(
+            "--mdh",
+            help="Table of modified Denavit-Hartenberg parameters (Craig's; CSV/XLSX): joint, alpha_deg, a_mm, d_mm, "
+            "theta_deg, lower_deg, upper_deg, sign; last row flange.",
+        ),
+    ] = None,
+    dh: Annotated[
+        Path | None,
+        typer.Option("--dh", help="The same columns with standard Denavit-Hartenberg parameters; flange row optional."),
+    ] = None,
+    urdf: Annotated[
+        Path | None,
+        typer.Option(
+            "--urdf",
+            help="URDF or xacro file (xacro: with the extra `xacro`): kinematics and limits. "
+            "`stiffarm import` takes meshes too.",
+        ),
+    ] = None,
+    like: Annotated[
+        str | None, typer.Option("--like", help="Begin with this arm: a name of `stiffarm robots`, or a model TOML.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the files. Default: NAME.")] = None,
+    title: Annotated[str | None, typer.Option("--title", help="Full name, for pages. Default: NAME.")] = None,
+    payload_kg: Annotated[float | None, typer.Option("--payload-kg", help="Rated payload, in kg.")] = None,
+    mass_kg: Annotated[float | None, typer.Option("--mass-kg", help="Mass of the arm, in kg.")] = None,
+    springs: Annotated[
+        str,
+        typer.Option(
+            "--springs",
+            help="Springs of joints that have none: none (rigid until calibrated), or class (the middle of what arms "
+            "of this size have, marked as a prior).",
+        ),
+    ] = "none",
+    tip: Annotated[
+        str | None,
+        typer.Option(
+            "--tip", help="With --urdf: link at the end of the arm. Default: where most revolute joints lead."
+        ),
+    ] = None,
+    base: Annotated[
+        str | None, typer.Option("--base", help="With --urdf: link at the base of the arm. Default: the root link.")
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Make a model file of an arm, and tables to check it by.
+
+    Give one of --mdh, --dh, --urdf and --like. Without any, an empty table is written to fill in. The folder gets the
+    model with every key explained, a table of poses to read at the pendant (for `stiffarm robots check`), a first
+    measuring sheet, and a JSON schema for editors.
+    """
+    with command(out or Path(name), as_json=as_json, debug=debug) as frame:
+        from stiffarm.commands.new.step import (
+            changed,
+            checked_name,
+            from_arm,
+            from_table,
+            from_urdf,
+            with_class_springs,
+        )
+
+        checked_name(name)
+        for option, value in (("--payload-kg", payload_kg), ("--mass-kg", mass_kg)):
+            require_positive(option, value, "kg")
+            if value is not None and not LIGHTEST_kg <= value <= HEAVIEST_kg:
+                raise InputError(option, value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg",
+                                 remedy="give kg")  # fmt: skip
+        prior = parse_word(springs, ("none", "class"), "--springs") == "class"
+        given = {k: v for k, v in {"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like}.items() if v is not None}
+        if len(given) > 1:
+            raise InputError(", ".join(given), allowed="one of them", remedy="an arm comes from one source")
+        if urdf is None:
+            refuse_given({"--tip": tip, "--base": base}, "only with --urdf", "leave it out")
+        if not given:
+            refuse_given(
+                {
+                    "--title": title,
+                    "--payload-kg": payload_kg,
+                    "--mass-kg": mass_kg,
+                    "--springs": springs if prior else None,
+                },
+                "nothing to apply it to yet",
+                "give --mdh, --dh, --urdf or --like too",
+            )
+            _write_table(frame, name)
+            return
+        if mdh is not None or dh is not None:
+            table, form = (mdh, "modified") if mdh is not None else (dh, "standard")
+            description = from_table(table, form, name, title, payload_kg, mass_kg)  # type: ignore[arg-type]
+            frame.files["table"] = table  # type: ignore[assignment]
+        else:
+            found = from_urdf(urdf, tip, base) if urdf is not None else from_arm(str(like))
+            if urdf is not None:
+                frame.files["urdf"] = urdf
+            description = changed(found, name, title, payload_kg, mass_kg)
+        if prior:
+            description = with_class_springs(description)
+        with frame.folder() as folder:
+            content = _write(folder, description, name)
+        frame.answer(content, lambda: _say(description, content, frame.out or Path(name)))
+
+
+def _write_table(frame: Frame, name: str) -> None:
+    from stiffarm.commands.new.dh_table import empty_table
+
+    with frame.folder() as folder:
+        folder.write_text(TABLE, empty_table())
+    assert frame.out is not None  # noqa: S101 - it has a default
+    path = frame.out / TABLE
+    again = f"stiffarm new {name} --mdh {path}"
+
+    def show() -> None:
+        say(f"an empty table to fill in: {path}")
+        say(
+            "a row for each joint: alpha_deg and a_mm from the axis before, d_mm along its own axis (modified "
+            "Denavit-Hartenberg parameters), theta_deg where its coordinate reads 0, its limits; last row: the flange"
+        )
+        say(f"then: {again} (or --dh for standard parameters; rows and columns may be removed)")
+
+    frame.answer({"name": name, "table": str(path), "next": [again]}, show)
+
+
+def _write(folder: OutputFolder, description: ModelDescription, name: str) -> dict[str, Any]:
+    from robots.library.commented import SCHEMA_FILE, commented_toml
+    from robots.library.models import parse_description
+    from robots.robot import robot_from
+    from robots.schema.key_words import json_schema
+    from stiffarm.commands.new.starts import pendant_table, write_sheet
+
+    robot = robot_from(description)
+    text = commented_toml(description)
+    parse_description(text, f"{name}.toml")  # what is written can be read
+    folder.write_text(f"{name}.toml", text)
+    folder.write_json(SCHEMA_FILE, json_schema())
+    folder.write_text("pendant.csv", pendant_table(robot))
+    loads = write_sheet(folder.path("sheet.csv"), robot, description)
+    rigid = [joint.name for joint in description.joint if joint.stiffness is None]
+    return {
+        "name": name,
+        "model": f"{name}.toml",
+        "joints": len(description.joint),
+        "joints_without_springs": rigid,
+        "files": [f"{name}.toml", SCHEMA_FILE, "pendant.csv", "sheet.csv"],
+        "sheet_loads_N": list(loads),
+    }
+
+
+def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> None:
+    model = out / content["model"]
+    say(f"{description.title}: {content['joints']} joints; model {model}, every key explained")
+    say(
+        f"next: drive to the poses of {out / 'pendant.csv'}, fill in what the controller shows, then: "
+        f"stiffarm robots check {model} {out / 'pendant.csv'}"
+    )
+    loads = ", ".join(f"{force:g}" for force in content["sheet_loads_N"])
+    say(
+        f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} chooses set-ups that "
+        "tell more"
+    )
+    if content["joints_without_springs"]:
+        say(
+            f"no springs yet: {', '.join(content['joints_without_springs'])} are rigid until calibrated "
+            "(--springs class takes the middle of the arm's class, marked as a prior)"
+        )

@@ -1,0 +1,163 @@
+"""Answers `robots check`: what is wrong between a model and the controller, in words and as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots import ModelDescription, Robot, require_positive
+from robots.arrays import Array
+from robots.frames import rpy_of
+from robots.pendant.check import Explanation, PendantCheck, check_pendant
+from robots.pendant.slips import Slip
+from robots.robot import robot_from
+from stiffarm.commands.robots.pendant_table import read_pendant
+from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.session.frame import Frame
+from stiffarm.session.json_text import number
+
+# Explanations that are told in full; more than these cannot be told apart by the table.
+MOST_TOLD = 4
+# An offset this near to a quarter turn is one, rad.
+QUARTER_rad = float(np.radians(0.05))
+
+
+def answer_check(frame: Frame, description: ModelDescription, model: str, table: Path, tolerance_mm: float) -> None:
+    """Compare, say, and write check.json where there is a folder."""
+    require_positive("--tolerance-mm", tolerance_mm, "mm")
+    robot = robot_from(description)
+    readings, convention, remarks = read_pendant(table, robot)
+    frame.files["pendant"] = table
+    say_notes(remarks)
+    found = check_pendant(robot, readings, 1e-3 * tolerance_mm)
+    content = check_payload(description, robot, found, convention)
+    with frame.folder_if() as folder:
+        if folder is not None:
+            folder.write_json("check.json", content)
+    frame.answer(content, lambda: _show(description, content))
+
+
+def check_payload(
+    description: ModelDescription, robot: Robot, found: PendantCheck, convention: str | None
+) -> dict[str, Any]:
+    """The whole answer; ``verdict``: agrees, explained, orientation or unexplained."""
+    told = found.explanations[:MOST_TOLD]
+    positions_agree = bool(told) and told[0].things == 0
+    verdict = "agrees" if found.agrees else "orientation" if positions_agree else "explained" if told else "unexplained"
+    turned = None
+    if found.turned is not None:
+        turn = None if found.tool_turn is None else np.degrees(rpy_of(found.tool_turn)).round(3) + 0.0
+        turned = {
+            "convention": convention,
+            "largest_deg": number(float(np.degrees(found.turned.max()))),
+            "constant_tool_turn_rpy_deg": None if turn is None else turn.tolist(),
+        }
+    return {
+        "robot": description.name,
+        "verdict": verdict,
+        "poses": len(found.readings.q),
+        "tolerance_mm": number(1e3 * found.tolerance),
+        "frame": "controller" if robot.controller is not None and robot.controller.T_base is not None else "base",
+        "largest_mm": number(float(1e3 * found.distance.max())),
+        "distance_mm": dict(zip(found.readings.labels, map(number, (1e3 * found.distance).tolist()), strict=False)),
+        "still_joints": list(found.still),
+        "orientation": turned,
+        "explanations": [_explanation(robot, e) for e in told],
+        "more_explanations": len(found.explanations) - len(told),
+        "closest": None if told else _explanation(robot, found.best),
+    }
+
+
+def _explanation(robot: Robot, e: Explanation) -> dict[str, Any]:
+    changes = [_slip(robot, slip, e.fit.sizes.get(slip.code)) for slip in e.chosen]
+    changes += [_frame(name, e.fit.shift[name]) for name in e.frames]
+    if not e.base_known:
+        changes.append({
+            "code": "model-base", "size": None, "unit": None,
+            "words": "positions are in the model's base frame, not in the controller's robot frame of the file",
+            "remedy": "nothing, if the controller's world frame was set so; else read positions in its robot frame",
+        })  # fmt: skip
+    return {"largest_mm": number(1e3 * e.fit.worst), "changes": changes}
+
+
+def _slip(robot: Robot, slip: Slip, size: float | None) -> dict[str, Any]:
+    words, remedy, unit = slip.words, slip.remedy, None
+    if slip.kind == "offset" and size is not None:
+        quarter = round(size / (0.5 * np.pi)) * 0.5 * np.pi
+        size = quarter if abs(size - quarter) < QUARTER_rad else size
+        degrees, unit = float(np.degrees(size)), "deg"
+        name, total = robot.joint_names[slip.joint], float(np.degrees(robot.offset[slip.joint]))
+        total = (total + robot.sign[slip.joint] * degrees + 180.0) % 360.0 - 180.0
+        words = f"{name} counts from another zero: {degrees:+.4g} deg"
+        remedy = f'in [[joint]] {name}: offset = {{ value = {total:.6g}, unit = "deg", source = "derived" }}'
+        size = degrees
+    elif slip.kind == "length" and size is not None:
+        axis, joint = "xyz"[slip.along], robot.joint_names[slip.joint]
+        words, unit, size = f"{words}: {1e3 * size:+.4g} mm", "mm", 1e3 * size
+        remedy = f"check a, d or xyz of [[joint]] {joint} (here along {axis}) against the data sheet"
+    return {"code": slip.code, "words": words, "size": None if size is None else number(size), "unit": unit,
+            "remedy": remedy}  # fmt: skip
+
+
+def _frame(name: str, shift: Array) -> dict[str, Any]:
+    words = {"base": "the controller's robot frame is elsewhere", "tool": "the tool point is elsewhere",
+             "turned-base": "the controller's robot frame is elsewhere and turned"}[name]  # fmt: skip
+    mm = (1e3 * shift[-3:]).round(3) + 0.0
+    size: list[float] = mm.tolist()
+    text = ", ".join(f"{v:g}" for v in size)
+    if name == "tool":
+        remedy = f"[tool] xyz: add [{text}] mm (flange axes), or choose the tool on the controller that the model has"
+    elif name == "base":
+        remedy = f"[controller] base xyz: add [{', '.join(f'{0.0 - v:g}' for v in size)}] mm"
+    else:
+        turn = np.degrees(shift[:3]).round(3) + 0.0
+        text += f" mm, turned by {', '.join(f'{v:g}' for v in turn.tolist())} deg about the base's x, y, z"
+        remedy = "set [controller] base to where the controller's robot frame is"
+    shown = text if name == "turned-base" else f"{text} mm"
+    return {"code": name, "words": f"{words}: by {shown}", "size": size, "unit": "mm", "remedy": remedy}
+
+
+def _show(description: ModelDescription, content: dict[str, Any]) -> None:
+    far = f"{content['largest_mm']:.4g} mm over {content['poses']} poses, tolerance {content['tolerance_mm']:g} mm"
+    turned = content["orientation"]
+    if content["verdict"] in ("agrees", "orientation"):
+        say(f"{description.title}: positions agree with the controller, largest difference {far}")
+    else:
+        say(f"{description.title}: positions do NOT agree with the controller, largest difference {far}")
+        rows = [[label, f"{v:.3f}"] for label, v in content["distance_mm"].items()]
+        show_table("Difference as the model stands", ["pose", "distance (mm)"], rows)
+    for i, explanation in enumerate(content["explanations"]):
+        _say_explanation("what is wrong" if i == 0 else "or, which the table cannot tell apart", explanation)
+    if content["more_explanations"]:
+        say(f"and {content['more_explanations']} more: read poses in which every joint moves")
+    if content["closest"] is not None:
+        say("no usual slip (sign, zero, coupling, length, base, tool, radians), up to three at once, explains this")
+        _say_explanation("the closest is", content["closest"])
+        say("check that positions are in mm, in the robot's own frame and of the point that the model's tool is")
+    if turned is not None:
+        _say_orientation(turned)
+    if content["still_joints"]:
+        say(f"not checked, because they hardly move over the poses: {', '.join(content['still_joints'])}")
+
+
+def _say_explanation(opening: str, explanation: dict[str, Any]) -> None:
+    for change in explanation["changes"]:
+        say(f"{opening}: {change['words']}")
+        say(f"  to fix it: {change['remedy']}")
+        opening = "and"
+    if explanation["changes"]:
+        say(f"  then the largest difference is {explanation['largest_mm']:.3g} mm")
+
+
+def _say_orientation(turned: dict[str, Any]) -> None:
+    if turned["largest_deg"] <= 0.1:
+        say(f"orientations agree, largest difference {turned['largest_deg']:.2g} deg")
+    elif turned["constant_tool_turn_rpy_deg"] is not None:
+        rpy = ", ".join(f"{v:g}" for v in turned["constant_tool_turn_rpy_deg"])
+        say(f"orientations differ by one constant turn of the tool: rpy {rpy} deg in the flange frame")
+        say(f"  to fix it: set [tool] rpy (or [controller] flange rpy) to [{rpy}] deg")
+    else:
+        say(f"orientations differ by up to {turned['largest_deg']:.4g} deg, and no constant turn explains that")
+        say("  to fix it: check that the columns are the convention that they are named after, and their order")

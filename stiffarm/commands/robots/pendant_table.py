@@ -1,0 +1,103 @@
+"""Positions read at the controller, from a table: angles, x y z, and an orientation in one of the usual conventions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import compress
+from pathlib import Path
+
+import numpy as np
+
+from doe.tables.columns import Columns, RawTable, drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
+from machining.programs.orientation import SPOKEN, Spoken
+from robots import InputError, Robot
+from robots.errors import line_ranges, listed
+from robots.faults import Faults
+from robots.pendant.check import PendantReadings
+
+POSITION = ("x_mm", "y_mm", "z_mm")
+# Quaternions from a pendant have four decimals or so.
+UNIT_LENGTH = 0.02
+
+
+def read_pendant(path: Path, robot: Robot) -> tuple[PendantReadings, str | None, list[str]]:
+    """The table's readings, the convention of its orientations (None: there are none), and remarks.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or every fault of its columns and cells.
+    """
+    if not path.is_file():
+        raise InputError("PENDANT", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path")
+    table = read_table(path)
+    faults = Faults(table.name)
+    own = tuple(dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))
+    columns, meant = sorted_columns(table, (*robot.angle_names, *POSITION, *own, "pose"), faults)
+    missing = [name for name in POSITION if name not in {*columns.known, *meant}]
+    if missing:
+        faults.add(1, f"no column {', '.join(missing)}", allowed=", ".join(POSITION),
+                   remedy="add the tool's position as the controller shows it, in mm")  # fmt: skip
+    if not {*columns.known, *meant}.intersection(robot.angle_names):
+        faults.add(1, "no joint column", value=", ".join(table.header), allowed=", ".join(robot.angle_names),
+                   remedy="name the columns of the joint angles exactly so")  # fmt: skip
+    spoken = _convention(set(columns.known), faults)
+    table, unread = _read_rows(drop_ragged(table, faults), columns)
+    q = joint_angles(table, columns, robot, faults)
+    position = numbers(table, columns, POSITION, faults)
+    turned = None if spoken is None else numbers(table, columns, spoken.columns, faults, si=False)
+    if spoken is not None and turned is not None and spoken.code == "abb":
+        for row in np.flatnonzero(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT_LENGTH):
+            faults.add(table.lines[row], "columns qw, qx, qy, qz", value=str(turned[row].tolist()),
+                       allowed="a quaternion of length 1", remedy="copy all four numbers, scalar first")  # fmt: skip
+    faults.raise_if_any("pendant table")
+    at = columns.known.get("pose")
+    labels = tuple(str(i + 1) for i in range(len(q))) if at is None else texts(table, at)
+    remarks = [f"{path.name}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []
+    given = [name for name in robot.angle_names if name in columns.known]
+    absent = [n for n in _same_kind(robot, given) if n not in given]
+    remarks += [f"{path.name}: joint columns missing, taken as 0: {', '.join(absent)}"] if absent else []
+    remarks += [f"{path.name}: rows without a position skipped: {line_ranges(unread)}"] if unread else []
+    remarks += [f"{path.name}: {note}" for note in table.notes]
+    rotation = None if spoken is None or turned is None else spoken.orientation.read(turned)
+    return PendantReadings(q, position, rotation, labels), None if spoken is None else spoken.code, remarks
+
+
+def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
+    """The rows in which a position was filled in, and the lines of the others.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    at = [columns.known[name] for name in POSITION if name in columns.known]
+    read = [not at or any(row[i] for i in at) for row in table.rows]
+    if table.rows and not any(read):
+        raise InputError(f"pendant table {table.name}: no position was filled in yet",
+                         allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
+                         remedy="drive to the poses and fill them in; rows left empty are skipped")  # fmt: skip
+    unread = [line for line, there in zip(table.lines, read, strict=True) if not there]
+    kept = replace(table, rows=tuple(compress(table.rows, read)), lines=tuple(compress(table.lines, read)))
+    return kept, unread
+
+
+def _same_kind(robot: Robot, given: list[str]) -> tuple[str, ...]:
+    """The names that belong to those given: the controller's, where one of these is only its."""
+    if robot.controller is not None and any(name not in robot.coordinates for name in given):
+        return robot.controller.names
+    return robot.coordinates
+
+
+def _convention(present: set[str], faults: Faults) -> Spoken | None:
+    """The convention whose columns are all there."""
+    whole = [spoken for spoken in SPOKEN if present.issuperset(spoken.columns)]
+    begun = {column for spoken in SPOKEN for column in spoken.columns} & present
+    allowed = "; ".join(f"{spoken.words}: {', '.join(spoken.columns)}" for spoken in SPOKEN)
+    if len(whole) > 1 and begun != set(whole[0].columns):
+        faults.add(1, "orientations in more than one convention", value=", ".join(sorted(begun)), allowed=allowed,
+                   remedy="keep the columns of one")  # fmt: skip
+    elif not whole and begun:
+        faults.add(1, "an orientation that is not whole", value=", ".join(sorted(begun)), allowed=allowed,
+                   remedy="add the missing columns, or remove these")  # fmt: skip
+    return whole[0] if whole else None

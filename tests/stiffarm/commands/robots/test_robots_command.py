@@ -1,0 +1,117 @@
+"""`robots --pose` in the controllers' conventions, and `robots check` against a pendant's table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runs import Command
+from scipy.spatial.transform import Rotation
+
+from machining.programs.orientation import SPOKEN
+from robots import forward_kinematics, load_robot
+
+
+def pendant(path: Path, name: str, columns: str = "w_deg,p_deg,r_deg", change: float = 1.0) -> Path:
+    """What a controller shows at six poses; ``change``: what joint 3 is multiplied by in the table."""
+    robot = load_robot(name)
+    low, high = np.degrees(robot.limits).T
+    q = np.round(np.random.default_rng(3).uniform(0.5 * low, 0.5 * high, (6, 6)), 1)
+    at = forward_kinematics(robot, np.radians(q))
+    spoken = next(s for s in SPOKEN if ",".join(s.columns) == columns)
+    q[:, 2] *= change
+    rows = np.column_stack([q, (at.p_flange * 1e3).round(2), spoken.orientation.write(at.R_flange).round(4)])
+    head = f"{','.join(robot.coordinates)},x_mm,y_mm,z_mm,{columns}"
+    path.write_text("\n".join([head, *(",".join(map(str, row)) for row in rows.tolist())]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_pose_is_shown_in_the_controllers_frame_and_conventions(cli: Command) -> None:
+    outcome = cli("robots", "r2000ic-270f", "--pose", "J2_deg=30,J3_deg=-10,J5_deg=-20", "--out", "out", "--json")
+    assert outcome.code == 0, outcome.err
+    answer = outcome.json
+    assert answer["pose_deg"]["q3_deg"] == 20.0
+    np.testing.assert_allclose(np.subtract(answer["base_position_mm"], answer["position_mm"]), [0, 0, 670])
+    told = answer["orientation"]
+    R = Rotation.from_quat(list(told["abb"].values()), scalar_first=True)
+    for code, sequence in (("kuka", "ZYX"), ("fanuc", "xyz"), ("staubli", "XYZ"), ("kawasaki", "ZYZ")):
+        same = Rotation.from_euler(sequence, list(told[code].values()), degrees=True)
+        assert (R.inv() * same).magnitude() < 1e-6
+    assert (R.inv() * Rotation.from_rotvec(list(told["ur"].values()))).magnitude() < 1e-5
+    assert {p.name for p in Path("out").iterdir()} == {"pose.json", "pose.png", "run.json"}
+
+
+@pytest.mark.parametrize("columns", [",".join(spoken.columns) for spoken in SPOKEN])
+def test_a_right_model_agrees_in_every_convention(cli: Command, tmp_path: Path, columns: str) -> None:
+    answer = cli("robots", "check", "gp25", pendant(tmp_path / "p.csv", "gp25", columns), "--json").json
+    assert answer["verdict"] == "agrees"
+    assert answer["orientation"]["largest_deg"] < 0.05
+
+
+def test_a_flipped_joint_is_named_with_what_to_write(cli: Command, tmp_path: Path) -> None:
+    table = pendant(tmp_path / "p.csv", "gp25", change=-1.0)
+    outcome = cli("robots", "check", "gp25", table, "--out", "out", "--json")
+    assert outcome.json["verdict"] == "explained"
+    change = outcome.json["explanations"][0]["changes"][0]
+    assert change["code"] == "sign:j3"
+    assert "sign = -1" in change["remedy"]
+    assert Path("out/check.json").is_file()
+
+
+def test_the_convention_that_columns_are_named_after_matters(cli: Command, tmp_path: Path) -> None:
+    table = pendant(tmp_path / "p.csv", "gp25")
+    table.write_text(table.read_text().replace("w_deg,p_deg,r_deg", "rx_deg,ry_deg,rz_deg"), encoding="utf-8")
+    assert cli("robots", "check", "gp25", table, "--json").json["verdict"] == "orientation"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("x_mm", "x_m", "x_mm"),
+        (",z_mm", ",height", "no column z_mm"),
+        ("q1_deg", "q1_rad", "q1_deg"),
+        (",r_deg", ",other", "not whole"),
+        ("r_deg", "a_deg", "not whole"),
+    ],
+)
+def test_wrong_columns_are_one_message(cli: Command, tmp_path: Path, old: str, new: str, said: str) -> None:
+    table = pendant(tmp_path / "p.csv", "gp25")
+    table.write_text(table.read_text().replace(old, new, 1), encoding="utf-8")
+    outcome = cli("robots", "check", "gp25", table)
+    assert outcome.code == 2
+    assert said in outcome.err
+    assert len(outcome.err.splitlines()) <= 3
+
+
+def test_rows_without_a_position_are_skipped_and_none_at_all_refused(cli: Command) -> None:
+    assert cli("new", "mine", "--like", "gp25").code == 0
+    table = Path("mine/pendant.csv")
+    nothing = cli("robots", "check", "mine/mine.toml", table)
+    assert (nothing.code, len(nothing.err.splitlines())) == (2, 1)
+    rows = table.read_text().splitlines()
+    robot = load_robot("gp25")
+    for i in range(1, 5):
+        q = np.radians([[float(v) for v in rows[i].split(",")[1:7]]])
+        x, y, z = (forward_kinematics(robot, q).p_flange[0] - [0.0, 0.0, 0.505]) * 1e3
+        rows[i] = rows[i].removesuffix(",,,") + f",{x:.3f},{y:.3f},{z:.3f}"
+    table.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    answer = cli("robots", "check", "mine/mine.toml", table, "--json").json
+    assert (answer["verdict"], answer["poses"]) == ("agrees", 4)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--pose", "q1_deg=3"),
+        ("gp25", "--out", "out"),
+        ("gp25", "--pose", "q2_deg=900"),
+        ("gp25", "--pose", "j2=3"),
+        ("check", "gp25", "nowhere.csv"),
+        ("check", "nowhere", "nowhere.csv"),
+    ],
+)
+def test_bad_input_is_refused(cli: Command, arguments: tuple[str, ...]) -> None:
+    outcome = cli("robots", *arguments)
+    assert outcome.code == 2
+    assert not list(Path().iterdir())
