@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class BeamMesh:
 
     ``nodes`` (k, 3) m; ``elements`` (m, 2); ``dimensions`` (m, 2, d): section dimensions at both ends;
     ``up`` (3,): direction of the section's height; ``interfaces``: node of each named interface, the
-    first one being the root.
+    first one being the root; ``axes`` (3,): of the joints at interfaces, where they are known.
     """
 
     name: str
@@ -34,6 +34,7 @@ class BeamMesh:
     youngs_modulus: float
     poissons_ratio: float
     interfaces: dict[str, int]
+    axes: dict[str, Array] = field(default_factory=dict)
 
     @property
     def interface_points(self) -> Array:
@@ -62,6 +63,15 @@ def body_tip(robot: Robot, body: int) -> Array:
     return np.array(T[:3, 3])
 
 
+def body_axes(robot: Robot, body: int) -> dict[str, Array]:
+    """Axes (3,) of the joints at a body's root and tip, in its frame.
+
+    The base has its joint's at both, and so has the last body.
+    """
+    own = robot.T_pre[0][:3, 2] if body == 0 else robot.R_post[body - 1].T[:, 2]
+    return {"root": own, "tip": own if body == robot.dof else robot.T_pre[body][:3, 2]}
+
+
 def body_index(robot: Robot, body: str) -> int:
     """0 for the base, i for the body that joint i moves."""
     return 0 if body == "base" else 1 + robot.joint_names.index(body)
@@ -87,7 +97,7 @@ def link_beam_mesh(
     lever = None
     if robot.parallelogram is not None and body == robot.parallelogram.driven + 1:
         lever = robot.parallelogram.pin
-    return _polyline_mesh(
+    mesh = _polyline_mesh(
         f"{description.name}: link {link.name}",
         path,
         start,
@@ -98,6 +108,7 @@ def link_beam_mesh(
         elements_per_segment,
         lever,
     )
+    return replace(mesh, axes=body_axes(robot, body))
 
 
 def _material(description: ModelDescription, link: Link) -> Material:

@@ -19,7 +19,7 @@ _intersections: Any = trimesh.intersections
 
 STATIONS = 41
 # Share of the way that the casing must cover: of less, a beam over the whole way says nothing.
-LEAST_COVER = 0.25
+LEAST_COVER = 0.1
 # Of the median perimeter: below, a station has no casing, only what sticks out of it.
 LEAST_PERIMETER = 0.3
 # A tube has two equal second moments, and as much of them as a circle of the same perimeter.
@@ -60,7 +60,7 @@ def equivalent_section(
     Raises
     ------
     InputError
-        The points coincide, or the casing covers less than a quarter of the way between them.
+        The points coincide, or the casing covers less than a tenth of the way between them.
     """
     way = tip - root
     length = float(np.linalg.norm(way))

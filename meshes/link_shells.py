@@ -61,7 +61,7 @@ def link_shell_mesh(link: Link, beam: BeamMesh) -> ShellMesh:
         return casing_mesh(beam, openings=link.opening, rim=link.rim)
     mesh = load_shell(link.surface.file, link.surface.sha256, beam.name)
     points = dict(zip(beam.interfaces, beam.interface_points, strict=True))
-    check_fits(f"surface of link {link.name}, {link.surface.file}", mesh.nodes, mesh.interfaces, points)
+    check_fits(f"surface of link {link.name}, {link.surface.file}", mesh.nodes, mesh.interfaces, points, beam.axes)
     _check_wall(link.name, link.surface, mesh)
     return replace(
         mesh,

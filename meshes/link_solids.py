@@ -44,7 +44,7 @@ def link_solid_mesh(link: Link, beam: BeamMesh) -> SolidMesh | None:
         return None
     mesh = load_solid(link.solid.file, link.solid.sha256, beam.name)
     points = dict(zip(beam.interfaces, beam.interface_points, strict=True))
-    check_fits(f"solid of link {link.name}, {link.solid.file}", mesh.nodes, mesh.interfaces, points)
+    check_fits(f"solid of link {link.name}, {link.solid.file}", mesh.nodes, mesh.interfaces, points, beam.axes)
     return replace(
         mesh,
         youngs_modulus=beam.youngs_modulus,

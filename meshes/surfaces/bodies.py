@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from meshes.beams import body_tip
+from meshes.beams import body_axes, body_tip
 from meshes.surfaces.distance_grid import sample
 from meshes.surfaces.reading import read_surface
 from meshes.surfaces.rings import Interface
@@ -100,8 +100,7 @@ def link_interfaces(
         robot.T_pre[:, :3, :3] @ robot.R_post,
         robot.T_pre[:, :3, 3],
     )  # of each body in the one before, joints at zero
-    own_axis = robot.T_pre[0][:3, 2] if body == 0 else robot.R_post[body - 1].T[:, 2]
-    next_axis = own_axis if body == n else robot.T_pre[body][:3, 2]
+    own_axis, next_axis = body_axes(robot, body).values()
     facing_root = None if before is None or body == 0 else (before - p[body - 1]) @ R[body - 1]
     facing_tip = None if after is None or body == n else after @ R[body].T + p[body]
     interfaces = {

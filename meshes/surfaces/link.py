@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ import trimesh
 from meshes.shell_mesh import ShellMesh
 from meshes.surfaces.checks import SurfaceFault, census
 from meshes.surfaces.reading import check_scale, read_surface
-from meshes.surfaces.rings import Interface, Ring
-from meshes.surfaces.routes import ImportSettings, Repair, as_it_is, least_angle, wrapped
+from meshes.surfaces.rings import Interface, Ring, choose_rings
+from meshes.surfaces.routes import ImportSettings, Meshed, Repair, as_it_is, least_angle, offset_inward, wrapped
+from meshes.surfaces.walls import boss_elements
 from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array, Integers, finite
 
@@ -24,6 +25,8 @@ REPAIRS: tuple[Repair, ...] = ("auto", "none", "wrap")
 _triangles: Any = trimesh.triangles
 
 POOR_ANGLE_DEG = 10.0
+# Walls (m) nearer to each other than this have one mid-surface.
+SAME_WALL = 2e-4
 GOOD = "good"
 
 
@@ -96,37 +99,111 @@ def prepare_link(
     """
     _check_numbers(interfaces, settings)
     points = np.stack([interface.point for interface in interfaces.values()])
+    surface = mid_surface(name, nodes, faces, points, settings, notes)
+    return shell_on(surface, interfaces, surface.rings(interfaces), settings)
+
+
+@dataclass(frozen=True)
+class MidSurface:
+    """A link's mid-surface under a wall of ``wall`` m, before anything is known of where it is held.
+
+    ``bodies``, ``open_edges``, ``wrapped``: as in :class:`ImportFigures`. ``report``: lines so far.
+    """
+
+    name: str
+    mesh: Meshed
+    wall: float
+    bodies: int
+    open_edges: int
+    wrapped: bool
+    report: tuple[str, ...]
+
+    def rings(self, interfaces: Mapping[str, Interface]) -> Rings:
+        """Where it is held (:func:`meshes.surfaces.rings.choose_rings`)."""
+        found, notes = choose_rings(interfaces, self.mesh.nodes, self.mesh.faces, self.mesh.size, self.name)
+        return Rings(found, tuple(notes))
+
+    def under(self, wall: float) -> MidSurface:
+        """The mid-surface of a wall of another thickness (m); where elements would fold it stays, and says so."""
+        deeper = 0.5 * (wall - self.wall)
+        try:
+            nodes, _ = offset_inward(self.name, self.mesh.nodes, self.mesh.faces, deeper)
+        except SurfaceFault:
+            return replace(self, report=(*self.report, f"mid-surface left {500 * self.wall:.3g} mm under the surface"))
+        said = f"moved {1e3 * abs(deeper):.3g} mm {'inward' if deeper > 0 else 'outward'}, under a wall of "
+        return replace(
+            self, mesh=replace(self.mesh, nodes=nodes), wall=wall, report=(*self.report, f"{said}{1e3 * wall:.3g} mm")
+        )
+
+
+@dataclass(frozen=True)
+class Rings:
+    """Rings by interface, and notes on what was cut."""
+
+    by_name: dict[str, Ring]
+    notes: tuple[str, ...] = ()
+
+
+def mid_surface(
+    name: str, nodes: Array, faces: Integers, points: Array, settings: ImportSettings, notes: tuple[str, ...] = ()
+) -> MidSurface:
+    """Repair or wrap a surface, mesh it evenly and move it half a wall inward.
+
+    ``points`` (i, 3) m: of the interfaces, that the surface's size is compared with. Errors as :func:`import_surface`.
+    """
     report = [*notes, check_scale(name, nodes, points, settings.expected_span, settings.span_ratio)]
     bodies, open_edges = census(nodes, faces)
     report.append(f"as read: {bodies} {'body' if bodies == 1 else 'bodies'}, {open_edges} open edges")
     wrap = settings.repair == "wrap"
     if not wrap:
         try:
-            done = as_it_is(name, nodes, faces, interfaces, settings)
+            done = as_it_is(name, nodes, faces, settings)
         except SurfaceFault as fault:
             if settings.repair == "none":
                 raise
             report.append(f"not taken as it is: {fault.what}")
             wrap = True
     if wrap:
-        done = wrapped(name, nodes, faces, interfaces, settings)
-    report += done.report
-    report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in done.rings.items()]
+        done = wrapped(name, nodes, faces, settings)
+    return MidSurface(name, done, settings.wall, bodies, open_edges, wrap, (*report, *done.report))
+
+
+def shell_on(
+    surface: MidSurface, interfaces: Mapping[str, Interface], rings: Rings, settings: ImportSettings
+) -> ImportedLink:
+    """The shell of a link with ``settings.wall``, thicker in its bosses, held at its rings."""
+    if abs(settings.wall - surface.wall) > SAME_WALL:
+        surface = surface.under(settings.wall)
+    done, held = surface.mesh, rings.by_name
+    report = [*surface.report, *rings.notes]
+    report += [f"interface {key}: {ring.words}, {ring.nodes.size} nodes" for key, ring in held.items()]
+    boss = boss_elements(done.nodes, done.faces, interfaces, held)
+    if boss.any() and settings.boss != 1.0:
+        thick = 1e3 * settings.boss * settings.wall
+        report.append(f"bosses: walls of {thick:.3g} mm on {100 * boss.mean():.0f} % of the elements")
     mesh = ShellMesh(
-        name=name,
+        name=surface.name,
         nodes=done.nodes,
         triangles=done.faces,
         quads=np.zeros((0, 4), dtype=np.int64),
-        thickness=np.full(len(done.faces), float(settings.wall)),
+        thickness=np.where(boss, settings.boss * settings.wall, settings.wall),
         youngs_modulus=settings.youngs_modulus,
         poissons_ratio=settings.poissons_ratio,
-        interfaces={key: ring.nodes for key, ring in done.rings.items()},
+        interfaces={key: ring.nodes for key, ring in held.items()},
     )
     angle = least_angle(done.nodes, done.faces)
     report.append(_quality(done.nodes, done.faces, angle))
     area = float(_triangles.area(mesh.triangle_corners).sum())
     figures = ImportFigures(
-        bodies, open_edges, wrap, done.size, len(done.faces), angle, area, done.rings, done.departure
+        surface.bodies,
+        surface.open_edges,
+        surface.wrapped,
+        done.size,
+        len(done.faces),
+        angle,
+        area,
+        held,
+        done.departure,
     )
     return ImportedLink(mesh, tuple(report), figures)
 

@@ -6,25 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from meshes.shell_mesh import connected, sides
-from meshes.surfaces.remesh import normals, unit
+from meshes.surfaces.remesh import normals
+from meshes.surfaces.seats import ALONG, LEAST_RING, Seats, Skin, seats_around
 from robots import InputError
 from robots.arrays import Array, Integers
 
-LEAST_RING = 6
 # Interfaces reach no further than this share of the way to the next one.
 SHARE_OF_WAY = 0.45
 SHRINK, MOST_SHRINKS = 0.75, 8
-# A seat faces along the axis within 60 deg, is this many elements deep, and stands in 5 of 8 sectors around it.
-FACING, DEPTH, SECTORS, SECTORS_HELD = 0.5, 1.5, 8, 5
-# Its reach is measured in so many sectors for each of these.
-FINE = 3
-# Of the angle between an axis and the way to the next interface: above, the axis is along the arm.
-ALONG = 0.7
-# Seats as near to the neighbour as the best one, to an element, and not much smaller, are held with it.
-LEAST_SHARE = 0.2
+# One bearing joins two links: where their rings' radii differ by more, the smaller takes the larger (see
+# docs/decisions/index.md for what that did to a FANUC's real readings).
+ONE_BEARING = 1.5
 
 
 @dataclass(frozen=True)
@@ -45,11 +39,18 @@ class Interface:
 
 @dataclass(frozen=True)
 class Ring:
-    """Nodes of an interface, how far they reach (m) from the axis or the point, and how they were chosen."""
+    """Nodes of an interface, how far they reach (m) from the axis or the point, and how they were chosen.
+
+    ``across``: the joint's axis stands across the link, so there may be a boss around it. ``flange_m3``: volume of a
+    solid flange that is held with all its body. ``seat``: whether a seat around the axis was found.
+    """
 
     nodes: Integers
     radius: float
     words: str
+    across: bool = False
+    flange_m3: float = 0.0
+    seat: bool = False
 
 
 def choose_rings(
@@ -59,14 +60,14 @@ def choose_rings(
 
     ``link``: for messages.
 
-    With an axis: the *seats* around it, flat places at right angles to it, on five eighths of its turn at least;
-    of these the nearest to the neighbour's surface, as far as it follows that surface, or without a neighbour the
-    nearest to the point. Two on both sides of a fork are both taken. An axis along the way to the next interface
-    has the whole seat: the end of the arm. One across it, on the side of an arm, has a disc with the lower quartile
-    of the seat's reach all round as its radius, which keeps within the arm's width. Rings that meet are
-    kept within 45 % of the way between them, or less. Where no seat is, and the point is near the surface: a ball
-    around it. Without an axis: all nodes within ``radius``, or else the band of nodes within half an element of the
-    plane through the point at right angles to the way to the other points.
+    With an axis: the *seats* around it (:mod:`meshes.surfaces.seats`), places that face along it on five eighths of
+    its turn at least; of these the nearest to the neighbour's surface, or without a neighbour the nearest to the point.
+    Two on both sides of a fork are both taken. An axis along the way to the next interface has the whole seat: the end
+    of the arm. One across it, on the side of an arm, has a disc with the median of the seat's reach all round as its
+    radius. A thin flange is held with all its body. Rings that meet are kept within 45 % of the way between them, or
+    less. Where no seat is, and the point is near the surface: a ball around it. Without an axis: all nodes within
+    ``radius``, or else the band of nodes within half an element of the plane through the point at right angles to the
+    way to the other points.
 
     Raises
     ------
@@ -75,7 +76,7 @@ def choose_rings(
     """
     normal = np.zeros((len(nodes), 3))
     np.add.at(normal, faces, normals(nodes, faces)[:, None] / 6.0)
-    skin = _Skin(nodes, faces, normal, size, f" of link {link}" if link else "")
+    skin = Skin(nodes, faces, normal, size, f" of link {link}" if link else "")
     notes: list[str] = []
     for share in (1.0, *(SHARE_OF_WAY * SHRINK**i for i in range(MOST_SHRINKS))):
         rings = {name: _ring(name, interfaces, skin, share) for name in interfaces}
@@ -91,20 +92,6 @@ def choose_rings(
     return rings, notes
 
 
-@dataclass(frozen=True)
-class _Skin:
-    """A surface with its nodes' normals, as long as the area each stands for (m^2), and its element size.
-
-    ``of``: whose it is, for messages.
-    """
-
-    nodes: Array
-    faces: Integers
-    normal: Array
-    size: float
-    of: str = ""
-
-
 def _sharing(rings: Mapping[str, Ring]) -> list[str]:
     """Names of the first two rings with a node in common."""
     names = list(rings)
@@ -115,7 +102,7 @@ def _sharing(rings: Mapping[str, Ring]) -> list[str]:
     return []
 
 
-def _ring(name: str, interfaces: Mapping[str, Interface], skin: _Skin, share: float) -> Ring:
+def _ring(name: str, interfaces: Mapping[str, Interface], skin: Skin, share: float) -> Ring:
     here = interfaces[name]
     others = [other.point for key, other in interfaces.items() if key != name]
     ways = sorted((p - here.point for p in others), key=lambda way: float(np.linalg.norm(way)))
@@ -123,7 +110,7 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: _Skin, share: fl
     distance = np.linalg.norm(skin.nodes - here.point, axis=1)
     if here.axis is not None:
         where = f"{1e3 * (here.radius or limit):.4g} mm of the joint's axis"
-        found = _seat_ring(here, ways, skin, limit) or _ball_ring(
+        found = _seat_ring(here, ways, skin, limit, share < 1.0) or _ball_ring(
             distance, skin.size, min(share, SHARE_OF_WAY) / share * limit
         )
     elif here.radius is not None:
@@ -144,7 +131,7 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: _Skin, share: fl
     return found
 
 
-def _band_ring(point: Array, others: list[Array], distance: Array, skin: _Skin) -> Ring | None:
+def _band_ring(point: Array, others: list[Array], distance: Array, skin: Skin) -> Ring | None:
     """The band of nodes around the point on the plane at right angles to the way to the other points."""
     way = np.mean(others, axis=0) - point
     ring = np.flatnonzero(np.abs((skin.nodes - point) @ way) <= 0.5 * skin.size * np.linalg.norm(way))
@@ -179,95 +166,37 @@ def _ball_ring(distance: Array, size: float, limit: float) -> Ring | None:
     return Ring(np.flatnonzero(distance <= radius), radius, words)
 
 
-@dataclass(frozen=True)
-class _Seat:
-    """A flat place around an axis: its nodes, their area (m^2), its place along the axis and its gap (m)."""
-
-    nodes: Integers
-    area: float
-    along: float
-    gap: float
-
-
-def _seat_ring(here: Interface, ways: list[Array], skin: _Skin, limit: float) -> Ring | None:
-    """Seats around the joint's axis, the nearest to the neighbour, cut to the casing's width."""
+def _seat_ring(here: Interface, ways: list[Array], skin: Skin, limit: float, shrunk: bool) -> Ring | None:
+    """Seats around the joint's axis as a ring; ``shrunk``: kept off another ring, without a flange's body."""
     assert here.axis is not None  # noqa: S101 - asked only of those
+    given = here.radius is not None
     axis = here.axis / np.linalg.norm(here.axis)
-    arm = skin.nodes - here.point
-    along = arm @ axis
-    across = arm - along[:, None] * axis
-    off = np.linalg.norm(across, axis=1)
-    fine = _sectors(across, axis)
-    sector = fine // FINE
+    across = bool(ways) and abs(float(ways[0] @ axis)) < ALONG * float(np.linalg.norm(ways[0]))
     most = here.radius if here.radius is not None else np.inf if here.whole else limit
-    tree = None if here.facing is None or not len(here.facing) else KDTree(here.facing)
-    seats = []
-    for side in (1.0, -1.0):
-        facing = np.flatnonzero((off <= most) & (side * (unit(skin.normal) @ axis) >= FACING))
-        for ring in _levels(facing, along, skin):
-            gap = abs(float(np.median(along[ring])))
-            if tree is not None:
-                apart = tree.query(skin.nodes[ring])[0]
-                gap = float(np.quantile(apart, 0.25))
-                follows = ring[apart <= gap + DEPTH * skin.size]
-                ring = follows if np.unique(sector[follows]).size >= SECTORS_HELD else ring
-            if np.unique(sector[ring]).size >= SECTORS_HELD:
-                area = float(np.linalg.norm(skin.normal[ring], axis=1).sum())
-                seats.append(_Seat(ring, area, float(np.median(along[ring])), gap))
-    if not seats:
-        return None
-    best = min(seat.gap for seat in seats)
-    near = [seat for seat in seats if seat.gap <= best + skin.size]
-    held = [seat for seat in near if seat.area >= LEAST_SHARE * max(s.area for s in near)]
-    ring = np.unique(np.concatenate([seat.nodes for seat in held]))
-    # The rim belongs to it whichever way its nodes face: walls that start beside the ring would hang on its edge.
-    beside = np.unique(skin.faces[np.isin(skin.faces, ring).any(axis=1)])
-    level = np.min([np.abs(along[beside] - seat.along) for seat in held], axis=0) <= 0.5 * skin.size
-    ring = np.union1d(ring, beside[level & (off[beside] <= most)])
-    across_arm = bool(ways) and abs(float(ways[0] @ axis)) < ALONG * float(np.linalg.norm(ways[0]))
-    if across_arm and here.radius is None and not here.whole:
-        ring = _disc(ring, off, fine, skin.size)
-    radius = float(off[ring].max())
-    places = " and ".join(f"{1e3 * seat.along:+.4g}" for seat in held)
-    near_words = "" if tree is None else f", {1e3 * best:.3g} mm from its neighbour"
-    return Ring(ring, radius, f"disc of {1e3 * radius:.4g} mm about the joint's axis at {places} mm{near_words}")
+    disc = across and not here.whole
+    found = seats_around(skin, here.point, axis, most, here.facing, given, disc, not (here.whole or shrunk))
+    return (
+        None
+        if found is None
+        else Ring(found.nodes, found.radius, _words(found, given), across and not here.whole, found.flange_m3, True)
+    )
 
 
-def _sectors(across: Array, axis: Array) -> Integers:
-    """Fine sector (n,) of the full turn that each arm (n, 3) at right angles to the axis points into."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    angle = np.arctan2(across @ np.cross(axis, first), across @ first)
-    count = SECTORS * FINE
-    return np.asarray(np.floor(angle / (2.0 * np.pi) * count).astype(np.int64) % count)
+def _words(found: Seats, given: bool) -> str:
+    places = " and ".join(f"{1e3 * place:+.4g}" for place in found.places)
+    near = "" if found.gap is None else f", {1e3 * found.gap:.3g} mm from its neighbour"
+    body = ", with the whole body of its flange" if found.flange_m3 else ""
+    bearing = ", its radius given" if given else ""
+    return f"disc of {1e3 * found.radius:.4g} mm about the joint's axis at {places} mm{near}{bearing}{body}"
 
 
-def _levels(facing: Integers, along: Array, skin: _Skin) -> list[Integers]:
-    """Sets of nodes that lie within a few elements along the axis, the largest areas first."""
-    levels: list[Integers] = []
-    weight = np.linalg.norm(skin.normal, axis=1)
-    first = 0.0
-    while facing.size >= LEAST_RING:
-        order = facing[np.argsort(along[facing], kind="stable")]
-        place = along[order]
-        total = np.concatenate([[0.0], np.cumsum(weight[order])])
-        end = np.searchsorted(place, place + DEPTH * skin.size, side="right")
-        area = total[end] - total[:-1]
-        start = int(np.argmax(area))
-        first = max(first, float(area[start]))
-        if area[start] < 0.05 * first:
-            break
-        level = order[start : end[start]]
-        if level.size >= LEAST_RING:
-            levels.append(level)
-        facing = np.setdiff1d(facing, level)
-    return levels
+def one_bearing(tip: Ring, root: Ring, before: int, after: int) -> list[tuple[int, str, float]]:
+    """What to mend where two links meet: number of the link, its interface, and the radius (m) it should have.
 
-
-def _disc(ring: Integers, off: Array, sector: Integers, size: float) -> Integers:
-    """Cut a seat to the lower quartile of its reach around the axis."""
-    reach = [off[ring[sector[ring] == k]].max(initial=0.0) for k in range(SECTORS * FINE)]
-    radius = float(np.quantile([r for r in reach if r > 0.0], 0.25))
-    # Half an element more, so that the rim of a round boss is all in; on coarse meshes as far as a ring needs.
-    least = np.sort(off[ring])[min(LEAST_RING, ring.size) - 1]
-    return np.asarray(ring[off[ring] <= max(radius + 0.5 * size, float(least))])
+    ``tip`` of link ``before`` and ``root`` of link ``after`` are bolted to the same bearing.
+    """
+    if not (tip.seat and root.seat):
+        return []
+    if tip.radius > ONE_BEARING * root.radius:
+        return [(after, "root", tip.radius)]
+    return [(before, "tip", root.radius)] if root.radius > ONE_BEARING * tip.radius else []

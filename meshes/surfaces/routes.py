@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,7 +11,6 @@ import trimesh
 from meshes.surfaces.checks import SurfaceFault, crossings, repair_surface
 from meshes.surfaces.reading import SPAN_RATIO
 from meshes.surfaces.remesh import remesh, sharp_density
-from meshes.surfaces.rings import Interface, Ring, choose_rings
 from robots import InputError
 from robots.arrays import Array, Integers
 
@@ -57,7 +55,7 @@ class ImportSettings:
     ``opening`` m and ``wrap``: see :func:`meshes.surfaces.wrap.wrap_surface`; with None the smallest opening that
     gives one casing near the original, by :mod:`meshes.surfaces.trials`. ``expected_span`` m, that the
     surface should span; None takes the interfaces' largest distance. ``span_ratio``: the surface's diagonal
-    over that span, least and most.
+    over that span, least and most. ``boss``: walls of bosses around joints across the link, over ``wall``.
     """
 
     wall: float
@@ -69,21 +67,23 @@ class ImportSettings:
     wrap: Literal["auto", "alpha", "grid"] = "auto"
     expected_span: float | None = None
     span_ratio: tuple[float, float] = SPAN_RATIO
+    boss: float = 1.0
 
 
 @dataclass(frozen=True)
 class Meshed:
-    """A mid-surface: nodes (n, 3) m, faces (m, 3), rings by interface, element size (m), lines for the report.
+    """A mid-surface: nodes (n, 3) m, faces (m, 3), element size (m), lines for the report.
 
     ``departure`` (m) from the original: the value that 95 % of the surfaces keep, and the worst; NaN if unknown.
+    ``off`` (n,) m: by node, how far it is from the original, as over an opening that was closed; empty if unknown.
     """
 
     nodes: Array
     faces: Integers
-    rings: dict[str, Ring]
     size: float
     report: tuple[str, ...]
     departure: tuple[float, float] = (float("nan"), float("nan"))
+    off: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def usual_size(area: float, wall: float) -> float:
@@ -91,9 +91,7 @@ def usual_size(area: float, wall: float) -> float:
     return max(wall, float(np.sqrt(area / (np.sqrt(0.1875) * USUAL_ELEMENTS))))
 
 
-def as_it_is(
-    name: str, nodes: Array, faces: Integers, interfaces: Mapping[str, Interface], settings: ImportSettings
-) -> Meshed:
+def as_it_is(name: str, nodes: Array, faces: Integers, settings: ImportSettings) -> Meshed:
     """Mesh a closed skin with its own edges; SurfaceFault where it has no clean one."""
     size = settings.target_size or usual_size(float(_triangles.area(nodes[faces]).sum()), settings.wall)
     nodes, faces, report = repair_surface(name, nodes, faces, 2.0 * np.pi * size)
@@ -108,18 +106,15 @@ def as_it_is(
     skin, cells = remesh(nodes, faces, size)
     _refuse_crossings(name, skin, cells, "crosses itself", "separate the parts in the program it came from")
     report.append(f"remeshed from {len(faces)} to {len(cells)} triangles of {1e3 * size:.4g} mm")
-    rings, shrunk = choose_rings(interfaces, skin, cells, size, name)
     middle, fewer = offset_inward(name, skin, cells, 0.5 * settings.wall)
     _refuse_crossings(name, middle, cells, "has places thinner than the wall", "give the wall's true thickness")
     report.append(f"nodes moved inward by half the wall, {500 * settings.wall:.4g} mm, to the mid-surface")
     if fewer:
         report.append(f"{fewer} nodes moved less, where elements would have folded")
-    return Meshed(middle, cells, rings, size, (*report, *shrunk))
+    return Meshed(middle, cells, size, tuple(report))
 
 
-def wrapped(
-    name: str, nodes: Array, faces: Integers, interfaces: Mapping[str, Interface], settings: ImportSettings
-) -> Meshed:
+def wrapped(name: str, nodes: Array, faces: Integers, settings: ImportSettings) -> Meshed:
     """Wrap any surface and mesh the wrap's mid-surface; where no opening is asked for, the width is found by trial."""
     # Brings VTK with it, which only wrapping needs.
     from meshes.surfaces.trials import by_trial, methods
@@ -142,9 +137,8 @@ def wrapped(
     else:
         method, failed = methods(settings.wrap)[0], ()
         done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
-    rings, shrunk = choose_rings(interfaces, done.nodes, done.faces, size, name)
     tried = (f"closing width {trial}: not taken" for trial in failed)
-    return replace(done, rings=rings, report=(*tried, *done.report, *shrunk))
+    return replace(done, report=(*tried, *done.report))
 
 
 def _casing(
@@ -157,9 +151,9 @@ def _casing(
     method: Method,
     most: float = np.inf,
 ) -> Meshed:
-    """Mid-surface of a wrap, meshed, no rings yet; SurfaceFault where there is none, or it is over ``most`` m off."""
+    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is over ``most`` m off."""
     from meshes.surfaces.trials import TooFar, warning
-    from meshes.surfaces.wrap import departure, middle_surface, original_seen, wrap_surface
+    from meshes.surfaces.wrap import departure, middle_surface, off_original, original_seen, wrap_surface
 
     wrap = wrap_surface(name, nodes, faces, size, opening, method)
     _check_room(name, wrap.nodes, wrap.faces, size, wall, wrap.offset)
@@ -182,7 +176,7 @@ def _casing(
         f"all of it by less than {1e3 * off.worst:.3g} mm",
     )
     report = (*warning(off, size), *report)
-    return Meshed(middle, cells, {}, size, report, (off.middling, off.worst))
+    return Meshed(middle, cells, size, report, (off.middling, off.worst), off_original(original, middle, wall))
 
 
 def _remeshed(
@@ -252,7 +246,7 @@ def least_angle(nodes: Array, faces: Integers) -> float:
 
 
 def offset_inward(name: str, nodes: Array, faces: Integers, depth: float) -> tuple[Array, int]:
-    """Move nodes (n, 3) so that the planes of the faces around each move inward by ``depth`` m.
+    """Move nodes (n, 3) so that the planes of the faces around each move inward by ``depth`` m, outward if negative.
 
     Least squares over the faces, weighted by angle, so that sharp edges and corners keep the wall on all their
     sides. Nodes of elements that would fold move less; their number comes with the new nodes.
@@ -270,7 +264,7 @@ def offset_inward(name: str, nodes: Array, faces: Integers, depth: float) -> tup
     values, axes = np.linalg.eigh(matrix)
     inverse = np.where(values > LEAST_SHARE * values[:, -1:], 1.0 / np.maximum(values, 1e-300), 0.0)
     move = np.einsum("nij,nj,nkj,nk->ni", axes, inverse, axes, side)
-    move *= np.minimum(1.0, FARTHEST * depth / np.maximum(np.linalg.norm(move, axis=1), 1e-300))[:, None]
+    move *= np.minimum(1.0, FARTHEST * abs(depth) / np.maximum(np.linalg.norm(move, axis=1), 1e-300))[:, None]
     less = np.zeros(len(nodes), dtype=bool)
     for _ in range(5):
         folded = _folded(nodes, nodes + move, faces)

@@ -266,6 +266,11 @@ def departure(original: Original, middle: tuple[Array, Integers], wall: float, s
     return Departure(float(np.percentile(bridged, 95.0)), float(np.percentile(lost, 95.0)), worst)
 
 
+def off_original(original: Original, nodes: Array, wall: float) -> Array:
+    """How much further than half a wall nodes (n, 3) of a mid-surface are from the original, m: over openings."""
+    return np.maximum(np.asarray(original.everywhere.query(nodes, workers=-1)[0]) - 0.5 * wall, 0.0)
+
+
 def even(points: Array, spacing: float) -> Array:
     """One of the points (p, 3) in each cube of side ``spacing`` m: triangles share corners, small ones have many."""
     cube = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)

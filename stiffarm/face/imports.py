@@ -58,16 +58,18 @@ def import_arm(
     urdf: str | Path,
     folder: str | Path,
     *,
-    wall_mm: float | Mapping[str, float] = 6.0,
+    wall_mm: float | Mapping[str, float] | None = None,
     size_mm: float | None = None,
     close_mm: float | None = None,
-    material: str = "steel",
+    material: str | None = None,
     youngs_modulus_GPa: float | None = None,
     poissons_ratio: float | None = None,
     density: float | None = None,
     tip: str | None = None,
     base: str | None = None,
-    meshes: Literal["visual", "collision"] = "visual",
+    boss: float | None = None,
+    mass_kg: float | None = None,
+    meshes: Literal["auto", "visual", "collision"] = "auto",
     rigid: Sequence[str] = (),
     radius_mm: Mapping[str, float] | None = None,
     repair: Repair = "auto",
@@ -79,15 +81,18 @@ def import_arm(
     ----------
     urdf : the URDF
     folder : where model.toml and meshes/ go; it is created if needed
-    wall_mm : wall thickness of all casings, or of links by name (6 of the others)
+    wall_mm : wall thickness of all casings, or of links by name; default: by the links' masses, else the arm's, else 6
     size_mm : element size; default: chosen for about 10,000 elements per link
     close_mm : openings up to this width are closed; default: found by trial
-    material : of all links, "steel", "aluminium" or "cast-iron"
+    material : of all links, "steel", "aluminium" or "cast-iron"; default: steel, or aluminium where walls of
+        steel would be thinner than 3 mm by the links' masses
     youngs_modulus_GPa, poissons_ratio, density : of the material (density in kg/m^3); default: its usual values
     tip, base : URDF links at the ends of the arm; default: where the most revolute joints lead, the root link
-    meshes : URDF meshes to use
+    boss : wall of the bosses around joints over the wall beside them; default: 2.5, and 1 on convex hulls
+    mass_kg : of the whole arm, for its walls where the links have no masses
+    meshes : URDF meshes to use; "auto": visual ones, and collision meshes where these fail
     rigid : links to leave rigid
-    radius_mm : radius of the interface discs of links by name
+    radius_mm : radius of the rings that links are held at, by link or as in "forearm.tip"
     repair : of surfaces, "auto" (only if needed), "none" (accept only clean ones) or "wrap" (always wrap)
     wrap : wrapping method
 
@@ -104,16 +109,18 @@ def import_arm(
     robots.errors.InputError: URDF missing.urdf cannot be read (it does not exist). To fix it: check the path
     """
     from robots.urdf.reading import read_urdf
+    from stiffarm.commands.importing.options import ImportOptions, MaterialChoice
     from stiffarm.commands.importing.results import write_robot
-    from stiffarm.commands.importing.step import ImportOptions, import_robot, material_of
+    from stiffarm.commands.importing.step import import_robot
 
     walls = wall_mm if isinstance(wall_mm, Mapping) else {}
     with called():
         description = read_urdf(urdf, tip=tip, base=base)
         options = ImportOptions(
-            material=material,
-            figures=material_of(material, youngs_modulus_GPa, poissons_ratio, density),
-            wall=_metres("wall_mm", 6.0 if isinstance(wall_mm, Mapping) else wall_mm),
+            material=MaterialChoice(material, youngs_modulus_GPa, poissons_ratio, density),
+            wall=_metres("wall_mm", None if isinstance(wall_mm, Mapping) else wall_mm),
+            boss=boss,
+            robot_kg=mass_kg,
             walls={name: _metres(f"wall_mm: {name}", value) for name, value in walls.items()},
             rigid=tuple(rigid),
             radius={name: _metres(f"radius_mm: {name}", value) for name, value in (radius_mm or {}).items()},
@@ -124,7 +131,7 @@ def import_arm(
             wrap=wrap,
         )
         with _folder(folder, "import_arm", Path(urdf)) as out:
-            content = write_robot(import_robot(description, options), options, out)
+            content = write_robot(import_robot(description, options), out)
     return _imported(folder, content)
 
 
@@ -165,8 +172,9 @@ def import_link(
     Traceback (most recent call last):
     robots.errors.InputError: surface: got 'missing.stl'; allowed: an existing file. To fix it: check the path
     """
+    from stiffarm.commands.importing.options import ImportOptions
     from stiffarm.commands.importing.results import write_link
-    from stiffarm.commands.importing.step import ImportOptions, import_into_model, material_of
+    from stiffarm.commands.importing.step import import_into_model
 
     source = Path(surface)
     if not source.is_file():
@@ -174,9 +182,6 @@ def import_link(
     with called():
         # The link keeps the material that the model gives it.
         options = ImportOptions(
-            material="steel",
-            figures=material_of("steel", None, None, None),
-            wall=6e-3,
             size=_metres("size_mm", size_mm),
             opening=_metres("close_mm", close_mm),
             repair=repair,

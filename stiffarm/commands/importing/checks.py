@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem import build_model
-from meshes.surfaces.link import ImportedLink
 from robots import ModelDescription
+from stiffarm.commands.importing.step import MadeShell
 
 # Shells are softer than their beams by their rings and walls, by up to this factor; beyond, one of the two is no
 # model of the link.
@@ -63,8 +63,8 @@ def tip_compliances(description: ModelDescription, names: tuple[str, ...]) -> di
     return found
 
 
-def warnings_of(link: ImportedLink, compliance: TipCompliance) -> list[str]:
-    """All warnings of one link, departure first."""
-    said = [line for line in link.report if line.startswith("WARNING")]
+def warnings_of(made: MadeShell, compliance: TipCompliance) -> list[str]:
+    """All warnings of one link: departure first, then what the gate says, then shell against beam."""
+    said = [line for line in made.link.report if line.startswith("WARNING")]
     soft = compliance.warning()
-    return [*said, soft] if soft else said
+    return [*said, *made.verdict.warnings, *([soft] if soft else [])]

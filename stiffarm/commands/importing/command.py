@@ -28,7 +28,8 @@ def import_command(
         float | None,
         typer.Option(
             "--wall-mm",
-            help="Wall thickness of all casings, in mm. Default: 6, or the model's value when importing one link.",
+            help="Wall thickness of all casings, in mm. Default: by each link's mass, else by the arm's, else 6; the "
+            "model's value when importing one link.",
         ),
     ] = None,
     wall: Annotated[
@@ -47,8 +48,8 @@ def import_command(
         str | None,
         typer.Option(
             "--material",
-            help="Material of all links: steel, aluminium or cast-iron. Default: steel, or the model's "
-            "material when importing one link.",
+            help="Material of all links: steel, aluminium or cast-iron. Default: steel, or aluminium where walls of "
+            "steel would be thinner than 3 mm by the links' masses; the model's when importing one link.",
         ),
     ] = None,
     youngs_modulus: Annotated[
@@ -69,13 +70,31 @@ def import_command(
     base: Annotated[
         str | None, typer.Option("--base", help="URDF link at the base of the arm. Default: the root link.")
     ] = None,
-    meshes: Annotated[str, typer.Option("--meshes", help="URDF meshes to use: visual or collision.")] = "visual",
+    boss: Annotated[
+        float | None,
+        typer.Option(
+            "--boss",
+            help="Wall of the bosses around joints over the wall beside them. Default: 2.5, and 1 on convex hulls.",
+        ),
+    ] = None,
+    mass_kg: Annotated[
+        float | None,
+        typer.Option("--mass-kg", help="Mass of the whole arm, in kg, for its walls where the links have no masses."),
+    ] = None,
+    meshes: Annotated[
+        str,
+        typer.Option(
+            "--meshes", help="URDF meshes to use: visual, collision, or auto: visual, and collision where these fail."
+        ),
+    ] = "auto",
     rigid: Annotated[
         str | None, typer.Option("--rigid", help="Links to leave rigid, separated by commas, as in hand,link_4.")
     ] = None,
     radius: Annotated[
         str | None,
-        typer.Option("--radius", help="Radius of the interface discs of individual links, in mm, as in forearm=80."),
+        typer.Option(
+            "--radius", help="Radius of the rings that links are held at, in mm, as in forearm=80 or forearm.tip=60."
+        ),
     ] = None,
     repair: Annotated[
         str,
@@ -107,6 +126,7 @@ def import_command(
         from meshes.surfaces.routes import Repair
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing
+        from stiffarm.commands.importing.options import ImportOptions, MaterialChoice, Meshes, Wrap
 
         suffix = source.suffix.lower()
         if suffix not in (".urdf", *SUFFIXES):
@@ -116,18 +136,23 @@ def import_command(
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
         for option, value in lengths.items():
             require_positive(option, value)
-        options = importing.ImportOptions(
-            material=material or "steel",
-            figures=importing.material_of(material or "steel", youngs_modulus, poissons_ratio, density),
-            wall=1e-3 * (6.0 if wall_mm is None else wall_mm),
+        require_positive("--boss", boss)
+        require_positive("--mass-kg", mass_kg)
+        chosen = MaterialChoice(material, youngs_modulus, poissons_ratio, density)
+        chosen.figures(material or "steel")
+        options = ImportOptions(
+            material=chosen,
+            wall=_metres(wall_mm),
+            boss=boss,
+            robot_kg=mass_kg,
             walls=_by_link(wall, "--wall"),
             rigid=tuple(part.strip() for part in rigid.split(",")) if rigid else (),
             radius=_by_link(radius, "--radius"),
             size=_metres(size_mm),
             opening=_metres(close_mm),
-            meshes=parse_word(meshes, get_args(importing.Meshes), "--meshes"),
+            meshes=parse_word(meshes, get_args(Meshes), "--meshes"),
             repair=parse_word(repair, get_args(Repair), "--repair"),
-            wrap=parse_word(wrap, get_args(importing.Wrap), "--wrap"),
+            wrap=parse_word(wrap, get_args(Wrap), "--wrap"),
         )
         if suffix == ".urdf":
             refuse_given(
@@ -140,10 +165,11 @@ def import_command(
             with frame.folder() as folder:
                 with progress("links") as bar, folder.timed("links"):
                     result = importing.import_robot(urdf, options, bar)
-                content = import_results.write_robot(result, options, folder)
+                content = import_results.write_robot(result, folder)
             import_results.show(result, content)
         else:
             robot_only: dict[str, Any] = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall}
+            robot_only |= {"--mass-kg": mass_kg}
             robot_only |= {"--radius": radius, "--material": material, "--youngs-modulus-GPa": youngs_modulus}
             robot_only |= {"--poissons-ratio": poissons_ratio, "--density": density}
             refuse_given(

@@ -25,6 +25,7 @@ from stiffarm.pages.report import (
 from stiffarm.session.outputs import OutputFolder
 
 QUESTION = "what was made of the files?"
+VERDICTS = {"trusted": "trusted", "warned": "with a warning", "refused": "no: plain section"}
 
 
 def write_report(
@@ -56,7 +57,7 @@ def write_report(
     springs = any(joint.stiffness is not None for joint in description.joint)
     text = "No joint of this model has a spring yet: only its links give way, so it is far too stiff."
     caution = () if springs else (text,)
-    sure = "Walls, materials and rings are assumed where the files do not say; each assumption is marked in model.toml."
+    sure = _how_sure(links)
     plan = "`stiffarm plan model.toml --poses 6` says which readings to take."
     todo = f"{'Look at the warnings, then calibrate' if warned else 'Calibrate'} with readings: "
     todo += f"`stiffarm calibrate model.toml DATA`. {plan}"
@@ -68,6 +69,7 @@ def write_report(
     sections = [
         Section("Warnings", tuple(Note(f"{name}: {line.removeprefix('WARNING: ')}") for name, line in warned)),
         Section("The links", tuple(blocks)),
+        Section("What the walls rest on", _walls(links)),
         Section(
             "What stays rigid", (Bullets(tuple(f"{name}: {why}" for name, why in rigid.items())),) if rigid else ()
         ),
@@ -90,14 +92,57 @@ def _table(links: Sequence[Mapping[str, Any]]) -> Table:
             str(one["triangles"]),
             f"{one['minimum_angle_deg']:.0f}",
             one["quality"],
+            VERDICTS[one["verdict"]],
             or_dash((one["departure_mm"] or [None])[0]),
             significant(one["tip_compliance_um_per_kN"]["shell"]),
             or_dash(one["tip_compliance_shell_over_beam"]),
         )
         for one in links
     )
-    heads = ("link", "triangles", "least angle (deg)", "quality", "off by (mm)", "tip (um/kN)", "shell over beam")
-    return Table("The links", heads, rows, text_columns=(0, 3))
+    heads = (
+        "link",
+        "triangles",
+        "least angle (deg)",
+        "mesh",
+        "as a shell",
+        "off by (mm)",
+        "tip (um/kN)",
+        "shell over beam",
+    )
+    return Table("The links", heads, rows, text_columns=(0, 3, 4))
+
+
+def _how_sure(links: Sequence[Mapping[str, Any]]) -> str:
+    """To what factor the links' compliance is known."""
+    by_mass = sum(one["wall_basis"] == "mass" for one in links)
+    given = sum(one["wall_basis"] == "given" for one in links)
+    if given == len(links):
+        known = "With walls that you gave, the links' compliance is as sure as these are."
+    elif by_mass + given == len(links):
+        known = "With walls by mass, the compliance of a link is known to a factor of about 1.5."
+    else:
+        known = (
+            "Where no mass is known, the compliance of a link is known to a factor of about 3; with masses it is 1.5."
+        )
+    return f"{known} CAD files of the links (STEP) would bring that down to a few per cent."
+
+
+def _walls(links: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
+    """Walls, what they rest on, and what a mass that is 25 % off does."""
+    rows = []
+    for one in links:
+        less = one.get("walls_mm_at_25_percent_less_and_more_mass")
+        change = "–"
+        if less is not None and min(less) > 0.0:
+            softer, stiffer = ((one["wall_mm"] / wall) ** one["wall_exponent"] for wall in less)
+            change = f"{100.0 * (softer - 1.0):+.0f} / {100.0 * (stiffer - 1.0):+.0f}"
+        rows.append((one["link"], significant(one["wall_mm"], 2), one["wall_words"], change))
+    heads = ("link", "wall (mm)", "rests on", "tilt with 25 % less / more mass (%)")
+    text = (
+        "Bosses around joints across a link have walls 2.5 times as thick as here. Of a link's mass 0.6 is taken as "
+        "casing, 0.8 of a bare tube that turns about its own length; the rest is drives, gears and cables."
+    )
+    return (Table("Walls", heads, tuple(rows), text_columns=(0, 2)), Text(text))
 
 
 def _changes(links: Sequence[Mapping[str, Any]]) -> list[Block]:

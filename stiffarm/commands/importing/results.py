@@ -21,7 +21,7 @@ from robots.schema.quantities import PositiveLength
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
 from stiffarm.commands.importing.figures import contact_sheet
 from stiffarm.commands.importing.report import write_report
-from stiffarm.commands.importing.step import ImportedPart, ImportOptions, MadeShell, RobotImport
+from stiffarm.commands.importing.step import ImportedPart, MadeShell, RobotImport
 from stiffarm.pages.style import save_png
 from stiffarm.session.console import say, show_table
 from stiffarm.session.outputs import OutputFolder
@@ -29,16 +29,16 @@ from stiffarm.session.outputs import OutputFolder
 SOURCE = "meshes"
 
 
-def write_robot(result: RobotImport, options: ImportOptions, folder: OutputFolder) -> dict[str, Any]:
+def write_robot(result: RobotImport, folder: OutputFolder) -> dict[str, Any]:
     """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
     # The model takes copies of the shells with it, under names that tell versions apart.
     with tempfile.TemporaryDirectory() as shells:
-        description = as_description(result, options, Path(shells))
+        description = as_description(result, Path(shells))
         found = tip_compliances(description, tuple(part.name for part in result.parts))
-        warnings = {part.name: warnings_of(part.link, found[part.name]) for part in result.parts}
+        warnings = {part.name: warnings_of(part, found[part.name]) for part in result.parts}
         said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
         description = description.model_copy(update={"notes": (*description.notes, *said)})
-        content = payload(result, options, description, found)
+        content = payload(result, description, found)
         facts = [_facts(part, warnings[part.name]) for part in result.parts]
         _write(description, content, contact_sheet(result.parts, facts, f"Imported links: {description.title}"), folder)
     write_report(description, content, content["links"], folder)
@@ -78,11 +78,12 @@ def _facts(shell: MadeShell, warnings: Sequence[str]) -> list[str]:
     rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
     how = "wrapped" if figures.wrapped else "as it is"
     mesh = f"{figures.triangles} triangles, wall {1e3 * shell.wall:g} mm, surface {how}"
+    how = f"{how}, {shell.verdict.kind}"
     said = [f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json"] if warnings else []
     return [mesh, f"rings: {rings}", *said]
 
 
-def as_description(result: RobotImport, options: ImportOptions, folder: Path) -> ModelDescription:
+def as_description(result: RobotImport, folder: Path) -> ModelDescription:
     """Write the shells into ``folder`` and describe the robot with them; surface files as absolute paths.
 
     A URDF's masses that are less than the casings weigh are fillings for simulators, and left out.
@@ -92,12 +93,12 @@ def as_description(result: RobotImport, options: ImportOptions, folder: Path) ->
     light = [part.name for part in result.parts if part.declared is not None and part.declared.si < part.casing_kg]
     if light:
         notes.append(f"masses of the URDF left out: lighter than the casings alone ({', '.join(light)})")
-    links = [_described(part, options.material, bool(light), folder) for part in result.parts]
+    links = [_described(part, result.material, bool(light), folder) for part in result.parts]
     data = given.model_dump(by_alias=True, exclude_none=True)
-    kinds = f"{options.meshes} meshes of the URDF: {', '.join(s for part in result.parts for s in part.sources)}"
+    kinds = "meshes of the URDF: " + ", ".join(s for part in result.parts for s in part.sources)
     data |= {
         "sources": {**given.sources, SOURCE: kinds},
-        "materials": {options.material: options.figures},
+        "materials": {result.material: result.figures},
         "link": links,
         "notes": notes,
     }
@@ -117,7 +118,7 @@ def _described(part: ImportedPart, material: str, without_mass: bool, folder: Pa
         section=part.section.section,
         beam_up=(up[0], up[1], up[2]),
         mass=None if without_mass else part.declared,
-        surface=written_surface(part, folder, SOURCE),
+        surface=None if part.verdict.kind == "refused" else written_surface(part, folder, SOURCE),
     )
 
 
@@ -129,7 +130,12 @@ def written_surface(shell: MadeShell, folder: Path, source: str) -> Surface:
     return Surface(
         file=str(path.resolve()),
         sha256=sha256,
-        wall=PositiveLength(value=round(1e3 * shell.wall, 6), unit="mm", source="assumed"),
+        wall=PositiveLength(
+            value=round(1e3 * shell.wall, 6),
+            unit="mm",
+            source="assumed",
+            note=f"{shell.basis.words}; thicker in bosses",
+        ),
         size=PositiveLength(value=round(1e3 * shell.link.figures.size_m, 3), unit="mm", source="derived"),
         source=source,
         changes=shell.link.report,
@@ -144,14 +150,12 @@ def check_shells(description: ModelDescription) -> None:
             link_shell_mesh(link, link_beam_mesh(description, robot, link))
 
 
-def payload(
-    result: RobotImport, options: ImportOptions, description: ModelDescription, found: Mapping[str, TipCompliance]
-) -> dict[str, Any]:
+def payload(result: RobotImport, description: ModelDescription, found: Mapping[str, TipCompliance]) -> dict[str, Any]:
     """What import.json holds of a robot."""
     return {
         "schema": "stiffarm-import/1",
         "robot": result.urdf.description.name,
-        "material": options.material,
+        "material": result.material,
         "links": [_payload_of(part, found[part.name]) for part in result.parts],
         "rigid": result.rigid,
         "notes": list(description.notes),
@@ -164,6 +168,9 @@ def _payload_of(part: ImportedPart, found: TipCompliance) -> dict[str, Any]:
         "link": part.name,
         "body": part.body,
         "files": list(part.sources),
+        "meshes": part.kind,
+        "meshes_turned_down": part.turned_down or None,
+        "walls_mm_at_25_percent_less_and_more_mass": None if part.walls_25 is None else [_mm(w) for w in part.walls_25],
         "span_mm": _mm(part.span),
         "casing_mass_kg": round(part.casing_kg, 3),
         "urdf_mass_kg": None if part.declared is None else part.declared.si,
@@ -179,6 +186,11 @@ def link_payload(shell: MadeShell, found: TipCompliance) -> dict[str, Any]:
     figures = shell.link.figures
     return {
         "wall_mm": _mm(shell.wall),
+        "wall_basis": shell.basis.basis,
+        "wall_words": shell.basis.words,
+        "verdict": shell.verdict.kind,
+        "half_energy_share": round(shell.verdict.trust.half_energy_share, 5),
+        "wall_exponent": round(shell.verdict.trust.wall_exponent, 3),
         "size_mm": _mm(figures.size_m),
         "bodies": figures.bodies,
         "open_edges": figures.open_edges,
@@ -194,7 +206,7 @@ def link_payload(shell: MadeShell, found: TipCompliance) -> dict[str, Any]:
         },
         "tip_compliance_um_per_kN": {"shell": _um_per_kn(found.shell), "beam": _um_per_kn(found.beam)},
         "tip_compliance_shell_over_beam": round(found.ratio, 3) if math.isfinite(found.ratio) else None,
-        "warnings": warnings_of(shell.link, found),
+        "warnings": warnings_of(shell, found),
         "changes": list(shell.link.report),
     }
 
@@ -216,11 +228,11 @@ def show(result: RobotImport, content: Mapping[str, Any]) -> None:
     )
     show_table(
         "The links",
-        ["link", "wall (mm)", "rings (mm)", "off by (mm)", "casing (kg)", "URDF (kg)", "cover (%)", "shell / beam"],
+        ["link", "wall (mm)", "rings (mm)", "verdict", "off by (mm)", "casing (kg)", "URDF (kg)", "shell / beam"],
         [_link_row(part, link) for part, link in zip(result.parts, content["links"], strict=True)],
     )
     say("off by: 95 % of what is seen of the original is nearer than this to the shell's outer side")
-    say("cover: share of the way from root to tip where the casing is")
+    say("verdict: whether the link's stiffness as a shell may be trusted, by where its strain energy sits")
     say("shell / beam: compliance of the tip as a shell over that as a beam")
     for part in result.parts:
         words = quality_words(part.link.figures.minimum_angle_deg)
@@ -249,9 +261,9 @@ def _link_row(part: ImportedPart, link: Mapping[str, Any]) -> list[str]:
         part.name,
         f"{1e3 * part.wall:g}",
         ", ".join(f"{1e3 * ring.radius:.0f}" for ring in part.link.figures.rings.values()),
+        part.verdict.kind,
         "-" if math.isnan(off) else f"{1e3 * off:.3g}",
         f"{part.casing_kg:.3g}",
         "-" if part.declared is None else f"{part.declared.si:.4g}",
-        f"{100 * part.section.cover:.0f}",
         "-" if link["tip_compliance_shell_over_beam"] is None else f"{link['tip_compliance_shell_over_beam']:.3g}",
     ]

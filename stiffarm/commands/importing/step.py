@@ -2,82 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from meshes import section_dimensions, shell_mass
-from meshes.beams import body_index, body_tip
+from meshes import section_dimensions
+from meshes.beams import body_index
 from meshes.link_sections import EquivalentSection, equivalent_section
-from meshes.surfaces.bodies import BodySurface, body_surface, link_interfaces, surface_samples
-from meshes.surfaces.link import ImportedLink, prepare_link
-from meshes.surfaces.reading import check_scale, read_surface
-from meshes.surfaces.routes import ImportSettings, Repair
-from robots import InputError, InputErrors, ModelDescription, Robot, require_one_of
+from meshes.surfaces.bodies import link_interfaces, surface_samples
+from meshes.surfaces.doubts import is_hull
+from meshes.surfaces.link import ImportedLink, MidSurface, Rings, mid_surface, shell_on
+from meshes.surfaces.reading import read_surface
+from meshes.surfaces.rings import Interface, one_bearing
+from meshes.surfaces.routes import ImportSettings
+from meshes.surfaces.seats import ALONG
+from meshes.surfaces.walls import (
+    BOSS,
+    USUAL_WALL,
+    Casing,
+    Wall,
+    areas_of,
+    boss_elements,
+    masses_at_fault,
+    material_by_mass,
+    walls_of,
+)
+from robots import InputError, InputErrors, ModelDescription, Robot
 from robots.arrays import Array
 from robots.progress import Progress, report_progress
 from robots.robot import robot_from
 from robots.schema.description import Material
-from robots.schema.quantities import Density, Mass, Modulus, PoissonsRatio
-from robots.urdf.reading import UrdfRobot, Visual
-
-# Young's modulus (GPa), Poisson's ratio, density (kg/m^3): usual figures of structural steel, a cast aluminium
-# alloy and spheroidal graphite iron. Which alloy a casing is made of is not known from its mesh.
-MATERIALS = {"steel": (210.0, 0.3, 7850.0), "aluminium": (70.0, 0.33, 2700.0), "cast-iron": (170.0, 0.28, 7100.0)}
-# Joints this near to each other, over the longest way between two, have a wrist body between them.
-SHORT = 0.08
-# Of the way from root to tip, that a body's shapes must span.
-LEAST_COVER = 0.3
-# Bodies are as large as their joints are apart, give or take; beyond, the unit of length is in doubt.
-SPAN_RATIO = (0.1, 12.0)
-Meshes = Literal["visual", "collision"]
-Wrap = Literal["auto", "alpha", "grid"]
-NAMES_OF_PARTS = ("base", "tool", "bar", "crank")
-
-
-@dataclass(frozen=True)
-class ImportOptions:
-    """What the user asks of an import; lengths in m.
-
-    ``walls``, ``rigid``: by link, named as in the URDF or by its joint. ``size`` None: some ten thousand
-    elements a link. ``radius``: by link, of the interfaces' discs.
-    """
-
-    material: str
-    figures: Material
-    wall: float
-    walls: Mapping[str, float] = field(default_factory=dict)
-    rigid: tuple[str, ...] = ()
-    radius: Mapping[str, float] = field(default_factory=dict)
-    size: float | None = None
-    opening: float | None = None
-    meshes: Meshes = "visual"
-    repair: Repair = "auto"
-    wrap: Wrap = "auto"
+from robots.schema.quantities import Mass
+from robots.urdf.reading import UrdfRobot
+from stiffarm.commands.importing.bodies import SPAN_RATIO, Bodies, bodies_of, expected_span
+from stiffarm.commands.importing.gate import Verdict, judged
+from stiffarm.commands.importing.options import ImportOptions, material_of
 
 
 @dataclass(frozen=True)
 class MadeShell:
-    """The shell made for a link, by its name: its wall (m) and its interfaces' points (i, 3) m, in its rings' order."""
+    """The shell made for a link, by its name: its wall (m) and its interfaces' points (i, 3) m, in its rings' order.
+
+    ``verdict``: whether it may be trusted. ``basis``: what its wall rests on.
+    """
 
     name: str
     link: ImportedLink
     wall: float
     points: Array
+    verdict: Verdict
+    basis: Wall
 
 
 @dataclass(frozen=True)
 class ImportedPart(MadeShell):
-    """A body of a URDF that became a shell. ``declared``: its mass in the URDF. ``sources``: its files."""
+    """A body of a URDF that became a link.
+
+    ``declared``: its mass in the URDF. ``sources``: its files, of ``kind`` "visual" or "collision"; ``turned_down``:
+    why not the kind that comes first. ``walls_25``: its wall (m) with 25 % less and more mass, None where it does not
+    rest on mass.
+    """
 
     body: str
     section: EquivalentSection
     casing_kg: float
     declared: Mass | None
     sources: tuple[str, ...]
+    kind: str = "visual"
+    turned_down: str = ""
+    walls_25: tuple[float, float] | None = None
 
     @property
     def span(self) -> float:
@@ -87,37 +83,53 @@ class ImportedPart(MadeShell):
 
 @dataclass(frozen=True)
 class RobotImport:
-    """An imported robot: its parts, and which bodies stay rigid and why."""
+    """An imported robot: its parts, its material, and which bodies stay rigid and why."""
 
     urdf: UrdfRobot
     parts: tuple[ImportedPart, ...]
     rigid: dict[str, str]
     notes: tuple[str, ...]
+    material: str = "steel"
+    figures: Material = field(default_factory=lambda: material_of("steel", None, None, None))
 
 
-def material_of(
-    name: str, youngs_modulus_GPa: float | None, poissons_ratio: float | None, density: float | None
-) -> Material:
-    """A material by name, with figures of its own where they are given.
+@dataclass(frozen=True)
+class _Draft:
+    """A body on its way: its mid-surface, the meshes it was made from, where it is held."""
 
-    Raises
-    ------
-    InputError
-        Unknown name, or figures out of range.
-    """
-    require_one_of("--material", name, MATERIALS, remedy="choose the nearest of them")
-    given = (youngs_modulus_GPa, poissons_ratio, density)
-    limits = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
-    for (option, low, high), value in zip(limits, given, strict=True):
-        if value is not None and not low <= value <= high:
-            raise InputError(option, value=value, allowed=f"{low:g} to {high:g}", remedy="look at its unit")
-    E, nu, rho = (usual if own is None else own for usual, own in zip(MATERIALS[name], given, strict=True))
-    notes = [f"usual for {name}" if own is None else "given to the import" for own in given]
-    return Material(
-        youngs_modulus=Modulus(value=E, unit="GPa", source="assumed", note=notes[0]),
-        poissons_ratio=PoissonsRatio(value=nu, unit="1", source="assumed", note=notes[1]),
-        density=Density(value=rho, unit="kg/m^3", source="assumed", note=notes[2]),
-    )
+    body: str
+    index: int
+    name: str
+    surface: MidSurface
+    interfaces: dict[str, Interface]
+    rings: Rings
+    kind: str
+    turned_down: str
+    sources: tuple[str, ...]
+    declared: Mass | None
+
+    @property
+    def tube(self) -> bool:
+        """Whether it turns about its own length, as forearm tubes do, which carry no drive."""
+        way = self.interfaces["tip"].point - self.interfaces["root"].point
+        axis = self.interfaces["root"].axis
+        return axis is not None and self.index > 0 and abs(float(axis @ way)) >= ALONG * float(np.linalg.norm(way))
+
+    @cached_property
+    def hull(self) -> bool:
+        """Whether its surface is the hull of a link."""
+        return is_hull(self.surface.mesh.nodes, self.surface.mesh.faces)
+
+    def boss(self, asked: float | None) -> float:
+        """Walls of its bosses over the barrel's: as asked for, else usual ones, which a hull does not show."""
+        return asked if asked is not None else 1.0 if self.hull else BOSS
+
+    def casing(self, asked: float | None) -> Casing:
+        """What its wall is taken from; ``asked``: walls of bosses over the barrel's, None for usual ones."""
+        mesh, rings = self.surface.mesh, self.rings.by_name
+        boss = boss_elements(mesh.nodes, mesh.faces, self.interfaces, rings)
+        areas = areas_of(mesh.nodes, mesh.faces, boss, rings, self.boss(asked))
+        return Casing(areas, None if self.declared is None else self.declared.si, self.tube, self.hull)
 
 
 def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | None = None) -> RobotImport:
@@ -129,155 +141,163 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
         Names in the options that no link has; all links that could not be imported, at once.
     """
     robot = robot_from(urdf.description)
-    shapes = urdf.visuals if options.meshes == "visual" else urdf.collisions
-    names = link_names(robot, shapes)
-    _check_names(names, options, urdf)
-    faults = _missing_files(urdf, options)
-    surfaces: dict[str, BodySurface] = {}
-    for body, visuals in shapes.items():
+    bodies = bodies_of(urdf, robot, options)
+    faults: list[InputError] = []
+    drafts: list[_Draft] = []
+    for i, body in enumerate(bodies.links):
+        report_progress(progress, i, len(bodies.links))
         try:
-            surfaces[body] = body_surface(visuals)
-        except InputError as error:
-            if not {names[body], body} & set(options.rigid):
-                faults.append(error)
-    for body in list(surfaces):
-        try:
-            _check_scale(robot, body, names[body], surfaces[body], options)
-        except InputError as error:
-            faults.append(error)
-            del surfaces[body]
-    jobs, rigid = _sorted_out(robot, names, surfaces, options)
-    parts: list[ImportedPart] = []
-    for i, body in enumerate(jobs):
-        report_progress(progress, i, len(jobs))
-        try:
-            parts.append(_part(robot, body, names[body], surfaces, urdf.masses.get(body), options))
+            drafts.append(_draft(urdf, robot, bodies, body, options))
+        except InputErrors as error:
+            faults += error.errors
         except InputError as error:
             faults.append(error)
     if faults:
         raise InputErrors(
             f"import of {urdf.description.name} (mend the files, or leave links rigid with --rigid NAME,...)", faults
         )
-    if not parts:
+    if not drafts:
         raise InputError(
             f"import of {urdf.description.name}: no link became a shell",
-            value="; ".join(f"{names[body]}: {why}" for body, why in rigid.items()),
+            value="; ".join(f"{bodies.names[body]}: {why}" for body, why in bodies.rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
-    notes = [*urdf.notes, *(note for _, note in urdf.missing[options.meshes])]
-    return RobotImport(urdf, tuple(parts), {names[body]: why for body, why in rigid.items()}, tuple(notes))
+    drafts = _with_one_bearing(drafts)
+    material, figures, walls, said = _walls(drafts, options)
+    parts = tuple(_part(draft, walls[draft.name], figures, options) for draft in drafts)
+    lost = options.meshes if options.meshes != "auto" else "visual"
+    notes = [*urdf.notes, *(note for _, note in urdf.missing.get(lost, ())), *said]
+    rigid = {bodies.names[body]: why for body, why in bodies.rigid.items()}
+    return RobotImport(urdf, parts, rigid, tuple(notes), material, figures)
 
 
-def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
-    """Names of the bodies' links: the URDF's own where the model has no other part of that name."""
-    taken = {*robot.joint_names, *NAMES_OF_PARTS}
-    names: dict[str, str] = {}
-    for body in ("base", *robot.joint_names):
-        own = next((visual.link for visual in shapes.get(body, ()) if visual.link), body)
-        while own in taken:
-            own = f"{own}_link"
-        taken.add(own)
-        names[body] = own
-    return names
+def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, options: ImportOptions) -> _Draft:
+    """Mid-surface and rings of a body, from the first kind of its meshes that gives a casing."""
+    index, name = body_index(robot, body), bodies.names[body]
+    neighbours = (bodies.seen(index - 1), bodies.seen(index + 1))
+    before, after = (None if one is None else surface_samples(one) for one in neighbours)
+    interfaces = {
+        key: replace(one, radius=_radius(options, name, body, key))
+        for key, one in link_interfaces(robot, index, before, after).items()
+    }
+    points = np.stack([one.point for one in interfaces.values()])
+    wall = options.walls.get(name, options.walls.get(body, options.wall or USUAL_WALL))
+    settings = _settings(options, wall, material_of("steel", None, None, None), expected_span(robot, body))
+    errors = list(bodies.faults[body])
+    for kind, own in bodies.surfaces[body].items():
+        try:
+            surface = mid_surface(name, own.nodes, own.faces, points, settings, own.notes)
+            rings = surface.rings(interfaces)
+        except InputError as error:
+            errors.append(error)
+            continue
+        turned_down = errors[0].what if errors else ""
+        return _Draft(
+            body, index, name, surface, interfaces, rings, kind, turned_down, own.sources, urdf.masses.get(body)
+        )
+    raise InputErrors(f"link {name}", errors) if len(errors) > 1 else errors[0]
 
 
-def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRobot) -> None:
-    known = {*names, *names.values(), *(link for link, _ in urdf.missing[options.meshes])}
-    for option, given in (("--wall", options.walls), ("--rigid", options.rigid), ("--radius", options.radius)):
-        for name in given:
-            if name not in known:
-                raise InputError(
-                    f"{option}: link", value=name, allowed=", ".join(names.values()), remedy="name links as the URDF"
-                )
+def _radius(options: ImportOptions, name: str, body: str, key: str) -> float | None:
+    for asked in (f"{name}.{key}", f"{body}.{key}", name, body):
+        if asked in options.radius:
+            return options.radius[asked]
+    return None
 
 
-def _missing_files(urdf: UrdfRobot, options: ImportOptions) -> list[InputError]:
-    return [
-        InputError(note, remedy="put the file there, or set ROS_PACKAGE_PATH to the folder of the package")
-        for link, note in urdf.missing[options.meshes]
-        if link not in options.rigid
-    ]
-
-
-def _expected_span(robot: Robot, body: str) -> float:
-    """How large a body should be (m): as its joints are apart, where that is not much less than for others."""
-    longest = max(float(np.linalg.norm(T[:3, 3])) for T in robot.T_pre)
-    return max(float(np.linalg.norm(body_tip(robot, body_index(robot, body)))), 0.25 * longest)
-
-
-def _check_scale(robot: Robot, body: str, name: str, surface: BodySurface, options: ImportOptions) -> None:
-    """Refuse shapes in a wrong unit: small ones would else pass as too short to matter."""
-    if {name, body} & set(options.rigid):
-        return
-    try:
-        check_scale(name, surface.nodes, np.zeros((1, 3)), _expected_span(robot, body), SPAN_RATIO)
-    except InputError as error:
-        remedy = f"{error.remedy}; in a URDF that is <mesh ... scale=...>"
-        raise InputError(error.what, value=error.value, allowed=error.allowed, remedy=remedy) from error
-
-
-def _sorted_out(
-    robot: Robot, names: Mapping[str, str], surfaces: Mapping[str, BodySurface], options: ImportOptions
-) -> tuple[list[str], dict[str, str]]:
-    """Bodies to make shells of, and the others with the reason why they stay rigid."""
-    bodies = ("base", *robot.joint_names)
-    tips = {body: link_interfaces(robot, i)["tip"].point for i, body in enumerate(bodies)}
-    longest = max(float(np.linalg.norm(tip)) for tip in tips.values())
-    jobs, rigid = [], {}
-    for body in bodies:
-        span = float(np.linalg.norm(tips[body]))
-        if {names[body], body} & set(options.rigid):
-            rigid[body] = "asked for"
-        elif body not in surfaces:
-            rigid[body] = f"no {options.meshes} mesh"
-        elif span <= SHORT * longest:
-            rigid[body] = f"root and tip only {1e3 * span:.3g} mm apart"
-        elif _cover(surfaces[body].nodes, tips[body]) < LEAST_COVER:
-            cover = _cover(surfaces[body].nodes, tips[body])
-            rigid[body] = f"its shapes span {100 * cover:.0f} % of the way from root to tip"
-        else:
-            jobs.append(body)
-    return jobs, rigid
-
-
-def _cover(nodes: Array, tip: Array) -> float:
-    """Share of the way from the origin to ``tip`` that the nodes span."""
-    share = nodes @ tip / (tip @ tip)
-    return float(max(min(share.max(), 1.0) - max(share.min(), 0.0), 0.0))
-
-
-def _part(
-    robot: Robot,
-    body: str,
-    name: str,
-    surfaces: Mapping[str, BodySurface],
-    declared: Mass | None,
-    options: ImportOptions,
-) -> ImportedPart:
-    index = body_index(robot, body)
-    bodies = ("base", *robot.joint_names)
-    around = [bodies[i] if 0 <= i < len(bodies) else "" for i in (index - 1, index + 1)]
-    before, after = (surface_samples(surfaces[other]) if other in surfaces else None for other in around)
-    radius = options.radius.get(name, options.radius.get(body))
-    interfaces = {key: replace(one, radius=radius) for key, one in link_interfaces(robot, index, before, after).items()}
-    wall = options.walls.get(name, options.walls.get(body, options.wall))
-    settings = ImportSettings(
+def _settings(options: ImportOptions, wall: float, figures: Material, span: float | None) -> ImportSettings:
+    return ImportSettings(
         wall,
-        options.figures.youngs_modulus.si,
-        options.figures.poissons_ratio.si,
+        figures.youngs_modulus.si,
+        figures.poissons_ratio.si,
         options.size,
         options.repair,
         options.opening,
         options.wrap,
-        expected_span=_expected_span(robot, body),
+        expected_span=span,
         span_ratio=SPAN_RATIO,
+        boss=BOSS if options.boss is None else options.boss,
     )
-    own = surfaces[body]
-    link = prepare_link(name, own.nodes, own.faces, interfaces, settings, own.notes)
-    section = equivalent_section(name, link.mesh.nodes, link.mesh.triangles, wall, np.zeros(3), interfaces["tip"].point)
-    casing = shell_mass(link.mesh, options.figures.density.si).kg
-    points = np.stack([one.point for one in interfaces.values()])
-    return ImportedPart(name, link, wall, points, body, section, casing, declared, own.sources)
+
+
+def _with_one_bearing(drafts: list[_Draft]) -> list[_Draft]:
+    """Give the smaller ring of a joint the larger one's radius, where they differ by much."""
+    by_index = {draft.index: i for i, draft in enumerate(drafts)}
+    out = list(drafts)
+    for draft in drafts:
+        after = by_index.get(draft.index + 1)
+        if after is None:
+            continue
+        here = by_index[draft.index]
+        for i, key, radius in one_bearing(
+            out[here].rings.by_name["tip"], out[after].rings.by_name["root"], here, after
+        ):
+            given = out[i].interfaces[key]
+            if given.radius is not None:
+                continue
+            interfaces = out[i].interfaces | {key: replace(given, radius=radius)}
+            try:
+                out[i] = replace(out[i], rings=out[i].surface.rings(interfaces))
+            except InputError:
+                continue  # no room for it: the ring stays as it was
+    return out
+
+
+def _walls(drafts: list[_Draft], options: ImportOptions) -> tuple[str, Material, dict[str, Wall], list[str]]:
+    """Material and wall of each link, and what is to be said of both."""
+    casings = {draft.name: draft.casing(options.boss) for draft in drafts}
+    asked = options.material.name
+    lightest = options.material.figures(asked or "aluminium").density.si
+    fault = masses_at_fault(casings, lightest)
+    said = [] if fault is None else [f"WARNING: masses of the URDF not used: {fault}"]
+    name = asked or ("steel" if fault else material_by_mass(casings, options.material.figures("steel").density.si))
+    figures = options.material.figures(name)
+    given = {draft.name: options.walls.get(draft.name, options.walls.get(draft.body, options.wall)) for draft in drafts}
+    walls = walls_of(
+        casings,
+        {key: value for key, value in given.items() if value is not None},
+        figures.density.si,
+        options.robot_kg,
+        fault is None,
+    )
+    if asked is None and name == "aluminium":
+        said.append("material: aluminium, because walls of steel would be thinner than 3 mm by the links' masses")
+    return name, figures, walls, said
+
+
+def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) -> ImportedPart:
+    settings = replace(_settings(options, wall.metres, figures, None), boss=draft.boss(options.boss))
+    points = np.stack([one.point for one in draft.interfaces.values()])
+
+    def shell(interfaces: Mapping[str, Interface], rings: Rings) -> ImportedLink:
+        return shell_on(draft.surface, interfaces, rings, settings)
+
+    link, verdict = judged(draft.surface, draft.interfaces, draft.rings, points, shell, draft.hull)
+    section = equivalent_section(
+        draft.name, link.mesh.nodes, link.mesh.triangles, wall.metres, np.zeros(3), draft.interfaces["tip"].point
+    )
+    casing = draft.casing(options.boss)
+    density = figures.density.si
+    kg = casing.areas.kg(wall.metres, density)
+    quarter = None
+    if wall.basis == "mass" and casing.kg is not None:
+        quarter = (casing.wall(0.75 * casing.kg, density), casing.wall(1.25 * casing.kg, density))
+    return ImportedPart(
+        draft.name,
+        link,
+        wall.metres,
+        points,
+        verdict,
+        wall,
+        draft.body,
+        section,
+        kg,
+        draft.declared,
+        draft.sources,
+        draft.kind,
+        draft.turned_down,
+        quarter,
+    )
 
 
 def import_into_model(
@@ -305,16 +325,13 @@ def import_into_model(
     link, robot = found[0], robot_from(description)
     material = description.materials[link.material]
     thickness = float(section_dimensions(link.section)[-1]) if wall is None else wall
-    settings = ImportSettings(
-        thickness,
-        material.youngs_modulus.si,
-        material.poissons_ratio.si,
-        options.size,
-        options.repair,
-        options.opening,
-        options.wrap,
-    )
+    settings = replace(_settings(options, thickness, material, None), span_ratio=ImportSettings.span_ratio)
     nodes, faces, notes = read_surface(path, scale)
     interfaces = link_interfaces(robot, body_index(robot, link.body))
-    shell = prepare_link(name, nodes, faces, interfaces, settings, tuple(notes))
-    return MadeShell(name, shell, thickness, np.stack([one.point for one in interfaces.values()]))
+    points = np.stack([one.point for one in interfaces.values()])
+    surface = mid_surface(name, nodes, faces, points, settings, tuple(notes))
+    shell, verdict = judged(
+        surface, interfaces, surface.rings(interfaces), points, lambda i, r: shell_on(surface, i, r, settings)
+    )
+    basis = Wall(thickness, "given", "as given" if wall is not None else "that of the model's section")
+    return MadeShell(name, shell, thickness, points, verdict, basis)

@@ -42,9 +42,10 @@ def test_compliances_are_those_of_the_condensed_links_and_come_after_the_departu
     assert found[link].beam == pytest.approx(largest, rel=1e-9)
     # A parametric casing with rigid rings bends as its beam does, give or take its shear lag.
     assert 0.5 < found[link].ratio < 2.0
-    said = SimpleNamespace(report=("scale", "WARNING: off by 60 mm"))
-    assert warnings_of(said, TipCompliance(4.0, 1.0))[0] == "WARNING: off by 60 mm"
-    assert len(warnings_of(said, TipCompliance(4.0, 1.0))) == 2
+    link = SimpleNamespace(report=("scale", "WARNING: off by 60 mm"))
+    said = SimpleNamespace(link=link, verdict=SimpleNamespace(warnings=("WARNING: gate",)))
+    assert warnings_of(said, TipCompliance(4.0, 1.0))[:2] == ["WARNING: off by 60 mm", "WARNING: gate"]
+    assert len(warnings_of(said, TipCompliance(4.0, 1.0))) == 3
 
 
 def test_the_table_says_poor_beside_the_angle() -> None:
