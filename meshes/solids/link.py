@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from meshes.solid_mesh import SolidMesh, outer_faces
-from meshes.solids.tetrahedra import STEP_SUFFIXES, in_surface, mesh_step, open_step
+from meshes.solids.tetrahedra import in_surface, mesh_step, open_step
 from meshes.surfaces.checks import mean_wall
 from meshes.surfaces.link import check_interfaces
-from meshes.surfaces.reading import SPAN_RATIO, check_scale, read_surface
+from meshes.surfaces.reading import SPAN_RATIO, STEP_SUFFIXES, check_scale, read_surface
 from meshes.surfaces.rings import Interface, Ring, choose_rings
 from robots.arrays import Array, Bools, Integers
 

@@ -19,7 +19,6 @@ from robots import InputError, require_positive
 from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
 
-STEP_SUFFIXES = (".step", ".stp")
 EXTRA = "install the optional extra: pip install 'stiffarm[solid]'"
 MM = 1e-3
 # What a link gets where no size is given: its condensation takes seconds. Elements for each h^2 of the surface of a
