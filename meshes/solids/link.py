@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import KDTree
 
+from meshes.shell_mesh import connected, sides
 from meshes.solid_mesh import SolidMesh, outer_faces
 from meshes.solids.tetrahedra import in_surface, mesh_step, open_step
 from meshes.surfaces.checks import mean_wall
@@ -106,10 +107,9 @@ def _with_seats(
     settings: SolidSettings,
     notes: tuple[str, ...],
 ) -> ImportedSolid:
-    skin, _ = outer_faces(cells)
+    skin = _outside(outer_faces(cells)[0], nodes)
     used, place = np.unique(skin[:, :3], return_inverse=True)
     corners, faces = nodes[used], place.reshape(-1, 3)
-    # Neighbours are measured to in elements, which on a solid may be smaller than what was asked for.
     found, shrunk = choose_rings(interfaces, corners, faces, size, name)
     rings, report = {}, [*notes, *shrunk]
     for key, ring in found.items():
@@ -125,6 +125,15 @@ def _with_seats(
         {key: ring.nodes for key, ring in rings.items()},
     )
     return ImportedSolid(mesh, tuple(report), size, rings)
+
+
+def _outside(skin: Integers, nodes: Array) -> Integers:
+    """Faces (f, 6) of a solid's outer skin; no joint sits in a closed hollow."""
+    used, place = np.unique(skin[:, :3], return_inverse=True)
+    faces = place.reshape(-1, 3)
+    body = connected(len(used), sides(faces))
+    # What lies farthest out, in whatever direction, is the outer skin.
+    return np.asarray(skin[body[faces[:, 0]] == body[np.argmax(nodes[used, 0])]])
 
 
 def _whole_face(ring: Ring, here: Interface, nodes: Array, faces: Integers, size: float) -> Ring:

@@ -38,7 +38,7 @@ class MadeSolid:
     def piece(self) -> Piece:
         """What is drawn of it."""
         mesh = self.solid.mesh
-        return Piece(self.name, mesh.nodes, mesh.skin[:, :3], mesh.interfaces, self.points)
+        return Piece(f"{self.name}, solid", mesh.nodes, mesh.skin[:, :3], mesh.interfaces, self.points)
 
 
 def solid_settings(
@@ -125,4 +125,4 @@ def payload(made: MadeSolid) -> dict[str, Any]:
 def facts(made: MadeSolid) -> list[str]:
     """What stands under the picture of a solid."""
     rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in made.solid.rings.items())
-    return [f"solid: {len(made.solid.mesh.tetrahedra)} tetrahedra, {made.kg:.3g} kg", f"seats: {rings}"]
+    return [f"{len(made.solid.mesh.tetrahedra):,} tetrahedra, {made.kg:.3g} kg", f"seats: {rings}"]
