@@ -11,6 +11,7 @@ import numpy as np
 
 from fem.elements import beam
 from fem.elements.condensation import Superelement, condense
+from fem.elements.couplings import rigidly_at
 from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
@@ -275,14 +276,14 @@ def _described_link(
 def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     nodes = np.array(list(mesh.interfaces.values()))
     try:
-        element = condense(name, tuple(mesh.interfaces), mesh.interface_points, beam.assemble(mesh), nodes)
+        element = condense(name, tuple(mesh.interfaces), mesh.nodes[nodes], beam.assemble(mesh), nodes)
     except ArithmeticError as error:
         raise InputError(
             f"link {name}: {error}",
             allowed="sections, lengths and an elastic modulus that a solver can take together",
             remedy="look for a figure of the link, or of the joints at its ends, that is far too small or too large",
         ) from error
-    return LinkPart(name, body, element, mesh)
+    return LinkPart(name, body, rigidly_at(element, mesh.interface_points), mesh)
 
 
 def _shell_part(

@@ -22,7 +22,8 @@ class BeamMesh:
 
     ``nodes`` (k, 3) m; ``elements`` (m, 2); ``dimensions`` (m, 2, d): section dimensions at both ends;
     ``up`` (3,): direction of the section's height; ``interfaces``: node of each named interface, the
-    first one being the root; ``axes`` (3,): of the joints at interfaces, where they are known.
+    first one being the root; ``axes`` (3,): of the joints at interfaces, where they are known; ``points``
+    (3,) m: of interfaces that stand off their node, rigidly.
     """
 
     name: str
@@ -35,11 +36,12 @@ class BeamMesh:
     poissons_ratio: float
     interfaces: dict[str, int]
     axes: dict[str, Array] = field(default_factory=dict)
+    points: dict[str, Array] = field(default_factory=dict)
 
     @property
     def interface_points(self) -> Array:
         """Positions of the interfaces (i, 3), root first."""
-        return self.nodes[list(self.interfaces.values())]
+        return np.stack([self.points.get(name, self.nodes[node]) for name, node in self.interfaces.items()])
 
 
 def element_axes(mesh: BeamMesh) -> tuple[Array, Array]:
@@ -91,7 +93,12 @@ def link_beam_mesh(
         The link's centre line has length zero.
     """
     body = body_index(robot, link.body)
-    path = np.vstack([np.zeros(3), *[p.si_array for p in link.via], body_tip(robot, body)])
+    ends = {"root": np.zeros(3), "tip": body_tip(robot, body)}
+    first, last = (
+        end if given is None else given.si_array
+        for end, given in zip(ends.values(), (link.rigid_to, link.rigid_from), strict=True)
+    )
+    path = np.vstack([first, *[p.si_array for p in link.via], last])
     start = section_dimensions(link.section)
     end = start if link.section_end is None else section_dimensions(link.section_end)
     lever = None
@@ -108,7 +115,9 @@ def link_beam_mesh(
         elements_per_segment,
         lever,
     )
-    return replace(mesh, axes=body_axes(robot, body))
+    stood_off = {"root": link.rigid_to, "tip": link.rigid_from}
+    points = {name: ends[name] for name, given in stood_off.items() if given is not None}
+    return replace(mesh, axes=body_axes(robot, body), points=points)
 
 
 def _material(description: ModelDescription, link: Link) -> Material:
@@ -167,7 +176,7 @@ def _polyline_mesh(
     interfaces = {"root": 0, "tip": len(nodes) - 1}
     if lever is not None:
         first = len(nodes)
-        nodes = np.vstack([nodes, t[1:, None] * lever])
+        nodes = np.vstack([nodes, nodes[0] + t[1:, None] * (lever - nodes[0])])
         chain = np.concatenate([[0], np.arange(first, len(nodes))])
         elements = np.vstack([elements, np.stack([chain[:-1], chain[1:]], axis=1)])
         dimensions = np.concatenate([dimensions, np.broadcast_to(start, (per_segment, 2, len(start)))])

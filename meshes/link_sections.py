@@ -1,4 +1,4 @@
-"""Beam sections that stand for a casing of any shape: as stiff on average from root to tip."""
+"""Beams that stand for a casing of any shape: along its sections' centroids, as stiff on average from root to tip."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from robots.schema.quantities import PositiveLength
 _intersections: Any = trimesh.intersections
 
 STATIONS = 41
+# Points of a beam's path.
+PATH = 5
 # Share of the way that the casing must cover: of less, a beam over the whole way says nothing.
-LEAST_COVER = 0.1
+LEAST_COVER = 0.25
 # Of the median perimeter: below, a station has no casing, only what sticks out of it.
 LEAST_PERIMETER = 0.3
 # A tube has two equal second moments, and as much of them as a circle of the same perimeter.
@@ -32,17 +34,19 @@ class EquivalentSection:
 
     ``up`` (3,): the direction that the section's height follows, at right angles to the way. ``cover``: share of
     the way from root to tip where the casing is. ``torsion_ratio``: the section's torsional stiffness over the
-    casing's own (Bredt, one closed cell).
+    casing's own (Bredt, one closed cell). ``path`` (p, 3) m: the sections' centroids from root to tip, both ends
+    included, level with root and tip along the way.
     """
 
     section: BoxSection | TubeSection
     up: Array
     cover: float
     torsion_ratio: float
+    path: Array
 
 
 def equivalent_section(
-    name: str, nodes: Array, faces: Integers, wall: float, root: Array, tip: Array
+    name: str, nodes: Array, faces: Integers, wall: float, root: Array, tip: Array, thickness: Array | None = None
 ) -> EquivalentSection:
     """Section that bends like a casing does on average between two points.
 
@@ -54,13 +58,14 @@ def equivalent_section(
     Parameters
     ----------
     nodes, faces : closed mid-surface, (n, 3) m and (m, 3)
-    wall : m
+    wall : m, of the section
     root, tip : (3,) m
+    thickness : (m,) m, of the faces; None: ``wall`` everywhere
 
     Raises
     ------
     InputError
-        The points coincide, or the casing covers less than a tenth of the way between them.
+        The points coincide, or the casing covers less than a quarter of the way between them.
     """
     way = tip - root
     length = float(np.linalg.norm(way))
@@ -72,7 +77,10 @@ def equivalent_section(
     axes = np.stack([x, y, np.cross(x, y)])
     share = (np.arange(STATIONS) + 0.5) / STATIONS
     turned = trimesh.Trimesh((nodes - root) @ axes.T, faces, process=False)
-    cuts = _casing_cuts([_cut(turned, s * length) for s in share])
+    times = np.ones(len(faces)) if thickness is None else thickness / wall
+    every = [_cut(turned, s * length, times) for s in share]
+    least = _least_perimeter([cut for cut in every if cut is not None])
+    cuts = [cut for cut in every if cut is not None and cut.perimeter >= least]
     cover = len(cuts) / STATIONS
     if cover < LEAST_COVER:
         raise InputError(
@@ -81,69 +89,96 @@ def equivalent_section(
             remedy="leave the link rigid",
         )
     # Compliances add up along the way: the mean of the inverse tensors, over the stations without casing too.
-    tensors = np.array([_second_moments(cut) for cut in cuts])
+    tensors = np.array([cut.second_moments for cut in cuts])
+    path = _path([(s, cut) for s, cut in zip(share, every, strict=True) if cut in cuts], axes, root, length)
     mean = np.linalg.inv(np.linalg.inv(tensors).mean(axis=0) * cover)
     values, directions = np.linalg.eigh(mean)
     small, large = (float(v) for v in values)
     # The tensor's direction n has the integral of (n . r)^2: the section's height is along the largest.
     up = directions[0, 1] * axes[1] + directions[1, 1] * axes[2]
     up *= np.sign(up[np.argmax(np.abs(up))])
-    torsion = float(1.0 / (np.mean([1.0 / _bredt(cut) for cut in cuts]) * cover))
+    torsion = float(1.0 / (np.mean([1.0 / cut.bredt for cut in cuts]) * cover))
     note = "same mean bending stiffness from root to tip as the imported surface"
-    circle = np.mean([_perimeter(cut) for cut in cuts]) ** 3 / (8.0 * np.pi**2) / cover
+    circle = np.mean([cut.perimeter for cut in cuts]) ** 3 / (8.0 * np.pi**2) / cover
     if large - small < ROUND * large and abs(small - circle) < ROUND * circle:
         radius = (0.5 * (small + large) / np.pi) ** (1.0 / 3.0)
         own = 2.0 * np.pi * radius**3
         tube = TubeSection(kind="tube", diameter=_length(2.0 * radius + wall, note), wall=_length(wall, note))
-        return EquivalentSection(tube, up, cover, own / torsion)
+        return EquivalentSection(tube, up, cover, own / torsion, path)
     width, height = _box(small, large)
     own = 2.0 * (width * height) ** 2 / (width + height)
     box = BoxSection(
         kind="box", width=_length(width + wall, note), height=_length(height + wall, note), wall=_length(wall, note)
     )
-    return EquivalentSection(box, up, cover, own / torsion)
+    return EquivalentSection(box, up, cover, own / torsion, path)
 
 
 def _length(value: float, note: str) -> PositiveLength:
     return PositiveLength(value=round(1e3 * value, 3), unit="mm", source="derived", note=note)
 
 
-def _cut(mesh: trimesh.Trimesh, place: float) -> Array | None:
-    """Segments (s, 2, 2) of the plane x = ``place`` through a surface, in y and z; None where it is not cut."""
-    segments = np.asarray(_intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [place, 0.0, 0.0]))
-    return segments[:, :, 1:] if len(segments) >= 3 else None
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """Segments (s, 2, 2) of a plane section, in y and z, and how many times (s,) the usual wall is there."""
+
+    segments: Array
+    times: Array
+
+    @property
+    def lengths(self) -> Array:
+        """Of the segments, m."""
+        return np.asarray(np.linalg.norm(self.segments[:, 1] - self.segments[:, 0], axis=1))
+
+    @property
+    def perimeter(self) -> float:
+        """Of all segments, m."""
+        return float(self.lengths.sum())
+
+    @property
+    def centroid(self) -> Array:
+        """Of the walls (2,) m."""
+        weight = self.lengths * self.times
+        return np.asarray(weight @ self.segments.mean(axis=1) / weight.sum())
+
+    @property
+    def second_moments(self) -> Array:
+        """Integral of r r^T ds (2, 2) over the walls, r from their centroid, ds by thickness; m^3."""
+        weight = self.lengths * self.times
+        middle = self.segments.mean(axis=1) - self.centroid
+        half = 0.5 * (self.segments[:, 1] - self.segments[:, 0])
+        outer = np.einsum("si,sj->sij", middle, middle) + np.einsum("si,sj->sij", half, half) / 3.0
+        return np.asarray(np.einsum("s,sij->ij", weight, outer))
+
+    @property
+    def bredt(self) -> float:
+        """Torsion constant over the wall (m^3) of closed thin cells: 4 A^2 over the integral of ds / t."""
+        start, end = self.segments[:, 0], self.segments[:, 1]
+        # Segments come in no order, so each is taken anticlockwise about the centroid: exact for star-shaped cells.
+        length = self.lengths
+        middle = length @ self.segments.mean(axis=1) / length.sum()
+        (y1, z1), (y2, z2) = (start - middle).T, (end - middle).T
+        area = 0.5 * float(np.abs(y1 * z2 - z1 * y2).sum())
+        return float(4.0 * area**2 / (length / self.times).sum())
 
 
-def _perimeter(segments: Array) -> float:
-    return float(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).sum())
+def _cut(mesh: trimesh.Trimesh, place: float, times: Array) -> _Cut | None:
+    """The plane x = ``place`` through a surface; None where it is not cut."""
+    segments, faces = _intersections.mesh_plane(mesh, [1.0, 0.0, 0.0], [place, 0.0, 0.0], return_faces=True)
+    return _Cut(np.asarray(segments)[:, :, 1:], times[faces]) if len(segments) >= 3 else None
 
 
-def _casing_cuts(cuts: list[Array | None]) -> list[Array]:
-    """Leave out stations that the casing does not reach, or only a boss or bracket of it."""
-    found = [cut for cut in cuts if cut is not None]
-    least = LEAST_PERIMETER * float(np.median([_perimeter(cut) for cut in found])) if found else 0.0
-    return [cut for cut in found if _perimeter(cut) >= least]
+def _least_perimeter(found: list[_Cut]) -> float:
+    """Least perimeter (m) of a station that the casing reaches, and not only a boss or bracket of it."""
+    return LEAST_PERIMETER * float(np.median([cut.perimeter for cut in found])) if found else 0.0
 
 
-def _second_moments(segments: Array) -> Array:
-    """Integral of r r^T ds (2, 2) over segments, r from their centroid; m^3."""
-    length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    middle = segments.mean(axis=1)
-    middle = middle - length @ middle / length.sum()
-    half = 0.5 * (segments[:, 1] - segments[:, 0])
-    outer = np.einsum("si,sj->sij", middle, middle) + np.einsum("si,sj->sij", half, half) / 3.0
-    return np.asarray(np.einsum("s,sij->ij", length, outer))
-
-
-def _bredt(segments: Array) -> float:
-    """Torsion constant over the wall (m^3) of closed thin cells: 4 A^2 / perimeter."""
-    start, end = segments[:, 0], segments[:, 1]
-    # Segments come in no order, so each is taken anticlockwise about the centroid: exact for star-shaped cells.
-    length = np.linalg.norm(end - start, axis=1)
-    middle = length @ segments.mean(axis=1) / length.sum()
-    (y1, z1), (y2, z2) = (start - middle).T, (end - middle).T
-    area = 0.5 * float(np.abs(y1 * z2 - z1 * y2).sum())
-    return float(4.0 * area**2 / length.sum())
+def _path(cuts: list[tuple[float, _Cut]], axes: Array, root: Array, length: float) -> Array:
+    """Centroids (p, 3) at root, tip and a few places between; those of the nearest station where there is no casing."""
+    shares = np.array([share for share, _ in cuts])
+    middles = np.array([cut.centroid for _, cut in cuts])
+    places = np.linspace(0.0, 1.0, PATH)
+    across = np.stack([np.interp(places, shares, middles[:, k]) for k in range(2)], axis=1)
+    return np.asarray(root + np.column_stack([places * length, across]) @ axes)
 
 
 def _box(small: float, large: float) -> tuple[float, float]:

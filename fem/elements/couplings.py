@@ -10,10 +10,13 @@ resultant: a lower bound. The truth of a bolted flange lies between them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import qr
+from scipy.linalg import block_diag, qr
 
+from fem.elements.condensation import Superelement
 from meshes.shell_mesh import ShellMesh
 from meshes.solid_mesh import SolidMesh
 from robots import InputError
@@ -38,6 +41,18 @@ def rigid_motion(offsets: Array) -> Array:
     R[:, 1, 3], R[:, 1, 5] = -z, x
     R[:, 2, 3], R[:, 2, 4] = y, -x
     return R
+
+
+def rigidly_at(element: Superelement, points: Array) -> Superelement:
+    """A superelement whose interfaces are rigidly carried on to other points (i, 3) m."""
+    if np.array_equal(points, element.points):
+        return element
+    T = block_diag(*rigid_motion(element.points - points))
+    back = block_diag(*rigid_motion(points[1:] - element.points[1:]))
+    # The root's node at rest is its point at rest.
+    return replace(
+        element, points=points, stiffness=T.T @ element.stiffness @ T, flexibility=back @ element.flexibility @ back.T
+    )
 
 
 def rigid_coupling(nodes: Array, ring: Integers, point: Array) -> Array:

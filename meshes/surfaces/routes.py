@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -39,6 +40,9 @@ WRAPPED_ANGLE_DEG = 8.0
 USELESS_ANGLE_DEG = 0.1
 # Triangles of a wrap over those wanted, to begin remeshing with.
 START = 1.5
+# Of the departure that is taken: walls that got lost weigh more than openings that are spanned. Where no closing width
+# is as good, all of it.
+LOST_WALLS = 0.5
 # Directions in which the faces around a node say less than this about the mid-surface are left alone.
 LEAST_SHARE = 0.03
 # No node moves further than this many half walls: a right-angled corner needs 1.73.
@@ -128,12 +132,14 @@ def wrapped(name: str, nodes: Array, faces: Integers, settings: ImportSettings) 
         trial = wrap_surface(name, nodes, faces, coarse, settings.opening)
         size = usual_size(float(_triangles.area(trial.nodes[trial.faces]).sum()), settings.wall)
     if settings.opening is None:
-        done, failed = by_trial(
-            name,
-            size,
-            settings.wrap,
-            lambda width, method, most: _casing(name, nodes, faces, settings.wall, size, width, method, most),
-        )
+
+        def attempt(width: float, method: Method, most: float, lost: float) -> Meshed:
+            return _casing(name, nodes, faces, settings.wall, size, width, method, most, lost * most)
+
+        try:
+            done, failed = by_trial(name, size, settings.wrap, partial(attempt, lost=LOST_WALLS))
+        except InputError:
+            done, failed = by_trial(name, size, settings.wrap, partial(attempt, lost=1.0))
     else:
         method, failed = methods(settings.wrap)[0], ()
         done = _casing(name, nodes, faces, settings.wall, size, settings.opening, method)
@@ -150,8 +156,12 @@ def _casing(
     opening: float,
     method: Method,
     most: float = np.inf,
+    lost: float = np.inf,
 ) -> Meshed:
-    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is over ``most`` m off."""
+    """Mid-surface of a wrap, meshed; SurfaceFault where there is none, or it is over ``most`` m off.
+
+    ``lost`` m: the same of what the wrap sees of the original and the mid-surface has not.
+    """
     from meshes.surfaces.trials import TooFar, warning
     from meshes.surfaces.wrap import departure, middle_surface, off_original, original_seen, wrap_surface
 
@@ -161,11 +171,11 @@ def _casing(
     # Before remeshing, which takes most of the time.
     original = original_seen(wrap, nodes[faces], size)
     off = departure(original, fine, wall, size)
-    if off.middling > most:
+    if off.middling > most or off.lost > lost:
         raise TooFar(name, off, most)
     middle, cells, notes, edges = _remeshed(name, wrap, fine, notes, wall, size)
     off = departure(original, (middle, cells), wall, size)
-    if off.middling > most:
+    if off.middling > most or off.lost > lost:
         raise TooFar(name, off, most)
     report = (
         *wrap.notes,

@@ -112,7 +112,8 @@ class Solid(PreparedMesh):
 class Link(Strict):
     """A link: the body it is, its material, its section (tapering to ``section_end``), its mass.
 
-    The centre line runs from the body's own joint to the next one, through ``via`` if given.
+    The centre line runs from the body's own joint to the next one, through ``via`` if given; or from ``rigid_to`` to
+    ``rigid_from``, where the link is rigid from its own joint to the first and from the second to the next joint.
     ``beam_up`` is the direction (body frame) that the section's height follows. For shell links: openings and
     rims of the casing, or the ``surface`` in its place. For solid links: the ``solid``. For both: how the interfaces
     (``root``, ``tip``, ``pin``) are coupled to their points (``flanges``; rigid where nothing is said).
@@ -125,6 +126,8 @@ class Link(Strict):
     section: Section
     section_end: Section | None = None
     via: tuple[Position, ...] = ()
+    rigid_to: Position | None = None
+    rigid_from: Position | None = None
     beam_up: Direction = (0.0, 0.0, 1.0)
     mass: Mass | None = None
     opening: tuple[Opening, ...] = ()

@@ -31,7 +31,8 @@ class Bodies:
     """Bodies of a robot in order from the base.
 
     ``names``: of their links. ``surfaces``: by body, kinds of meshes in the order in which they are tried. ``faults``:
-    by body, what is wrong with shapes that are none of these. ``rigid``: why a body is no link.
+    by body, what is wrong with shapes that are none of these. ``rigid``: why a body is no link. ``lost``: mesh
+    files that are not there, and have no other in their place.
     """
 
     order: tuple[str, ...]
@@ -39,6 +40,7 @@ class Bodies:
     surfaces: dict[str, dict[str, BodySurface]]
     faults: dict[str, tuple[InputError, ...]]
     rigid: dict[str, str]
+    lost: tuple[InputError, ...] = ()
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -68,9 +70,7 @@ def bodies_of(urdf: UrdfRobot, robot: Robot, options: ImportOptions) -> Bodies:
     faults: dict[str, tuple[InputError, ...]] = dict.fromkeys(order, ())
     for body in order:
         for kind in kinds:
-            if {names[body], body} & set(options.rigid):
-                faults[body] = ()
-            faults[body] += _missing(urdf, kind, names[body], options)
+            faults[body] += tuple(error for link, error in _missing(urdf, kind, options) if link == names[body])
             if body not in shapes[kind]:
                 continue
             try:
@@ -82,7 +82,10 @@ def bodies_of(urdf: UrdfRobot, robot: Robot, options: ImportOptions) -> Bodies:
                 if not {names[body], body} & set(options.rigid):
                     faults[body] += (error,)
     rigid = _staying_rigid(robot, names, surfaces, options, kinds)
-    return Bodies(order, names, surfaces, faults, {b: why for b, why in rigid.items() if surfaces[b] or not faults[b]})
+    rigid = {body: why for body, why in rigid.items() if surfaces[body] or not faults[body]}
+    found = {visual.link for kind in kinds for several in shapes[kind].values() for visual in several}
+    lost = {link: error for kind in kinds for link, error in _missing(urdf, kind, options) if link not in found}
+    return Bodies(order, names, surfaces, faults, rigid, tuple(lost.values()))
 
 
 def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str, str]:
@@ -114,12 +117,14 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
                 )
 
 
-def _missing(urdf: UrdfRobot, kind: str, name: str, options: ImportOptions) -> tuple[InputError, ...]:
-    return tuple(
-        InputError(note, remedy="put the file there, or set ROS_PACKAGE_PATH to the folder of the package")
+def _missing(urdf: UrdfRobot, kind: str, options: ImportOptions) -> list[tuple[str, InputError]]:
+    """Links of the URDF whose mesh files of a kind are not there, and what to say of each."""
+    remedy = "put the file there, or set ROS_PACKAGE_PATH to the folder of the package"
+    return [
+        (link, InputError(note, remedy=remedy))
         for link, note in urdf.missing.get(kind, ())
-        if link == name and link not in options.rigid
-    )
+        if link not in options.rigid
+    ]
 
 
 def expected_span(robot: Robot, body: str) -> float:

@@ -18,7 +18,7 @@ from robots import ModelDescription, save_description
 from robots.library.surface_files import surface_file_name
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
-from robots.schema.quantities import PositiveLength
+from robots.schema.quantities import Position, PositiveLength
 from stiffarm.commands.importing import solids
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
 from stiffarm.commands.importing.figures import contact_sheet
@@ -139,12 +139,20 @@ def as_description(result: RobotImport, folder: Path) -> ModelDescription:
 
 def _described(part: ImportedPart, material: str, without_mass: bool, folder: Path) -> Link:
     up = [float(v) + 0.0 for v in np.round(part.section.up, 9)]
+    note = "centroids of the imported surface's sections"
+    path = [
+        Position(value=tuple(float(v) + 0.0 for v in np.round(1e3 * p, 3)), unit="mm", source="derived", note=note)
+        for p in part.section.path
+    ]
     return Link(
         name=part.name,
         body=part.body,
         material=material,
         section=part.section.section,
         beam_up=(up[0], up[1], up[2]),
+        rigid_to=path[0],
+        via=tuple(path[1:-1]),
+        rigid_from=path[-1],
         mass=None if without_mass else part.declared,
         surface=None if part.verdict.kind == "refused" else written_surface(part, folder, SOURCE),
     )

@@ -151,7 +151,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     """
     robot = robot_from(urdf.description)
     bodies = bodies_of(urdf, robot, options)
-    faults: list[InputError] = []
+    faults = list(bodies.lost)
     drafts: list[_Draft] = []
     for i, body in enumerate(bodies.links):
         report_progress(progress, i, len(bodies.links))
@@ -317,9 +317,9 @@ def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) 
         return shell_on(draft.surface, interfaces, rings, settings)
 
     link, verdict = judged(draft.surface, draft.interfaces, draft.rings, points, shell, draft.hull)
-    section = equivalent_section(
-        draft.name, link.mesh.nodes, link.mesh.triangles, wall.metres, np.zeros(3), draft.interfaces["tip"].point
-    )
+    mesh = link.mesh
+    first, last = (_beam_end(draft, link, key) for key in ("root", "tip"))
+    section = equivalent_section(draft.name, mesh.nodes, mesh.triangles, wall.metres, first, last, mesh.thickness)
     casing = draft.casing(options.boss)
     density = figures.density.si
     kg = casing.areas.kg(wall.metres, density)
@@ -342,6 +342,16 @@ def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) 
         draft.turned_down,
         quarter,
     )
+
+
+def _beam_end(draft: _Draft, link: ImportedLink, key: str) -> Array:
+    """Where a beam ends (3,) m: on the joint's axis, level with the seat if the axis runs along the link."""
+    here, ring = draft.interfaces[key], link.figures.rings[key]
+    if here.axis is None or ring.across or not ring.seat:
+        return here.point
+    axis = here.axis / np.linalg.norm(here.axis)
+    middle = link.mesh.nodes[ring.nodes].mean(axis=0)
+    return np.asarray(here.point + axis * float(axis @ (middle - here.point)))
 
 
 def import_into_model(

@@ -16,7 +16,7 @@ from fem import build_model
 from meshes import load_shell, section_dimensions
 from robots import load_description
 
-COARSE = ("--size-mm", "40", "--wall-mm", "8")
+COARSE = ("--size-mm", "40", "--wall-mm", "8", "--boss", "1")
 
 
 @pytest.fixture(scope="module")
