@@ -87,16 +87,16 @@ def checks(d: Diagnosis, rng: np.random.Generator | None = None) -> tuple[Check,
     return (*out, _nothing_left(d), _like_noise(d, rng or np.random.default_rng(0)))
 
 
-def stated(d: Diagnosis, made: tuple[Check, ...]) -> float:
-    """Probability of the first name after the factors of all checks that are about it; NaN without a name."""
-    return stated_of(d.found[0], made) if d.found else math.nan
-
-
-def stated_of(f: Found, made: tuple[Check, ...]) -> float:
-    """Probability of an effect that was taken up after the factors of all checks that are about it."""
+def stated(f: Found, made: tuple[Check, ...]) -> float:
+    """Probability of an effect that was taken up, after the factors of all checks that are about it."""
     p = min(f.probability, SUREST)
-    odds = p / (1.0 - p) * math.prod(c.factor for c in made if c.effect in ("", f.code))
+    odds = p / (1.0 - p) * math.prod(c.factor for c in about(f, made))
     return odds / (1.0 + odds)
+
+
+def about(f: Found, made: tuple[Check, ...]) -> list[Check]:
+    """The checks of an effect, and those of all that was taken up."""
+    return [c for c in made if c.effect in ("", f.code)]
 
 
 def _judged(code: Code, effect: str, passed: bool | None, evidence: str, by: float | None = None) -> Check:

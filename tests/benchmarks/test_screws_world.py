@@ -82,6 +82,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     make(tmp_path, seed=5, single=1, none=2, outside=1, pairs=0)
     files = [p.relative_to(tmp_path) for p in sorted(tmp_path.rglob("*.*"))]

@@ -67,7 +67,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.parametrize(("name", "path"), [*((name, "serial") for name in SPRINGS), ("xr701", "parallelogram")])
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [*(pytest.param(name, "serial", marks=pytest.mark.slow) for name in SPRINGS), ("xr701", "parallelogram")],
+)
 def test_springs_alone_are_those_of_simulate(name: str, path: str, tmp_path: Path) -> None:
     arm, rng, rows = load(name), np.random.default_rng(3), []
     (tmp_path / "m.toml").write_text(model_text(arm, dict(zip(arm.joints, arm.springs, strict=True))), encoding="utf-8")

@@ -159,6 +159,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
     from benchmarks.worlds.shopfloor import make
 

@@ -14,6 +14,7 @@ from stiffarm.commands.study.sets import study_sets
 from stiffarm.commands.study.step import kind_of
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_the_real_tables_layout(tmp_path: Path) -> None:
     for name in ("a", "b"):
         make(tmp_path / name, 3, 16)

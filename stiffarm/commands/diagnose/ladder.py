@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from doe.diagnosis.checks import Check, stated_of
+from doe.diagnosis.checks import Check, stated
 from doe.diagnosis.diagnose import Diagnosis, Found, state_of
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from stiffarm.commands.diagnose.check_words import AGAINST
@@ -67,7 +67,7 @@ def ladder_of(d: Diagnosis) -> Ladder:
     error = errors_mm(d)
     provisional = {f.code for f in d.provisional}
     rungs = tuple(
-        Rung(f.code, (error[k], error[k + 1]), f.probability, stated_of(f, d.checks), _against(d, f),
+        Rung(f.code, (error[k], error[k + 1]), f.probability, stated(f, d.checks), _against(d, f),
              f.code in provisional)
         for k, f in enumerate(order)
     )  # fmt: skip

@@ -73,7 +73,7 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
     out = [
         KeyFigure(
             codes or ("nothing proven" if words.hints(d) else VERDICTS[found.verdict]),
-            "verdict" if not codes else words.as_sure(d, "what is missing").lower(),
+            "what is missing" if codes else "verdict",
         )
     ]
     far = d.unseen_rms_mm

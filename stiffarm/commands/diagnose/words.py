@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from doe.diagnosis.checks import stated_of
+from doe.diagnosis.checks import stated
 from doe.diagnosis.diagnose import Found
 from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.nested import Nested
@@ -22,7 +22,7 @@ from stiffarm.session.noise_words import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15
-# Below this, "nothing missing" is not what is most probable; names below it are suspicions, from SURE on they are firm.
+# Below this, "nothing missing" is not what is most probable; from SURE on it is firm.
 HALF, SURE = 0.5, 0.8
 NAMED = 3
 # What something unknown varies with, for a sentence.
@@ -52,7 +52,7 @@ def headline(d: Diagnosed) -> str:
     if found.verdict == "named":
         names = and_list([what(f) for f in found.effects])
         beside = f" Beside that, with no name: {_learned(found.learned)}." if found.learned else ""
-        return f"{as_sure(d, 'What is missing has a name')}: {names}.{beside}"
+        return f"What is missing has a name: {names}.{beside}"
     if found.verdict == "learned":
         return f"Something is missing that the catalogue has no name for: {_learned(found.learned)}."
     if found.verdict == "ambiguous" and found.effects:
@@ -60,20 +60,18 @@ def headline(d: Diagnosed) -> str:
         beside = (
             f"these readings cannot tell which it is: {rivals_text(d)}" if d.rivals else "something unknown is left"
         )
-        return f"{as_sure(d, 'Missing')}: {names}. Beyond that {beside}."
+        return f"Missing: {names}. Beyond that {beside}."
+    if found.verdict == "ambiguous" and len(d.rivals) == 1 and found.provisional:
+        return (
+            f"Something is missing, most probably {what(found.provisional[0])}: {percent(found.stated)} after its "
+            "checks, which is too little for a name."
+        )
     if found.verdict == "ambiguous":
         return f"Something is missing, but these readings cannot tell which of several effects it is: {rivals_text(d)}."
     if found.provisional:
         codes = and_list([f.code for f in found.provisional])
         return f"Something is missing that the catalogue does not know; {codes} would explain part of it at best."
     return "Something is missing that no effect of the catalogue explains."
-
-
-def as_sure(d: Diagnosed, said: str) -> str:
-    """What is said of a name, less firmly the less probable its checks leave it."""
-    if d.found.stated >= SURE:
-        return said
-    return "Probably missing" if d.found.stated >= HALF else "Suspected, though its checks speak against it"
 
 
 def _learned(found: Sequence[Found]) -> str:
@@ -134,7 +132,7 @@ def then_and_now(d: Diagnosed) -> str:
     """``load-path 42 % now that its checks are heeded (92 % when it was found)``, of each name."""
     made = d.found.checks
     parts = [
-        f"{f.code} {percent(stated_of(f, made))} ({percent(f.probability)} before)"
+        f"{f.code} {percent(stated(f, made))} ({percent(f.probability)} before)"
         for f in (*d.found.effects, *d.found.learned)
     ]
     return f"Probability after the checks: {', '.join(parts)}"

@@ -70,6 +70,8 @@ def test_a_joint_a_whole_turn_farther_is_the_same_pose(serial: ArmModel, names: 
     parameters, _ = campaign_of("xr701", names).free(serial)
     one, other = (estimate(problem(serial, replace(data, q=q), parameters), GAUGE) for q in (data.q, turned))
     assert _moved(one, other) < 1e-6
+    if len(names) > 4:
+        return  # intervals of so many take half a minute; the others hold them
     for a, b in zip(certainty(one).estimates, certainty(other).estimates, strict=True):
         assert a.status == b.status
         if a.status in ("determined", "one-sided"):
