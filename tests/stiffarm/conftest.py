@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from doe import bundled_data
 from doe.diagnosis import nested, setting
+from fem.effects.catalogue import catalogue
 from robots import load_description
 from robots.library.models import to_toml
 from stiffarm.commands.diagnose import step as diagnosing
@@ -50,10 +51,10 @@ def few_runs() -> Iterator[None]:
 @contextmanager
 def quick_diagnosis(*families: str) -> Iterator[None]:
     """Diagnose among few families of effects, in two folds at most: what commands do with the result is the same."""
-    every, wanted = setting.catalogue, families or FAMILIES
+    wanted = families or FAMILIES
 
     def few(*given: Any, **more: Any) -> Any:
-        return {code: e for code, e in every(*given, **more).items() if code.partition(":")[0] in wanted}
+        return {code: e for code, e in catalogue(*given, **more).items() if code.partition(":")[0] in wanted}
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(setting, "catalogue", few)
