@@ -16,11 +16,13 @@ from fem.springs import RIGID, ConstantSpring, SpringLaw, spring_from
 from meshes import (
     BeamMesh,
     ShellMesh,
+    SolidMesh,
     beam_mass,
     casing_mesh,
     crank_beam_mesh,
     link_beam_mesh,
     link_shell_mesh,
+    link_solid_mesh,
     section_dimensions,
     section_properties,
 )
@@ -31,8 +33,8 @@ from robots.robot import robot_from
 from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
 from robots.schema.quantities import Angles, Position, RotationalStiffness
 
-LinkKind = Literal["rigid", "beam", "shell"]
-LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell")
+LinkKind = Literal["rigid", "beam", "shell", "solid"]
+LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell", "solid")
 # Names of parts that are no links.
 PLACES = ("base", "tool", "bar", "crank")
 FLANGES: tuple[FlangeCoupling, ...] = ("rigid", "distributing")
@@ -42,14 +44,15 @@ FLANGES: tuple[FlangeCoupling, ...] = ("rigid", "distributing")
 class LinkPart:
     """A flexible link: the body it is (0 = base), its condensed FE model, its beam, and its shell if it is one.
 
-    ``flanges``: how the shell's interfaces were coupled to their points, by name; rigid where nothing is said.
+    ``shell``: the mesh, of a solid link the solid's. ``flanges``: how its interfaces were coupled to their points, by
+    name; rigid where nothing is said.
     """
 
     name: str
     body: int
     element: Superelement
     mesh: BeamMesh
-    shell: ShellMesh | None = None
+    shell: ShellMesh | SolidMesh | None = None
     flanges: Mapping[str, FlangeCoupling] = field(default_factory=dict)
 
 
@@ -167,18 +170,20 @@ def build_model(
 
     Parameters
     ----------
-    links : "beam" or "shell" for flexible links, "rigid" for joints alone
+    links : "beam" or "shell" for flexible links, "rigid" for joints alone; "solid" for solids where links have a
+        prepared one, shells elsewhere
     load_path : overrides the description's; "parallelogram" needs a robot that has one
     flanges : couples all interfaces of shell links and of the crank so, "rigid" (upper bound of the stiffness) or
         "distributing" (lower bound), see :mod:`fem.elements.couplings`; None: as the description says of each link,
-        and rigid where it says nothing
+        and rigid where it says nothing; solids too
 
     Raises
     ------
     InputError
         Unknown kind of links or flanges, a parallelogram asked of a robot without one, a link named like another
         part (a joint, "base", "tool", "bar" or "crank"), flanges of an interface that the link does not have; for
-        shell links, what :func:`meshes.link_shell_mesh` and :func:`fem.elements.shell.shell_superelement` refuse.
+        shell and solid links, what :func:`meshes.link_shell_mesh`, :func:`meshes.link_solid_mesh` and
+        :func:`fem.elements.shell.shell_superelement` refuse; solid links of a robot that has no solid at all.
     """
     require_one_of("links", links, LINK_KINDS)
     if flanges not in (None, *FLANGES):
@@ -195,6 +200,13 @@ def build_model(
             value=min(taken),
             allowed=f"a name no joint has, and none of {', '.join(PLACES)}",
             remedy="rename the link: deflections are reported by part",
+        )
+    if links == "solid" and not any(link.solid for link in description.link):
+        raise InputError(
+            f"links of {robot.name}",
+            value="solid",
+            allowed="rigid, beam or shell: none of its links has a solid",
+            remedy="import one from STEP: stiffarm import link.step --model MODEL --link NAME --out FOLDER",
         )
     parts: tuple[LinkPart, ...] = ()
     if links != "rigid":
@@ -257,7 +269,8 @@ def _described_link(
         return _beam_part(link.name, body, mesh)
     described: dict[str, FlangeCoupling] = {str(name): coupling for name, coupling in link.flanges.items()}
     couplings = {name: flanges or described.get(name, "rigid") for name in mesh.interfaces}
-    return _shell_part(link.name, body, mesh, link_shell_mesh(link, mesh), couplings)
+    solid = link_solid_mesh(link, mesh) if kind == "solid" else None
+    return _shell_part(link.name, body, mesh, link_shell_mesh(link, mesh) if solid is None else solid, couplings)
 
 
 def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
@@ -274,7 +287,7 @@ def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
 
 
 def _shell_part(
-    name: str, body: int, mesh: BeamMesh, shell: ShellMesh, flanges: Mapping[str, FlangeCoupling]
+    name: str, body: int, mesh: BeamMesh, shell: ShellMesh | SolidMesh, flanges: Mapping[str, FlangeCoupling]
 ) -> LinkPart:
     from fem.elements.link_cache import cached_superelement  # scikit-fem, which shells alone need
 

@@ -8,9 +8,11 @@ if TYPE_CHECKING:
     from meshes.beams import BeamMesh, crank_beam_mesh, element_axes, link_beam_mesh
     from meshes.casings import casing_mesh, casing_size
     from meshes.link_shells import link_shell_mesh, load_shell, save_shell
+    from meshes.link_solids import link_solid_mesh, load_solid, save_solid
     from meshes.masses import LinkMass, PointMass, RobotMasses, beam_mass, robot_masses, shell_mass
     from meshes.sections import SectionProperties, section_dimensions, section_properties
     from meshes.shell_mesh import ShellMesh
+    from meshes.solid_mesh import SolidMesh
     from meshes.surfaces.link import ImportedLink, import_surface
 else:
     __getattr__ = lazily(__name__)
@@ -23,6 +25,7 @@ __all__ = [
     "RobotMasses",
     "SectionProperties",
     "ShellMesh",
+    "SolidMesh",
     "beam_mass",
     "casing_mesh",
     "casing_size",
@@ -31,9 +34,12 @@ __all__ = [
     "import_surface",
     "link_beam_mesh",
     "link_shell_mesh",
+    "link_solid_mesh",
     "load_shell",
+    "load_solid",
     "robot_masses",
     "save_shell",
+    "save_solid",
     "section_dimensions",
     "section_properties",
     "shell_mass",

@@ -1,4 +1,4 @@
-"""Shell meshes as stiffness: element matrices by kind and the whole mesh's sparse matrix."""
+"""Meshes of links as stiffness: element matrices by kind and the whole mesh's sparse matrix."""
 
 from __future__ import annotations
 
@@ -6,9 +6,19 @@ import numpy as np
 import scipy.sparse as sp
 
 from fem.elements.quad import quad_stiffness
+from fem.elements.solid import assemble_solid
 from fem.elements.triangle import triangle_stiffness
 from meshes.shell_mesh import ShellMesh
+from meshes.solid_mesh import SolidMesh
 from robots.arrays import Array, Bools, Integers
+
+
+def assemble_link(mesh: ShellMesh | SolidMesh) -> tuple[sp.csc_array, Integers]:
+    """Stiffness of the whole free mesh, and which of its 6k freedoms those of the matrix are."""
+    every = freedoms(np.arange(len(mesh.nodes)))
+    if isinstance(mesh, ShellMesh):
+        return assemble_shell(mesh), every.ravel()
+    return assemble_solid(mesh), every[:, :3].ravel()
 
 
 def element_stiffness(mesh: ShellMesh) -> tuple[Array, Array]:

@@ -92,7 +92,7 @@ def is_solution(K: sp.csc_array, x: Array, b: Array) -> bool:
 
 def _pardiso(K: sp.csc_array, b: Array) -> Array:
     pypardiso = importlib.import_module("pypardiso")
-    upper = sp.csr_matrix(sp.triu(K, format="csr"))
+    upper = _upper(K)
     with _ONE_AT_A_TIME:
         solver = _pardiso_solver(pypardiso.PyPardisoSolver)
         try:
@@ -104,6 +104,16 @@ def _pardiso(K: sp.csc_array, b: Array) -> Array:
             raise
         finally:
             solver.free_memory(everything=True)
+
+
+def _upper(K: sp.csc_array) -> sp.csr_matrix:
+    """Upper triangle of a symmetric matrix, by rows; sp.triu takes four times as long, by way of triplets."""
+    K.sort_indices()
+    # Its columns are its rows.
+    rows = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
+    kept = np.asarray(K.indices) >= rows
+    starts = np.concatenate([[0], np.cumsum(kept)])[K.indptr]
+    return sp.csr_matrix((K.data[kept], K.indices[kept], starts), shape=K.shape)
 
 
 @cache

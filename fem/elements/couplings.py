@@ -1,4 +1,4 @@
-"""Couplings of a ring of shell nodes to an interface point.
+"""Couplings of a ring of nodes to an interface point.
 
 *Rigid*: the ring moves as a rigid body, ``u_i = u_p + theta x (x_i - p)``, ``theta_i = theta + phi_i n_i``, so that
 p's six freedoms replace the ring's. Only about the wall's normal n_i a node turns by itself: a clamp holds an edge
@@ -18,6 +18,7 @@ from scipy.linalg import block_diag, qr
 
 from fem.elements.condensation import Superelement
 from meshes.shell_mesh import ShellMesh
+from meshes.solid_mesh import SolidMesh
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.schema.description import FlangeCoupling
@@ -175,10 +176,20 @@ def giving_way(reading: sp.csc_array) -> tuple[Integers, Integers]:
     return used[pivots[:count]], np.sort(used[pivots[count:]])
 
 
-def edge_weights(mesh: ShellMesh, ring: Integers) -> Array:
-    """Half the length of the ring's edges at each node (r,), so that uneven spacing has no say; else equal."""
+def ring_weights(mesh: ShellMesh | SolidMesh, ring: Integers) -> Array:
+    """Share of the ring at each node (r,), so that uneven spacing has no say; else equal.
+
+    Of a shell half the length of the ring's edges there, of a solid what an even pressure on the seat's faces gives.
+    """
     place = np.full(len(mesh.nodes), -1)
     place[ring] = np.arange(ring.size)
+    if isinstance(mesh, SolidMesh):
+        faces = mesh.skin[(place[mesh.skin] >= 0).all(axis=1)]
+        corners = mesh.nodes[faces[:, :3]]
+        area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        # All of it at the middles of the sides: the integrals of the corners' shapes vanish.
+        weights = np.bincount(place[faces[:, 3:]].ravel(), np.repeat(area / 3.0, 3), minlength=ring.size)
+        return np.asarray(weights, dtype=np.float64) if np.count_nonzero(weights) >= 3 else np.ones(ring.size)
     edges = mesh.edges[(place[mesh.edges] >= 0).all(axis=1)]
     edges = np.unique(np.sort(edges, axis=1), axis=0)
     length = np.linalg.norm(mesh.nodes[edges[:, 1]] - mesh.nodes[edges[:, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""Condensed shell links, kept between runs under a hash of all that decides them."""
+"""Condensed links, shells or solids, kept between runs under a hash of all that decides them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from fem.elements.condensation import Superelement
 from fem.elements.couplings import Coupling
-from fem.elements.shell import CoupledShell, couple, shell_solution, superelement
+from fem.elements.shell import CoupledShell, LinkMesh, couple, shell_solution, superelement
 from meshes.array_cache import ArrayCache, add_to, formulation_hash, user_cache
 from meshes.shell_mesh import ShellMesh
 from robots.arrays import Array
@@ -23,7 +23,7 @@ _checked: dict[str, bytes] = {}
 
 
 def cached_superelement(
-    mesh: ShellMesh, points: Array, couplings: Mapping[str, Coupling], store: ArrayCache | None = None
+    mesh: LinkMesh, points: Array, couplings: Mapping[str, Coupling], store: ArrayCache | None = None
 ) -> Superelement:
     """:func:`fem.elements.shell.shell_superelement`, from the user's cache if it is there: bit for bit.
 
@@ -49,7 +49,7 @@ def cached_superelement(
     return superelement(mesh, points, flexibility)
 
 
-def superelement_key(mesh: ShellMesh, points: Array, couplings: Mapping[str, Coupling]) -> str | None:
+def superelement_key(mesh: LinkMesh, points: Array, couplings: Mapping[str, Coupling]) -> str | None:
     """SHA-256 of mesh, points, couplings and formulation; None where the formulation's source cannot be read.
 
     Names of link and robot have no part; those of the interfaces and their order do.
@@ -60,7 +60,8 @@ def superelement_key(mesh: ShellMesh, points: Array, couplings: Mapping[str, Cou
     digest = hashlib.sha256()
     add_to(digest, f"{FORMAT} {formulation}")
     add_to(digest, repr((float(mesh.youngs_modulus), float(mesh.poissons_ratio))))
-    for array in (mesh.nodes, mesh.triangles, mesh.quads, mesh.thickness, points):
+    own = (mesh.triangles, mesh.quads, mesh.thickness) if isinstance(mesh, ShellMesh) else (mesh.tetrahedra,)
+    for array in (mesh.nodes, *own, points):
         add_to(digest, np.asarray(array))
     for name, ring in mesh.interfaces.items():
         add_to(digest, f"{name} {couplings.get(name)}")

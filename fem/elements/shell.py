@@ -1,4 +1,8 @@
-"""Shell meshes as mechanics: interfaces coupled to points, condensation to superelements."""
+"""Meshes of links as mechanics, shells or solids: interfaces coupled to points, condensation to superelements.
+
+A solid's nodes have rotations too in what is handed around, so that one code serves both; they are zero, and no
+reduced freedom moves them.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +13,24 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from fem.elements.assembly import assemble_shell, freedoms
+from fem.elements.assembly import assemble_link, freedoms
 from fem.elements.condensation import Superelement, is_solution, solve_positive_definite
 from fem.elements.couplings import (
     Coupling,
     distributing_coupling,
     drilling_axes,
-    edge_weights,
     giving_way,
     led_by,
     rigid_coupling,
     rigid_motion,
+    ring_weights,
 )
 from meshes.shell_mesh import ShellMesh, connected
+from meshes.solid_mesh import SolidMesh
 from robots import InputError, require_at_least
 from robots.arrays import Array, Integers
+
+LinkMesh = ShellMesh | SolidMesh
 
 # Round-off makes the flexibility of casings asymmetric by 1e-14 to 1e-11 (walls of 0.5 mm, 50 000 freedoms).
 ASYMMETRY = 1e-7
@@ -31,7 +38,7 @@ ASYMMETRY = 1e-7
 
 @dataclass(frozen=True)
 class CoupledShell:
-    """A shell mesh whose i interfaces are coupled to points; n reduced freedoms.
+    """A link's mesh whose i interfaces are coupled to points; n reduced freedoms.
 
     ``nodes`` (k, 3) m. ``expansion`` (6k, n): the mesh's freedoms from the reduced ones. ``stiffness`` (n, n).
     ``reading`` (6i, n): motion of the interface points, root first; its transpose applies wrenches there.
@@ -110,7 +117,7 @@ class CoupledShell:
         return np.asarray(self.reading[6:].toarray() - self.transport @ self.reading[:6].toarray())
 
 
-def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid") -> CoupledShell:
+def couple(mesh: LinkMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid") -> CoupledShell:
     """Couple the interfaces of a mesh to ``points`` (i, 3) m, in the order of ``mesh.interfaces``, root first.
 
     ``coupling``: one kind for all interfaces, or one by name. A distributing ring on several bodies (the two tubes
@@ -134,26 +141,31 @@ def couple(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
         if kind == "rigid":
             reading.append(_columns(np.eye(6), first_master + 6 * rigid.index(j) + np.arange(6), T.shape[1]))
             continue
-        means = [distributing_coupling(mesh.nodes, part, point, edge_weights(mesh, part)) for part in parts[j]]
+        means = [distributing_coupling(mesh.nodes, part, point, ring_weights(mesh, part)) for part in parts[j]]
         spread = [_columns(M, freedoms(part).ravel(), T.shape[0]) for M, part in zip(means, parts[j], strict=True)]
         reading.append(sp.csc_array(sp.vstack(spread) @ T))
-    # Any six freedoms of one point will do; rings that lead hold best, else a node of the root's ring.
-    held = first_master + np.arange(6) if rigid else freedoms(rings[0][:1]).ravel()
+    # Any six freedoms of one point will do; rings that lead hold best, else a node of the root's ring, or where nodes
+    # have no rotations of their own six freedoms that say how the root moves.
+    if rigid:
+        held = first_master + np.arange(6)
+    else:
+        held = freedoms(rings[0][:1]).ravel() if isinstance(mesh, ShellMesh) else giving_way(reading[0][:6])[0]
     joints = [j for j, pieces in enumerate(parts) if len(pieces) > 1]
     if joints:
         T, reading, held = _joined(T, reading, joints)
     motion = sp.csc_array(sp.vstack(reading))
     giving_way(motion)
     # By rows throughout, and its rows for columns in the end: it is symmetric, and no product needs a conversion.
-    by_rows = T.tocsr()
-    K = sp.csc_array((by_rows.T.tocsr() @ assemble_shell(mesh).T @ by_rows).T)
+    free, moved = assemble_link(mesh)
+    by_rows = T.tocsr() if moved.size == T.shape[0] else T.tocsr()[moved]
+    K = sp.csc_array((by_rows.T.tocsr() @ free.T @ by_rows).T)
     return CoupledShell(mesh.nodes, T, K, motion, points, held)
 
 
 def shell_superelement(
-    mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid"
+    mesh: LinkMesh, points: Array, coupling: Coupling | Mapping[str, Coupling] = "rigid"
 ) -> Superelement:
-    """Exact static condensation of a shell mesh to its interface points, root first.
+    """Exact static condensation of a shell or solid mesh to its interface points, root first.
 
     Arguments and errors as in :func:`couple`, and fewer than two interfaces or walls so thin that round-off
     eats the result are an InputError too. One factorisation: the free stiffness is ``G f^-1 G^T`` with the
@@ -163,20 +175,25 @@ def shell_superelement(
     return superelement(mesh, points, flexibility)
 
 
-def shell_solution(mesh: ShellMesh, shell: CoupledShell) -> tuple[Array, Array]:
+def shell_solution(mesh: LinkMesh, shell: CoupledShell) -> tuple[Array, Array]:
     """:meth:`CoupledShell.solution` of a mesh; errors as of :func:`shell_superelement`."""
-    require_at_least(f"interfaces of shell mesh {mesh.name}", len(mesh.interfaces), 2)
+    require_at_least(f"interfaces of {mesh_kind(mesh)} mesh {mesh.name}", len(mesh.interfaces), 2)
     try:
         return shell.solution()
     except ArithmeticError as error:
-        raise InputError(
-            f"shell mesh {mesh.name}: {error}",
-            value=f"thickness {mesh.thickness.min():.3g} to {mesh.thickness.max():.3g} m",
-            remedy="look for walls far too thin and for slivers",
-        ) from error
+        value, remedy = None, "choose another element size: the mesh has slivers"
+        if isinstance(mesh, ShellMesh):
+            value = f"thickness {mesh.thickness.min():.3g} to {mesh.thickness.max():.3g} m"
+            remedy = "look for walls far too thin and for slivers"
+        raise InputError(f"{mesh_kind(mesh)} mesh {mesh.name}: {error}", value=value, remedy=remedy) from error
 
 
-def superelement(mesh: ShellMesh, points: Array, flexibility: Array) -> Superelement:
+def mesh_kind(mesh: LinkMesh) -> str:
+    """What messages call it."""
+    return "shell" if isinstance(mesh, ShellMesh) else "solid"
+
+
+def superelement(mesh: LinkMesh, points: Array, flexibility: Array) -> Superelement:
     """The superelement of a mesh whose flexibility (6(i-1), 6(i-1)) between ``points`` (i, 3) is known."""
     points = np.asarray(points, dtype=np.float64)
     transport = rigid_motion(points[1:] - points[0]).reshape(-1, 6)
@@ -185,12 +202,12 @@ def superelement(mesh: ShellMesh, points: Array, flexibility: Array) -> Superele
     return Superelement(mesh.name, tuple(mesh.interfaces), points, 0.5 * (stiffness + stiffness.T), flexibility)
 
 
-def _kinds(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Coupling]) -> list[Coupling]:
+def _kinds(mesh: LinkMesh, points: Array, coupling: Coupling | Mapping[str, Coupling]) -> list[Coupling]:
     """Coupling of each interface, checked with the points."""
     names = list(mesh.interfaces)
     if points.shape != (len(names), 3) or not np.isfinite(points).all():
         raise InputError(
-            f"interface points of shell mesh {mesh.name}",
+            f"interface points of {mesh_kind(mesh)} mesh {mesh.name}",
             value=f"shape {points.shape}" if np.isfinite(points).all() else points.tolist(),
             allowed=f"finite, shape ({len(names)}, 3), m, for {', '.join(names)}",
         )
@@ -198,33 +215,37 @@ def _kinds(mesh: ShellMesh, points: Array, coupling: Coupling | Mapping[str, Cou
     wrong = {name: by_name.get(name) for name in names if by_name.get(name) not in ("rigid", "distributing")}
     if wrong or set(by_name) - set(names):
         raise InputError(
-            f"coupling of shell mesh {mesh.name}",
+            f"coupling of {mesh_kind(mesh)} mesh {mesh.name}",
             value=dict(by_name),
             allowed=f"'rigid' or 'distributing' for {', '.join(names)}",
         )
     return [by_name[name] for name in names]
 
 
-def _expansion(mesh: ShellMesh, rigid: Mapping[int, Integers], points: Array) -> sp.csc_array:
+def _expansion(mesh: LinkMesh, rigid: Mapping[int, Integers], points: Array) -> sp.csc_array:
     """Mesh freedoms (6k, n) from those of free nodes, drilling rotations of rigid rings, then six for each ring."""
     k = len(mesh.nodes)
     tied = np.concatenate([np.zeros(0, np.int64), *rigid.values()])
     if np.unique(tied).size != tied.size:
         raise InputError(
-            f"rigid interfaces of shell mesh {mesh.name} share nodes",
+            f"rigid interfaces of {mesh_kind(mesh)} mesh {mesh.name} share nodes",
             remedy="choose separate rings, or the distributing coupling for one of them",
         )
-    kept = freedoms(np.setdiff1d(np.arange(k), tied)).ravel()
-    axes = drilling_axes(mesh, tied)
-    smooth = axes.any(axis=1)
-    first_master = kept.size + int(smooth.sum())
-    rows = [kept, freedoms(tied[smooth])[:, 3:].ravel()]
-    columns = [np.arange(kept.size), np.repeat(np.arange(kept.size, first_master), 3)]
-    values = [np.ones(kept.size), axes[smooth].ravel()]
+    own = 6 if isinstance(mesh, ShellMesh) else 3
+    kept = freedoms(np.setdiff1d(np.arange(k), tied))[:, :own].ravel()
+    rows, columns, values = [kept], [np.arange(kept.size)], [np.ones(kept.size)]
+    first_master = kept.size
+    if isinstance(mesh, ShellMesh):
+        axes = drilling_axes(mesh, tied)
+        smooth = axes.any(axis=1)
+        first_master += int(smooth.sum())
+        rows.append(freedoms(tied[smooth])[:, 3:].ravel())
+        columns.append(np.repeat(np.arange(kept.size, first_master), 3))
+        values.append(axes[smooth].ravel())
     for number, (j, ring) in enumerate(rigid.items()):
-        rows.append(np.repeat(freedoms(ring).ravel(), 6))
-        columns.append(np.tile(first_master + 6 * number + np.arange(6), 6 * ring.size))
-        values.append(rigid_coupling(mesh.nodes, ring, points[j]).ravel())
+        rows.append(np.repeat(freedoms(ring)[:, :own].ravel(), 6))
+        columns.append(np.tile(first_master + 6 * number + np.arange(6), own * ring.size))
+        values.append(rigid_coupling(mesh.nodes, ring, points[j]).reshape(-1, 6, 6)[:, :own].ravel())
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     return sp.coo_array(entries, shape=(6 * k, first_master + 6 * len(rigid))).tocsc()
 
@@ -250,14 +271,14 @@ def _joined(
     return sp.csc_array(T @ S), reading, lead[0]
 
 
-def ring_parts(mesh: ShellMesh, rings: list[Integers], kinds: list[Coupling]) -> list[list[Integers]]:
+def ring_parts(mesh: LinkMesh, rings: list[Integers], kinds: list[Coupling]) -> list[list[Integers]]:
     """Each ring's parts that only the ring itself joins: one for a rigid ring; refuses bodies that nothing joins."""
     pairs = [np.stack([np.full(ring.size, ring[0]), ring], axis=1) for ring in rings]
     rigid = [pair for pair, kind in zip(pairs, kinds, strict=True) if kind == "rigid"]
     bodies, whole = (connected(len(mesh.nodes), np.concatenate([mesh.edges, *some])) for some in (rigid, pairs))
     if whole.max() > 0:
         raise InputError(
-            f"shell mesh {mesh.name}",
+            f"{mesh_kind(mesh)} mesh {mesh.name}",
             value=f"{whole.max() + 1} separate bodies of {np.bincount(whole).tolist()} nodes",
             allowed="one body",
             remedy="merge the nodes where the bodies touch, or drop the loose ones",

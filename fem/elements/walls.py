@@ -57,8 +57,9 @@ def _condensed(description: ModelDescription, model: ArmModel, name: str, ratio:
     """Flexibility of the link with all its walls ``ratio`` times as thick."""
     data = description.model_dump(by_alias=True)
     link = next(one for one in data["link"] if one["name"] == name)
-    if link.get("surface") is not None and model.link_kind == "shell":
-        raise InputError(f"parameter {name}.wall", value="a prepared surface", allowed="links with a section")
+    for kinds, key in ((("shell", "solid"), "surface"), (("solid",), "solid")):
+        if link.get(key) is not None and model.link_kind in kinds:
+            raise InputError(f"parameter {name}.wall", value=f"a prepared {key}", allowed="links with a section")
     for key in WALLS:
         if link.get(key) is not None:
             link[key]["wall"] = {**link[key]["wall"], "value": link[key]["wall"]["value"] * ratio}

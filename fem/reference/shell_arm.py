@@ -24,7 +24,7 @@ from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Node, Unknowns, build_chain
 from fem.statics.loads import as_points, as_wrenches
 from fem.statics.transfers import axial_transfers
-from meshes import ShellMesh
+from meshes import ShellMesh, SolidMesh
 from robots import InputError
 from robots.arrays import Array
 from robots.kinematics import as_poses, forward_kinematics, tool_position
@@ -87,10 +87,12 @@ class _System(Unknowns):
         return sp.csc_array(K)
 
 
-def shell_of(link: LinkPart) -> ShellMesh:
-    """Shell mesh of a link; without one it raises an InputError."""
+def mesh_of(link: LinkPart) -> ShellMesh | SolidMesh:
+    """Shell or solid mesh of a link; without one it raises an InputError."""
     if link.shell is None:
-        raise InputError(f"link {link.name}", value="no shell mesh", allowed="a model built with links='shell'")
+        raise InputError(
+            f"link {link.name}", value="no shell mesh", allowed="a model built with links='shell' or links='solid'"
+        )
     return link.shell
 
 
@@ -111,8 +113,8 @@ def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
         The model has no links, or links that are not shells.
     """
     if not model.links:
-        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell")
-    return {link.name: couple(shell_of(link), link.element.points, _flanges(link)) for link in all_links(model)}
+        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell, solid")
+    return {link.name: couple(mesh_of(link), link.element.points, _flanges(link)) for link in all_links(model)}
 
 
 def _flanges(link: LinkPart) -> dict[str, Coupling]:
@@ -131,7 +133,7 @@ def solve_shell_arm(
 
     Parameters
     ----------
-    model : built with ``links="shell"``, either load path
+    model : built with ``links="shell"`` or ``"solid"``, either load path
     q : (dof,) rad; limits are not checked here
     wrench : (6,) or (l, 6) loads, force N and moment N m in base axes at the tool point
     point : (3,) m in the flange frame instead of the model's tool point

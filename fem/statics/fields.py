@@ -1,4 +1,4 @@
-"""Fields on shell links from the condensed path: displacements, strain energy and stress of one pose and load.
+"""Fields on shells and solids from the condensed path: displacements, strain energy and stress of one pose and load.
 
 Statics says what each part carries (:mod:`fem.statics.transfers`); a link's unit-load shapes, solved once, turn that
 into displacements of its mesh with its root at rest. The chain's kinematics adds the motion of the root: turns
@@ -19,6 +19,7 @@ from fem.elements.couplings import rigid_motion
 from fem.elements.facets import plane_stress
 from fem.elements.quad import quad_frames
 from fem.elements.shell import CoupledShell
+from fem.elements.solid import solid_energy, solid_stress, von_mises_solid
 from fem.elements.triangle import (
     ALPHA_B,
     bending_curvatures,
@@ -27,10 +28,10 @@ from fem.elements.triangle import (
 )
 from fem.model import ArmModel, LinkPart
 from fem.reference.chain import Springs, build_chain
-from fem.reference.shell_arm import all_links, both, couple_links, one_pose, shell_of
+from fem.reference.shell_arm import all_links, both, couple_links, mesh_of, one_pose
 from fem.statics.transfers import transfers
 from fem.statics.vectors import poses_last
-from meshes import ShellMesh
+from meshes import ShellMesh, SolidMesh
 from robots import InputError
 from robots.arrays import Array
 from robots.kinematics import forward_kinematics, tool_position
@@ -43,15 +44,16 @@ BY_PARTS, BY_ELBOW = np.eye(2)
 
 @dataclass(frozen=True)
 class LinkField:
-    """One link's fields on its shell mesh (k nodes, e elements, triangles first).
+    """One link's fields on its mesh (k nodes, e elements; of a shell the triangles first).
 
     ``R`` (3, 3), ``origin`` (3,) m: the unloaded body's frame in the base frame. ``displacement`` (k, 6) m and
     rad, base axes, rigid-body motion included. ``energy`` (e,) J. ``von_mises`` (e, 2) Pa at the element's
-    middle, on the face the normal points to (corners counterclockwise seen from there) and on the other one.
+    middle, on the face the normal points to (corners counterclockwise seen from there) and on the other one; twice
+    the same of a solid, whose nodes have no rotations.
     """
 
     name: str
-    mesh: ShellMesh
+    mesh: ShellMesh | SolidMesh
     R: Array
     origin: Array
     displacement: Array
@@ -87,11 +89,11 @@ class ArmFields:
 class LinkShapes:
     """Unit-load solutions of a link: displacements (6k, 6(i-1)) of its mesh, root at rest, body's axes.
 
-    ``matrices``: stiffness of its elements by kind, (m, 18, 18) and (q, 24, 24), N/m, N, N m.
+    ``matrices``: stiffness of a shell's elements by kind, (m, 18, 18) and (q, 24, 24), N/m, N, N m; none of a solid.
     """
 
     shapes: Array
-    matrices: tuple[Array, Array]
+    matrices: tuple[Array, ...]
 
 
 def link_shapes(model: ArmModel, shells: Mapping[str, CoupledShell] | None = None) -> dict[str, LinkShapes]:
@@ -105,9 +107,10 @@ def link_shapes(model: ArmModel, shells: Mapping[str, CoupledShell] | None = Non
         The model has no links, or links that are not shells.
     """
     shells = couple_links(model) if shells is None else shells
+    meshes = {link.name: mesh_of(link) for link in all_links(model)}
     return {
-        link.name: LinkShapes(shells[link.name].modes()[0], element_stiffness(shell_of(link)))
-        for link in all_links(model)
+        name: LinkShapes(shells[name].modes()[0], element_stiffness(mesh) if isinstance(mesh, ShellMesh) else ())
+        for name, mesh in meshes.items()
     }
 
 
@@ -123,7 +126,7 @@ def arm_fields(
 
     Parameters
     ----------
-    model : built with ``links="shell"``, either load path
+    model : built with ``links="shell"`` or ``"solid"``, either load path
     q : (dof,) rad; limits are not checked here
     wrench : (6,) force N, moment N m in base axes at the tool point
     point : (3,) m in the flange frame instead of the model's tool point
@@ -210,18 +213,24 @@ class _Motions:
 
 
 def _link_field(link: LinkPart, shape: LinkShapes, carried: Array, root: Array, R: Array, origin: Array) -> LinkField:
-    mesh = shell_of(link)
+    mesh = mesh_of(link)
     # A serial load path leaves the lever's pin without load.
     local = (shape.shapes[:, : carried.size] @ carried).reshape(-1, 6)
     rigid = (rigid_motion(mesh.nodes @ R.T) @ root).reshape(-1, 6)
+    if isinstance(mesh, ShellMesh):
+        energy, stress = _energy(mesh, shape, local), von_mises(face_stress(mesh, local))
+    else:
+        local[:, 3:] = 0.0  # no freedoms: only the root's rest stands there
+        energy = solid_energy(mesh, local[:, :3])
+        stress = np.repeat(von_mises_solid(solid_stress(mesh, local[:, :3]))[:, None], 2, axis=1)
     return LinkField(
         name=link.name,
         mesh=mesh,
         R=R,
         origin=origin,
         displacement=rigid + (local.reshape(-1, 2, 3) @ R.T).reshape(-1, 6),
-        energy=_energy(mesh, shape, local),
-        von_mises=von_mises(face_stress(mesh, local)),
+        energy=energy,
+        von_mises=stress,
     )
 
 

@@ -28,6 +28,8 @@ class SurfaceFault(InputError):  # noqa: N818 - a fault of the surface
 SAME_POINT = 1e-6
 # A face lower than this share of its longest edge has no normal worth the name.
 FLAT_FACE = 1e-6
+# Bodies with less than this share of the largest one's volume are hollows, or specks of no account.
+HOLLOW = 1e-6
 # A second body with more than this share of the largest one's area is not an accessory.
 SECOND_BODY = 0.2
 
@@ -67,6 +69,65 @@ def repair_surface(name: str, nodes: Array, faces: Integers, hole: float) -> tup
     elif turned:
         more.append(f"{turned} faces turned to agree with their neighbours")
     return *used_only(nodes, faces), [*notes, *dropped, *more, *filled]
+
+
+def material_surface(name: str, nodes: Array, faces: Integers) -> tuple[Array, Integers, list[str]]:
+    """One body of material, closed and facing outward, its hollows facing inward: corners merged, slivers dropped.
+
+    Raises
+    ------
+    SurfaceFault
+        An open surface, edges with three faces or more, a surface with one side only, several bodies.
+    """
+    nodes, faces, notes = _merged(nodes, faces)
+    faces, dropped = _without_flat(name, nodes, faces)
+    edges, count = np.unique(np.sort(sides(faces), axis=1), axis=0, return_counts=True)
+    for wrong, what in (
+        (count > 2, "with more than two faces: it is not manifold"),
+        (count < 2, "with one face: it is open"),
+    ):
+        if wrong.any():
+            place = np.round(nodes[edges[wrong][0]].mean(axis=0), 4).tolist()
+            raise SurfaceFault(
+                f"surface {name} as a solid: {int(wrong.sum())} edges {what}",
+                value=f"the first near {place} m",
+                allowed="two faces at every edge",
+                remedy="export the solid as one closed body, or as STEP",
+            )
+    faces, turned = _wound(name, faces)
+    body = np.unique(connected(len(nodes), sides(faces))[faces[:, 0]], return_inverse=True)[1]
+    corners = nodes[faces]
+    volume = np.bincount(body, np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
+    if volume.sum() < 0.0:
+        faces, volume = faces[:, ::-1].copy(), -volume
+        notes.append("all faces turned: their normals pointed inward")
+    solid = volume > HOLLOW * volume.max()
+    if solid.sum() > 1:
+        raise SurfaceFault(
+            f"surface {name} as a solid: separate bodies",
+            value=f"{int(solid.sum())}, of {', '.join(f'{1e6 * v:.4g}' for v in volume[solid])} cm3",
+            allowed="one",
+            remedy="unite the bodies that are cast or welded together, or export the link's structure alone",
+        )
+    notes += dropped
+    notes += [f"{turned} faces turned to agree with their neighbours"] if turned else []
+    notes += [f"{len(volume) - 1} hollow(s) inside"] if len(volume) > 1 else []
+    return *used_only(nodes, faces), notes
+
+
+def mean_wall(nodes: Array, faces: Integers) -> tuple[float, float]:
+    """Twice volume over area (m), and its share of the least extent along the surface's principal axes.
+
+    Where a closed surface is that of both sides of a wall, it is the wall. NaN where the surface encloses nothing.
+    """
+    corners = nodes[faces]
+    area = float(_triangles.area(corners).sum())
+    volume = float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum()) / 6.0
+    used = nodes[np.unique(faces)]
+    axes = np.linalg.svd(used - used.mean(axis=0), full_matrices=False)[2]
+    extent = float(np.ptp(used @ axes.T, axis=0).min())
+    wall = 2.0 * abs(volume) / area
+    return (wall, wall / extent) if volume and extent else (float("nan"), float("nan"))
 
 
 def _merged(nodes: Array, faces: Integers) -> tuple[Array, Integers, list[str]]:

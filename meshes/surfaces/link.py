@@ -211,10 +211,16 @@ def shell_on(
 def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings) -> None:
     sizes = {"wall thickness (m)": settings.wall, "target size (m)": settings.target_size}
     sizes |= {"opening (m)": settings.opening}
-    sizes |= {f"interface radius {name} (m)": one.radius for name, one in interfaces.items()}
     for what, value in sizes.items():
         require_positive(what, value)
     require_one_of("repair", settings.repair, REPAIRS)
+    check_interfaces(interfaces)
+
+
+def check_interfaces(interfaces: Mapping[str, Interface]) -> None:
+    """Refuse interfaces that are none: no points, numbers that are not finite, no way to find a ring."""
+    for name, one in interfaces.items():
+        require_positive(f"interface radius {name} (m)", one.radius)
     if not interfaces:
         raise InputError("no interface points", remedy="name one point or more, the root first")
     for name, one in interfaces.items():

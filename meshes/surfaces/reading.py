@@ -18,6 +18,7 @@ from robots.arrays import Array, Integers
 from robots.files.reading import read_bytes
 
 SUFFIXES = (".stl", ".obj", ".dae", ".ply")
+STEP_SUFFIXES = (".step", ".stp")
 # Extents of a casing over the distance of its interfaces; beyond, the unit of length is in doubt.
 SPAN_RATIO = (0.5, 5.0)
 SCALES = (0.001, 1000.0, 0.01, 100.0, 0.0254, 0.3048)

@@ -59,11 +59,8 @@ def remesh(
     and the elements are better: for surfaces whose edges mean nothing, as those of contours and wraps. ``start``:
     a coarser mesh of the same surface to begin with, which saves time.
     """
-    sharp, fold = float(np.cos(np.deg2rad(SHARP_DEG))), float(np.cos(np.deg2rad(FOLD_DEG)))
-    limits = _Limits(size, sharp, sharp) if keep_edges else _Limits(size, NEVER, fold)
-    edges = _edges(faces)
-    fine, cells = _split(nodes, faces, size)
-    target = NearestOn(fine[cells], nodes[edges.ends[_sharpness(nodes, faces, edges, limits)[0]]], size)
+    limits = _limits(size, keep_edges)
+    target = surface_to_stay_on(nodes, faces, size, keep_edges)
     nodes, faces = (nodes, faces) if start is None else start
     for _ in range(ROUNDS):
         nodes, faces = _split(nodes, faces, LONG * size)
@@ -71,6 +68,19 @@ def remesh(
         faces = _flip(nodes, faces, limits)
         nodes = _smooth(nodes, faces, target, limits)
     return _without_slivers(nodes, faces, target, limits)
+
+
+def _limits(size: float, keep_edges: bool) -> _Limits:
+    sharp, fold = float(np.cos(np.deg2rad(SHARP_DEG))), float(np.cos(np.deg2rad(FOLD_DEG)))
+    return _Limits(size, sharp, sharp) if keep_edges else _Limits(size, NEVER, fold)
+
+
+def surface_to_stay_on(nodes: Array, faces: Integers, size: float, keep_edges: bool = True) -> NearestOn:
+    """A closed manifold surface, (n, 3) m and (m, 3), as a place that points are put back to."""
+    edges = _edges(faces)
+    fine, cells = _split(nodes, faces, size)
+    sharp = _sharpness(nodes, faces, edges, _limits(size, keep_edges))[0]
+    return NearestOn(fine[cells], nodes[edges.ends[sharp]], size)
 
 
 def _without_slivers(nodes: Array, faces: Integers, target: NearestOn, limits: _Limits) -> tuple[Array, Integers]:

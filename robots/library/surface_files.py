@@ -1,4 +1,4 @@
-"""Prepared surface files of links: found beside the model file, and copied along when a model is written."""
+"""Files of links' prepared meshes: found beside the model file, and copied along when a model is written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from robots.errors import InputError
 from robots.files.reading import read_sha256
 from robots.files.written import written_whole
-from robots.schema.description import ModelDescription, Surface
+from robots.schema.description import ModelDescription, PreparedMesh
 
 FOLDER = "meshes"
 _SUFFIX = ".npz"
@@ -38,7 +38,7 @@ def with_copied_surfaces(description: ModelDescription, folder: Path, undo: Exit
         A surface file is gone, cannot be read or copied, or is not the one that was prepared.
     """
 
-    def copied(link: str, surface: Surface) -> str:
+    def copied(link: str, surface: PreparedMesh) -> str:
         source, meshes = Path(surface.file), folder / FOLDER
         found = _digest(link, source)
         if found != surface.sha256:
@@ -82,17 +82,18 @@ def _if_possible(remove: Callable[[], None]) -> None:
         remove()
 
 
-def _with_files(description: ModelDescription, name: Callable[[str, Surface], str]) -> ModelDescription:
-    """The description with other names of the surface files."""
-    links = tuple(
-        link
-        if link.surface is None
-        else link.model_copy(
-            update={"surface": link.surface.model_copy(update={"file": name(link.name, link.surface)})}
-        )
-        for link in description.link
-    )
-    return description.model_copy(update={"link": links})
+def _with_files(description: ModelDescription, name: Callable[[str, PreparedMesh], str]) -> ModelDescription:
+    """The description with other names of the mesh files."""
+    links = []
+    for link in description.link:
+        given = {"surface": link.surface, "solid": link.solid}
+        update = {
+            key: mesh.model_copy(update={"file": name(link.name, mesh)})
+            for key, mesh in given.items()
+            if mesh is not None
+        }
+        links.append(link.model_copy(update=update))
+    return description.model_copy(update={"link": tuple(links)})
 
 
 def _digest(link: str, path: Path) -> str:

@@ -85,8 +85,8 @@ class Rim(Strict):
     wall: PositiveLength
 
 
-class Surface(Strict):
-    """A prepared shell mesh of a link that takes the casing's place (shell links); written by `import`.
+class PreparedMesh(Strict):
+    """A mesh of a link in a file beside the model; written by `import`.
 
     ``file`` is relative to the model file; ``sha256`` is that of the file's content. ``changes`` says what was
     done to the source to get it.
@@ -94,10 +94,19 @@ class Surface(Strict):
 
     file: str
     sha256: str
-    wall: PositiveLength
     size: PositiveLength
     source: str
     changes: tuple[str, ...] = ()
+
+
+class Surface(PreparedMesh):
+    """A prepared shell mesh of a link that takes the casing's place (shell links)."""
+
+    wall: PositiveLength
+
+
+class Solid(PreparedMesh):
+    """A prepared mesh of tetrahedra of a link, of the material itself (solid links)."""
 
 
 class Link(Strict):
@@ -106,8 +115,9 @@ class Link(Strict):
     The centre line runs from the body's own joint to the next one, through ``via`` if given; or from ``rigid_to`` to
     ``rigid_from``, where the link is rigid from its own joint to the first and from the second to the next joint.
     ``beam_up`` is the direction (body frame) that the section's height follows. For shell links: openings and
-    rims of the casing, or the ``surface`` in its place, and how the interfaces (``root``, ``tip``, ``pin``) are
-    coupled to their points (``flanges``; rigid where nothing is said). ``youngs_modulus`` overrides the material's.
+    rims of the casing, or the ``surface`` in its place. For solid links: the ``solid``. For both: how the interfaces
+    (``root``, ``tip``, ``pin``) are coupled to their points (``flanges``; rigid where nothing is said).
+    ``youngs_modulus`` overrides the material's.
     """
 
     name: str
@@ -123,6 +133,7 @@ class Link(Strict):
     opening: tuple[Opening, ...] = ()
     rim: Rim | None = None
     surface: Surface | None = None
+    solid: Solid | None = None
     flanges: dict[Literal["root", "tip", "pin"], FlangeCoupling] = Field(default_factory=dict)
     youngs_modulus: Modulus | None = None
 

@@ -148,7 +148,9 @@ def import_link(
     repair: Repair = "auto",
     wrap: Wrap = "auto",
 ) -> Imported:
-    """Make one link of an arm a shell from a surface file (STL, OBJ, PLY or DAE).
+    """Make one link of an arm a shell from a surface file (STL, OBJ, PLY or DAE), or a solid from STEP.
+
+    Surfaces of the material itself, both sides of its walls, become solids too.
 
     Parameters
     ----------
@@ -201,7 +203,8 @@ def _folder(folder: str | Path, step: str, source: Path) -> OutputFolder:
 
 
 def _imported(folder: str | Path, content: Mapping[str, Any]) -> Imported:
-    return Imported(load(Path(folder) / "model.toml", links="shell"), Path(folder), content)
+    kind: Literal["shell", "solid"] = "solid" if content.get("solids") else "shell"
+    return Imported(load(Path(folder) / "model.toml", links=kind), Path(folder), content)
 
 
 @overload

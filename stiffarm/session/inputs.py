@@ -15,6 +15,9 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.softness import refuse_too_soft
 
+# Kinds of links with meshes, whose flanges can be chosen.
+MESHED = ("shell", "solid")
+
 
 def read_model(
     name: str,
@@ -37,8 +40,8 @@ def read_model(
     asked, _, flanges = (links or "").partition(":")
     if links is None:
         asked = description.calibration.links if description.calibration else "beam"
-    if asked not in LINK_KINDS or (flanges and (asked != "shell" or flanges not in FLANGES)):
-        allowed = [*LINK_KINDS, *(f"shell:{choice}" for choice in FLANGES)]
+    if asked not in LINK_KINDS or (flanges and (asked not in MESHED or flanges not in FLANGES)):
+        allowed = [*LINK_KINDS, *(f"{meshed}:{choice}" for meshed in MESHED for choice in FLANGES)]
         raise InputError("--links", value=links, allowed=", ".join(allowed), remedy="choose one of them")
     kind: LinkKind = next(known for known in LINK_KINDS if known == asked)
     if flanges:
@@ -85,11 +88,11 @@ def refuse_effects(given: Arm, what: str, remedy: str) -> None:
 @contextmanager
 def _announced(links: LinkKind, description: ModelDescription) -> Iterator[None]:
     """Shells take a while to build, so they are announced."""
-    if links != "shell":
+    if links not in MESHED:
         yield
         return
-    say(f"building shell models of {len(description.link)} links")
-    with progress("shell models of links"):
+    say(f"building {links} models of {len(description.link)} links")
+    with progress(f"{links} models of links"):
         yield
 
 

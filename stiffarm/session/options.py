@@ -29,9 +29,9 @@ Links = Annotated[
     str | None,
     typer.Option(
         "--links",
-        help="Link model: beam, shell or rigid. shell:distributing lets the flanges warp (soft bound), "
-        "shell:rigid keeps them flat (stiff bound), shell uses the model's choice. Default: as "
-        "calibrated, otherwise beam.",
+        help="Link model: beam, shell, solid (links with a solid; the others as shells) or rigid. "
+        "shell:distributing lets the flanges warp (soft bound), shell:rigid keeps them flat (stiff bound), shell uses "
+        "the model's choice. Default: as calibrated, otherwise beam.",
     ),
 ]
 LoadPathOpt = Annotated[

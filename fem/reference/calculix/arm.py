@@ -33,7 +33,7 @@ from fem.model import ArmModel, LinkPart
 from fem.reference.calculix.deck import Deck, Freedom, ascii_text, number, safe_name
 from fem.reference.calculix.links import Motion, add_link, follow
 from fem.reference.chain import Springs, build_chain
-from fem.reference.shell_arm import all_links, one_pose, shell_of
+from fem.reference.shell_arm import all_links, mesh_of, one_pose
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import M_TO_MM
@@ -125,7 +125,7 @@ def arm_deck(
 
     Parameters
     ----------
-    model : built with ``links="shell"``, either load path
+    model : built with ``links="shell"`` or ``"solid"``, either load path
     q : (dof,) rad; limits are not checked here
     wrench : (6,) force N and moment N m in base axes at the tool point
     point : (3,) m in the flange frame instead of the model's tool point
@@ -141,9 +141,9 @@ def arm_deck(
     if len(loads) != 1:
         raise InputError("loads of a CalculiX input", value=len(loads), allowed="one")
     if not model.links:
-        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell")
+        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell, solid")
     for link in all_links(model):
-        shell_of(link)
+        mesh_of(link)
     expected = deflection(model, pose, loads, at)[0]
     frames = forward_kinematics(model.robot, pose)
     position = tool_position(model.robot, frames, at)

@@ -1,4 +1,4 @@
-"""A link for CalculiX: its shell as S8R and S6, its rings tied to interface points. Units mm, N, MPa.
+"""A link for CalculiX: its shell as S8R and S6, or its solid as C3D10, tied to interface points. Units mm, N, MPa.
 
 An interface has a reference node (directions 1 to 3: displacement) and a rotation node (1 to 3: rotation).
 """
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion
+from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion, ring_weights
 from fem.elements.shell import ring_parts
 from fem.model import LinkPart
 from fem.reference.calculix.deck import Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
-from fem.reference.shell_arm import shell_of
-from meshes import ShellMesh
+from fem.reference.shell_arm import mesh_of
+from meshes import ShellMesh, SolidMesh
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
 from robots.constants import M_TO_MM
 
 # The beams: side as a share of the thinnest wall, modulus as a share of the wall's.
@@ -67,12 +67,16 @@ class _Interface:
 
 @dataclass(frozen=True)
 class _Placed:
-    """A link's quadratic mesh in the deck: nodes (k + e, 3) mm in base axes, number of the first one."""
+    """A link's quadratic mesh in the deck: nodes (k + e, 3) mm in base axes, number of the first one, thinnest wall.
 
-    mesh: QuadraticMesh
+    ``middle`` (k + e,): whether a node is in the middle of an edge.
+    """
+
+    mesh: QuadraticMesh | SolidMesh
     nodes: Array
     first: int
     wall: float
+    middle: Bools
 
     def numbers(self, nodes: Integers) -> Integers:
         """Numbers in the deck."""
@@ -90,14 +94,11 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     InputError
         A ring without edges, a distributing ring whose nodes lie on one line, or rings that share too many nodes.
     """
-    mesh, label, where = shell_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
-    quadratic = with_middles(mesh)
-    nodes = M_TO_MM * (origin + quadratic.nodes @ R.T)
-    what = f"link {where}, the first {quadratic.corners} are the corners in stiffarm's order, then mid-side nodes"
-    first = int(deck.nodes(nodes, f"N_{label}", what)[0])
-    placed = _Placed(quadratic, nodes, first, M_TO_MM * float(mesh.thickness.min()))
-    _shell(deck, link, placed, label)
-    _beams(deck, link, placed, label)
+    mesh, label, where = mesh_of(link), f"L{index}_{safe_name(link.name)}".rstrip("_"), ascii_text(link.name)
+    if isinstance(mesh, ShellMesh):
+        placed = _placed_shell(deck, mesh, label, where, R, origin)
+    else:
+        placed = _placed_solid(deck, mesh, label, where, R, origin)
     interfaces = {}
     for name, point, ring in zip(mesh.interfaces, link.element.points, mesh.interfaces.values(), strict=True):
         tag, what = f"{label}_{safe_name(name)}", f"interface {ascii_text(name)} of {where}"
@@ -116,6 +117,30 @@ def add_link(deck: Deck, link: LinkPart, index: int, root: Motion, R: Array, ori
     return {name: Motion.of_nodes(interfaces[name].reference, interfaces[name].rotation) for name in others}
 
 
+def _placed_shell(deck: Deck, mesh: ShellMesh, label: str, where: str, R: Array, origin: Array) -> _Placed:
+    quadratic = with_middles(mesh)
+    nodes = M_TO_MM * (origin + quadratic.nodes @ R.T)
+    what = f"link {where}, the first {quadratic.corners} are the corners in stiffarm's order, then mid-side nodes"
+    first = int(deck.nodes(nodes, f"N_{label}", what)[0])
+    middle = np.arange(len(nodes)) >= quadratic.corners
+    placed = _Placed(quadratic, nodes, first, M_TO_MM * float(mesh.thickness.min()), middle)
+    _shell(deck, mesh, placed, quadratic, label, where)
+    _beams(deck, mesh, placed, quadratic, label, where)
+    return placed
+
+
+def _placed_solid(deck: Deck, mesh: SolidMesh, label: str, where: str, R: Array, origin: Array) -> _Placed:
+    nodes = M_TO_MM * (origin + mesh.nodes @ R.T)
+    first = int(deck.nodes(nodes, f"N_{label}", f"link {where}, in stiffarm's order")[0])
+    middle = np.zeros(len(nodes), dtype=bool)
+    middle[mesh.tetrahedra[:, 4:]] = True
+    name = f"E_{label}"
+    deck.elements("C3D10", first + mesh.tetrahedra, name, f"the solid of link {where}")
+    material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
+    deck.section(f"*SOLID SECTION,ELSET={name},MATERIAL={material}")
+    return _Placed(mesh, nodes, first, 0.0, middle)
+
+
 def _interface(deck: Deck, label: str, what: str, ring: Integers, point: Array) -> _Interface:
     reference = int(deck.nodes(point[None], f"REF_{label}", f"{what}; directions 1 to 3: displacement (mm)")[0])
     rotation = int(deck.nodes(point[None], f"ROT_{label}", f"{what}; directions 1 to 3: rotation (rad)")[0])
@@ -128,9 +153,8 @@ def follow(deck: Deck, reference: int, rotation: int, motion: Motion) -> None:
         deck.equation((reference if i < 3 else rotation, i % 3 + 1), motion.along(direction))
 
 
-def _shell(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
+def _shell(deck: Deck, mesh: ShellMesh, placed: _Placed, quadratic: QuadraticMesh, label: str, where: str) -> None:
     """Elements of a link, a section for each thickness."""
-    mesh, where = shell_of(link), ascii_text(link.name)
     material = deck.material(mesh.youngs_modulus, mesh.poissons_ratio)
     m = len(mesh.triangles)
     members = []
@@ -138,8 +162,8 @@ def _shell(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
     for i, wall in enumerate(np.unique(walls).tolist()):
         same = walls == wall
         for kind, cells in (
-            ("S6", placed.mesh.triangles[same[:m]]),
-            ("S8R", placed.mesh.quads[same[m:]]),
+            ("S6", quadratic.triangles[same[:m]]),
+            ("S8R", quadratic.quads[same[m:]]),
         ):
             if len(cells):
                 members.append(f"{kind}_{label}_T{i + 1}")
@@ -148,13 +172,12 @@ def _shell(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
     deck.element_set(members, f"E_{label}", f"the shell of link {where}")
 
 
-def _beams(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
+def _beams(deck: Deck, mesh: ShellMesh, placed: _Placed, quadratic: QuadraticMesh, label: str, where: str) -> None:
     """Soft beams along the rings and along steps of the wall.
 
     On the rings they give the nodes rotations. At a step CalculiX makes a node of two shells that meet in one
     normal; on a curved wall it leaves their common turn about that normal without any stiffness.
     """
-    mesh, quadratic = shell_of(link), placed.mesh
     edges = [_steps(_walls(mesh), quadratic), *map(quadratic.edges_within, mesh.interfaces.values())]
     along = np.unique(np.concatenate(edges))
     ends, middles = quadratic.edges[along], quadratic.corners + along
@@ -162,7 +185,7 @@ def _beams(deck: Deck, link: LinkPart, placed: _Placed, label: str) -> None:
     across = np.argmin(np.abs(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]]), axis=1)
     side = number(BEAM_SIDE * placed.wall)
     soft = deck.material(BEAM_SOFTNESS * mesh.youngs_modulus, mesh.poissons_ratio)
-    what = f"beams too soft to count, on rings and steps of the wall of link {ascii_text(link.name)}"
+    what = f"beams too soft to count, on rings and steps of the wall of link {where}"
     for k in np.unique(across).tolist():
         name, some = f"B{k + 1}_{label}", across == k
         cells = np.stack([ends[some, 0], middles[some], ends[some, 1]], axis=1)
@@ -189,6 +212,11 @@ def _steps(thickness: Array, mesh: QuadraticMesh) -> Integers:
 
 def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
     """The ring and its middles move as a rigid body, walls included."""
+    if isinstance(placed.mesh, SolidMesh):
+        ring = placed.numbers(interface.ring).tolist()
+        deck.node_set(ring, f"RING_{interface.label}", f"rigid seat of {interface.what}")
+        deck.rigid_body(f"RING_{interface.label}", ring, interface.reference, interface.rotation)
+        return
     edges = placed.mesh.edges_within(interface.ring)
     if not edges.size:
         raise InputError(
@@ -220,7 +248,7 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: li
         ring = [(node, i) for node in placed.numbers(nodes).tolist() for i in (1, 2, 3)]
         free = np.array([i for i, freedom in enumerate(ring) if not deck.depends(freedom)], dtype=np.int64)
         # Mid-side nodes belong to fewer elements than corners, so that fewer of them see the ring's whole rows.
-        middle = free[nodes[free // 3] >= placed.mesh.corners]
+        middle = free[placed.middle[nodes[free // 3]]]
         free = middle if middle.size >= ENOUGH else free
         pivots = free[np.sort(giving_way(sp.csc_array(mean[:, free]))[0])]
         others = np.setdiff1d(np.arange(len(ring)), pivots)
@@ -233,7 +261,13 @@ def _distributing(deck: Deck, placed: _Placed, interface: _Interface, bodies: li
 
 
 def _weighted(placed: _Placed, ring: Integers) -> tuple[Integers, Array]:
-    """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge."""
+    """Nodes of a ring with middles and weights that integrate over its edges; equal ones if a node has no edge.
+
+    Of a solid's seat the nodes with weights that integrate over its faces.
+    """
+    if isinstance(placed.mesh, SolidMesh):
+        share = ring_weights(placed.mesh, ring)
+        return ring[share > 0.0], share[share > 0.0]
     edges = placed.mesh.edges_within(ring)
     ends, middles = placed.mesh.edges[edges], placed.mesh.corners + edges
     length = np.linalg.norm(placed.nodes[ends[:, 1]] - placed.nodes[ends[:, 0]], axis=1)

@@ -35,7 +35,10 @@ def export(
     ] = (DEFAULT_LOAD),
     links: Annotated[
         str,
-        typer.Option("--links", help="Link model: shell (flanges as in the model), shell:rigid or shell:distributing."),
+        typer.Option(
+            "--links",
+            help="Link model: shell or solid (flanges as in the model), shell:rigid, shell:distributing and so on.",
+        ),
     ] = "shell",
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -47,12 +50,12 @@ def export(
     The input file arm.inp runs as it is; our own solution is printed for comparison and written into export.json.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        if links.partition(":")[0] != "shell":
+        if links.partition(":")[0] not in ("shell", "solid"):
             raise InputError(
                 "--links",
                 value=links,
-                allowed="shell, shell:rigid, shell:distributing",
-                remedy="leave it out: beams and rigid links have no shell to write",
+                allowed="shell, shell:rigid, shell:distributing, solid, solid:rigid, solid:distributing",
+                remedy="leave it out: beams and rigid links have no mesh to write",
             )
         if pose is None or len(pose) != 1:
             raise InputError(
@@ -121,6 +124,6 @@ def _notes(given: Arm) -> list[str]:
     stiff = list(given.joints_without_springs)
     out = [f"no spring is given for {', '.join(stiff)}: held rigid (calibrate first?)"] if stiff else []
     calibration = given.description.calibration
-    if calibration is not None and calibration.links != "shell":
-        out.append(f"the springs were calibrated with {calibration.links} links; here the links are shells")
+    if calibration is not None and calibration.links != given.model.link_kind:
+        out.append(f"the springs were calibrated with {calibration.links} links; here they are {given.model.link_kind}")
     return out

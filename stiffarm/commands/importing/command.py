@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args
 
 import typer
 
-from meshes.surfaces.reading import SUFFIXES
+from meshes.surfaces.reading import STEP_SUFFIXES, SUFFIXES
 from robots import InputError, content_hash, load_description, require_positive
 from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
@@ -20,7 +20,8 @@ def import_command(
     source: Annotated[
         Path,
         typer.Argument(
-            metavar="SOURCE", help="A URDF with its meshes, or the surface of one link (STL, OBJ, PLY or DAE)."
+            metavar="SOURCE",
+            help="A URDF with its meshes, or one link: its surface (STL, OBJ, PLY, DAE) or its solid (STEP).",
         ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for model.toml and meshes/; it is created if needed.")],
@@ -90,6 +91,14 @@ def import_command(
     rigid: Annotated[
         str | None, typer.Option("--rigid", help="Links to leave rigid, separated by commas, as in hand,link_4.")
     ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            "--step",
+            help="STEP files of links that are solids, each in its link's frame, as in upper_arm=arm.step (needs the "
+            "optional extra `solid`).",
+        ),
+    ] = None,
     radius: Annotated[
         str | None,
         typer.Option(
@@ -120,17 +129,20 @@ def import_command(
 ) -> None:
     """Build a model from a URDF, or one link from a surface file.
 
-    A URDF with its meshes becomes a model with shell links; a surface file becomes one shell link of an existing model.
+    A URDF with its meshes becomes a model with shell links; a file of one link becomes that link of an existing model:
+    a shell, or a solid from STEP and from surfaces of the material itself.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         from meshes.surfaces.routes import Repair
         from stiffarm.commands.importing import results as import_results
         from stiffarm.commands.importing import step as importing
         from stiffarm.commands.importing.options import ImportOptions, MaterialChoice, Meshes, Wrap
+        from stiffarm.commands.importing.solids import MadeSolid
 
         suffix = source.suffix.lower()
-        if suffix not in (".urdf", *SUFFIXES):
-            raise InputError("SOURCE", value=str(source), allowed=f".urdf, {', '.join(SUFFIXES)}")
+        if suffix not in (".urdf", *SUFFIXES, *STEP_SUFFIXES):
+            allowed = ", ".join((".urdf", *SUFFIXES, *STEP_SUFFIXES))
+            raise InputError("SOURCE", value=str(source), allowed=allowed)
         if not source.is_file():
             raise InputError("SOURCE", value=str(source), allowed="an existing file", remedy="check the path")
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
@@ -147,6 +159,7 @@ def import_command(
             robot_kg=mass_kg,
             walls=_by_link(wall, "--wall"),
             rigid=tuple(part.strip() for part in rigid.split(",")) if rigid else (),
+            solids=_files(step, "--step"),
             radius=_by_link(radius, "--radius"),
             size=_metres(size_mm),
             opening=_metres(close_mm),
@@ -169,7 +182,7 @@ def import_command(
             import_results.show(result, content)
         else:
             robot_only: dict[str, Any] = {"--tip": tip, "--base": base, "--rigid": rigid, "--wall": wall}
-            robot_only |= {"--mass-kg": mass_kg}
+            robot_only |= {"--mass-kg": mass_kg, "--step": step}
             robot_only |= {"--radius": radius, "--material": material, "--youngs-modulus-GPa": youngs_modulus}
             robot_only |= {"--poissons-ratio": poissons_ratio, "--density": density}
             refuse_given(
@@ -187,13 +200,25 @@ def import_command(
             with frame.folder() as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))
                 content = import_results.write_link(done, given, source.name, folder)
-            for line in (*done.link.report, *(w for w in content["warnings"] if w not in done.link.report)):
+            report = done.solid.report if isinstance(done, MadeSolid) else done.link.report
+            for line in (*report, *(w for w in content["warnings"] if w not in report)):
                 say(line)
         frame.answer(content)
 
 
 def _metres(value_mm: float | None) -> float | None:
     return None if value_mm is None else 1e-3 * value_mm
+
+
+def _files(text: str | None, option: str) -> dict[str, Path]:
+    """Files from ``link=path,link=path``."""
+    found: dict[str, Path] = {}
+    for item in text.split(",") if text is not None else ():
+        name, _, path = (part.strip() for part in item.partition("="))
+        if not name or not path or Path(path).suffix.lower() not in STEP_SUFFIXES:
+            raise InputError(option, value=item, allowed="link=file.step", remedy="name the link and its STEP file")
+        found[name] = Path(path)
+    return found
 
 
 def _by_link(text: str | None, option: str) -> dict[str, float]:

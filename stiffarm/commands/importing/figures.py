@@ -1,4 +1,4 @@
-"""Contact sheet of imported links: the shells from one side each, with their interface rings."""
+"""Contact sheet of imported links from two sides each, with their interface rings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stiffarm.commands.importing.step import MadeShell
+from stiffarm.commands.importing.pieces import Piece
 from stiffarm.pages import style
 from stiffarm.pages.figure_parts import panels
 
@@ -26,19 +26,19 @@ _CELL_IN: Final = (3.6, 3.3)
 _LETTER_IN: Final = 0.125
 
 
-def contact_sheet(shells: Sequence[MadeShell], facts: Sequence[Sequence[str]], title: str) -> Figure:
-    """Draw each shell twice, from above and from opposite below, so that all rings show; dots are interface points.
+def contact_sheet(pieces: Sequence[Piece], facts: Sequence[Sequence[str]], title: str) -> Figure:
+    """Draw each link twice, from above and from opposite below, so that all rings show; dots are interface points.
 
-    ``facts``: lines of text under each shell.
+    ``facts``: lines of text under each link.
     """
-    views = [(shell, lines, side) for shell, lines in zip(shells, facts, strict=True) for side in (1.0, -1.0)]
-    columns = 2 if len(shells) == 1 else 2 * min(_COLUMNS, -(-len(shells) // 2))
+    views = [(piece, lines, side) for piece, lines in zip(pieces, facts, strict=True) for side in (1.0, -1.0)]
+    columns = 2 if len(pieces) == 1 else 2 * min(_COLUMNS, -(-len(pieces) // 2))
     width = columns * _CELL_IN[0] * 0.75
     heading = textwrap.fill(title, max(int(width / _LETTER_IN), 20))
     with panels(heading, len(views), columns, width, _CELL_IN[1], 1.0) as (figure, axes):
         for place, view in zip(axes, views, strict=True):
             _draw(place, *view)
-        names = list(dict.fromkeys(name for shell in shells for name in shell.link.mesh.interfaces))
+        names = list(dict.fromkeys(name for piece in pieces for name in piece.interfaces))
         marks = [
             Line2D([], [], color=_ring_colour(i), marker="s", linestyle="none", label=f"ring: {name}")
             for i, name in enumerate(names)
@@ -54,10 +54,9 @@ def _ring_colour(i: int) -> str:
     return RING_COLOURS[i % len(RING_COLOURS)]
 
 
-def _draw(axes: Axes, shell: MadeShell, lines: Sequence[str], side: float) -> None:
-    """One shell from above (side 1) or from opposite below (-1): faces turned to the eye, the farthest first."""
+def _draw(axes: Axes, mesh: Piece, lines: Sequence[str], side: float) -> None:
+    """One link from above (side 1) or from opposite below (-1): faces turned to the eye, the farthest first."""
     camera = style.Camera(side * np.array([0.62, -1.0, 0.45]))
-    mesh = shell.link.mesh
     flat = 1e3 * camera(mesh.nodes)
     corners = flat[mesh.triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -75,7 +74,7 @@ def _draw(axes: Axes, shell: MadeShell, lines: Sequence[str], side: float) -> No
         list(corners[seen][:, :, :2]), facecolors=colours, edgecolors=0.86 * colours, linewidths=0.15
     )
     axes.add_collection(faces)
-    points = 1e3 * camera(shell.points)[:, :2]
+    points = 1e3 * camera(mesh.points)[:, :2]
     axes.plot(*points.T, linestyle=":", color=style.INK, linewidth=0.9, zorder=3)
     for i, point in enumerate(points):
         axes.plot(*point, marker="o", markersize=6, color=_ring_colour(i), markerfacecolor="white", zorder=4)
@@ -86,7 +85,7 @@ def _draw(axes: Axes, shell: MadeShell, lines: Sequence[str], side: float) -> No
     axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
     axes.set_axis_off()
     if side > 0.0:
-        axes.set_title(shell.name, loc="left", fontsize=10.5, fontweight="bold")
+        axes.set_title(mesh.name, loc="left", fontsize=10.5, fontweight="bold")
         axes.text(0.0, -0.01, "\n".join(lines), transform=axes.transAxes, va="top", size=8.0, color="#555555")
     else:
         axes.set_title("from opposite, below", loc="left", fontsize=9, color="#777777")

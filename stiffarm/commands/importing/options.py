@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from meshes.surfaces.routes import Repair
@@ -39,7 +40,7 @@ class ImportOptions:
     ``wall``: of all links; None: by mass, or assumed. ``walls``, ``rigid``: by link, named as in the URDF or by its
     joint. ``boss``: walls of bosses over the barrel's, None: 2.5, and 1 for hulls. ``robot_kg``: mass of the whole
     arm, where links have none. ``size`` None: some ten thousand elements a link. ``radius``: of the rings, by link, or
-    by link and interface as in ``forearm.tip``.
+    by link and interface as in ``forearm.tip``. ``solids``: STEP files of links, each in its link's frame.
     """
 
     material: MaterialChoice = MaterialChoice()
@@ -48,6 +49,7 @@ class ImportOptions:
     boss: float | None = None
     robot_kg: float | None = None
     rigid: tuple[str, ...] = ()
+    solids: Mapping[str, Path] = field(default_factory=dict)
     radius: Mapping[str, float] = field(default_factory=dict)
     size: float | None = None
     opening: float | None = None

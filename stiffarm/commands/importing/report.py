@@ -37,12 +37,14 @@ def write_report(
     rigid = dict(content.get("rigid", {}))
     worst = max((one["departure_mm"][0] or 0.0 for one in links if one["departure_mm"]), default=0.0)
     soft = {one["link"]: one["tip_compliance_um_per_kN"]["shell"] for one in links}
-    named = "1 link became a shell" if len(links) == 1 else f"{len(links)} links became shells"
-    lede = f"{named}" + (f", {len(rigid)} stay rigid" if rigid else "")
+    solids = content.get("solids", [])
+    kinds = (("a shell", "shells", len(links)), ("a solid", "solids", len(solids)))
+    named = [f"1 link became {one}" if n == 1 else f"{n} links became {many}" for one, many, n in kinds if n]
+    lede = " and ".join(named) + (f", {len(rigid)} stay rigid" if rigid else "")
     one = "1 warning" if len(warned) == 1 else f"{len(warned)} warnings"
     lede += f"; {one} to look at." if warned else "; nothing to warn of."
     key = [
-        KeyFigure(str(len(links)), "links as shells"),
+        KeyFigure(str(len(links) or len(solids)), "links as shells" if links else "links as solids"),
         KeyFigure(str(len(warned)), "warnings"),
         KeyFigure(f"{significant(worst, 2)} mm", "the shell is off the original by at most this for 95\u00a0% of it"),
     ]
@@ -62,18 +64,19 @@ def write_report(
     todo = f"{'Look at the warnings, then calibrate' if warned else 'Calibrate'} with readings: "
     todo += f"`stiffarm calibrate model.toml DATA`. {plan}"
     blocks: list[Block] = [
-        Picture(folder.path("import.png"), "The links as shells, with their rings.", "imported links"),
-        _table(links),
-        Text("A shell is compared with its beam at the tip: where the ratio is far from 1, look at rings and wall."),
+        Picture(folder.path("import.png"), "The links, with the rings that they are held at.", "imported links"),
     ]
+    if links:
+        words = "A shell is compared with its beam at the tip: where the ratio is far from 1, look at rings and wall."
+        blocks += [_table(links), Text(words)]
     sections = [
         Section("Warnings", tuple(Note(f"{name}: {line.removeprefix('WARNING: ')}") for name, line in warned)),
-        Section("The links", tuple(blocks)),
-        Section("What the walls rest on", _walls(links)),
+        Section("The links", (*blocks, *_solids(solids))),
+        Section("What the walls rest on", _walls(links) if links else ()),
         Section(
             "What stays rigid", (Bullets(tuple(f"{name}: {why}" for name, why in rigid.items())),) if rigid else ()
         ),
-        Section("What was changed on the way", tuple(_changes(links)), folded=True),
+        Section("What was changed on the way", tuple(_changes([*links, *solids])), folded=True),
     ]
     notes = [line for line in content.get("notes", ()) if ": WARNING: " not in line]
     if notes:
@@ -112,8 +115,28 @@ def _table(links: Sequence[Mapping[str, Any]]) -> Table:
     return Table("The links", heads, rows, text_columns=(0, 3, 4))
 
 
+def _solids(solids: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
+    if not solids:
+        return ()
+    rows = tuple(
+        (
+            one["link"],
+            one["file"],
+            str(one["tetrahedra"]),
+            significant(one["mass_kg"]),
+            ", ".join(f"{name} {ring['radius_mm']:.0f}" for name, ring in one["rings"].items()),
+        )
+        for one in solids
+    )
+    heads = ("link", "file", "tetrahedra", "mass by volume (kg)", "seats (mm)")
+    said = "`--links solid` takes these links as solids, the others as shells."
+    return (Table("Solids", heads, rows, text_columns=(0, 1, 4)), Text(said))
+
+
 def _how_sure(links: Sequence[Mapping[str, Any]]) -> str:
     """To what factor the links' compliance is known."""
+    if not links:
+        return "A solid's compliance is as sure as its modulus and its seats are: a few per cent."
     by_mass = sum(one["wall_basis"] == "mass" for one in links)
     given = sum(one["wall_basis"] == "given" for one in links)
     if given == len(links):

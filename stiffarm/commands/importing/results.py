@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from fem import build_model
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
 from meshes.surfaces.link import GOOD, quality_words
 from robots import ModelDescription, save_description
@@ -18,9 +19,11 @@ from robots.library.surface_files import surface_file_name
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
 from robots.schema.quantities import Position, PositiveLength
+from stiffarm.commands.importing import solids
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
 from stiffarm.commands.importing.figures import contact_sheet
 from stiffarm.commands.importing.report import write_report
+from stiffarm.commands.importing.solids import MadeSolid, with_solids
 from stiffarm.commands.importing.step import ImportedPart, MadeShell, RobotImport
 from stiffarm.pages.style import save_png
 from stiffarm.session.console import say, show_table
@@ -33,22 +36,28 @@ def write_robot(result: RobotImport, folder: OutputFolder) -> dict[str, Any]:
     """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
     # The model takes copies of the shells with it, under names that tell versions apart.
     with tempfile.TemporaryDirectory() as shells:
-        description = as_description(result, Path(shells))
+        description = with_solids(as_description(result, Path(shells)), result.solids, Path(shells), SOURCE)
         found = tip_compliances(description, tuple(part.name for part in result.parts))
         warnings = {part.name: warnings_of(part, found[part.name]) for part in result.parts}
         said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
         description = description.model_copy(update={"notes": (*description.notes, *said)})
         content = payload(result, description, found)
         facts = [_facts(part, warnings[part.name]) for part in result.parts]
-        _write(description, content, contact_sheet(result.parts, facts, f"Imported links: {description.title}"), folder)
+        pieces = [*(part.piece for part in result.parts), *(made.piece for made in result.solids)]
+        facts += [solids.facts(made) for made in result.solids]
+        _write(description, content, contact_sheet(pieces, facts, f"Imported links: {description.title}"), folder)
     write_report(description, content, content["links"], folder)
     return content
 
 
-def write_link(done: MadeShell, given: ModelDescription, source: str, folder: OutputFolder) -> dict[str, Any]:
-    """Write a model with the new shell of one link; returns what import.json holds."""
+def write_link(
+    done: MadeShell | MadeSolid, given: ModelDescription, source: str, folder: OutputFolder
+) -> dict[str, Any]:
+    """Write a model with the new shell or solid of one link; returns what import.json holds."""
     name, key = done.name, f"surface of {done.name}"
     content = {"schema": "stiffarm-import/1", "robot": given.name, "link": name, "file": source}
+    if isinstance(done, MadeSolid):
+        return _write_solid(done, given, content, folder)
     with tempfile.TemporaryDirectory() as shells:
         surface = written_surface(done, Path(shells), key)
         data = given.model_dump(by_alias=True, exclude_none=True)
@@ -60,9 +69,28 @@ def write_link(done: MadeShell, given: ModelDescription, source: str, folder: Ou
         check_shells(description)
         found = tip_compliances(description, (name,))[name]
         content |= link_payload(done, found)
-        sheet = contact_sheet([done], [_facts(done, content["warnings"])], f"{source} as link {name}")
+        sheet = contact_sheet([done.piece], [_facts(done, content["warnings"])], f"{source} as link {name}")
         _write(description, content, sheet, folder)
     write_report(description, content, [content], folder)
+    return content
+
+
+def _write_solid(
+    done: MadeSolid, given: ModelDescription, content: dict[str, Any], folder: OutputFolder
+) -> dict[str, Any]:
+    key = f"solid of {done.name}"
+    with tempfile.TemporaryDirectory() as meshes:
+        data = given.model_dump(by_alias=True, exclude_none=True)
+        data["sources"][key] = f"{done.source}, prepared by stiffarm import"
+        described = with_solids(ModelDescription.model_validate(data), [done], Path(meshes), key)
+        # Read back as a model does.
+        model = build_model(described, "solid")
+        tip = next(part.element.flexibility[:3, :3] for part in model.links if part.name == done.name)
+        softest = _um_per_kn(float(np.linalg.eigvalsh(tip)[-1]))
+        content |= {"solids": [solids.payload(done) | {"tip_compliance_um_per_kN": softest}], "warnings": []}
+        sheet = contact_sheet([done.piece], [solids.facts(done)], f"{done.source} as link {done.name}")
+        _write(described, content, sheet, folder)
+    write_report(described, content, [], folder)
     return content
 
 
@@ -165,6 +193,7 @@ def payload(result: RobotImport, description: ModelDescription, found: Mapping[s
         "robot": result.urdf.description.name,
         "material": result.material,
         "links": [_payload_of(part, found[part.name]) for part in result.parts],
+        "solids": [solids.payload(made) for made in result.solids],
         "rigid": result.rigid,
         "notes": list(description.notes),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +12,10 @@ import numpy as np
 from meshes import section_dimensions
 from meshes.beams import body_index
 from meshes.link_sections import EquivalentSection, equivalent_section
-from meshes.surfaces.bodies import link_interfaces, surface_samples
+from meshes.surfaces.bodies import BodySurface, link_interfaces, surface_samples
 from meshes.surfaces.doubts import is_hull
 from meshes.surfaces.link import ImportedLink, MidSurface, Rings, mid_surface, shell_on
-from meshes.surfaces.reading import read_surface
+from meshes.surfaces.reading import STEP_SUFFIXES, read_surface
 from meshes.surfaces.rings import Interface, one_bearing
 from meshes.surfaces.routes import ImportSettings
 from meshes.surfaces.seats import ALONG
@@ -40,6 +40,8 @@ from robots.urdf.reading import UrdfRobot
 from stiffarm.commands.importing.bodies import SPAN_RATIO, Bodies, bodies_of, expected_span
 from stiffarm.commands.importing.gate import Verdict, judged
 from stiffarm.commands.importing.options import ImportOptions, material_of
+from stiffarm.commands.importing.pieces import Piece
+from stiffarm.commands.importing.solids import MadeSolid, from_file, of_material, solid_settings
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,12 @@ class MadeShell:
     points: Array
     verdict: Verdict
     basis: Wall
+
+    @property
+    def piece(self) -> Piece:
+        """What is drawn of it."""
+        mesh = self.link.mesh
+        return Piece(self.name, mesh.nodes, mesh.triangles, mesh.interfaces, self.points)
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,7 @@ class ImportedPart(MadeShell):
 
 @dataclass(frozen=True)
 class RobotImport:
-    """An imported robot: its parts, its material, and which bodies stay rigid and why."""
+    """An imported robot: its parts, its material, which bodies stay rigid and why, and what is a solid as well."""
 
     urdf: UrdfRobot
     parts: tuple[ImportedPart, ...]
@@ -91,6 +99,7 @@ class RobotImport:
     notes: tuple[str, ...]
     material: str = "steel"
     figures: Material = field(default_factory=lambda: material_of("steel", None, None, None))
+    solids: tuple[MadeSolid, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class _Draft:
     rings: Rings
     kind: str
     turned_down: str
-    sources: tuple[str, ...]
+    own: BodySurface
     declared: Mass | None
 
     @property
@@ -165,10 +174,47 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     drafts = _with_one_bearing(drafts)
     material, figures, walls, said = _walls(drafts, options)
     parts = tuple(_part(draft, walls[draft.name], figures, options) for draft in drafts)
+    solids, more = _solids(robot, drafts, figures, options)
     lost = options.meshes if options.meshes != "auto" else "visual"
-    notes = [*urdf.notes, *(note for _, note in urdf.missing.get(lost, ())), *said]
+    notes = [*urdf.notes, *(note for _, note in urdf.missing.get(lost, ())), *said, *more]
     rigid = {bodies.names[body]: why for body, why in bodies.rigid.items()}
-    return RobotImport(urdf, parts, rigid, tuple(notes), material, figures)
+    return RobotImport(urdf, parts, rigid, tuple(notes), material, figures, solids)
+
+
+def _solids(
+    robot: Robot, drafts: Sequence[_Draft], figures: Material, options: ImportOptions
+) -> tuple[tuple[MadeSolid, ...], list[str]]:
+    """Solids of the links that have a file for it, or meshes of the material itself; and what is to be said."""
+    made, said, faults = [], [], []
+    for draft in drafts:
+        # Seats are whole faces, unless they are given: not the larger rings that mend shells.
+        interfaces = {
+            key: replace(one, radius=_radius(options, draft.name, draft.body, key))
+            for key, one in draft.interfaces.items()
+        }
+        settings = solid_settings(figures, options.size, expected_span(robot, draft.body), SPAN_RATIO)
+        file = options.solids.get(draft.name, options.solids.get(draft.body))
+        try:
+            if file is None:
+                solid, words = of_material(draft.name, draft.own, interfaces, figures, settings)
+            else:
+                solid, words = from_file(draft.name, file, interfaces, figures, settings), None
+        except InputError as error:
+            faults.append(error)
+            continue
+        made += [] if solid is None else [solid]
+        said += [] if words is None else [words]
+        if solid is not None and draft.declared is not None and solid.kg > draft.declared.si:
+            said.append(
+                f"link {draft.name}: its solid weighs {solid.kg:.3g} kg, the URDF says {draft.declared.si:.3g} kg"
+            )
+    if faults:
+        raise InputErrors("solids of links", faults)
+    lost = set(options.solids) - {name for draft in drafts for name in (draft.name, draft.body)}
+    if lost:
+        names = ", ".join(draft.name for draft in drafts)
+        raise InputError("--step: link", value=min(lost), allowed=names, remedy="name links that are not rigid")
+    return tuple(made), said
 
 
 def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, options: ImportOptions) -> _Draft:
@@ -192,9 +238,7 @@ def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, options: Im
             errors.append(error)
             continue
         turned_down = errors[0].what if errors else ""
-        return _Draft(
-            body, index, name, surface, interfaces, rings, kind, turned_down, own.sources, urdf.masses.get(body)
-        )
+        return _Draft(body, index, name, surface, interfaces, rings, kind, turned_down, own, urdf.masses.get(body))
     raise InputErrors(f"link {name}", errors) if len(errors) > 1 else errors[0]
 
 
@@ -293,7 +337,7 @@ def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) 
         section,
         kg,
         draft.declared,
-        draft.sources,
+        draft.own.sources,
         draft.kind,
         draft.turned_down,
         quarter,
@@ -317,8 +361,10 @@ def import_into_model(
     options: ImportOptions,
     scale: float | None = None,
     wall: float | None = None,
-) -> MadeShell:
+) -> MadeShell | MadeSolid:
     """Shell of one link of a model from a file in the link's body frame, of the model's material.
+
+    A solid where the file is STEP, or its surface that of the material itself.
 
     ``scale``: metres for one unit of the file; None takes the file's own, else metres. ``wall`` m; None takes that
     of the link's section.
@@ -336,8 +382,17 @@ def import_into_model(
     material = description.materials[link.material]
     thickness = float(section_dimensions(link.section)[-1]) if wall is None else wall
     settings = replace(_settings(options, thickness, material, None), span_ratio=ImportSettings.span_ratio)
-    nodes, faces, notes = read_surface(path, scale)
     interfaces = link_interfaces(robot, body_index(robot, link.body))
+    meshed = solid_settings(material, options.size)
+    if path.suffix.lower() in STEP_SUFFIXES:
+        return from_file(name, path, interfaces, material, meshed, scale)
+    nodes, faces, notes = read_surface(path, scale)
+    solid, words = of_material(
+        name, BodySurface(nodes, faces, (path.name,), tuple(notes)), interfaces, material, meshed
+    )
+    if solid is not None and wall is None:
+        return solid
+    notes += [] if words is None else [words]
     points = np.stack([one.point for one in interfaces.values()])
     surface = mid_surface(name, nodes, faces, points, settings, tuple(notes))
     shell, verdict = judged(

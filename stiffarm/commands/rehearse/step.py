@@ -106,7 +106,7 @@ def prepared(given: Arm) -> WorldArm:
     """
     refuse_effects(given, "rehearsal", "leave them out of the model: what is hidden is put on top of a plain arm")
     kind = given.model.link_kind
-    if kind == "shell":
+    if kind in ("shell", "solid"):
         raise InputError("--links", value=kind, allowed="beam, rigid", remedy="the world of rehearsals has no shells")
     return arm_of(given.description, given.model.load_path)
 

@@ -25,9 +25,13 @@ from stiffarm.session.spring_words import at_widest_bound
 
 Agreement = Literal["within", "outside", "unknown"]
 
-BESIDE: Final[Mapping[LinkKind, LinkKind]] = MappingProxyType({"shell": "beam", "beam": "rigid", "rigid": "beam"})
+BESIDE: Final[Mapping[LinkKind, LinkKind]] = MappingProxyType(
+    {"solid": "beam", "shell": "beam", "beam": "rigid", "rigid": "beam"}
+)
 """Which links a run is compared with. Shells are built only where they were asked for: they take their time."""
-NOUN: Final[Mapping[LinkKind, str]] = MappingProxyType({"rigid": "rigid links", "beam": "beams", "shell": "shells"})
+NOUN: Final[Mapping[LinkKind, str]] = MappingProxyType(
+    {"rigid": "rigid links", "beam": "beams", "shell": "shells", "solid": "solids"}
+)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def rehearse(
     """
     best = f.constant
     kind = best.model.link_kind
-    arm = Arm.of(best.description, "beam" if kind == "shell" else kind, best.model.load_path)
+    arm = Arm.of(best.description, "beam" if kind in ("shell", "solid") else kind, best.model.load_path)
     # One table of all that was read: its own readings only tell the noise.
     sheet = folder.path(f"{FOLDER}/sheet.csv")
     write_measurements(table, sheet, f.given.robot)

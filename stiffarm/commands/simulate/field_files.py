@@ -1,4 +1,4 @@
-"""The deformed arm as a file: every shell cell of every link with displacement, stress and strain energy (.vtu)."""
+"""The deformed arm as a file: every cell of every link with displacement, stress and strain energy (.vtu)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from fem import ArmFields
-from meshes import ShellMesh
+from fem.elements.solid import solid_volume
+from meshes import ShellMesh, SolidMesh
+from meshes.solid_mesh import outer_faces
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
@@ -25,11 +27,12 @@ UNITS: Final = (
 
 @dataclass(frozen=True)
 class FieldGrid:
-    """Shells of all links as one grid: k nodes, e cells, p parts.
+    """Shells and solids of all links as one grid: k nodes, e cells, p parts.
 
     ``nodes`` (k, 3) m unloaded, ``displacement`` (k, 6) m and rad, both in base axes. ``cells``: nodes of each
-    cell in turn, ``starts`` (e + 1,) where each begins. ``part`` (e,) indexes ``parts``. ``energy`` (e,) J,
-    ``volume`` (e,) m^3 of wall, ``thickness`` (e,) m, ``von_mises`` (e, 2) Pa on both faces (see LinkField).
+    cell in turn, ``starts`` (e + 1,) where each begins: triangles, quads and ten-noded tetrahedra. ``part`` (e,)
+    indexes ``parts``. ``energy`` (e,) J, ``volume`` (e,) m^3 of wall, ``thickness`` (e,) m, 0 of solids,
+    ``von_mises`` (e, 2) Pa on both faces (see LinkField).
     """
 
     parts: tuple[str, ...]
@@ -53,12 +56,15 @@ class FieldGrid:
         return np.asarray(self.nodes + scale * self.displacement[:, :3])
 
     def triangles(self) -> tuple[Integers, Integers]:
-        """Quads halved: triangles (m, 3) of nodes, and the cell (m,) each belongs to."""
+        """What is seen: quads halved, solids' outer faces; triangles (m, 3) of nodes, and the cell (m,) of each."""
         first, size = self.starts[:-1], np.diff(self.starts)
-        quad = np.flatnonzero(size == 4)
-        cell = np.concatenate([np.arange(len(size)), quad])
-        corners = np.concatenate([first[:, None] + [0, 1, 2], first[quad, None] + [0, 2, 3]])
-        return self.cells[corners], cell
+        flat, quad, solid = (np.flatnonzero(found) for found in (size <= 4, size == 4, size == 10))
+        corners = np.concatenate([first[flat, None] + [0, 1, 2], first[quad, None] + [0, 2, 3]])
+        seen, cell = self.cells[corners], np.concatenate([flat, quad])
+        if solid.size:
+            skin, owner = outer_faces(self.cells[first[solid, None] + np.arange(10)])
+            seen, cell = np.concatenate([seen, skin[:, :3]]), np.concatenate([cell, solid[owner]])
+        return seen, cell
 
 
 def field_grid(fields: ArmFields) -> FieldGrid:
@@ -67,9 +73,11 @@ def field_grid(fields: ArmFields) -> FieldGrid:
     first = np.cumsum([0, *(len(link.mesh.nodes) for link in links)])
     cells, sizes = [], []
     for link, offset in zip(links, first[:-1], strict=True):
-        cells += [offset + link.mesh.triangles.ravel(), offset + link.mesh.quads.ravel()]
-        sizes += [np.full(len(link.mesh.triangles), 3), np.full(len(link.mesh.quads), 4)]
-    volume = [_area(link.mesh) * link.mesh.thickness for link in links]
+        for nodes in _cells(link.mesh):
+            cells.append(offset + nodes.ravel())
+            sizes.append(np.full(len(nodes), nodes.shape[1]))
+    thickness = [_thickness(link.mesh) for link in links]
+    volume = [_volume(link.mesh) for link in links]
     return FieldGrid(
         parts=tuple(link.name for link in links),
         nodes=np.concatenate([link.positions for link in links]),
@@ -79,9 +87,23 @@ def field_grid(fields: ArmFields) -> FieldGrid:
         part=np.repeat(np.arange(len(links)), [len(v) for v in volume]),
         energy=np.concatenate([link.energy for link in links]),
         volume=np.concatenate(volume),
-        thickness=np.concatenate([link.mesh.thickness for link in links]),
+        thickness=np.concatenate(thickness),
         von_mises=np.concatenate([link.von_mises for link in links]),
     )
+
+
+def _cells(mesh: ShellMesh | SolidMesh) -> tuple[Integers, ...]:
+    """Nodes of the cells by kind."""
+    return (mesh.triangles, mesh.quads) if isinstance(mesh, ShellMesh) else (mesh.tetrahedra,)
+
+
+def _thickness(mesh: ShellMesh | SolidMesh) -> Array:
+    return mesh.thickness if isinstance(mesh, ShellMesh) else np.zeros(len(mesh.tetrahedra))
+
+
+def _volume(mesh: ShellMesh | SolidMesh) -> Array:
+    """Volume (e,) m^3 of the cells."""
+    return _area(mesh) * mesh.thickness if isinstance(mesh, ShellMesh) else solid_volume(mesh)[0]
 
 
 def _area(mesh: ShellMesh) -> Array:
@@ -130,7 +152,7 @@ def write_field(
     Point arrays: ``displacement_mm`` (true size) and ``rotation_mrad``, three components each, ``undeformed_mm``.
     Cell arrays: ``von_mises_MPa`` (the larger of both faces), ``von_mises_front_MPa`` (the face from which the
     cell's corners run counterclockwise) and ``von_mises_back_MPa``, ``strain_energy_mJ``,
-    ``energy_density_J_per_m3``, ``thickness_mm``, ``part``, a number into the field array ``part_names``.
+    ``energy_density_J_per_m3``, ``thickness_mm`` (0 of solids), ``part``, a number into the field array ``part_names``.
     Field data: ``scale_factor``, ``energy_total_mJ``, ``spring_names`` with ``spring_energy_mJ`` (what is no shell:
     joints' springs, the bar), ``units``, and the texts of ``metadata``.
 
@@ -143,7 +165,8 @@ def write_field(
 
     springs = {} if springs is None else springs
     sizes = np.diff(grid.starts)
-    kinds = np.where(sizes == 3, pv.CellType.TRIANGLE, pv.CellType.QUAD).astype(np.uint8)
+    by_size = {3: pv.CellType.TRIANGLE, 4: pv.CellType.QUAD, 10: pv.CellType.QUADRATIC_TETRA}
+    kinds = np.select([sizes == size for size in by_size], list(by_size.values())).astype(np.uint8)
     # Each cell's corners stand behind their count.
     out = pv.UnstructuredGrid(np.insert(grid.cells, grid.starts[:-1], sizes), kinds, grid.deformed(scale) * M_TO_MM)
     out.point_data.update(

@@ -119,29 +119,29 @@ def check_request(
 
 
 def field_links(model: str, links: str | None) -> str:
-    """The kind of links for fields: shells, unless the calibration used others.
+    """The kind of links for fields: shells, unless solids were asked for or calibrated with.
 
     Raises
     ------
     InputError
         Another kind was asked for, or the model was calibrated with another kind and none was asked for.
     """
-    if links not in (None, "shell"):
+    if links not in (None, "shell", "solid"):
         raise InputError(
             "--links with --field",
             value=links,
-            allowed="shell: only shells have displacements, stresses and energies to show",
+            allowed="shell or solid: only these have displacements, stresses and energies to show",
             remedy="leave --links out, or give --links shell",
         )
     calibration = load_description(model).calibration
-    if links is None and calibration is not None and calibration.links != "shell":
+    if links is None and calibration is not None and calibration.links not in ("shell", "solid"):
         raise InputError(
             f"--field: model {model} was calibrated with links",
             value=calibration.links,
-            allowed="shell",
+            allowed="shell or solid",
             remedy="give --links shell to keep its springs with shell links, or calibrate with --links shell",
         )
-    return "shell"
+    return links or (calibration.links if calibration is not None else "shell")
 
 
 def field_of_pose(

@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 from fem.elements.condensation import condense
-from fem.elements.couplings import Coupling, distributing_coupling, edge_weights, led_by, rigid_motion
+from fem.elements.couplings import Coupling, distributing_coupling, led_by, rigid_motion, ring_weights
 from fem.elements.shell import CoupledShell, couple, shell_superelement
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
@@ -146,7 +146,7 @@ def test_each_part_of_a_ring_follows_its_point() -> None:
     shapes, _ = shell.modes()
     half = np.split(mesh.interfaces["root"], 2)
     for part in half:
-        mean = distributing_coupling(mesh.nodes, part, points[0], edge_weights(mesh, part))
+        mean = distributing_coupling(mesh.nodes, part, points[0], ring_weights(mesh, part))
         moved = mean @ shapes.reshape(-1, 6, shapes.shape[1])[part].reshape(-1, shapes.shape[1])
         # The root point is at rest: round-off of the nodes' displacements.
         assert np.abs(moved).max() < ROUND_OFF * np.abs(shapes).max()

@@ -63,7 +63,7 @@ def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]
         f"In pose {label}, the measured one that deflects most under {load_text(wrench)}, the tool's motion comes from"
     )
     blocks: list[Block] = [Text(f"{head} {shares}.")]
-    if model.link_kind == "shell":
+    if model.link_kind in ("shell", "solid"):
         arm = field_results.deformed_arm(f.best.description, model, q, wrench, point)
         field_results.save_vtu(arm, model, pictures.folder.path("field.vtu"))
         field_results.picture_of(arm, pictures.folder, "figures/field.png")

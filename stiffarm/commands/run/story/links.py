@@ -21,6 +21,8 @@ _HINT: Final[Mapping[LinkKind, str]] = MappingProxyType(
     {
         "shell": "Beams know a link's sections along its centre line; shells know its walls, with openings, rims and "
         "flanges where the model file has them.",
+        "solid": "Beams know a link's sections along its centre line; solids know all of its material, and links "
+        "without a solid are shells.",
         "beam": "Rigid links show what flexible links add at all. Shells take longer to build and are compared with "
         "beams by `stiffarm run --links shell`.",
         "rigid": "Shells are compared with beams by `stiffarm run --links shell`.",

@@ -1,0 +1,1 @@
+"""Links as solids: tetrahedra from STEP files and from closed surfaces of the material itself."""
