@@ -10,6 +10,7 @@ from meshes.casings import casing_mesh
 from meshes.prepared import REMEDY, check_fits, read_mesh, write_mesh
 from meshes.shell_mesh import ShellMesh
 from robots import InputError
+from robots.files.reading import read_bytes
 from robots.schema.description import Link, Surface
 
 SCHEMA = "stiffarm-shell/1"
@@ -35,9 +36,11 @@ def load_shell(path: Path | str, sha256: str | None = None, name: str | None = N
     Raises
     ------
     InputError
-        What :func:`meshes.prepared.read_mesh` refuses, or a file that holds no valid mesh.
+        A file that is missing or cannot be read, what :func:`meshes.prepared.read_mesh` refuses, or a file that holds
+        no valid mesh.
     """
-    fields, rings = read_mesh("shell file", SCHEMA, _KINDS, path, sha256)
+    content = read_bytes(path, "shell file", remedy=REMEDY)
+    fields, rings = read_mesh(content, f"shell file {path}", SCHEMA, _KINDS, sha256)
     try:
         return ShellMesh(**fields if name is None else fields | {"name": name}, interfaces=rings)
     except InputError as error:

@@ -9,6 +9,7 @@ from meshes.beams import BeamMesh
 from meshes.prepared import REMEDY, check_fits, read_mesh, write_mesh
 from meshes.solid_mesh import SolidMesh
 from robots import InputError
+from robots.files.reading import read_bytes
 from robots.schema.description import Link
 
 SCHEMA = "stiffarm-solid/1"
@@ -22,7 +23,8 @@ def save_solid(mesh: SolidMesh, path: Path | str) -> str:
 
 def load_solid(path: Path | str, sha256: str | None = None, name: str | None = None) -> SolidMesh:
     """Read a solid mesh that :func:`save_solid` wrote; arguments and errors as :func:`meshes.load_shell`."""
-    fields, rings = read_mesh("solid file", SCHEMA, {"tetrahedra": "iu"}, path, sha256)
+    content = read_bytes(path, "solid file", remedy=REMEDY)
+    fields, rings = read_mesh(content, f"solid file {path}", SCHEMA, {"tetrahedra": "iu"}, sha256)
     try:
         return SolidMesh(**fields if name is None else fields | {"name": name}, interfaces=rings)
     except InputError as error:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from meshes.array_cache import from_npz, to_npz
 from robots import InputError
 from robots.arrays import Array, Integers
-from robots.files.reading import read_bytes
 from robots.files.written import write_whole
 
 # NumPy's kind of each array's numbers that all of them have; single values, not arrays.
@@ -47,23 +46,21 @@ def write_mesh(schema: str, arrays: Mapping[str, Any], interfaces: Mapping[str, 
 
 
 def read_mesh(
-    what: str, schema: str, kinds: Mapping[str, str], path: Path | str, sha256: str | None
+    content: bytes, where: str, schema: str, kinds: Mapping[str, str], sha256: str | None
 ) -> tuple[dict[str, Any], dict[str, Integers]]:
     """Arrays of a mesh file, and the nodes of its interfaces.
 
     Parameters
     ----------
-    what : "shell file", for messages
+    content, where : the file's bytes, and what messages call it, as in "shell file arm.npz"
     kinds : NumPy's kind of the numbers of each array beside those that all meshes have
-    sha256 : digest that the file's bytes must have, if given
+    sha256 : digest that the bytes must have, if given
 
     Raises
     ------
     InputError
-        The file is missing, cannot be read, is not the one with that digest, is damaged, or of another schema version.
+        The file is not the one with that digest, is damaged, or of another schema version.
     """
-    where = f"{what} {path}"
-    content = read_bytes(path, what, remedy=REMEDY)
     found = hashlib.sha256(content).hexdigest()
     if sha256 is not None and found != sha256.lower():
         raise InputError(

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from meshes.apart import ApartError, run_apart
 from meshes.solid_mesh import outer_faces, untangled, with_middles
 from meshes.surfaces.checks import SurfaceFault, crossings, material_surface
 from meshes.surfaces.remesh import NearestOn, remesh, surface_to_stay_on
@@ -29,8 +30,31 @@ MOST_ELEMENTS = 300_000
 CURVATURE, GRADING = 2.0, 0.5
 # A middle node of an edge moves by at most this share of it.
 FARTHEST = 0.15
+TIMEOUT_S = 600.0
 # Netgen's tetrahedra are left-handed; its middles come by edges 01, 02, 03, 12, 13, 23.
 RIGHT_HANDED = [1, 0, 2, 3, 4, 5, 7, 8, 6, 9]
+
+# What a STEP file holds; with a size also its first solid meshed. It runs in a process of its own: OpenCASCADE ends its
+# process on spoilt files.
+_STEP = """
+import sys
+import numpy as np
+from netgen.occ import OCCGeometry
+_, target, path, *sizes = sys.argv[1:]
+shape = OCCGeometry(path).shape
+solids, faces = list(shape.solids), list(shape.faces)
+made = {"counts": np.array([len(solids), len(faces)])}
+if len(solids) == 1:
+    made["sizes"] = np.array([sum(float(face.mass) for face in solids[0].faces), float(solids[0].mass)])
+    made["extent"] = np.array([list(corner) for corner in solids[0].bounding_box])
+if sizes:
+    size, grading, curvature = map(float, sizes)
+    mesh = OCCGeometry(solids[0]).GenerateMesh(maxh=size, grading=grading, curvaturesafety=curvature)
+    mesh.SecondOrder()
+    made["cells"] = mesh.Elements3D().NumPy()["nodes"].astype(np.int64)
+    made["nodes"] = np.asarray(mesh.Coordinates(), dtype=np.float64)
+np.savez(target, **made)
+"""
 
 
 def require_netgen(what: str) -> None:
@@ -46,14 +70,18 @@ def usual_size(area: float, volume: float) -> float:
 
 @dataclass(frozen=True)
 class StepSolid:
-    """The one solid of a STEP file: Netgen's shape, metres for its unit, area (m^2), volume (m^3), extent (2, 3) m."""
+    """The one solid of a STEP file: metres for Netgen's unit, area (m^2), volume (m^3), extent (2, 3) m."""
 
-    name: str
-    shape: Any
+    path: Path
     metre: float
     area: float
     volume: float
     extent: Array
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self.path.name
 
 
 def open_step(path: Path, scale: float | None = None) -> StepSolid:
@@ -68,27 +96,35 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
     """
     require_netgen(f"STEP file {path.name}")
     require_positive("scale (m for one unit of the file)", scale)
-    read_bytes(path, "STEP file")
-    from netgen.occ import OCCGeometry  # brings OpenCASCADE, which STEP files alone need
-
+    content = read_bytes(path, "STEP file")
+    if not content.lstrip().startswith(b"ISO-10303-21"):
+        raise InputError(
+            f"STEP file {path.name} is none", value=content[:20].decode("latin-1"), allowed="ISO-10303-21 first",
+            remedy="export it as STEP (AP203, AP214 or AP242)",
+        )  # fmt: skip
     try:
-        shape = OCCGeometry(str(path)).shape
-        solids, faces = list(shape.solids), list(shape.faces)
-    except Exception as error:  # OpenCASCADE raises whatever it does
+        found = run_apart(_STEP, (str(path.absolute()),), {}, TIMEOUT_S)
+    except ApartError as error:
         raise InputError(f"STEP file {path.name} cannot be read ({error})", remedy="export it again") from error
-    if len(solids) != 1:
+    solids, faces = (int(number) for number in found["counts"])
+    if solids != 1:
         raise InputError(
             f"STEP file {path.name}: solids",
-            value=len(solids) if solids else f"none, {len(faces)} loose faces",
+            value=solids or f"none, {faces} loose faces",
             allowed="one",
             remedy="unite the bodies that are cast or welded together, and export the link's structure alone"
             if solids
             else "export a solid body, not surfaces",
         )
     metre = MM if scale is None else scale
-    area = sum(float(face.mass) for face in solids[0].faces) * metre**2
-    extent = metre * np.array([list(corner) for corner in solids[0].bounding_box])
-    return StepSolid(path.name, solids[0], metre, area, float(solids[0].mass) * metre**3, extent)
+    area, volume = (float(number) for number in found["sizes"])
+    extent = metre * found["extent"].astype(np.float64)
+    if not (np.isfinite([area, volume]).all() and area > 0.0 and volume > 0.0 and np.isfinite(extent).all()):
+        raise InputError(
+            f"STEP file {path.name}: its solid's volume (mm3) and area (mm2)", value=f"{volume:.4g} and {area:.4g}",
+            allowed="above 0", remedy="heal it in the program it came from, and export it again",
+        )  # fmt: skip
+    return StepSolid(path, metre, area * metre**2, volume * metre**3, extent)
 
 
 def mesh_step(solid: StepSolid, size: float | None) -> tuple[Array, Integers, float, list[str]]:
@@ -103,26 +139,20 @@ def mesh_step(solid: StepSolid, size: float | None) -> tuple[Array, Integers, fl
     """
     size = usual_size(solid.area, solid.volume) if size is None else size
     _check_count(solid.name, size, solid.area, solid.volume)
-    nodes, cells = _meshed_step(solid.name, solid.shape, size / solid.metre)
+    arguments = (str(solid.path.absolute()), repr(size / solid.metre), repr(GRADING), repr(CURVATURE))
+    try:
+        made = run_apart(_STEP, arguments, {}, TIMEOUT_S)
+    except ApartError as error:
+        raise InputError(
+            f"STEP file {solid.name}: Netgen cannot mesh its solid ({error})",
+            remedy="heal it in the program it came from, or choose another element size",
+        ) from error
+    nodes, cells = _used(solid.name, made["cells"].astype(np.int64), made["nodes"].astype(np.float64))
     notes = [
         f"read one solid of {solid.volume:.6g} m3 from {solid.name}",
         f"meshed with {len(cells)} tetrahedra of {1e3 * size:.4g} mm",
     ]
     return untangled(solid.metre * nodes, cells), cells, size, notes
-
-
-def _meshed_step(name: str, solid: Any, size: float) -> tuple[Array, Integers]:
-    from netgen.occ import OCCGeometry
-
-    try:
-        mesh = OCCGeometry(solid).GenerateMesh(maxh=size, grading=GRADING, curvaturesafety=CURVATURE)
-        mesh.SecondOrder()
-    except Exception as error:
-        raise InputError(
-            f"STEP file {name}: Netgen cannot mesh its solid ({error})",
-            remedy="heal it in the program it came from, or choose another element size",
-        ) from error
-    return _of_netgen(name, mesh)
 
 
 def in_surface(
@@ -199,10 +229,15 @@ def _check_count(name: str, size: float, area: float, volume: float) -> None:
 
 
 def _of_netgen(name: str, mesh: Any) -> tuple[Array, Integers]:
-    """Nodes and tetrahedra, right-handed, of four or ten nodes, nodes that none of them uses left out."""
-    raw = mesh.Elements3D().NumPy()["nodes"].astype(np.int64) - 1
+    cells = mesh.Elements3D().NumPy()["nodes"].astype(np.int64)
+    return _used(name, cells, np.asarray(mesh.Coordinates(), dtype=np.float64))
+
+
+def _used(name: str, cells: Integers, nodes: Array) -> tuple[Array, Integers]:
+    """Netgen's nodes and tetrahedra, right-handed, of four or ten nodes, nodes that none of them uses left out."""
+    raw = cells - 1
     if not len(raw):
         raise InputError(f"solid {name}: Netgen made no tetrahedra", remedy="choose a smaller element size")
     order = RIGHT_HANDED if raw.shape[1] >= len(RIGHT_HANDED) and (raw[:, 9] >= 0).all() else RIGHT_HANDED[:4]
     used, place = np.unique(raw[:, order], return_inverse=True)
-    return np.asarray(mesh.Coordinates(), dtype=np.float64)[used], place.reshape(-1, len(order))
+    return nodes[used], place.reshape(-1, len(order))

@@ -9,23 +9,18 @@ is GPL and optional). The skin lies a known offset outside the original; moving 
 from __future__ import annotations
 
 import importlib.util
-import shutil
-import subprocess
-import sys
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from meshes.apart import ApartError, run_apart
 from meshes.surfaces.checks import SECOND_BODY, SurfaceFault
 from meshes.surfaces.distance_grid import Grid, bodies, contour, distance, enclosed, grid_around, sample, signed_volume
 from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
-from robots.files.written import tidied_by
 
 Method = Literal["auto", "alpha", "grid"]
 METHODS: tuple[Method, ...] = ("auto", "alpha", "grid")
@@ -143,25 +138,12 @@ def _grid_wrapped(name: str, corners: Array, ball: float, offset: float, step: f
 
 def _alpha_wrapped(name: str, nodes: Array, faces: Integers, alpha: float, offset: float) -> tuple[Array, Integers]:
     """CGAL's alpha wrap in a process of its own, so that a crash there is a message here."""
-    with tempfile.TemporaryDirectory() as folder, tidied_by(lambda: shutil.rmtree(folder, ignore_errors=True)):
-        source, target = Path(folder) / "surface.npz", Path(folder) / "wrap.npz"
-        np.savez(source, nodes=nodes, faces=faces)
-        command = [sys.executable, "-c", _ALPHA_WRAP, str(source), str(target), repr(alpha), repr(offset)]
-        try:
-            # The command is this interpreter with a constant text.
-            run = subprocess.run(  # noqa: S603
-                command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
-            )
-            # pymeshlab may crash on its way out, its work done.
-            if target.is_file():
-                with np.load(target, allow_pickle=False) as wrap:
-                    return np.asarray(wrap["nodes"], dtype=np.float64), np.asarray(wrap["faces"], dtype=np.int64)
-            reason = f"code {run.returncode}, {(run.stderr.strip().splitlines() or ['no message'])[-1]}"
-        except subprocess.TimeoutExpired:
-            reason = f"no result after {TIMEOUT_S:g} s"
-        except (OSError, ValueError, KeyError) as error:
-            reason = str(error)
-    raise SurfaceFault(f"surface {name}: the alpha wrap failed ({reason})", remedy="wrap by the grid instead")
+    try:
+        wrap = run_apart(_ALPHA_WRAP, (repr(alpha), repr(offset)), {"nodes": nodes, "faces": faces}, TIMEOUT_S)
+        return wrap["nodes"].astype(np.float64), wrap["faces"].astype(np.int64)
+    except (ApartError, KeyError) as error:
+        failed = f"surface {name}: the alpha wrap failed ({error})"
+        raise SurfaceFault(failed, remedy="wrap by the grid instead") from error
 
 
 def middle_surface(

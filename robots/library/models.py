@@ -146,6 +146,10 @@ def content_hash(description: ModelDescription) -> str:
     if data["load"] is not None and data["load"]["point"] is None:
         del data["load"]["point"]  # and those of the time before points could be off
     for link in data["link"]:
-        if link["surface"] is not None:
-            del link["surface"]["file"]  # its sha256 stays
+        for mesh in (link["surface"], link["solid"]):
+            if mesh is not None:
+                del mesh["file"]  # its sha256 stays
+        for key in ("rigid_to", "rigid_from", "solid"):
+            if link[key] is None:
+                del link[key]  # and those of the time before solids and beams that stop short of a joint
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

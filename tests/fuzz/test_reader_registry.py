@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from .readers_solids import NETGEN
 from .registry import readers, turn
 from .samples import Sample
 from .trial import PACKAGES, ROOT, attempt
@@ -20,6 +21,8 @@ from .trial import PACKAGES, ROOT, attempt
 # Kinds that are not data: the user's own effects are Python code, and xacro files macros with expressions in Python;
 # whoever gives one runs it on purpose.
 CODE = {"effect file", "xacro file"}
+# Read by a library that is not here: the extra `solid`.
+ABSENT = set() if NETGEN else {"STEP file"}
 # Hashing what another reader has read.
 HASHED = {"input file"}
 # Who may open files by other means than robots.files.reading: place -> why.
@@ -37,7 +40,7 @@ ELSEWHERE = {
     "stiffarm/pages/style.py": "bundled with the package, or a picture just drawn",
     "meshes/array_cache.py get": "fuzzed as `array cache`: what cannot be read is built again",
     "surrogate/maps/store.py": "fuzzed as `map work`",
-    "meshes/surfaces/wrap.py _alpha_wrapped": "what a process of its own has just written",
+    "meshes/apart.py run_apart": "what a process of its own has just written",
     "robots/urdf/xml.py _yourdfpy_robot": "from memory",
     "stiffarm/session/console.py": "the null device",
     "stiffarm/session/streams.py": "the null device, in the place of a closed stream",
@@ -96,7 +99,7 @@ def test_every_kind_of_file_that_is_read_is_attacked() -> None:
     known = {name.split(":")[0] for name in readers()}
     asked = kinds()
     assert len(asked) > 10
-    missing = {kind: place for kind, place in asked.items() if kind not in known | CODE | HASHED}
+    missing = {kind: place for kind, place in asked.items() if kind not in known | CODE | HASHED | ABSENT}
     assert not missing, f"readers without a row in tests/fuzz/readers_*.py: {missing}"
 
 

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fem.elements import triangle as shell_triangle
+from fem.elements.assembly import assemble_shell, freedoms
+from fem.elements.couplings import rigid_motion
 from fem.elements.facets import plane_stress
-from fem.elements.shell import assemble_shell, freedoms, rigid_motion
 from fem.elements.triangle import triangle_stiffness
 from meshes.shell_mesh import ShellMesh
 from robots import InputError

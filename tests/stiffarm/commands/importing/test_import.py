@@ -220,8 +220,8 @@ def test_collision_meshes_are_taken_when_asked_for(tmp_path: Path) -> None:
 
 def test_sources_that_are_none(cli: Command, tmp_path: Path) -> None:
     assert "existing file" in cli("import", tmp_path / "none.urdf", "--out", "out").err
-    (tmp_path / "part.step").touch()
-    assert ".urdf, .stl" in cli("import", tmp_path / "part.step", "--out", "out").err
+    (tmp_path / "part.iges").touch()
+    assert ".urdf, .stl" in cli("import", tmp_path / "part.iges", "--out", "out").err
     casing(0.1, 0.1, 0, 0.5).export(tmp_path / "part.stl")
     message = cli("import", tmp_path / "part.stl", "--out", "out").err
     assert "--model MODEL --link NAME" in message
