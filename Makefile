@@ -11,6 +11,9 @@ INPUTS := pyproject.toml constraints.txt
 # A process a core, each with one thread; four at most, as each takes a gigabyte or so.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist worksteal
 
+# Compiled modules are kept: without them each process compiles the whole tree, which doubles the tests' time.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 # The stamps below share one environment: two pips at once would spoil it.
 .NOTPARALLEL:

@@ -16,9 +16,9 @@ import oracles
 import pytest
 from browser import needs_browser
 from cli_runs import run_here
-from conftest import few_runs, quick_diagnosis
 from devtools import Scheme, Tab, seen, tab
 from drawn_figures import Drawn, faults, recorded
+from shortened import few_runs, quick_diagnosis
 from small_robot import write_readings, write_urdf
 from urdf_arms import Arm
 

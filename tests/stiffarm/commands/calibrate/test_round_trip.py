@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import run_here
-from conftest import quick_diagnosis
 from round_trip_cases import CASES, LOAD, NOISE_M, STAGED, Case, Trip, arm, filled, quantity, table, travelled
+from shortened import quick_diagnosis
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.model_file.applied import apply_estimates

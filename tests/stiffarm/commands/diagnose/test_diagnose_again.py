@@ -10,7 +10,7 @@ import pytest
 from blind.sets import make, more
 from blind.spec import SetSpec
 from cli_runs import ROOT, Command
-from conftest import quick_diagnosis
+from shortened import quick_diagnosis
 
 from robots import load_description
 

@@ -13,7 +13,7 @@ import pytest
 from blind.sets import make, more
 from blind.spec import SetSpec
 from cli_runs import Command, run_here
-from conftest import blank_pictures, quick_diagnosis
+from shortened import blank_pictures, quick_diagnosis
 
 from doe import read_measurements
 from doe.certainty.propagation import parameter_uncertainty, propagate

@@ -14,7 +14,7 @@ import numpy as np
 import oracles
 import pytest
 from cli_runs import Command, Outcome, environment, run_here, tree
-from conftest import blank_pictures, few_runs
+from shortened import blank_pictures, few_runs
 
 from fem import build_model, compliance, directional_stiffness
 from machining.stiffness.indices import evaluate

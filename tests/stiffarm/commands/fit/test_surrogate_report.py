@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import HOSTILE_TITLE, run_here
-from conftest import blank_pictures, few_runs
+from shortened import blank_pictures, few_runs
 
 from fem import build_model
 from robots import InputError, load_description

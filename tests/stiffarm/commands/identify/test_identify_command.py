@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import run_here
-from conftest import blank_pictures
+from shortened import blank_pictures
 
 from doe import write_measurements
 from doe.joint_twists import read_twists, write_twists

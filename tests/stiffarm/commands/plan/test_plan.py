@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import ROOT, Command, run_here, tree
-from conftest import blank_pictures
 from figure_texts import texts
+from shortened import blank_pictures
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import Command, run_here
-from conftest import blank_pictures, quick_diagnosis
+from shortened import blank_pictures, quick_diagnosis
 from small_robot import write_readings, write_urdf
 
 import stiffarm as sa

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from cli_runs import Command
-from conftest import quick_diagnosis
+from shortened import quick_diagnosis
 
 from stiffarm.commands.study import step, words
 from stiffarm.commands.study.report import write_report
