@@ -60,6 +60,7 @@ def test_what_fails_as_expected_has_run_and_no_tests_at_all_is_a_failure(tmp_pat
     assert judge(tmp_path, "")[0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="CI's roots are Linux's")
 def test_a_root_installs_from_where_pip_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An index on the disk, wheels and certificates are named, and whatever else pip is told stays here."""

@@ -67,6 +67,7 @@ def test_a_spindle_in_line_makes_gamma_meaningless(model: fem.ArmModel) -> None:
     np.testing.assert_allclose(k, k[0], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_the_best_posture_is_never_below_a_fixed_gamma(model: fem.ArmModel) -> None:
     result = on_path(model, B)
     assert result.optimum.mean() > np.nanmax(result.means)

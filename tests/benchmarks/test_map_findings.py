@@ -218,6 +218,7 @@ def test_a_coupling_leaves_gaps_and_no_mean_effect() -> None:
     assert found["q3real_deg"].total <= 1.0
 
 
+@pytest.mark.slow
 def test_payload_is_json_and_the_figure_is_whole(kuka: Samples, tmp_path: object) -> None:
     found = findings(kuka)
     text = json.dumps(payload(found), allow_nan=False)

@@ -228,6 +228,7 @@ def test_bars_of_an_honest_regressor_hold_95_percent(target):
     assert errors_of(peer.predict(Q), y_test, peer.interval(Q)).coverage == pytest.approx(0.95, abs=0.006)
 
 
+@pytest.mark.slow
 def test_capped_runs_are_said_and_are_drawn_at_random():
     Q = poses(90, 1)
     Q = Q[np.argsort(Q[:, 0])]

@@ -67,6 +67,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path"),
     [*(pytest.param(name, "serial", marks=pytest.mark.slow) for name in SPRINGS), ("xr701", "parallelogram")],
@@ -233,6 +234,7 @@ def test_families_are_those_that_the_page_lists() -> None:
     assert len(late) >= len(STRANGE) / 3
 
 
+@pytest.mark.slow
 def test_wishes_are_dealt_evenly() -> None:
     found = sets.wishes(np.random.default_rng(1), "single", 2 * len(KNOWN))
     assert {sum(f == w.families[0] for w in found) for f in KNOWN} == {2}
@@ -259,6 +261,7 @@ def test_folders_are_as_the_study_wants_them(made: Path) -> None:
             assert one["place"] != two["place"]
 
 
+@pytest.mark.slow
 def test_the_same_seed_writes_the_same_bytes(made: Path, tmp_path: Path) -> None:
     make(tmp_path, 26, single=1, none=1)
     for folder in tmp_path.iterdir():

@@ -117,6 +117,7 @@ def test_every_effect_does_something(kind: str) -> None:
         assert most > 2e-6 or truth.hides("load-path"), truth.hidden[0].code
 
 
+@pytest.mark.slow
 def test_every_family_has_its_turn() -> None:
     oracles.load("pinocchio")
     from benchmarks.worlds.shopfloor import cases

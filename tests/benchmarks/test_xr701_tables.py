@@ -31,6 +31,7 @@ def test_same_seed_same_bytes_and_the_real_tables_layout(tmp_path: Path) -> None
     assert {one.file.load_path for one in sets} == {"serial"}
 
 
+@pytest.mark.slow
 def test_what_is_hidden_is_in_the_readings() -> None:
     some = [table(0, k) for k in range(2 * len(CELLS))]
     load = np.abs([float(row["fz_N"]) for row in csv.DictReader(REAL.read_text().splitlines())])

@@ -66,6 +66,7 @@ def test_nothing_hidden_has_no_excess_and_an_effect_has() -> None:
     assert not make(SetSpec(effects=("gauge-scale",)), 1).key["detectable"]  # all springs at once
 
 
+@pytest.mark.slow
 def test_imitation_finds_what_a_catalogue_part_can_do_and_what_none_can() -> None:
     spec = SetSpec(effects=("base-tilt",), nuisance=False)
     truth, r, noise = hidden(spec, 2)
@@ -79,6 +80,7 @@ def test_imitation_finds_what_a_catalogue_part_can_do_and_what_none_can() -> Non
         assert key["best_imitation"]["excess_chi2_left"] > 0.05 * key["excess_chi2"], kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", ["rigid", "beam"])
 def test_nuisance_alone_stays_far_below_detectable_in_z(links: str) -> None:
     worst = max(make(SetSpec(links=links), s).key["excess_chi2_nuisance_alone_z"] for s in range(4))
@@ -99,6 +101,7 @@ def test_same_seed_same_set_and_noise_apart_from_truth() -> None:
     assert louder.key["springs_Nm_per_rad"] == first.key["springs_Nm_per_rad"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_code_makes_a_set_with_its_truth_in_the_key(robot: str) -> None:
     for code in [*codes(robot), *outside.KINDS]:

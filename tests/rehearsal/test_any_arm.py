@@ -121,6 +121,7 @@ def test_a_dh_table_without_links_or_springs_gets_springs_of_its_class(rng: np.r
     assert np.ptp(springs) > 1e5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["xr701", "kr60-3", "skew", "four"])
 def test_every_code_makes_finite_readings(name: str, rng: np.random.Generator) -> None:
     arm = arm_of(skew(joints=4) if name == "four" else skew() if name == "skew" else load_description(name))

@@ -50,6 +50,7 @@ def test_many_long_faults_stay_a_page() -> None:
     assert str(InputErrors("data.csv", errors, 10**6)).endswith("... and 999980 more")
 
 
+@pytest.mark.slow
 def test_names_and_lines_are_listed_briefly() -> None:
     assert listed(["a", "b", "a"]) == "a, b"
     assert listed(f"u{i}" for i in range(1_000_000)) == f"{', '.join(f'u{i}' for i in range(12))} and 999988 more"

@@ -107,6 +107,7 @@ def test_a_pose_on_the_coupled_limit_is_reachable(q2_deg: float) -> None:
 PLACES = st.lists(st.sampled_from([0.0, 1.0]) | st.floats(-0.05, 1.05), min_size=6, max_size=6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", bundled_names())
 @given(places=PLACES)
 def test_reachable_exactly_when_nothing_is_violated(name: str, places: list[float]) -> None:
@@ -116,6 +117,7 @@ def test_reachable_exactly_when_nothing_is_violated(name: str, places: list[floa
     assert bool(robot.reachable(q[None])[0]) == (robot.violations(q) == [])
 
 
+@pytest.mark.slow
 @given(places=PLACES)
 def test_reachable_means_inside_every_range(places: list[float]) -> None:
     """Worked out in degrees from the paper's ranges and the file's assumed ones."""

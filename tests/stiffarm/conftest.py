@@ -25,6 +25,20 @@ def _coarse_pictures() -> Iterator[None]:
 
 
 @pytest.fixture
+def quick_diagnoses() -> Iterator[None]:
+    """Every diagnosis of a test is a quick one."""
+    with quick_diagnosis():
+        yield
+
+
+@pytest.fixture
+def blank() -> Iterator[None]:
+    """No picture of a test is drawn."""
+    with blank_pictures():
+        yield
+
+
+@pytest.fixture
 def quick_fit() -> Iterator[None]:
     """Every `fit` of a test judges by few runs."""
     with few_runs():

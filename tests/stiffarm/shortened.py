@@ -61,17 +61,3 @@ def few_runs() -> Iterator[None]:
         for name, count in (("CALIBRATION_RUNS", 1500), ("HELD_OUT_UNIFORM", 1500), ("HELD_OUT_BOUNDARY", 64)):
             patch.setattr(training, name, count)
         yield
-
-
-@pytest.fixture
-def quick_diagnoses() -> Iterator[None]:
-    """Every diagnosis of a test is a quick one."""
-    with quick_diagnosis():
-        yield
-
-
-@pytest.fixture
-def blank() -> Iterator[None]:
-    """No picture of a test is drawn."""
-    with blank_pictures():
-        yield

@@ -170,6 +170,7 @@ def calibrated(name, links, dof=1e6):
     return um.with_table(given, um.table_of(given, names, dof=dof), links)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "links", "dof"), [("kr60-3", "rigid", 1e6), ("xr701", "beam", 6.0)])
 def test_the_calibrations_part_is_what_propagation_says(name, links, dof):
     from doe.certainty.propagation import parameter_uncertainty, propagate

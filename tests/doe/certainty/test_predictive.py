@@ -36,6 +36,7 @@ def _coverage(cases: list[Problem]) -> float:
     return inside / readings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("poses", "each", "hidden", "setup"),
     [(40, 1, 0.0, 0.0), (40, 1, 0.5, 0.0), (10, 1, 0.0, 0.0), (20, 3, 0.0, 0.3), (20, 3, 0.5, 0.0)],

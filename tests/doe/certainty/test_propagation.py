@@ -51,6 +51,7 @@ EVERY_KIND = ("j1.stiffness", "j4.rx", "base.ry", "tool.ty", "upper-arm.modulus"
               "j2.law[1]", "j3.law[0]", "j3.law[2]")  # fmt: skip
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_a_model_built_anew(kuka: ModelDescription, rng: np.random.Generator) -> None:
     # Places that give way at all: their rows are in the file before.
     start = apply_estimates(with_laws(kuka), [
@@ -129,6 +130,7 @@ def test_batches_do_not_matter(
 # --- sampling, and where the first order ends --------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_models_built_with_drawn_springs_spread_as_stated(kuka: ModelDescription, rng: np.random.Generator) -> None:
     given = with_table(kuka, table_of(kuka, ("j1.stiffness", "j2.stiffness", "j3.stiffness", "j5.stiffness")))
     model, u = build_model(given), known(given)

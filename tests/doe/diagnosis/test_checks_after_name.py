@@ -332,6 +332,7 @@ def test_runs_leave_as_much_as_theory_says() -> None:
     assert np.mean(np.sum(left[:, 1:] ** 2, axis=0)) == pytest.approx(mean, abs=4.0 * math.sqrt(2.0 * m / 4000))
 
 
+@pytest.mark.slow
 def test_noise_itself_is_seldom_called_no_noise(d: Diagnosis) -> None:
     """Readings drawn of the model with its noise: the check fails about as seldom as its bound says."""
     s, refit = d.after.setting, d.after.refit

@@ -21,6 +21,7 @@ def diagnosed(effects: dict[str, dict[str, float]], **changes: object) -> Diagno
     return diagnose(few(setting(read(effects, **changes)), *effects))
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_missing() -> None:
     d = diagnosed({})
     assert d.verdict == "none"
@@ -29,6 +30,7 @@ def test_nothing_is_found_where_nothing_is_missing() -> None:
     assert d.rankings[0].best.code == NONE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "values", "name"),
     [
@@ -65,6 +67,7 @@ def test_friction_cannot_be_judged_without_a_history() -> None:
     assert all(h.code.partition(":")[0] != "friction" for h in d.rankings[0].hypotheses)
 
 
+@pytest.mark.slow
 def test_what_no_reading_sees_is_not_testable() -> None:
     s = few(setting(read({}, poses=9, repeats=1)), "friction:j6")
     reasons = diagnose(s).not_testable()
@@ -79,6 +82,7 @@ def test_probabilities_sum_to_one_and_none_keeps_its_share() -> None:
     assert r.of(NONE).probability > 0.3
 
 
+@pytest.mark.slow
 def test_without_a_term_for_set_ups_scatter_between_them_looks_like_an_effect() -> None:
     s = few(setting(read({}, setup=0.03, share=0.01, poses=20, seed=3)))
     weight = np.ones(len(s.data))
@@ -95,6 +99,7 @@ def test_the_same_readings_give_the_same_diagnosis() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_readings_that_unload_make_friction_testable_for_the_others_too() -> None:
     data = read({}, poses=10, repeats=1)
     first = np.array([int(label[1:]) < 6 for label in data.pose])
@@ -106,6 +111,7 @@ def test_readings_that_unload_make_friction_testable_for_the_others_too() -> Non
     }
 
 
+@pytest.mark.slow
 def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
     data = read({}, poses=14, repeats=2)
     day = np.array([int(label[1:]) >= 7 for label in data.pose])
@@ -117,6 +123,7 @@ def test_what_a_gauge_set_up_anew_is_off_by_is_no_effect() -> None:
     assert diagnose(few(setting(replace(told, session=())))).verdict != "none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "values"),
     [

@@ -50,6 +50,7 @@ def test_equal_angles_are_one_pose_whatever_the_labels() -> None:
     assert len(set(pose_numbers(renamed).tolist())) == 6
 
 
+@pytest.mark.slow
 def test_what_is_left_out_does_not_change_its_own_prediction() -> None:
     """A reading spoilt changes no prediction in its own fold: nothing of it was seen."""
     data = read({"friction:j2": FRICTION}, poses=10, repeats=1)

@@ -361,6 +361,7 @@ def test_a_law_whose_shapes_are_all_alike_still_has_one(setting: Setting, diagno
     np.testing.assert_allclose(p.weight, 0.5)
 
 
+@pytest.mark.slow
 def test_what_comes_after_a_name_is_asked_where_nothing_rivals_it(setting: Setting) -> None:
     """A gauge zero of the largest usual size is named beyond doubt: the question is what else there may be."""
     off = replace(setting.data, value=setting.data.value + 5e-5)
@@ -386,6 +387,7 @@ def test_twins_of_one_family_are_asked_about_beside_something_else(setting: Sett
     assert list(q.weight) == ["joint-tilt:j2", "joint-tilt:j3", "none"]
 
 
+@pytest.mark.slow
 def test_rivals_of_a_name_that_are_not_ruled_out_are_asked_about(setting: Setting) -> None:
     """A gauge zero is named, and a twin of it is made a tenth as probable: which of the two is the question."""
     s = replace(setting, data=replace(setting.data, value=setting.data.value + 5e-5))
@@ -406,6 +408,7 @@ def test_rivals_of_a_name_that_are_not_ruled_out_are_asked_about(setting: Settin
     assert {r.code for r in n.rivals} == {"gauge-zero", "backlash:j2"}
 
 
+@pytest.mark.slow
 def test_where_no_set_up_tells_anything_none_is_proposed(setting: Setting, diagnosis: Diagnosis) -> None:
     """Two codes of one law predict the same readings whatever is measured."""
     zero = setting.known["gauge-zero"]
@@ -556,6 +559,7 @@ def test_sheet_comes_back_with_its_history(proposed: NextReadings, first: Measur
     np.testing.assert_allclose(both.q[first.n :: 15], proposed.q, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_sheet_asks_for_the_point_that_the_readings_were_taken_at() -> None:
     data = read({"payload": {"force": 60.0}}, poses=6, repeats=1)
     s = made_up_setting(replace(data, point=np.tile([0.05, 0.0, 0.2], (data.n, 1))))

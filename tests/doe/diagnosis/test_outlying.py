@@ -69,6 +69,7 @@ def test_two_wrong_readings_of_the_xr701_are_seen_beside_one_another() -> None:
     assert (weight[~odd] > 0.9).all()
 
 
+@pytest.mark.slow
 def test_an_explanation_shows_readings_that_it_does_not_explain() -> None:
     data = read({"load-misalignment": {"tilt_x": 0.0, "tilt_y": np.radians(6.0)}}, poses=40, repeats=1, share=0.005)
     rows = [10, 77, 200]

@@ -50,6 +50,7 @@ def serial() -> ArmModel:
     return build_model(load_description("xr701"), "beam", "serial")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
     [

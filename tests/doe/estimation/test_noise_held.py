@@ -43,6 +43,7 @@ def assert_held(e: Estimate) -> None:
     assert max(e.noise.share, e.noise.pose_share) <= MOST_SHARE
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

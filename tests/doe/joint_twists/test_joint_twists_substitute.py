@@ -84,6 +84,7 @@ def test_gears_alone_are_always_too_stiff_and_a_refit_is_less_wrong() -> None:
     assert (effective[[0, 3, 4]] > gears[[0, 3, 4]]).all()
 
 
+@pytest.mark.slow
 def test_intervals_of_predictions_follow_from_those_of_compliances(some: np.ndarray) -> None:
     """First order against the whole distribution: laws drawn from their covariance."""
     found = identify(tx200(), readings(truth(), Campaign(), 1), law="fourier-1")
@@ -164,6 +165,7 @@ def test_a_window_out_of_reach_is_refused(exact: Identified) -> None:
         stiffness_window(tx200(), compliances_of(exact), orientation="up")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_model_file_gives_what_it_says(exact: Identified, some: np.ndarray, tmp_path: Path) -> None:
     description = with_six_springs(load_description("tx200"), exact)
     save_description(description, tmp_path / "model.toml")
@@ -196,6 +198,7 @@ def test_what_is_not_identified_stays_as_it_was(tmp_path: Path) -> None:
     assert any("j5.ry, j6.rz" in note for note in description.calibration.notes)
 
 
+@pytest.mark.slow
 def test_the_model_file_s_covariance_is_that_of_the_identification(some: np.ndarray) -> None:
     """Through names, file and propagation against the intervals that the identification gives of the flange itself."""
     found = identify(tx200(), readings(truth(), Campaign(), 1), law="fourier-1")

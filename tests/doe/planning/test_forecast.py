@@ -57,6 +57,7 @@ def test_without_readings_the_usual_lack_of_fit_is_promised_for(bare: Outset) ->
     assert (found.half95 > 5.0 * np.array([1.96 * f.after for f in made.foresight])).all()
 
 
+@pytest.mark.slow
 def test_repeats_do_not_average_it_away_and_set_ups_do(bare: Outset) -> None:
     once, often, more = (_half(bare, _plan(bare, n, repeats)) for n, repeats in ((6, 1), (6, 50), (24, 1)))
     # Fifty times the readings would be seven times as sure, if they were independent.

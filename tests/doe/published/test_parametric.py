@@ -206,6 +206,7 @@ def test_several_readings_at_a_pose_are_matched_together() -> None:
     assert (found.equivalent[:, 1] >= found.stiffness * (1 - 1e-9)).all()
 
 
+@pytest.mark.slow
 def test_springs_of_a_slanting_valley_are_found_where_levels_along_the_axes_stick(rng: np.random.Generator) -> None:
     for _ in range(40):
         springs, readings = rng.integers(2, 4, size=2)

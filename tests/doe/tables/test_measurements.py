@@ -685,6 +685,7 @@ def tables(draw: st.DrawFn) -> Measurements:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(m=tables())
 def test_round_trip(m: Measurements, tmp_path: Path, xr701: Robot) -> None:

@@ -163,6 +163,7 @@ def test_one_cell_far_away_is_named_at_once(cell: str, says: str) -> None:
     assert time.monotonic() - start < 2.0  # it took minutes to fill the cells between; this takes milliseconds
 
 
+@pytest.mark.slow
 def test_a_bomb_is_refused_by_its_size_when_unpacked() -> None:
     data = rewritten(workbook(), "xl/styles.xml", lambda xml: xml + b" " * 210 * 2**20)
     assert len(data) < 300_000

@@ -93,6 +93,7 @@ def test_a_link_coupled_otherwise_is_noticed(link: str, reachable: Draw, rng: Ra
     assert difference(full.displacement.T, compliance(arm, q)[0]) > 100.0 * ROUND_OFF
 
 
+@pytest.mark.slow
 def test_rigid_flanges_bound_distributing_ones(reachable: Draw, rng: Random) -> None:
     choices: list[Mapping[str, Coupling]] = [dict.fromkeys(INTERFACES, "rigid"), *CHOICES.values()]
     models = [coarse("xr701", choice).with_rigid_joints() for choice in choices]

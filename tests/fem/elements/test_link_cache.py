@@ -150,6 +150,7 @@ DECISIVE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_fresh_hash")
 def test_another_formulation_is_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
     original, read = array_cache._source, set()

@@ -8,6 +8,7 @@ from fem.reference import direct
 from robots import InputError, load_description
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path"), [("kr60-3", "serial"), ("tx200", "serial"), ("xr701", "parallelogram"), ("xr701", "serial")]
 )

@@ -81,6 +81,7 @@ def _parts(at: LoadedPoses) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return at.q, at.wrench, at.point
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_the_displacement(soft: ArmModel) -> None:
     given = [parameter(soft, name) for name in NAMES]
     basis = FourierBasis(2, 2)

@@ -45,6 +45,7 @@ def asked(text: str) -> list[str]:
     return out
 
 
+@pytest.mark.slow
 def test_no_other_file_asks_for_a_kind_by_name() -> None:
     for package in PACKAGES:
         for path in (ROOT / package).rglob("*.py"):

@@ -55,6 +55,7 @@ def _difference(a: Array, b: Array) -> float:
     return float((np.abs(a - b) / (size[:, None] * size)).max())
 
 
+@pytest.mark.slow
 def test_condensed_path_equals_the_full_solve(
     arm: tuple[ArmModel, Shells], reachable: Draw, soften: Soften, furnish: Soften, rng: Random
 ) -> None:
@@ -71,6 +72,7 @@ def test_condensed_path_equals_the_full_solve(
         assert full.unknowns > 15_000  # every node is there
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["upper-arm", pytest.param("forearm", marks=pytest.mark.slow), "crank"])
 def test_a_link_a_thousandth_thicker_is_noticed(
     looped: tuple[ArmModel, Shells], link: str, reachable: Draw, rng: Random
@@ -87,6 +89,7 @@ def test_a_link_a_thousandth_thicker_is_noticed(
     assert _difference(full.displacement.T, compliance(model, q)[0]) > 10.0 * ROUND_OFF
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["flexible", pytest.param("rigid bar", marks=pytest.mark.slow), "rigid bar and crank"])
 def test_the_bar(looped: tuple[ArmModel, Shells], kind: str, reachable: Draw, rng: Random) -> None:
     model, shells = looped
@@ -107,6 +110,7 @@ def test_the_bar(looped: tuple[ArmModel, Shells], kind: str, reachable: Draw, rn
     assert full.bar_force[6] == pytest.approx(expected, rel=ROUND_OFF)
 
 
+@pytest.mark.slow
 def test_parts_hold_together_where_they_meet(arm: tuple[ArmModel, Shells], reachable: Draw, rng: Random) -> None:
     """Base at rest; through rigid joints a link's root ring follows the ring below as one rigid body."""
     model, shells = arm[0].with_rigid_joints(), arm[1]

@@ -102,6 +102,7 @@ def _split(mesh: ShellMesh, kept: int) -> ShellMesh:
     return replace(mesh, triangles=triangles, quads=mesh.quads[:kept], thickness=thickness)
 
 
+@pytest.mark.slow
 def test_a_link_of_triangles_beside_quads(xr701: Prepared, reachable: Draw, rng: Random) -> None:
     model, shells, shapes = xr701
     wrist = next(link for link in model.links if link.name == "wrist")
@@ -169,6 +170,7 @@ def test_stress_of_a_warped_quad_is_that_of_its_projection(rng: Random) -> None:
     assert np.abs(warped - face_stress(mesh, u)).max() > 0.01
 
 
+@pytest.mark.slow
 def test_stress_halfway_along_a_tube(boom: Callable[..., ModelDescription]) -> None:
     model = build_model(boom(length=0.6), links="shell")
     shapes = link_shapes(model)

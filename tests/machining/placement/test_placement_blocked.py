@@ -46,6 +46,7 @@ def test_a_position_where_nothing_is_free_says_why(kr60: fem.ArmModel, monkeypat
     assert (looked.why, looked.values) == ("collision", None)
 
 
+@pytest.mark.slow
 def test_the_present_place_with_its_best_gamma(kr60: fem.ArmModel) -> None:
     problem = problem_of(kr60, cell_of(rail()), line(6, 0.2), gamma=GammaRange(count=36))
     placed = place(problem)

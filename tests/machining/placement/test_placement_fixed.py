@@ -97,6 +97,7 @@ def test_brute_force_finds_nothing_better(kr60: fem.ArmModel, aim: str) -> None:
     assert found.evaluations < 120
 
 
+@pytest.mark.slow
 def test_what_is_said_is_what_the_posture_gives(kr60: fem.ArmModel) -> None:
     """By forward kinematics and compliance, away from everything that searched."""
     force = np.array([80.0, 40.0, -60.0])
@@ -258,6 +259,7 @@ def test_a_held_axis_stays(kr60: fem.ArmModel) -> None:
     assert (np.abs(found.after.e[:, 0]) <= 0.3).all()
 
 
+@pytest.mark.slow
 def test_the_turntable_is_searched_too(waist: fem.ArmModel) -> None:
     """A point beside the table's axis comes nearest to the arm when it is turned towards it."""
     table = Turntable(part()[:3, 3], np.array([0.0, 0.0, 1.0]), np.array([-np.pi, np.pi]))

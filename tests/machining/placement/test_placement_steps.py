@@ -281,6 +281,7 @@ def motions_of(path: ToolPath) -> Motions:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_placement_is_read_back_and_posted(kr60: fem.ArmModel, tmp_path: Path) -> None:
     path = dome(24, 0.4, feed=0.05)
     cell = cell_of(rail(speed=0.5))

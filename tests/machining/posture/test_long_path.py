@@ -31,6 +31,7 @@ def test_with_a_knot_at_every_point_it_is_the_search_of_short_paths(kr60: fem.Ar
     assert long.course.mean == pytest.approx(short.mean, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_few_knots_lose_next_to_nothing_and_every_point_keeps_the_limits(kr60: fem.ArmModel) -> None:
     task, gammas, drive = dome_task(400, 0.5, feed=0.05), GammaRange(count=36), Drive(speed=SPEED)
     short = optimise_path(kr60, task, gammas=gammas, drive=drive, passes=2).course

@@ -208,6 +208,7 @@ def test_a_point_out_of_reach_is_named_by_its_source_line(kr60: fem.ArmModel) ->
             post(kr60, cell_of(), far, asked(gamma=gamma, tolerance=1e-3))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 7), min_size=1, max_size=6), st.integers(0, 2**32 - 1))
 def test_pieces_lie_on_line_and_great_circle(pieces: list[int], seed: int) -> None:

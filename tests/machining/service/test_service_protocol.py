@@ -48,6 +48,7 @@ def test_hello_says_what_there_is(kr60: fem.ArmModel) -> None:
     assert answer["turntable"] is None
 
 
+@pytest.mark.slow
 def test_ten_thousand_requests_keep_their_order(session: Session) -> None:
     requests = [{"id": i, "do": "ping"} if i % 3 else {"id": i, "do": "no such"} for i in range(10_000)]
     answers = run(session, "\n".join(map(json.dumps, requests)).encode())

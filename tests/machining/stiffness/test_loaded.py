@@ -106,6 +106,7 @@ def settled(model: fem.ArmModel, rest: Array, w: Array, point: Array, start: Arr
     return np.asarray(start + B @ psi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kr60-3", "xr701"])
 def test_loaded_compliance_is_the_slope_of_the_equilibrium(
     name: str, poses: Callable[..., Array], rng: np.random.Generator

@@ -164,6 +164,7 @@ def motions(draw: st.DrawFn) -> Motions:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(motions())
 def test_motions_come_back_from_csv(tmp_path: Path, m: Motions) -> None:

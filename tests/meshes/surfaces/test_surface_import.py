@@ -86,6 +86,7 @@ def tube() -> ImportedLink:
     return load(TUBE_FILE, TUBE_FILE.parent, target_size=TARGET_M)
 
 
+@pytest.mark.slow
 def test_an_imported_tube_is_as_stiff_as_the_casing_of_the_same_tube(tube: ImportedLink) -> None:
     points = np.array(list(POINTS.values()))
 
@@ -221,6 +222,7 @@ def test_an_inner_wall_is_refused(tmp_path: Path) -> None:
     refused(fin, tmp_path, "more than two faces")
 
 
+@pytest.mark.slow
 def test_no_ring_says_how_far_the_surface_is(tmp_path: Path) -> None:
     beyond = {"root": POINTS["root"], "tip": [0.0, 0.0, LENGTH_M + 0.1]}
     message = refused(tapered_tube(24, 12), tmp_path, "no ring found at interface tip", interface_points=beyond)

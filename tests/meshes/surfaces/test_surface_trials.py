@@ -112,6 +112,7 @@ def settings(**changes: object) -> ImportSettings:
     return ImportSettings(**(usual | changes))
 
 
+@pytest.mark.slow
 def test_thin_cast_walls_are_lost_only_with_a_warning_and_kept_by_a_wider_closure() -> None:
     ends = {"root": Interface(np.zeros(3), Z), "tip": Interface(0.4 * Z, Z, radius=0.08)}
     found = prepare_link("casting", *casting(0.004), ends, settings())

@@ -62,6 +62,7 @@ def ball() -> trimesh.Trimesh:
     return trimesh.creation.icosphere(subdivisions=4, radius=RADIUS_M)
 
 
+@pytest.mark.slow
 def test_the_offset_of_the_wrap_is_taken_off_again(method: str, ball: trimesh.Trimesh) -> None:
     wrap = wrap_surface("ball", *arrays(ball), SIZE_M, None, method)
     outside = np.linalg.norm(wrap.nodes, axis=1) - RADIUS_M
@@ -131,6 +132,7 @@ def flexibility_ratio(repair: str, method: str, size: float) -> np.ndarray:
     return np.diag(shell_superelement(link.mesh, points).flexibility) / np.diag(theory)
 
 
+@pytest.mark.slow
 def test_a_wrapped_box_tube_is_as_stiff_as_its_beam() -> None:
     ratio = flexibility_ratio("wrap", "grid", 0.03)
     # Rigid ends and half a wall of length less make the clean shell 1 to 2.5 % stiffer than the beam; edges cut
@@ -160,6 +162,7 @@ def test_fins_thinner_than_the_wall_are_left_out_and_that_is_said() -> None:
     assert link.figures.departure_m[1] > 0.1
 
 
+@pytest.mark.slow
 def test_zero_thickness_is_no_casing() -> None:
     sheet = trimesh.creation.box((0.3, 0.2, 1e-6)).subdivide().subdivide()
     points = {"root": Interface(np.array([-0.15, 0, 0])), "tip": Interface(np.array([0.15, 0, 0]))}

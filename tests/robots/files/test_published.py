@@ -113,6 +113,7 @@ def _quiet() -> Iterator[None]:
     logging.getLogger("stiffarm").setLevel(logging.NOTSET)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stride", [4, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_kill_between_any_two_steps_leaves_the_old_or_what_heals_to_the_new(tmp_path: Path, stride: int) -> None:
     seen, step, more = set(), 0, True
@@ -147,6 +148,7 @@ def test_a_kill_while_it_heals_is_healed_by_the_next(tmp_path: Path, halfway: Pa
     assert step > 10
 
 
+@pytest.mark.slow
 def test_a_new_folder_appears_in_one_rename(tmp_path: Path) -> None:
     step, more, seen = 0, True, set()
     while more:

@@ -105,6 +105,7 @@ def test_errors_speak_of_arguments(arm: sa.Arm, readings: sa.Readings) -> None:
         arm.pose({"q2_dg": 3.0})
 
 
+@pytest.mark.slow
 def test_pictures_are_png(arm: sa.Arm, calibration: sa.Calibration, tmp_path: Path) -> None:
     for picture in (arm.plot(tmp_path / "arm.png"), calibration.plot()):
         assert picture.png.startswith(b"\x89PNG")
@@ -113,6 +114,7 @@ def test_pictures_are_png(arm: sa.Arm, calibration: sa.Calibration, tmp_path: Pa
         arm.plot(tmp_path / "arm.jpg")
 
 
+@pytest.mark.slow
 def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Calibration, tmp_path: Path) -> None:
     s = sa.fit(calibration.arm, runs=400, basis="polynomial", degree=3)
     one = s.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5})
@@ -124,6 +126,7 @@ def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Cali
     assert again.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values[0] == one.values[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["meshes", "robots"])
 @pytest.mark.parametrize("kind", ["a package", "a plain folder first on the path"])
 def test_a_folder_of_our_name_gives_one_clear_message(tmp_path: Path, name: str, kind: str) -> None:
@@ -195,6 +198,7 @@ def test_indices_are_found_by_name() -> None:
         found["stiffness"]
 
 
+@pytest.mark.slow
 def test_a_map_is_saved_drawn_and_framed(tmp_path: Path) -> None:
     m = sa.map_slice(sa.load("kr60-3", links="rigid"), step_mm=500, pose="best-gamma")
     assert m.points().shape[0] == m.data.layout.n == len(m["stiffness_N_per_mm"])

@@ -96,6 +96,7 @@ def test_what_the_shop_floor_finds_draws_itself(tmp_path: Path) -> None:
     assert checked.plot().png.startswith(PNG)
 
 
+@pytest.mark.slow
 def test_a_placement_is_that_of_the_command_line_and_draws_itself(tmp_path: Path) -> None:
     path, cell = tmp_path / "path.csv", tmp_path / "cell.toml"
     path.write_text("\n".join((PART / "path.csv").read_text(encoding="utf-8").splitlines()[:6]), encoding="utf-8")

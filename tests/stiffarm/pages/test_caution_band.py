@@ -92,6 +92,7 @@ def test_the_warning_names_the_joints() -> None:
     assert uncalibrated(Arm(arm.description, arm.robot, model.with_springs({"j1": 1e6, "j6": 1e6}))) == ""
 
 
+@pytest.mark.slow
 def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> None:
     with pictures_saved() as texts:
         outcome = cli("map", "slice", "xr701", *SLICE, "--html", "--svg", "--out", "out", "--json")
@@ -142,6 +143,7 @@ def test_the_deformed_arm_warns(cli: Command, tmp_path: Path, monkeypatch: pytes
     assert "structure alone" in outcome.json["field"]["budget"]["leader"]
 
 
+@pytest.mark.slow
 def test_a_model_with_all_its_springs_has_no_band(cli: Command, tmp_path: Path) -> None:
     outcome = cli("map", "slice", "xr701", *SLICE, *SPRINGS, "--html", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err

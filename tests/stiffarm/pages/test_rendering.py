@@ -170,6 +170,7 @@ def test_a_crash_of_the_trial_names_the_package(monkeypatch):
     assert "-11" in message
 
 
+@pytest.mark.slow
 def test_bad_requests_are_refused(scene, tmp_path, monkeypatch):
     monkeypatch.setenv("STIFFARM_NO_GL", "1")
     with pytest.raises(InputError, match="oblique, side"):

@@ -199,6 +199,7 @@ def test_debug_lets_the_traceback_through(cli: Command, monkeypatch: pytest.Monk
         cli("calibrate", "xr701", "--scheme", "staged", "--debug")
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_no_internal_error(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", "calibration.json")
@@ -227,6 +228,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "stage"),
     [

@@ -77,6 +77,7 @@ def test_a_gauge_that_stood_still_is_refused(
     assert not Path("out").exists()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_readings_that_tell_nothing_says_so(cli: Command, changed: Callable[[Change], Path]) -> None:
     outcome = cli("diagnose", "xr701", changed(FLIPPED), *RIGID, "--free", "j2,j3", "--json")
     found = outcome.json

@@ -46,21 +46,25 @@ def test_help_and_version_load_no_library(arguments: tuple[str, ...]) -> None:
     assert loaded(modules(*arguments), LIBRARIES | HEAVY) == set()
 
 
+@pytest.mark.slow
 def test_a_query_loads_neither_the_arms_model_nor_scipy(fitted: Path) -> None:
     found = modules("query", fitted / "surrogate.json", "--pose", POSE)
     assert loaded(found, HEAVY | {"scipy", "meshes", "doe", "machining", "fem.model", "fem.elements"}) == set()
 
 
+@pytest.mark.slow
 def test_a_pose_is_simulated_without_tables_shells_and_pictures() -> None:
     found = modules("simulate", "xr701", "--pose", POSE)
     assert loaded(found, HEAVY | {"doe", "surrogate", "machining", "fem.elements.shell", "scipy.optimize"}) == set()
 
 
+@pytest.mark.slow
 def test_indices_load_neither_readings_nor_pictures() -> None:
     found = modules("index", "kr60-3", "--pose", KR60, "--tool", "200,0,80,0,90,0")
     assert loaded(found, HEAVY | {"doe", "surrogate", "fem.elements.shell", "scipy.optimize", "scipy.stats"}) == set()
 
 
+@pytest.mark.slow
 def test_robots_are_listed_without_their_mechanics() -> None:
     # The tables bundled with robots are listed too, so where they lie is asked, and nothing more of them.
     found = modules("robots")

@@ -108,6 +108,7 @@ def flipped(path: Path, place: int) -> None:
         file.write(bytes([byte ^ 0x40]))
 
 
+@pytest.mark.slow
 def test_one_flipped_bit_in_a_block_is_noticed_and_made_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A map once had a maximum of 27,019 instead of 18,827 N/mm by one."""
     made, work = sweep(), tmp_path / "work"

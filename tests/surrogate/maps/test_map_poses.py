@@ -250,6 +250,7 @@ def test_what_is_refused() -> None:
         BestGamma(UP, np.array([]))
 
 
+@pytest.mark.slow
 def test_the_stiffest_pose_is_not_near_a_singular_one_where_a_point_has_others() -> None:
     """By stiffness alone, poses win in which the force passes through it."""
     model = kr60()

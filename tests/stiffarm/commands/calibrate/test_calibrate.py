@@ -122,6 +122,7 @@ def test_on_the_published_readings_no_doubtful_spring_has_a_number(calibrated: P
     assert result["left_one_pose_out_rms_mm"] == pytest.approx(0.074, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_springs_that_are_read_as_one_are_said_to_trade_off(cli: Command, small: Path) -> None:
     free = "waist.stiffness,base.rz,elbow.stiffness"
     outcome = cli("calibrate", small / "small.urdf", small / "readings.csv", "--free", free, "--json")
@@ -205,6 +206,7 @@ STAGES = HEAD + "".join(
 )
 
 
+@pytest.mark.slow
 def test_stages_are_resumed_and_give_the_same_again(
     cli: Command, small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

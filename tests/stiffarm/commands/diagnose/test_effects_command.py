@@ -126,6 +126,7 @@ def test_rigid_joints_have_no_effects(cli: Command, model: Callable[..., Path]) 
     ) | {"base"}
 
 
+@pytest.mark.slow
 def test_calibration_finds_an_effects_number_and_writes_it_back(
     cli: Command, model: Callable[..., Path], tmp_path: Path
 ) -> None:

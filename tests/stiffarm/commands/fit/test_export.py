@@ -59,6 +59,7 @@ def test_our_own_solution_stands_beside_it(exported: tuple[Outcome, Path]) -> No
     assert [float(v) for v in line.split(":")[1].split()] == pytest.approx(d[:3].tolist(), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_flanges_by_choice(cli: Command) -> None:
     outcome = cli("export", "tx200", "--pose", POSE, "--links", "shell:distributing", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err

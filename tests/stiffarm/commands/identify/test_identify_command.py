@@ -98,6 +98,7 @@ def test_the_model_file_is_an_ordinary_one(made_up: Path, tmp_path: Path) -> Non
     assert outcome.code == 0, outcome.err
 
 
+@pytest.mark.slow
 def test_the_same_table_gives_the_same_model(made_up: Path, content: Any, tmp_path: Path) -> None:
     table = made_up / "synthetic_joint_twists.csv"
     outcome = run_here("identify", "tx200", table, "--law", "fourier-1", "--json", "--seed", "3")
@@ -106,6 +107,7 @@ def test_the_same_table_gives_the_same_model(made_up: Path, content: Any, tmp_pa
     assert outcome.json["synthetic"] is True
 
 
+@pytest.mark.slow
 def test_two_tables_are_one_campaign(made_up: Path, content: Any, tmp_path: Path) -> None:
     robot = load_robot("tx200")
     data = read_twists(made_up / "synthetic_joint_twists.csv", robot)
@@ -132,6 +134,7 @@ def held_out(path: Path, model: Path) -> None:
     write_measurements(m, path, arm.robot)
 
 
+@pytest.mark.slow
 def test_flange_deflections_judge_the_prediction(made_up: Path, tmp_path: Path) -> None:
     held_out(tmp_path / "flange.csv", made_up / "model.toml")
     table = made_up / "synthetic_joint_twists.csv"

@@ -98,6 +98,7 @@ def test_any_angles_are_answered_in_full(
     assert list(faults(content)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(10.0,), (10.0, 70.0), (-100.0, -50.0, 20.0, 70.0), ANGLES])
 def test_every_null_has_a_reason_and_no_figure_is_infinite(
     angles: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
@@ -119,6 +120,7 @@ def test_angles_whole_turns_apart_are_one_angle(monkeypatch: pytest.MonkeyPatch)
     assert len(said[0]["of"]) == 6
 
 
+@pytest.mark.slow
 def test_a_law_through_as_many_angles_as_numbers_is_not_checked(monkeypatch: pytest.MonkeyPatch) -> None:
     content = answer(monkeypatch, readings((-100.0, 10.0, 70.0)), law="fourier-1")
     said = [x for x in content["cannot_judge"] if "lack of fit" in x["what"]]

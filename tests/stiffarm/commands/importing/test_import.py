@@ -178,6 +178,7 @@ def test_bad_surfaces_are_refused_without_repair_and_each_says_why(tmp_path: Pat
     assert "surface upper_arm" in message
 
 
+@pytest.mark.slow
 def test_a_wall_that_the_casing_has_no_room_for_is_refused(tmp_path: Path) -> None:
     assert "wall 0.08 m" in refused(tmp_path, Arm(), *ONE, "--wall", "upper_arm=80")
 
@@ -227,6 +228,7 @@ def test_sources_that_are_none(cli: Command, tmp_path: Path) -> None:
     assert "--model MODEL --link NAME" in message
 
 
+@pytest.mark.slow
 def test_one_file_becomes_a_link_of_a_model(cli: Command, tmp_path: Path) -> None:
     # The tx200's upper arm runs 0.95 m along x of its body; its joints turn about z.
     turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])

@@ -64,6 +64,7 @@ def test_a_load_changes_the_indices_as_the_model_says(cli: Command) -> None:
     assert 0.0 < found["stiffness_share_taken_by_load"] < 0.2
 
 
+@pytest.mark.slow
 def test_files_hold_all_poses_of_a_table(cli: Command, tmp_path: Path) -> None:
     table = tmp_path / "poses.csv"
     table.write_text("pose,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\na,10,-60,40,0,40,0\nb,0,-70,60,10,50,0\n")

@@ -37,6 +37,7 @@ def test_the_page_of_indices_says_the_softest_direction_first(cli: Command, tmp_
     assert "nan" not in first
 
 
+@pytest.mark.slow
 def test_the_page_of_map_index_says_what_the_best_gamma_costs(cli: Command, tmp_path: Path) -> None:
     outcome = cli(
         "map", "index", "kr60-3", "--links", "rigid", "--x", "900:2000:275", "--y", "-500:500:250", "--z", "800",

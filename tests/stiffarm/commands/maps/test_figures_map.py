@@ -314,6 +314,7 @@ def test_main_effects_are_percentiles_of_the_reached_poses() -> None:
         swept_effects(a_slice(), "stiffness_N_per_mm")
 
 
+@pytest.mark.slow
 def test_files_of_a_slice(tmp_path: Path) -> None:
     data = a_slice()
     wanted = ("stiffness_N_per_mm", "softest_part")

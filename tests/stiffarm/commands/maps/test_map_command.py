@@ -160,6 +160,7 @@ def test_boxes_and_cylinders_of_a_default_size_hold_the_reach(cli: Command, tmp_
     assert np.isfinite(k[:, 0]).all()
 
 
+@pytest.mark.slow
 def test_a_work_folder_is_gone_on_with(
     cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -191,6 +191,7 @@ def test_drawn_poses_are_in_whole_degrees_and_not_wound_up() -> None:
     assert np.abs(degrees[:, 3]).max() <= 180.0
 
 
+@pytest.mark.slow
 def test_vary_and_hold_override_what_makes_no_difference() -> None:
     planned = make_plan(XR701, DATA, Request(3, candidates=50, vary=("q1_deg", "q2_deg", "q3real_deg")))
     assert len(np.unique(planned.made.q[:, 0])) > 1
@@ -199,6 +200,7 @@ def test_vary_and_hold_override_what_makes_no_difference() -> None:
     np.testing.assert_allclose(np.degrees(planned.made.q[:, 0]), 30.0)
 
 
+@pytest.mark.slow
 def test_order_is_a_tour_or_random_on_request() -> None:
     way = make_plan(XR701, DATA, Request(8, candidates=100))
     drawn = make_plan(XR701, DATA, Request(8, candidates=100, random_order=True))
@@ -208,6 +210,7 @@ def test_order_is_a_tour_or_random_on_request() -> None:
     assert "drift" in " ".join(drawn.notes)
 
 
+@pytest.mark.slow
 def test_same_seed_same_plan() -> None:
     one, two, other = (make_plan(XR701, DATA, Request(3, candidates=30, seed=s)) for s in (1, 1, 2))
     np.testing.assert_array_equal(one.made.q, two.made.q)
@@ -274,6 +277,7 @@ def test_sentences() -> None:
     assert "may stay open" in words.told(_foresight(3.4, 3.0), None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["D", *(pytest.param(c, marks=pytest.mark.slow) for c in "AI")])
 def test_figure(criterion: str) -> None:
     request = Request(3, candidates=60, criterion=criterion,  # type: ignore[arg-type]
@@ -291,6 +295,7 @@ def test_figure(criterion: str) -> None:
     assert len(figure.axes) == 2
 
 
+@pytest.mark.slow
 def test_figure_of_a_design_with_many_parameters_and_one_unseen() -> None:
     free = tuple(f"j{j}.{row}" for j in range(1, 7) for row in ("tx", "ty", "tz", "rx", "rz"))
     planned = make_plan(XR701, None, Request(4, plain=True, free=free))

@@ -175,6 +175,7 @@ def test_a_second_direction_in_the_same_pose_is_said() -> None:
     assert "same pose as before" not in render_sheet(one, ["", ""])
 
 
+@pytest.mark.slow
 def test_pictures_show_the_arm_and_the_load() -> None:
     description = load_description("kr60-3")
     robot = load_robot("kr60-3")

@@ -60,6 +60,7 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     return cell, cls
 
 
+@pytest.mark.slow
 def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     out = tmp_path / "out"
@@ -94,6 +95,7 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
             assert all(line.lstrip().startswith(";") for line in statements)
 
 
+@pytest.mark.slow
 def test_one_kind_of_coordinates_is_written_if_asked(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     outcome = cli(
@@ -214,6 +216,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     assert "--gamma with --placement" in cli(*common, "--placement", file, "--gamma", "5", "--out", tmp_path / "x").err
 
 
+@pytest.mark.slow
 def test_a_model_without_stiffness_can_be_posted_but_not_optimised(
     cli: Command, files: tuple[Path, Path], tmp_path: Path
 ) -> None:

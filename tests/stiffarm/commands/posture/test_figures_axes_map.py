@@ -159,6 +159,7 @@ def a_distribution(n: int, gamma_deg: Array, quantity: str = "k_fs") -> Distribu
     return Distribution(Objective(quantity, np.ones(3)), np.radians(gamma_deg), value)
 
 
+@pytest.mark.slow
 def test_maps_name_their_gamma_and_their_plane(tmp_path: Path) -> None:
     plane = layer_of(plane_or_box(np.linspace(0.0, 1000.0, 6), 200.0, np.linspace(500.0, 1000.0, 4)), 0)
     found = a_distribution(24, np.array([-90.0, 0.0, 90.0]))
@@ -219,6 +220,7 @@ def test_the_curves_show_both_sets_of_points_and_the_choice() -> None:
     assert legend(figure)[2].startswith("best for the mean: ")
 
 
+@pytest.mark.slow
 def test_the_price_of_the_choice_stands_in_the_legend() -> None:
     value = np.array([[225.0, 300.0], [225.0, 300.0], [225.0, np.nan], [225.0, np.nan]]) * 1e3
     found = Distribution(Objective(), np.radians([0.0, 90.0]), value)

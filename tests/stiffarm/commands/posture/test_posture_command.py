@@ -40,6 +40,7 @@ def dome(tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     outcome = cli(

@@ -56,6 +56,7 @@ def test_a_variant_predicts_what_it_would_do_itself(given: Arm, data_file: Path)
     assert held_out.sentences(held_out.of_variants([])) == ()
 
 
+@pytest.mark.slow
 def test_laws_of_studies_say_which_poses_are_beyond_them(given: Arm, data_file: Path) -> None:
     table, scheme = read_measurements(data_file, given.robot), bundled_campaign("xr701")
     assert scheme is not None

@@ -71,6 +71,7 @@ def test_the_same_seed_gives_the_same(cli: Command, small: Path) -> None:
     assert _run(cli, small, *options, "--seed", "3") != _run(cli, small, *options, "--seed", "4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["sobol", "morris", "derivative"])
 def test_a_table_and_a_picture(cli: Command, small: Path, tmp_path: Path, method: str) -> None:
     outcome = cli("sensitivity", small / "small.urdf", small / "readings.csv", "--method", method, "--out", "out")

@@ -120,6 +120,7 @@ def same(given: Any, wanted: Any) -> bool:
     return bool(given == wanted)
 
 
+@pytest.mark.slow
 def test_the_documentation_says_what_is_answered() -> None:
     """Every example of docs/reference/serve.md, word for word (`serve_speed.py --docs` writes them anew)."""
     examples = serve_speed.documented((ROOT / "docs" / "reference" / "serve.md").read_text(encoding="utf-8"))

@@ -164,6 +164,7 @@ def shares_by_pose() -> Figure:
     return pose_shares_figure(compliance_budget(KR60, q, DOWN), ("$a_$", "b", "_c}$"), np.array([1.0, 2.0, 0.5]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [energy_share, workspace_kr60, workspace_of_links, shares_by_pose])
 def test_figures_can_be_read(make: Callable[[], Figure], tmp_path: Path) -> None:
     """No warning, nothing cut off, no text on another, type not too small, axes with units."""
@@ -188,6 +189,7 @@ def test_figures_can_be_read(make: Callable[[], Figure], tmp_path: Path) -> None
     assert plt.get_fignums() == []
 
 
+@pytest.mark.slow
 def test_bars_are_sorted_and_say_per_cent_and_millimetres() -> None:
     budget = long_budget()
     figure = energy_share()

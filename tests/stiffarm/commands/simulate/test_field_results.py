@@ -42,6 +42,7 @@ def arm(coarse: None) -> DeformedArm:
     return deformed_arm(description, model, np.radians([20.0, 5.0, 77.5, 0.0, -40.0, 0.0]), W)
 
 
+@pytest.mark.slow
 def test_field_writes_file_pictures_and_budget(cli: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("STIFFARM_NO_GL", "1")
     outcome = cli("simulate", "kr60-3", "--pose", "q2_deg=-40,q3_deg=60", "--field", "--out", "out", "--json")
@@ -68,6 +69,7 @@ def test_field_writes_file_pictures_and_budget(cli: Command, monkeypatch: pytest
         assert imread(tmp_path / "out" / name)[..., :3].std() > 0.05
 
 
+@pytest.mark.slow
 def test_the_scale_asked_for_is_taken(cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     titles = []
 

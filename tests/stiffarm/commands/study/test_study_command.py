@@ -26,6 +26,7 @@ def made(folder: Path, name: str, seed: int, *effects: str) -> None:
     make(spec, seed).write(folder, unseen(spec, seed, 6))
 
 
+@pytest.mark.slow
 def test_a_set_is_diagnosed_blind_and_scored(tmp_path: Path, cli: Command) -> None:
     made(tmp_path, "a", 3, "gauge-zero")
     with quick_diagnosis("gauge-zero"):
@@ -121,6 +122,7 @@ def test_the_key_stays_out_of_what_is_diagnosed(tmp_path: Path) -> None:
         assert "friction" not in path.read_text()
 
 
+@pytest.mark.slow
 def test_the_page_of_a_study_of_every_kind(tmp_path: Path) -> None:
     right = Row("s", "single", ("backlash:j2",), excess=200.0, tags={"reads": "z"}, before_mm=0.2, after_mm=0.02)
     right = replace(right, verdict="named", named=("backlash:j2",), found=("backlash:j2",), probability=0.97)

@@ -107,6 +107,7 @@ def test_csv_and_json_say_the_same(cli: Command, tmp_path: Path) -> None:
     assert said["json"] == said["csv"]
 
 
+@pytest.mark.slow
 def test_options_change_the_demands(cli: Command, tmp_path: Path) -> None:
     cell = cell_file(tmp_path)
     program = program_file(tmp_path, program_at(cell, 61, 0.15))
@@ -158,6 +159,7 @@ def test_bad_input(cli: Command, tmp_path: Path, change: dict[str, str], words: 
     assert "Traceback" not in outcome.err
 
 
+@pytest.mark.slow
 def test_the_picture_shows_the_pair_in_colour(tmp_path: Path) -> None:
     found = verified(tmp_path)
     path = tmp_path / "offence.png"
