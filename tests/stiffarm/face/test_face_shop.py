@@ -51,7 +51,7 @@ def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     assert made.arm.model.link_kind == "shell"
     assert made.plot().png == (tmp_path / "out" / "import.png").read_bytes()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "model.toml", "meshes", "import.json", "import.png", "run.json",
+        "model.toml", "meshes", "import.json", "import.png", "run.json", "report.html", "figures",
     }  # fmt: skip
 
 
