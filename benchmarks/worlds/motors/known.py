@@ -254,7 +254,7 @@ def counted(q: Array, i: int, value: Array) -> Array:
 
 def other_zero(rng: Rng, scene: Scene, place: str) -> float:
     i = scene.arm.joints.index(place)
-    fits = [o for o in (45, 90, 180) if o < 0.6 * (scene.arm.high - scene.arm.low)[i]]
+    fits = [o for o in (45, 90, 180) if o < 0.62 * (scene.arm.high - scene.arm.low)[i]]
     return float(rng.choice(fits) * rng.choice([-1, 1]))
 
 
