@@ -169,7 +169,7 @@ def written_surface(shell: MadeShell, folder: Path, source: str) -> Surface:
         wall=PositiveLength(
             value=round(1e3 * shell.wall, 6),
             unit="mm",
-            source="assumed",
+            source="definition" if shell.basis.basis == "given" else "assumed",
             note=f"{shell.basis.words}; thicker in bosses",
         ),
         size=PositiveLength(value=round(1e3 * shell.link.figures.size_m, 3), unit="mm", source="derived"),
