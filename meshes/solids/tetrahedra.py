@@ -8,8 +8,10 @@ from __future__ import annotations
 import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meshes.apart import ApartError, run_apart
 from meshes.solid_mesh import outer_faces, untangled, with_middles
@@ -199,7 +201,7 @@ def in_surface(
         )
     try:
         # In mm: Netgen takes lengths below 1e-6 for zero.
-        given = {"nodes": np.ascontiguousarray(skin / MM), "faces": np.ascontiguousarray(cells, dtype=np.int32)}
+        given: dict[str, NDArray[Any]] = {"nodes": skin / MM, "faces": cells.astype(np.int32)}
         made = run_apart(_FILL, (repr(size / MM), repr(GRADING)), given, TIMEOUT_S)
     except ApartError as error:
         raise SurfaceFault(

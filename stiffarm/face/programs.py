@@ -14,6 +14,7 @@ from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shop import Range, setup_of
 from stiffarm.face.shown import Shown, frame
+from stiffarm.session.table_kinds import PATH, expect
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,6 +130,7 @@ def post(
         raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
     with called():
         targets = parse_targets(",".join(formats), coordinates)
+        expect(Path(path), PATH)
         setup, motions = setup_of(arm, cell), read_toolpath(Path(path))
         axes = len(setup.cell.linear_axes)
         settings = PostSettings(

@@ -19,6 +19,7 @@ from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
 from stiffarm.session.reading_checks import check_readings
+from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,5 +111,6 @@ def read_readings(
 
 def _read(source: str | Path | pd.DataFrame, number: int, arm: Arm) -> Measurements:
     if isinstance(source, str | Path):
+        expect(Path(source), DEFLECTIONS)
         return measurements_of(read_table(Path(source)), arm.robot)
     return measurements_of(table_of_frame(source, f"data frame {number}"), arm.robot)

@@ -13,6 +13,7 @@ from robots import InputError
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.session.table_kinds import PATH, expect
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -122,6 +123,7 @@ def posture(
     with called():
         require_springs(arm, "posture")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
+        expect(Path(path), PATH)
         task = setup.task(read_given_path(Path(path)).path)
         request = PostureRequest(
             task,
@@ -183,6 +185,7 @@ def place(
         if cut is None:
             raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
         described = read_cell(Path(cell))
+        expect(Path(path), PATH)
         given = read_given_path(Path(path))
         scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
         problem = Problem(

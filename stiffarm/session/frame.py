@@ -41,13 +41,14 @@ class Frame:
     """One command at work.
 
     ``files``: what it has read, by name: a path, or a hash; for run.json. ``caution``: what every picture and page in
-    its folder says of the model.
+    its folder says of the model; ``named``: the model, as it was asked for.
     """
 
     out: Path | None
     as_json: bool
     files: dict[str, Path | str] = field(default_factory=dict)
     caution: str = ""
+    named: str = "MODEL"
     _folder: OutputFolder | None = None
 
     def model(
@@ -72,6 +73,7 @@ class Frame:
         from stiffarm.session.own_effects import own_effects, own_files
         from stiffarm.session.parsing import parse_settings
 
+        self.named = name
         values = parse_settings(sets or (), "--set")
         given = read_model(name, links, load_path, own=own_effects(effect), without=without, sets=values)
         self.files |= {**own_files(effect), "model": model_hash(given)}
@@ -85,7 +87,7 @@ class Frame:
         from stiffarm.session.readings import read_tables
 
         files = (data,) if isinstance(data, Path) else tuple(data or ())
-        table, hashes = read_tables(given, files, confirm_units=confirm_units)
+        table, hashes = read_tables(given, files, confirm_units=confirm_units, model=self.named)
         self.files |= hashes
         return table
 
@@ -94,7 +96,7 @@ class Frame:
         from stiffarm.session.reading_checks import read_held_out
 
         self.reads(holdout=file)
-        return None if file is None else read_held_out(given, file, confirm_units=confirm_units)
+        return None if file is None else read_held_out(given, file, confirm_units=confirm_units, model=self.named)
 
     def reads(self, **files: Path | None) -> None:
         """Files of options, by the option's name: they must exist, and their hashes go into run.json."""

@@ -10,10 +10,11 @@ from fem import FLANGES, LINK_KINDS, LinkKind
 from fem.arm import Arm, with_flanges
 from fem.effects import LOAD_PATH, Maker
 from fem.effects import with_load_path as described_with_load_path
-from robots import InputError, LoadPath, ModelDescription, content_hash, load_description
+from robots import InputError, LoadPath, ModelDescription, content_hash
 from stiffarm.session.console import progress, say
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.softness import refuse_too_soft
+from stiffarm.session.table_kinds import described
 
 # Kinds of links with meshes, whose flanges can be chosen.
 MESHED = ("shell", "solid")
@@ -36,7 +37,7 @@ def read_model(
     (:func:`doe.model_file.changed.changed`). A model so soft that none of its results would hold is
     refused.
     """
-    description = load_description(name)
+    description = described(name)
     asked, _, flanges = (links or "").partition(":")
     if links is None:
         asked = description.calibration.links if description.calibration else "beam"

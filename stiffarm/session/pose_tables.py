@@ -12,6 +12,7 @@ from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
 from robots.faults import Faults
+from stiffarm.session.table_kinds import POSES, expect
 
 
 def read_pose_table(
@@ -31,6 +32,7 @@ def read_pose_table(
     """
     if not file.is_file():
         raise InputError("pose table", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path")
+    expect(file, POSES)
     table = read_table(file)
     faults = Faults(table.name)
     columns, _ = sorted_columns(table, (*names, *fixed_deg, "pose"), faults)

@@ -20,6 +20,7 @@ from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.session.console import say
+from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
 FEWEST, LISTED = 3, 10
 # A reading against its load by less than this (m/N) is noise about zero; arms give 20 times as much and more.
@@ -56,8 +57,9 @@ def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
     refuse_telling_nothing(problem(given.model, used, ()), used.source)
 
 
-def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False) -> Measurements:
+def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False, model: str = "MODEL") -> Measurements:
     """Read a table held out, with remarks and checks as any other."""
+    expect(file, DEFLECTIONS, model=model)
     data = read_measurements(file, given.robot)
     for note in data.notes:
         say(f"note: {data.source}: {note}")

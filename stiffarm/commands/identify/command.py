@@ -96,7 +96,7 @@ def identify(
         given = frame.model(model, "rigid", load_path, sets=sets)
         inputs.refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
-        data = None if synthetic else joint_twist_run.read_tables(given, tables or ())
+        data = None if synthetic else joint_twist_run.read_tables(given, tables or (), frame.named)
         if data is not None:
             for number, table in enumerate(tables or (), start=1):
                 frame.files["synthetic_data" if data.synthetic else "data" if number == 1 else f"data_{number}"] = table

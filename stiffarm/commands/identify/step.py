@@ -30,6 +30,7 @@ from fem.arm import Arm
 from robots import InputError, ModelDescription, why_no_closed_form
 from robots.arrays import Array
 from robots.kinematics import forward_kinematics
+from stiffarm.session.table_kinds import DEFLECTIONS, TWISTS, Kind, expect
 
 # Random poses that models are compared at.
 POSES = 2000
@@ -115,12 +116,28 @@ class JointTwists:
         return self.found.data.synthetic
 
 
-def read_tables(given: Arm, tables: Sequence[Path]) -> TwistReadings:
-    """Read one or more tables of joint twists or reflectors as one."""
+def read_tables(given: Arm, tables: Sequence[Path], model: str = "MODEL") -> TwistReadings:
+    """Read one or more tables of joint twists or reflectors as one.
+
+    ``model``: its name in what is said of a table that another command takes.
+
+    Raises
+    ------
+    InputError
+        No such file, a table of another kind, or what is wrong in it.
+    """
     for table in tables:
         if not table.is_file():
             raise InputError("TABLE", value=str(table), allowed="an existing .csv or .xlsx", remedy="check the path")
+        expect(table, TWISTS, model=model, better=lambda kind: _better(given, kind, tables))
     return joined([read_twists(table, given.robot) for table in tables])
+
+
+def _better(given: Arm, kind: Kind, tables: Sequence[Path]) -> str | None:
+    """The command line for a table of tool deflections."""
+    from stiffarm.commands.identify.elsewhere import calibrate_command
+
+    return calibrate_command(given, tables) if kind is DEFLECTIONS else None
 
 
 def run(

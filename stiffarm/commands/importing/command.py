@@ -8,12 +8,13 @@ from typing import Annotated, Any, get_args
 import typer
 
 from meshes.surfaces.reading import STEP_SUFFIXES, SUFFIXES
-from robots import InputError, content_hash, load_description, require_positive
+from robots import InputError, content_hash, require_positive
 from robots.urdf.reading import read_urdf
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json
 from stiffarm.session.parsing import parse_pairs, parse_word, refuse_given
+from stiffarm.session.table_kinds import described
 
 
 def import_command(
@@ -195,7 +196,7 @@ def import_command(
                     f"{source.name} is one link",
                     remedy="say which, with --model MODEL --link NAME; `stiffarm robots MODEL` shows a model",
                 )
-            given = load_description(model)
+            given = described(model)
             frame.files |= {"source": source, "model": content_hash(given)}
             with frame.folder() as folder:
                 done = importing.import_into_model(source, given, link, options, scale, _metres(wall_mm))

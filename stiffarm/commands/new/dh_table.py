@@ -15,6 +15,7 @@ from robots.errors import listed
 from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.library.dh import DHLine
+from stiffarm.session.table_kinds import DH, expect
 
 FIGURES = ("alpha_deg", "a_mm", "d_mm")
 LIMITS = ("lower_deg", "upper_deg")
@@ -49,6 +50,7 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     if not path.is_file():
         raise InputError(option, value=str(path), allowed="an existing CSV or XLSX file",
                          remedy="check the path; `stiffarm new NAME` alone writes an empty table")  # fmt: skip
+    expect(path, DH)
     table = read_table(path)
     faults = Faults(table.name)
     columns, meant = sorted_columns(table, COLUMNS, faults)

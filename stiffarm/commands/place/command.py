@@ -28,6 +28,7 @@ from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, 
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.softness import require_springs
+from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import GammaOpt, parse_gammas
 from stiffarm.session.task_setup import MillingOpt, parse_speed, read_cut
 
@@ -161,6 +162,7 @@ def place(
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))
+        expect(path, PATH, model=model)
         given_path = read_given_path(path)
         goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
         how = _how(mode, anywhere, cost, gamma_course)

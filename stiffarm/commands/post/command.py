@@ -28,6 +28,7 @@ from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import parse_numbers, parse_word
+from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
     CellOpt,
@@ -147,6 +148,7 @@ def post(
                 "--force or --milling without --compensate",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
+        expect(path, PATH, model=model)
         motions = read_toolpath(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
         say_notes(motions.notes, path)
         alone = {"--travel": travel, "--gamma": gamma}

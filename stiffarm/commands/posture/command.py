@@ -27,6 +27,7 @@ from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, 
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.softness import require_springs
+from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import (
     GammaOpt,
     PartOpt,
@@ -140,6 +141,7 @@ def posture(
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
+        expect(path, PATH, model=model)
         tool_path = read_given_path(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
         say_notes(tool_path.notes, path)
         task = setup.task(tool_path.path, parse_reference(reference))

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from robots import InputError, content_hash, load_description
+from robots import InputError, content_hash
 from robots.arrays import Array
 from robots.files.csv_text import records_text
 from stiffarm.commands.query import answers
@@ -16,6 +16,7 @@ from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Out
+from stiffarm.session.table_kinds import SURROGATE, described, expect
 from surrogate import Surrogate, load_surrogate
 from surrogate import query as ask
 from surrogate.model import COMPLIANCE
@@ -70,6 +71,7 @@ def query(
     Poses outside the fitted domain, out of reach or close to a singularity are flagged.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
+        expect(surrogate_file, SURROGATE)
         learned = load_surrogate(surrogate_file)
         if of is not None:
             _require_same_model(learned, of, surrogate_file)
@@ -113,7 +115,7 @@ def _require_same_model(learned: Surrogate, name: str, file: Path) -> None:
     InputError
         It was.
     """
-    description = load_description(name)
+    description = described(name)
     refit = "fit one for it (`stiffarm fit`)"
     if learned.robot != description.name:
         raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=description.name, remedy=refit)

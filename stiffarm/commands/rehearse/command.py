@@ -15,6 +15,7 @@ from stiffarm.commands.rehearse.step import MOST_DRAWS, Rehearsed, Request
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
+from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
 
 def rehearse(
@@ -97,6 +98,7 @@ def rehearse(
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets)
         if sheet is not None:
+            expect(sheet, DEFLECTIONS, model=model)
             frame.files["sheet"] = sheet
         gauge = Gauge(noise_percent, noise_um, setup_percent, reads)
         request = Request(hide, draws, seed, poses, gauge)

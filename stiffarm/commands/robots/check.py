@@ -28,7 +28,7 @@ def answer_check(frame: Frame, description: ModelDescription, model: str, table:
     """Compare, say, and write check.json where there is a folder."""
     require_positive("--tolerance-mm", tolerance_mm, "mm")
     robot = robot_from(description)
-    readings, convention, remarks = read_pendant(table, robot)
+    readings, convention, remarks = read_pendant(table, robot, model)
     frame.files["pendant"] = table
     say_notes(remarks)
     found = check_pendant(robot, readings, 1e-3 * tolerance_mm)

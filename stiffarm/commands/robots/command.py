@@ -21,6 +21,7 @@ from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, ModelArg
+from stiffarm.session.table_kinds import described
 
 
 class _Robots(TyperGroup):
@@ -78,15 +79,15 @@ def show_command(
         if name is not None and pose is not None:
             from stiffarm.commands.robots.pose import answer_pose
 
-            answer_pose(frame, load_description(name), pose)
+            answer_pose(frame, described(name), pose)
             return
         if name is not None:
-            description = load_description(name)
+            description = described(name)
             robot = robot_from(description)
             masses, prior = robot_masses(description, robot), arm_class(description, robot)
-            described = description.model_dump(mode="json", by_alias=True, exclude_none=True)
+            figures = description.model_dump(mode="json", by_alias=True, exclude_none=True)
             extra = {"masses": _masses_payload(masses), "class_prior": _class_payload(robot, prior)}
-            frame.answer(described | extra, lambda: _show(description, masses, prior))
+            frame.answer(figures | extra, lambda: _show(description, masses, prior))
             return
         found = [load_description(bundled) for bundled in bundled_names()]
         content = [
@@ -140,7 +141,7 @@ def check_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.robots.check import answer_check
 
-        answer_check(frame, load_description(model), model, table, tolerance_mm)
+        answer_check(frame, described(model), model, table, tolerance_mm)
 
 
 def _readings(name: str) -> str | None:

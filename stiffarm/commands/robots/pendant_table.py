@@ -14,14 +14,17 @@ from robots import InputError, Robot
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
 from robots.pendant.check import PendantReadings
+from stiffarm.session.table_kinds import PENDANT, expect
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 # Quaternions from a pendant have four decimals or so.
 UNIT_LENGTH = 0.02
 
 
-def read_pendant(path: Path, robot: Robot) -> tuple[PendantReadings, str | None, list[str]]:
+def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[PendantReadings, str | None, list[str]]:
     """The table's readings, the convention of its orientations (None: there are none), and remarks.
+
+    ``model``: its name in what is said of a table that another command takes.
 
     Raises
     ------
@@ -30,6 +33,7 @@ def read_pendant(path: Path, robot: Robot) -> tuple[PendantReadings, str | None,
     """
     if not path.is_file():
         raise InputError("PENDANT", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path")
+    expect(path, PENDANT, model=model)
     table = read_table(path)
     faults = Faults(table.name)
     own = tuple(dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))

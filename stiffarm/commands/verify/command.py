@@ -11,7 +11,7 @@ import typer
 from machining.cell import arm_of, read_cell
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
-from robots import content_hash, load_description
+from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import distance_words, offence_words, sentence, value_words
@@ -20,6 +20,7 @@ from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
+from stiffarm.session.table_kinds import PROGRAM, described, expect
 
 # Offences shown on the screen.
 SHOWN = 12
@@ -92,8 +93,9 @@ def verify_command(
             jump=float(np.radians(jump)),
         )
         # Springs and effects move nothing here: the model as a whole is needed to name its parameters only.
-        description = frame.model(model, sets=sets).description if sets else load_description(model)
+        description = frame.model(model, sets=sets).description if sets else described(model)
         arm = arm_of(model, description)
+        expect(program, PROGRAM, model=model)
         checked = read_program(program, arm.robot, read_cell(cell))
         frame.files |= {"model": content_hash(description), "program": program, "cell": cell}
         with frame.folder_if() as folder:
