@@ -1,0 +1,241 @@
+"""The estimate: frames, errors of the arm, what gives way, and variances, from absolute readings.
+
+Steps of Gauss and Newton on the reduced triangle (:mod:`doe.absolute.reduced`), with exact derivatives; variances by
+marginal likelihood (:mod:`doe.absolute.shrinkage`); compliances within their ranges (the engine's bounded step, on the
+rows that are left to them alone). Readings scatter by Student's distribution in three directions with a tail that they
+tell, so that a few wrong ones do not turn the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.special import gammaln
+
+from doe.absolute.chain import Sample, evaluate, samples
+from doe.absolute.readings import AbsoluteReadings
+from doe.absolute.reduced import FRAME, Frame, Reduced, block_rows, frame_columns, reduce_sessions
+from doe.absolute.shrinkage import Posterior, Variances, likeliest, posterior, starting
+from doe.absolute.start import Start
+from doe.absolute.unknowns import Layout
+from doe.estimation.least_squares import bounded_step
+from fem import ArmModel
+from robots import InputError
+from robots.arrays import Array, Indices
+from robots.progress import Progress, report_progress
+
+ROUNDS = 25
+# Rounds in which the readings are asked for variances.
+TELLING = (1, 3, 6)
+# Shares of a step that are tried one after the other until one comes nearer.
+SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)
+# All positions together move by less than this share of their scatter in the last step.
+STILL = 1e-4
+# Rounds after which variances are kept if they moved by less than this.
+SAME = 0.01
+# Tails of the scatter that are tried: degrees of freedom of Student's distribution.
+TAILS = (3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found.
+
+    ``u`` (p,): variables of ``layout``; ``frames`` by session; ``residual`` (n, 3) m in the arm's axes, read minus
+    predicted; ``weight`` (n,): 1, less for readings far out; ``variances``; ``tail``: degrees of freedom of the
+    scatter; ``reduced``: the triangle at the end, with weights; ``posterior``: the variables' distribution, as if
+    compliances were not bounded; ``rounds``: steps taken, ``settled``: whether they came to rest; ``start``: where they
+    set out from.
+    """
+
+    model: ArmModel
+    layout: Layout
+    data: AbsoluteReadings
+    u: Array
+    frames: tuple[Frame, ...]
+    residual: Array
+    weight: Array
+    variances: Variances
+    tail: float
+    reduced: Reduced
+    posterior: Posterior
+    start: Start
+    rounds: int
+    settled: bool
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (p,) of the variables."""
+        return np.sqrt(np.sum(self.posterior.half**2, axis=1))
+
+    @property
+    def prior_sd(self) -> Array:
+        """The same before any reading; inf where nothing was known."""
+        return self.variances.sds(self.layout.unknowns)
+
+    @property
+    def rms_m(self) -> float:
+        """RMS of the distances between read and predicted positions."""
+        return float(np.sqrt(np.mean(np.sum(self.residual**2, axis=1)))) if len(self.residual) else 0.0
+
+
+def fit(
+    model: ArmModel, data: AbsoluteReadings, layout: Layout, start: Start, *, robust: bool = True,
+    variances: Variances | None = None, progress: Progress | None = None,
+) -> Fit:  # fmt: skip
+    """Estimate the unknowns of ``layout``, which has the targets of ``data``; ``variances`` given are kept.
+
+    Raises
+    ------
+    InputError
+        Fewer readings than frames and targets need.
+    """
+    if 3 * len(data) <= FRAME * len(start.frames) + 3 * len(start.targets):
+        raise InputError("readings", value=len(data), allowed=f"more than {2 * len(start.frames) + len(start.targets)}")
+    u, frames = _first(layout, start), start.frames
+    rows = [np.flatnonzero(data.session.number == s) for s in range(len(frames))]
+    parts = [samples(model, _within(data, mine), layout, start.targets) for mine in rows]
+    weight = start.agree.astype(float) * (1.0 - 1e-6) + 1e-6 if robust else np.ones(len(data))
+    middle = max(float(np.median(start.error)) / 1.5, 1e-6)
+    found = variances or starting(layout.unknowns, middle)
+    tail, settled, kept = np.inf, False, variances is not None
+    first = np.array([one.start for one in layout.unknowns])
+    low, high = (np.array([getattr(one, end) for one in layout.unknowns]) for end in ("low", "high"))
+    for turn in range(ROUNDS):
+        reduced, residual = _reduced(model, layout, data, parts, rows, frames, u, weight, found.sigma)
+        if turn in TELLING and not kept:
+            before, found = found, likeliest(reduced, u, layout.unknowns, found, 3 * len(data) - FRAME * len(frames))
+            kept = turn == TELLING[-1] or abs(found.sigma / before.sigma - 1.0) < SAME
+        free, _ = posterior(reduced, u, first, found.sds(layout.unknowns), found.sigma)
+        step = _bounded(free, u, low, high, layout)
+        moved = float(np.linalg.norm(reduced.R @ step)) / (found.sigma * np.sqrt(3.0 * len(data)))
+        report_progress(progress, min(turn + 1, ROUNDS), ROUNDS)
+        if kept and moved < STILL:
+            settled = True
+            break
+        root = np.sqrt(weight * given_weight(data, found.sigma)) / found.sigma
+        sd = found.sds(layout.unknowns)
+        here = float(np.sum(root[:, None] ** 2 * residual**2) + np.sum(((u - first) / sd) ** 2))
+        for share in SHARES:
+            ahead = u + share * step
+            moved_frames = tuple(f.moved(share * own.step(step)) for f, own in zip(frames, reduced.own, strict=True))
+            r = _residuals(model, layout, data, parts, rows, moved_frames, ahead)
+            if float(np.sum(root[:, None] ** 2 * r**2) + np.sum(((ahead - first) / sd) ** 2)) <= here:
+                break
+        u, frames = ahead, moved_frames
+        if robust and turn:
+            weight, tail = _weights(residual, data, found.sigma, TAILS if not kept else (tail,))
+    return Fit(
+        model, layout, data, u, frames, residual, weight, found, tail, reduced, free, start, turn + 1, settled
+    )  # fmt: skip
+
+
+def _within(data: AbsoluteReadings, rows: Indices) -> AbsoluteReadings:
+    """Readings of a session with the targets' numbers as they are in all."""
+    part = data.take(rows)
+    return replace(part, target=replace(data.target, number=data.target.number[rows]))
+
+
+def _first(layout: Layout, start: Start) -> Array:
+    u = np.array([one.start for one in layout.unknowns])
+    for k, (t, a) in layout.of("target"):
+        u[k] = start.targets[t, a]
+    for k, (turns, order, a) in layout.of("rail"):
+        if (turns, order) == (0, 1):
+            u[k] = start.way[a]
+    return u
+
+
+def given_weight(data: AbsoluteReadings, sigma: float) -> Array:
+    """Weights (n,) by the standard deviations that readings bring, on top of a scatter that all have."""
+    own = np.nan_to_num(data.sigma)
+    return np.asarray(sigma**2 / (sigma**2 + own**2))
+
+
+def _reduced(
+    model: ArmModel, layout: Layout, data: AbsoluteReadings, parts: Sequence[Sequence[Sample]],
+    rows: Sequence[Indices], frames: Sequence[Frame], u: Array, weight: Array, sigma: float,
+) -> tuple[Reduced, Array]:  # fmt: skip
+    """The triangle at variables u and frames, and residuals (n, 3) m in the arm's axes."""
+    residual = np.empty((len(data), 3))
+    root = np.sqrt(weight * given_weight(data, sigma))
+    sessions: list[list[Callable[[], Array]]] = []
+    for mine, blocks, frame in zip(rows, parts, frames, strict=True):
+        first, made = 0, []
+        for block in blocks:
+            made.append(partial(_block, model, layout, block, data, mine[first : first + len(block)], frame, u, root,
+                                residual))  # fmt: skip
+            first += len(block)
+        sessions.append(made)
+    return reduce_sessions(sessions, len(layout)), residual
+
+
+def _residuals(
+    model: ArmModel, layout: Layout, data: AbsoluteReadings, parts: Sequence[Sequence[Sample]],
+    rows: Sequence[Indices], frames: Sequence[Frame], u: Array,
+) -> Array:  # fmt: skip
+    """Residuals (n, 3) m in the arm's axes, without derivatives."""
+    out = np.empty((len(data), 3))
+    for mine, blocks, frame in zip(rows, parts, frames, strict=True):
+        inside = frame.inside(data.position[mine])
+        predicted = np.concatenate([evaluate(model, layout, block, u, slopes=False)[0] for block in blocks], axis=1)
+        out[mine] = (inside - predicted).T
+    return out
+
+
+def _block(
+    model: ArmModel, layout: Layout, block: Sample, data: AbsoluteReadings, rows: Indices, frame: Frame, u: Array,
+    root: Array, residual: Array,
+) -> Array:  # fmt: skip
+    P, J = evaluate(model, layout, block, u)
+    r = frame.inside(data.position[rows]) - P
+    residual[rows] = r.T
+    return block_rows(frame_columns(P), J, r, root[rows])
+
+
+def _bounded(free: Posterior, u: Array, low: Array, high: Array, layout: Layout) -> Array:
+    """The step to the mode within the ranges: bounded variables on the rows that no other one has a say in."""
+    limited = layout.places(lambda one: one.kind == "spring")
+    if not limited.size or ((u + free.step >= low) & (u + free.step <= high))[limited].all():
+        return free.step
+    other = np.setdiff1d(np.arange(len(u)), limited)
+    R = np.linalg.qr(np.column_stack([free.root[:, other], free.root[:, limited], free.root @ free.step]), mode="r")
+    k, p = len(other), len(u)
+    step = np.zeros(p)
+    step[limited] = bounded_step(R[k:p, k:p], R[k:p, p], (low - u)[limited], (high - u)[limited])
+    step[other] = np.linalg.solve(R[:k, :k], R[:k, p] - R[:k, k:p] @ step[limited])
+    return step
+
+
+def _weights(
+    residual: Array, data: AbsoluteReadings, sigma: float, tails: Sequence[float]
+) -> tuple[Array, float]:  # fmt: skip
+    """Weights (n,) of Student's distribution in three directions with the likeliest tail, and that."""
+    square = np.sum(residual**2, axis=1) * given_weight(data, sigma) / sigma**2
+    best, chosen = -np.inf, tails[0]
+    for nu in tails:
+        scale = _scale(square, nu)
+        value = _log_likelihood(square / scale, nu) - 1.5 * len(square) * float(np.log(scale))
+        if value > best + 1.0:
+            best, chosen = value, nu
+    return (np.ones(len(square)) if np.isinf(chosen) else (chosen + 3.0) / (chosen + square)), chosen
+
+
+def _scale(square: Array, nu: float) -> float:
+    """Factor on the variance for squares (n,) of three directions that are alike."""
+    scale = max(float(np.median(square)) / 2.366, 1e-12)
+    for _ in range(30):
+        weight = np.ones(len(square)) if np.isinf(nu) else (nu + 3.0) / (nu + square / scale)
+        scale = max(float(np.mean(weight * square)) / 3.0, 1e-12)
+    return scale
+
+
+def _log_likelihood(square: Array, nu: float) -> float:
+    """Of squares (n,) over the scale, but for a constant of three normal directions."""
+    if np.isinf(nu):
+        return float(-0.5 * square.sum() - 1.5 * len(square) * np.log(2.0 * np.pi))
+    each = gammaln(0.5 * (nu + 3.0)) - gammaln(0.5 * nu) - 1.5 * np.log(nu * np.pi)
+    return float(len(square) * each - 0.5 * (nu + 3.0) * np.log1p(square / nu).sum())
