@@ -8,7 +8,7 @@ tell, so that a few wrong ones do not turn the frames.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -46,7 +46,7 @@ class Fit:
 
     ``u`` (p,): variables of ``layout``; ``frames`` by session; ``residual`` (n, 3) m in the arm's axes, read minus
     predicted; ``weight`` (n,): 1, less for readings far out; ``variances``; ``tail``: degrees of freedom of the
-    scatter; ``reduced``: the triangle at the end, with weights; ``posterior``: the variables' distribution, as if
+    scatter; ``free`` (f,): the variables that were free; ``reduced``: the triangle at the end, with weights; ``posterior``: the variables' distribution, as if
     compliances were not bounded; ``rounds``: steps taken, ``settled``: whether they came to rest; ``start``: where they
     set out from.
     """
@@ -60,6 +60,7 @@ class Fit:
     weight: Array
     variances: Variances
     tail: float
+    free: Indices
     reduced: Reduced
     posterior: Posterior
     start: Start
@@ -67,9 +68,16 @@ class Fit:
     settled: bool
 
     @property
+    def moving(self) -> Layout:
+        """The unknowns that were free, in the order of ``free``."""
+        return Layout(tuple(self.layout.unknowns[k] for k in self.free))
+
+    @property
     def sd(self) -> Array:
-        """Standard deviations (p,) of the variables."""
-        return np.sqrt(np.sum(self.posterior.half**2, axis=1))
+        """Standard deviations (p,) of the variables; zero of those that were held."""
+        out = np.zeros(len(self.u))
+        out[self.free] = np.sqrt(np.sum(self.posterior.half**2, axis=1))
+        return out
 
     @property
     def prior_sd(self) -> Array:
@@ -83,10 +91,12 @@ class Fit:
 
 
 def fit(
-    model: ArmModel, data: AbsoluteReadings, layout: Layout, start: Start, *, robust: bool = True,
-    variances: Variances | None = None, progress: Progress | None = None,
+    model: ArmModel, data: AbsoluteReadings, layout: Layout, start: Start, *, held: Array | None = None,
+    robust: bool = True, variances: Variances | None = None, progress: Progress | None = None,
 ) -> Fit:  # fmt: skip
-    """Estimate the unknowns of ``layout``, which has the targets of ``data``; ``variances`` given are kept.
+    """Estimate the unknowns of ``layout``, which has the targets of ``data``.
+
+    ``held`` (p,): values of variables that stay as they are, NaN for those that are free; ``variances``: kept if given.
 
     Raises
     ------
@@ -95,42 +105,108 @@ def fit(
     """
     if 3 * len(data) <= FRAME * len(start.frames) + 3 * len(start.targets):
         raise InputError("readings", value=len(data), allowed=f"more than {2 * len(start.frames) + len(start.targets)}")
-    u, frames = _first(layout, start), start.frames
-    rows = [np.flatnonzero(data.session.number == s) for s in range(len(frames))]
-    parts = [samples(model, _within(data, mine), layout, start.targets) for mine in rows]
+    u = _first(layout, start)
+    free = np.arange(len(u)) if held is None else np.flatnonzero(np.isnan(held))
+    u = u if held is None else np.where(np.isnan(held), u, held)
+    work = _Work(model, layout, data, free, start)
     weight = start.agree.astype(float) * (1.0 - 1e-6) + 1e-6 if robust else np.ones(len(data))
-    middle = max(float(np.median(start.error)) / 1.5, 1e-6)
-    found = variances or starting(layout.unknowns, middle)
-    tail, settled, kept = np.inf, False, variances is not None
-    first = np.array([one.start for one in layout.unknowns])
-    low, high = (np.array([getattr(one, end) for one in layout.unknowns]) for end in ("low", "high"))
+    found = variances or starting(work.moving.unknowns, max(float(np.median(start.error)) / 1.5, 1e-6))
+    state = _State(u, start.frames, weight, np.inf)
+    settled, kept = False, variances is not None
     for turn in range(ROUNDS):
-        reduced, residual = _reduced(model, layout, data, parts, rows, frames, u, weight, found.sigma)
+        reduced, residual = work.reduced(state, found.sigma)
         if turn in TELLING and not kept:
-            before, found = found, likeliest(reduced, u, layout.unknowns, found, 3 * len(data) - FRAME * len(frames))
+            before = found
+            found = likeliest(reduced, state.u[free], work.moving.unknowns, found, work.readings)
             kept = turn == TELLING[-1] or abs(found.sigma / before.sigma - 1.0) < SAME
-        free, _ = posterior(reduced, u, first, found.sds(layout.unknowns), found.sigma)
-        step = _bounded(free, u, low, high, layout)
+        open_, _ = posterior(reduced, state.u[free], work.first, work.sd(found), found.sigma)
+        step = bounded_mode(open_, state.u[free], work.moving)
         moved = float(np.linalg.norm(reduced.R @ step)) / (found.sigma * np.sqrt(3.0 * len(data)))
         report_progress(progress, min(turn + 1, ROUNDS), ROUNDS)
         if kept and moved < STILL:
             settled = True
             break
-        root = np.sqrt(weight * given_weight(data, found.sigma)) / found.sigma
-        sd = found.sds(layout.unknowns)
-        here = float(np.sum(root[:, None] ** 2 * residual**2) + np.sum(((u - first) / sd) ** 2))
-        for share in SHARES:
-            ahead = u + share * step
-            moved_frames = tuple(f.moved(share * own.step(step)) for f, own in zip(frames, reduced.own, strict=True))
-            r = _residuals(model, layout, data, parts, rows, moved_frames, ahead)
-            if float(np.sum(root[:, None] ** 2 * r**2) + np.sum(((ahead - first) / sd) ** 2)) <= here:
-                break
-        u, frames = ahead, moved_frames
+        state = work.stepped(state, reduced, step, residual, found)
         if robust and turn:
-            weight, tail = _weights(residual, data, found.sigma, TAILS if not kept else (tail,))
+            weight, tail = _weights(residual, data, found.sigma, TAILS if not kept else (state.tail,))
+            state = replace(state, weight=weight, tail=tail)
     return Fit(
-        model, layout, data, u, frames, residual, weight, found, tail, reduced, free, start, turn + 1, settled
+        model, layout, data, state.u, state.frames, residual, state.weight, found, state.tail, free, reduced, open_,
+        start, turn + 1, settled,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _State:
+    """Where the steps are: variables (p,), frames, weights (n,) and the tail they belong to."""
+
+    u: Array
+    frames: tuple[Frame, ...]
+    weight: Array
+    tail: float
+
+
+class _Work:
+    """Readings in blocks by session, and the unknowns that move."""
+
+    def __init__(self, model: ArmModel, layout: Layout, data: AbsoluteReadings, free: Indices, start: Start) -> None:
+        self.model, self.layout, self.data, self.free = model, layout, data, free
+        self.moving = Layout(tuple(layout.unknowns[k] for k in free))
+        self.first = np.array([one.start for one in self.moving.unknowns])
+        self.rows = [np.flatnonzero(data.session.number == s) for s in range(len(start.frames))]
+        self.parts = [samples(model, _within(data, mine), layout, start.targets) for mine in self.rows]
+        self.readings = 3 * len(data) - FRAME * len(start.frames)
+
+    def sd(self, variances: Variances) -> Array:
+        return variances.sds(self.moving.unknowns)
+
+    def blocks(self, frames: Sequence[Frame]) -> Iterator[tuple[int, Sample, Indices, Frame]]:
+        """Session, block, which of the readings (b,) it holds, and its frame."""
+        for s, (mine, parts, frame) in enumerate(zip(self.rows, self.parts, frames, strict=True)):
+            first = 0
+            for part in parts:
+                yield s, part, mine[first : first + len(part)], frame
+                first += len(part)
+
+    def reduced(self, state: _State, sigma: float) -> tuple[Reduced, Array]:
+        """The triangle, and residuals (n, 3) m in the arm's axes."""
+        residual = np.empty((len(self.data), 3))
+        root = np.sqrt(state.weight * given_weight(self.data, sigma))
+        sessions: list[list[Callable[[], Array]]] = [[] for _ in self.rows]
+        for s, part, rows, frame in self.blocks(state.frames):
+            sessions[s].append(partial(self._rows, part, rows, frame, state.u, root, residual))
+        return reduce_sessions(sessions, len(self.free)), residual
+
+    def _rows(self, part: Sample, rows: Indices, frame: Frame, u: Array, root: Array, residual: Array) -> Array:
+        P, J = evaluate(self.model, self.layout, part, u)
+        r = frame.inside(self.data.position[rows]) - P
+        residual[rows] = r.T
+        return block_rows(frame_columns(P), J[self.free], r, root[rows])
+
+    def stepped(self, state: _State, reduced: Reduced, step: Array, residual: Array, found: Variances) -> _State:
+        """The state after as much of a step as comes nearer to the readings and the priors."""
+        root, sd = state.weight * given_weight(self.data, found.sigma) / found.sigma**2, self.sd(found)
+
+        def loss(u: Array, r: Array) -> float:
+            return float(root @ np.sum(r**2, axis=1) + np.sum(((u[self.free] - self.first) / sd) ** 2))
+
+        here, ahead = loss(state.u, residual), state
+        for share in SHARES:
+            u = state.u.copy()
+            u[self.free] += share * step
+            frames = tuple(f.moved(share * own.step(step)) for f, own in zip(state.frames, reduced.own, strict=True))
+            ahead = replace(state, u=u, frames=frames)
+            if loss(u, self.residuals(ahead)) <= here:
+                break
+        return ahead
+
+    def residuals(self, state: _State) -> Array:
+        """Residuals (n, 3) m in the arm's axes, without derivatives."""
+        out = np.empty((len(self.data), 3))
+        for _, part, rows, frame in self.blocks(state.frames):
+            P, _ = evaluate(self.model, self.layout, part, state.u, slopes=False)
+            out[rows] = (frame.inside(self.data.position[rows]) - P).T
+        return out
 
 
 def _within(data: AbsoluteReadings, rows: Indices) -> AbsoluteReadings:
@@ -155,49 +231,9 @@ def given_weight(data: AbsoluteReadings, sigma: float) -> Array:
     return np.asarray(sigma**2 / (sigma**2 + own**2))
 
 
-def _reduced(
-    model: ArmModel, layout: Layout, data: AbsoluteReadings, parts: Sequence[Sequence[Sample]],
-    rows: Sequence[Indices], frames: Sequence[Frame], u: Array, weight: Array, sigma: float,
-) -> tuple[Reduced, Array]:  # fmt: skip
-    """The triangle at variables u and frames, and residuals (n, 3) m in the arm's axes."""
-    residual = np.empty((len(data), 3))
-    root = np.sqrt(weight * given_weight(data, sigma))
-    sessions: list[list[Callable[[], Array]]] = []
-    for mine, blocks, frame in zip(rows, parts, frames, strict=True):
-        first, made = 0, []
-        for block in blocks:
-            made.append(partial(_block, model, layout, block, data, mine[first : first + len(block)], frame, u, root,
-                                residual))  # fmt: skip
-            first += len(block)
-        sessions.append(made)
-    return reduce_sessions(sessions, len(layout)), residual
-
-
-def _residuals(
-    model: ArmModel, layout: Layout, data: AbsoluteReadings, parts: Sequence[Sequence[Sample]],
-    rows: Sequence[Indices], frames: Sequence[Frame], u: Array,
-) -> Array:  # fmt: skip
-    """Residuals (n, 3) m in the arm's axes, without derivatives."""
-    out = np.empty((len(data), 3))
-    for mine, blocks, frame in zip(rows, parts, frames, strict=True):
-        inside = frame.inside(data.position[mine])
-        predicted = np.concatenate([evaluate(model, layout, block, u, slopes=False)[0] for block in blocks], axis=1)
-        out[mine] = (inside - predicted).T
-    return out
-
-
-def _block(
-    model: ArmModel, layout: Layout, block: Sample, data: AbsoluteReadings, rows: Indices, frame: Frame, u: Array,
-    root: Array, residual: Array,
-) -> Array:  # fmt: skip
-    P, J = evaluate(model, layout, block, u)
-    r = frame.inside(data.position[rows]) - P
-    residual[rows] = r.T
-    return block_rows(frame_columns(P), J, r, root[rows])
-
-
-def _bounded(free: Posterior, u: Array, low: Array, high: Array, layout: Layout) -> Array:
+def bounded_mode(free: Posterior, u: Array, layout: Layout) -> Array:
     """The step to the mode within the ranges: bounded variables on the rows that no other one has a say in."""
+    low, high = (np.array([getattr(one, end) for one in layout.unknowns]) for end in ("low", "high"))
     limited = layout.places(lambda one: one.kind == "spring")
     if not limited.size or ((u + free.step >= low) & (u + free.step <= high))[limited].all():
         return free.step
