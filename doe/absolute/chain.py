@@ -26,6 +26,16 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True)
+class Nominal:
+    """What derivatives and laws refer to, the same for all readings: about where the targets sit (t, 3) m, for levers
+    of what gives way, and the ends of the rail's length that was used, m.
+    """
+
+    targets: Array
+    rail: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Sample:
     """Readings of a block, poses last: ``q`` (dof, n), ``rail`` (n,) from -1 to 1 and ``way`` (n,) m, ``target`` (n,).
 
@@ -43,9 +53,9 @@ class Sample:
         return int(self.q.shape[1])
 
 
-def samples(model: ArmModel, data: AbsoluteReadings, layout: Layout, at: Array) -> list[Sample]:
-    """The readings in blocks; ``at`` (t, 3) m: about where the targets sit, for the levers of what gives way."""
-    low, high = (float(data.rail.min(initial=0.0)), float(data.rail.max(initial=0.0)))
+def samples(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal) -> list[Sample]:
+    """The readings in blocks."""
+    at, (low, high) = nominal.targets, nominal.rail
     out = []
     for rows in in_blocks(len(data), BLOCK):
         part = data.q[rows]

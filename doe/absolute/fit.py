@@ -33,7 +33,7 @@ TELLING = (1, 3, 6)
 # Shares of a step that are tried one after the other until one comes nearer.
 SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)
 # All positions together move by less than this share of their scatter in the last step.
-STILL = 1e-4
+STILL = 5e-4
 # Rounds after which variances are kept if they moved by less than this.
 SAME = 0.01
 # Tails of the scatter that are tried: degrees of freedom of Student's distribution.
@@ -76,8 +76,18 @@ class Fit:
     def sd(self) -> Array:
         """Standard deviations (p,) of the variables; zero of those that were held."""
         out = np.zeros(len(self.u))
-        out[self.free] = np.sqrt(np.sum(self.posterior.half**2, axis=1))
+        out[self.free] = np.sqrt(np.sum(self.half**2, axis=1))
         return out
+
+    @property
+    def half(self) -> Array:
+        """H (f, f) with the free variables' covariance H H^T.
+
+        What readings with tails tell of a place is less than their weighted squares say, by (d + 3) / (d + 5) in three
+        directions (Lange, Little and Taylor 1989, doi:10.2307/2290063).
+        """
+        wider = 1.0 if np.isinf(self.tail) else float(np.sqrt((self.tail + 5.0) / (self.tail + 3.0)))
+        return wider * self.posterior.half
 
     @property
     def prior_sd(self) -> Array:
@@ -126,9 +136,9 @@ def fit(
         if kept and moved < STILL:
             settled = True
             break
-        state = work.stepped(state, reduced, step, residual, found)
+        state, ahead = work.stepped(state, reduced, step, residual, found)
         if robust and turn:
-            weight, tail = _weights(residual, data, found.sigma, TAILS if not kept else (state.tail,))
+            weight, tail = _weights(ahead, data, found.sigma, TAILS if not kept else (state.tail,))
             state = replace(state, weight=weight, tail=tail)
     return Fit(
         model, layout, data, state.u, state.frames, residual, state.weight, found, state.tail, free, reduced, open_,
@@ -154,7 +164,7 @@ class _Work:
         self.moving = Layout(tuple(layout.unknowns[k] for k in free))
         self.first = np.array([one.start for one in self.moving.unknowns])
         self.rows = [np.flatnonzero(data.session.number == s) for s in range(len(start.frames))]
-        self.parts = [samples(model, _within(data, mine), layout, start.targets) for mine in self.rows]
+        self.parts = [samples(model, _within(data, mine), layout, start.nominal) for mine in self.rows]
         self.readings = 3 * len(data) - FRAME * len(start.frames)
 
     def sd(self, variances: Variances) -> Array:
@@ -183,22 +193,25 @@ class _Work:
         residual[rows] = r.T
         return block_rows(frame_columns(P), J[self.free], r, root[rows])
 
-    def stepped(self, state: _State, reduced: Reduced, step: Array, residual: Array, found: Variances) -> _State:
-        """The state after as much of a step as comes nearer to the readings and the priors."""
+    def stepped(
+        self, state: _State, reduced: Reduced, step: Array, residual: Array, found: Variances
+    ) -> tuple[_State, Array]:
+        """The state after as much of a step as comes nearer to the readings and the priors, and residuals there."""
         root, sd = state.weight * given_weight(self.data, found.sigma) / found.sigma**2, self.sd(found)
 
         def loss(u: Array, r: Array) -> float:
             return float(root @ np.sum(r**2, axis=1) + np.sum(((u[self.free] - self.first) / sd) ** 2))
 
-        here, ahead = loss(state.u, residual), state
+        here, ahead, r = loss(state.u, residual), state, residual
         for share in SHARES:
             u = state.u.copy()
             u[self.free] += share * step
             frames = tuple(f.moved(share * own.step(step)) for f, own in zip(state.frames, reduced.own, strict=True))
             ahead = replace(state, u=u, frames=frames)
-            if loss(u, self.residuals(ahead)) <= here:
+            r = self.residuals(ahead)
+            if loss(u, r) <= here:
                 break
-        return ahead
+        return ahead, r
 
     def residuals(self, state: _State) -> Array:
         """Residuals (n, 3) m in the arm's axes, without derivatives."""

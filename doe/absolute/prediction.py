@@ -106,7 +106,7 @@ def _columns(found: Fit, data: AbsoluteReadings, mine: Integers, inside: Array) 
     """Columns of the frame (6, 3, n) and of the free variables (f, 3, n), and residuals (3, n)."""
     part = replace(data.take(mine), target=replace(data.target, number=data.target.number[mine]))
     made = [evaluate(found.model, found.layout, s, found.u) for s in
-            samples(found.model, part, found.layout, found.start.targets)]  # fmt: skip
+            samples(found.model, part, found.layout, found.start.nominal)]  # fmt: skip
     if not made:
         return np.zeros((6, 3, 0)), np.zeros((len(found.free), 3, 0)), np.zeros((3, 0))
     P = np.concatenate([p for p, _ in made], axis=1)
@@ -139,7 +139,7 @@ def carried_over(found: Fit, data: AbsoluteReadings, *, robust: bool = True) -> 
             own = found.reduced.own[s]
             F, J, r = _columns(found, at, np.arange(len(rows)), found.frames[s].inside(at.position))
             error[rows] = r.T
-            half[rows] = _half(F, J, own.R, own.follows, found.posterior.half, found).T
+            half[rows] = _half(F, J, own.R, own.follows, found.half, found).T
     new = np.flatnonzero(seen < 0)
     there = found
     if len(new):
@@ -172,7 +172,7 @@ def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> tuple[Predicted
         own = np.concatenate([F, J[np.isnan(held)]])
         Q = np.linalg.qr(own.reshape(len(own), -1).T)[0]
         moving = J[old >= 0].reshape(int((old >= 0).sum()), -1).T
-        moving = (moving - Q @ (Q.T @ moving)) @ found.posterior.half[old[old >= 0]]
+        moving = (moving - Q @ (Q.T @ moving)) @ found.half[old[old >= 0]]
         quantile = NORMAL_95 if np.isinf(found.tail) else float(stdtrit(found.tail, UPPER))
         variance = NORMAL_95**2 * np.sum(moving**2, axis=1) + (quantile * found.variances.sigma) ** 2
         half[mine] = np.sqrt(variance).reshape(3, -1).T

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from doe.absolute.chain import Nominal
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.reduced import Frame
 from doe.absolute.turns import nearest_rotation
@@ -30,7 +31,7 @@ FAR, LEAST_m = 6.0, 0.005
 @dataclass(frozen=True)
 class Start:
     """``frames`` by session, ``targets`` (t, 3) m, ``way`` (3,) of the rail a metre, ``error`` (n,) m of readings, and
-    which ones (n,) ``agree``.
+    which ones (n,) ``agree``; ``rail``: ends of its length that was used, m.
     """
 
     frames: tuple[Frame, ...]
@@ -38,6 +39,12 @@ class Start:
     way: Array
     error: Array
     agree: Bools
+    rail: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def nominal(self) -> Nominal:
+        """What derivatives refer to."""
+        return Nominal(self.targets, self.rail)
 
 
 def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
@@ -92,7 +99,8 @@ def _settled(data: AbsoluteReadings, frames: list[Frame], targets: Array, way: A
         error[mine] = np.linalg.norm(y - P[mine] @ R.T - t, axis=1)
         agree[mine] = error[mine] <= max(FAR * float(np.median(error[mine])), LEAST_m)
         out.append(Frame(R, t))
-    return Start(tuple(out), targets, way, error, agree)
+    rail = (float(data.rail.min()), float(data.rail.max()))
+    return Start(tuple(out), targets, way, error, agree, rail)
 
 
 def _needed(targets: int, has_rail: bool) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from doe.absolute.chain import evaluate, samples
+from doe.absolute.chain import Nominal, evaluate, samples
 from doe.absolute.readings import AbsoluteReadings, Labels
 from doe.absolute.reduced import FRAME, frame_columns
 from doe.absolute.unknowns import Layout, Unknown
@@ -48,8 +48,8 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, targets: Array, seed: int = 0) -> tuple[Twin, ...]:
-    """Unknowns that no poses within the joints' ranges tell apart, with the targets at (t, 3) m."""
+def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal, seed: int = 0) -> tuple[Twin, ...]:
+    """Unknowns that no poses within the joints' ranges tell apart, with the targets where they are."""
     looked = tuple(
         one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT
     )  # fmt: skip
@@ -57,7 +57,7 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, targets: Arra
     some = _random(model, data, np.random.default_rng(seed))
     u = np.array([one.start for one in part.unknowns])
     for k, (t, a) in part.of("target"):
-        u[k] = targets[t, a]
+        u[k] = nominal.targets[t, a]
     for k, (turns, order, a) in part.of("rail"):
         u[k] = float((turns, order, a) == (0, 1, 0))
     # Payloads move something where springs give way; everything else is looked at where none does, for what gives way
@@ -65,7 +65,7 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, targets: Arra
     soft = u + np.array([1e-6 * (one.kind == "spring") for one in part.unknowns])
     carried = np.array([one.kind == "payload" for one in part.unknowns])
     blocks = []
-    for s in samples(model, some, part, targets):
+    for s in samples(model, some, part, nominal):
         (P, J), (_, yielding) = evaluate(model, part, s, u), evaluate(model, part, s, soft)
         blocks.append((P, np.where(carried[:, None, None], yielding, J)))
     columns = np.concatenate([np.concatenate([frame_columns(P), J]).reshape(FRAME + len(part), 3, -1) for P, J in blocks],
@@ -84,7 +84,7 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
     wide = np.where(high > low, high - low, 1.0)
     n = POSES * len(data.target.names)
     pick = rng.integers(0, len(data), n)
-    span = float(data.rail.min()), float(data.rail.max())
+    span = float(data.rail.min(initial=0.0)), float(data.rail.max(initial=0.0))
     return replace(
         data, q=low + wide * rng.uniform(size=(n, model.robot.dof)), position=np.zeros((n, 3)),
         session=Labels(("",), np.zeros(n, dtype=np.int64)),
