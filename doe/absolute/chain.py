@@ -3,13 +3,14 @@
 ``P = rail(x) o frames with errors o joints that turn by other angles than they say + what gives way under weight``.
 A joint turns by ``q + zero + ratio q + sum of others' shares + sum of sines and cosines of q``; its frame is moved by
 an error in its own axes before it turns. What gives way under weight is linear in the compliances
-(:mod:`doe.absolute.weight`), with levers of the arm as described: errors of a millimetre in a lever of a metre change
-a deflection of a millimetre by a micrometre.
+(:mod:`doe.absolute.weight`), at the angles that the joints really have and with levers of the arm as described: errors
+of a millimetre in a lever of a metre change a deflection of a millimetre by a micrometre. Derivatives leave out that
+these torques move a little with the angles; they are worked out anew after each step, so the estimate does not.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from doe.absolute.unknowns import Layout
 from doe.absolute.weight import Weight, weight
 from fem import ArmModel
 from fem.statics.vectors import cross, times_constant, to_base
-from robots.arrays import Array, in_blocks
+from robots.arrays import Array, Integers, in_blocks
 
 # Poses at a time: a block's derivatives by 60 numbers take some 6 MB.
 BLOCK = 4096
@@ -45,27 +46,37 @@ class Sample:
     q: Array
     way: Array
     rail: Array
-    target: Array
-    payload: Array
+    target: Integers
+    payload: Integers
     weight: Weight | None
 
     def __len__(self) -> int:
         return int(self.q.shape[1])
 
 
-def samples(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal) -> list[Sample]:
-    """The readings in blocks."""
-    at, (low, high) = nominal.targets, nominal.rail
-    out = []
+def samples(
+    model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal, u: Array | None = None
+) -> list[Sample]:  # fmt: skip
+    """The readings in blocks; ``u`` (p,): variables with which the joints' real angles are worked out."""
+    (low, high), out = nominal.rail, []
     for rows in in_blocks(len(data), BLOCK):
-        part = data.q[rows]
-        scaled = (2.0 * data.rail[rows] - low - high) / max(high - low, 1e-12)
-        gives = weight(model, part, at[data.target.number[rows]], data.payload[rows], data.payloads, layout)
-        out.append(
-            Sample(np.ascontiguousarray(part.T), data.rail[rows], scaled, data.target.number[rows], data.payload[rows],
-                   gives)
+        rail = data.rail[rows]
+        scaled = (2.0 * rail - low - high) / max(high - low, 1e-12)
+        s = Sample(
+            np.ascontiguousarray(data.q[rows].T), rail, scaled, data.target.number[rows], data.payload[rows], None
         )  # fmt: skip
+        s = loaded(model, s, data, layout, nominal)
+        out.append(s if u is None else loaded(model, s, data, layout, nominal, u))
     return out
+
+
+def loaded(
+    model: ArmModel, s: Sample, data: AbsoluteReadings, layout: Layout, nominal: Nominal, u: Array | None = None
+) -> Sample:  # fmt: skip
+    """The block with what gives way at the joints' real angles with variables u; without them, at what joints say."""
+    q = s.q if u is None else turning(layout, s, u).angle
+    target = nominal.targets[s.target]
+    return replace(s, weight=weight(model, np.ascontiguousarray(q.T), target, s.payload, data.payloads, layout))
 
 
 @dataclass(frozen=True)
@@ -76,8 +87,9 @@ class Turning:
     columns: list[tuple[int, int, Array]]
 
 
-def turning(layout: Layout, q: Array, u: Array) -> Turning:
-    """Real angles of joints that say q (dof, n), with variables u (p,)."""
+def turning(layout: Layout, s: Sample, u: Array) -> Turning:
+    """Real angles of the joints with variables u (p,)."""
+    q = s.q
     out, columns = q.copy(), []
     for k, (j,) in layout.of("zero"):
         columns.append((k, j, np.ones(q.shape[1])))
@@ -92,6 +104,9 @@ def turning(layout: Layout, q: Array, u: Array) -> Turning:
         columns.append((k, j, waves[j, order][phase]))
     for k, j, rate in columns:
         out[j] += u[k] * rate
+    for k, j, rate, share in () if s.weight is None else s.weight.turns(layout, u):
+        columns.append((k, j, rate))
+        out[j] += share * u[k] * rate
     return Turning(out, columns)
 
 
@@ -149,7 +164,7 @@ def flange_targets(layout: Layout, u: Array) -> Array:
 
 def evaluate(model: ArmModel, layout: Layout, s: Sample, u: Array, *, slopes: bool = True) -> tuple[Array, Array]:
     """Positions (3, n) m of the targets in the base's frame, and derivatives (p, 3, n); empty without ``slopes``."""
-    turn, errors = turning(layout, s.q, u), frame_errors(layout, model.robot.dof, u)
+    turn, errors = turning(layout, s, u), frame_errors(layout, model.robot.dof, u)
     at = posed(model, turn.angle, errors)
     local = np.ascontiguousarray(flange_targets(layout, u)[s.target].T)
     P = at.p + to_base(at.R, local)
@@ -159,7 +174,7 @@ def evaluate(model: ArmModel, layout: Layout, s: Sample, u: Array, *, slopes: bo
             J[k] = _frame_slope(at, P, errors[j], j, c)
         spun = {j: model.robot.sign[j] * cross(at.axis[j], P - at.origin[j]) for j in {j for _, j, _ in turn.columns}}
         for k, j, rate in turn.columns:
-            np.multiply(spun[j], rate, out=J[k])
+            J[k] += spun[j] * rate
         for k, (t, a) in layout.of("target"):
             J[k] = at.R[:, a] * (s.target == t)
     if s.weight is not None:

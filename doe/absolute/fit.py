@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from scipy.special import gammaln
 
-from doe.absolute.chain import Sample, evaluate, samples
+from doe.absolute.chain import Sample, evaluate, loaded, samples
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.reduced import FRAME, Frame, Reduced, block_rows, frame_columns, reduce_sessions
 from doe.absolute.shrinkage import Posterior, Variances, likeliest, posterior, starting
@@ -28,6 +28,8 @@ from robots.arrays import Array, Indices
 from robots.progress import Progress, report_progress
 
 ROUNDS = 25
+# Rounds in which weights are worked out anew, at the angles that joints really have.
+LOADED = (1, 2, 4, 7)
 # Rounds in which the readings are asked for variances.
 TELLING = (1, 3, 6)
 # Shares of a step that are tried one after the other until one comes nearer.
@@ -124,6 +126,8 @@ def fit(
     state = _State(u, start.frames, weight, np.inf)
     settled, kept = False, variances is not None
     for turn in range(ROUNDS):
+        if turn in LOADED:
+            work.load(state.u)
         reduced, residual = work.reduced(state, found.sigma)
         if turn in TELLING and not kept:
             before = found
@@ -160,12 +164,20 @@ class _Work:
     """Readings in blocks by session, and the unknowns that move."""
 
     def __init__(self, model: ArmModel, layout: Layout, data: AbsoluteReadings, free: Indices, start: Start) -> None:
-        self.model, self.layout, self.data, self.free = model, layout, data, free
+        self.model, self.layout, self.data, self.free, self.start = model, layout, data, free, start
         self.moving = Layout(tuple(layout.unknowns[k] for k in free))
         self.first = np.array([one.start for one in self.moving.unknowns])
         self.rows = [np.flatnonzero(data.session.number == s) for s in range(len(start.frames))]
         self.parts = [samples(model, _within(data, mine), layout, start.nominal) for mine in self.rows]
         self.readings = 3 * len(data) - FRAME * len(start.frames)
+
+    def load(self, u: Array) -> None:
+        """Work out what gives way at the joints' real angles with variables u (p,)."""
+        if self.layout.of("spring"):
+            self.parts = [
+                [loaded(self.model, part, self.data, self.layout, self.start.nominal, u) for part in parts]
+                for parts in self.parts
+            ]
 
     def sd(self, variances: Variances) -> Array:
         return variances.sds(self.moving.unknowns)

@@ -98,7 +98,7 @@ def _distance(
         type(data.target)(data.target.names, np.array([number])), part.payload, part.payloads, part.rail, part.sigma,
         part.line,
     )  # fmt: skip
-    sample = samples(found.model, changed, found.layout, found.start.nominal)[0]
+    sample = samples(found.model, changed, found.layout, found.start.nominal, found.u)[0]
     P, _ = evaluate(found.model, found.layout, sample, found.u, slopes=False)
     y = data.position[row] if position is None else position
     return float(np.linalg.norm(found.frames[data.session.number[row]].inside(y[None]) - P))

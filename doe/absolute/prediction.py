@@ -106,7 +106,7 @@ def _columns(found: Fit, data: AbsoluteReadings, mine: Integers, inside: Array) 
     """Columns of the frame (6, 3, n) and of the free variables (f, 3, n), and residuals (3, n)."""
     part = replace(data.take(mine), target=replace(data.target, number=data.target.number[mine]))
     made = [evaluate(found.model, found.layout, s, found.u) for s in
-            samples(found.model, part, found.layout, found.start.nominal)]  # fmt: skip
+            samples(found.model, part, found.layout, found.start.nominal, found.u)]  # fmt: skip
     if not made:
         return np.zeros((6, 3, 0)), np.zeros((len(found.free), 3, 0)), np.zeros((3, 0))
     P = np.concatenate([p for p, _ in made], axis=1)

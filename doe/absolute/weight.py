@@ -1,13 +1,15 @@
-"""What compliances make of the weight of links and payloads: displacement of the target for each unit of compliance.
+"""What gives way under the weight of links and payloads: turns of joints about their axes, displacements by the rest.
 
-A mass loads what comes before it; the target moves by what each spring gives way, ``T_target^T C T_mass w``, with T as
-of :mod:`fem.statics.transfers`, the parallelogram's load path among them. It is linear in every compliance, and in a
-payload's mass and first moments.
+A mass loads what comes before it, by the wrenches of :mod:`fem.statics.transfers`. A spring about a serial joint's axis
+turns that joint by compliance times torque: finite turns, for half the square of a sag of five milliradians already
+shortens an arm of a metre by twelve micrometres. What gives way in other directions, and all of an arm with a
+parallelogram, whose actuator sits elsewhere, moves the target linearly, ``T_target^T C T_mass w``. Both are linear in
+every compliance, and in a payload's mass and first moments.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,18 +24,35 @@ from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
 
 
+# Row of a joint's axes that its spring acts in.
+AXIAL = 5
+
+
 @dataclass(frozen=True)
 class Weight:
     """By place of a compliance among the unknowns: displacement (3, n) m for each unit, by the links' weight.
 
     ``payload``: the same by 1 kg at the flange's origin and by first moments of 1 kg m along its axes, (4, 3, n) each;
-    ``held`` (n, 4): mass and first moments that the flange carries as the table says, ``which`` (n,) payload it is.
+    ``torque``: of springs that turn their joint: the joint, and what turns it (5, n) N m by the links, by 1 kg and by
+    first moments; ``held`` (n, 4): mass and first moments that the flange carries as the table says, ``which`` (n,)
+    payload it is.
     """
 
     links: dict[int, Array]
     payload: dict[int, Array]
+    torque: dict[int, tuple[int, Array]]
     held: Array
     which: Integers
+
+    def turns(self, layout: Layout, u: Array) -> Iterator[tuple[int, int, Array, float]]:
+        """Columns ``(place, joint, rate (n,))`` of turns, and by what share of the variable they turn a joint."""
+        held, free = self.held.copy(), layout.of("payload")
+        for k, (number, part) in free:
+            held[self.which == number, part] = u[k]
+        for place, (joint, torque) in self.torque.items():
+            yield place, joint, torque[0] + np.einsum("kn,nk->n", torque[1:], held), 1.0
+            for k, (number, part) in free:
+                yield k, joint, u[place] * torque[1 + part] * (self.which == number), 0.0
 
     def add(self, layout: Layout, u: Array, J: Array) -> Array:
         """Displacements (3, n) m with variables u (p,); their derivatives go into J (p, 3, n) unless that is empty."""
@@ -42,7 +61,7 @@ class Weight:
         for k, (number, part) in free:
             held[self.which == number, part] = u[k]
         for place, own in self.links.items():
-            unit = own + np.einsum("kan,nk->an", self.payload[place], held) if place in self.payload else own
+            unit = own + np.einsum("kan,nk->an", self.payload[place], held)
             out += u[place] * unit
             if len(J):
                 J[place] = unit
@@ -64,25 +83,28 @@ def weight(
     frames = forward_kinematics(model.robot, q)
     wanted = [index for _, index in free]
     lever = _rows(model, frames, tool_position(model.robot, frames, target), wanted)
-    links = {index: np.zeros((3, len(q))) for index in wanted}
+    own = {index: np.zeros(len(q)) for index in wanted}
     for mass in model.masses:
         point = frames.p[:, mass.body] + np.einsum("nij,j->ni", frames.R[:, mass.body], mass.centre)
         for (joint, row), T in _rows(model, frames, point, wanted).items():
             if joint < mass.body:
-                links[joint, row] += lever[joint, row][:3] * (-STANDARD_GRAVITY * mass.kg * T[2])
+                own[joint, row] += -STANDARD_GRAVITY * mass.kg * T[2]
     held = np.array([[p.kg, *(p.kg * p.centre)] for p in payloads]).reshape(-1, 4)[which]
-    carried: dict[tuple[int, ...], Array] = {}
+    parts = {index: np.zeros((4, len(q))) for index in wanted}
     if held.any() or layout.of("payload"):
         # A force at a point is the force at the flange's origin, and its moment about that: linear in both.
         R, at_flange = poses_last(frames.R_flange), _rows(model, frames, frames.p_flange, wanted)
         down = np.array([0.0, 0.0, -STANDARD_GRAVITY])[:, None]
         moments = [cross(to_base(R, np.eye(3)[:, a, None]), down) for a in range(3)]
         for index, T in at_flange.items():
-            parts = [T[2] * down[2], *(np.einsum("in,in->n", T[3:], m) for m in moments)]
-            carried[index] = np.stack([lever[index][:3] * part for part in parts])
+            parts[index] = np.stack([T[2] * down[2], *(np.einsum("in,in->n", T[3:], m) for m in moments)])
+    spun = {k: index for k, index in free if index[1] == AXIAL and index[0] >= 0 and model.bar is None}
+    moved = {k: index for k, index in free if k not in spun}
+    sign = model.robot.sign
     return Weight(
-        {k: links[index] for k, index in free},
-        {k: carried[index] for k, index in free} if carried else {},
+        {k: lever[index][:3] * own[index] for k, index in moved.items()},
+        {k: lever[index][:3] * parts[index][:, None] for k, index in moved.items()},
+        {k: (j, sign[j] * np.vstack([own[j, row], parts[j, row]])) for k, (j, row) in spun.items()},
         held, which.astype(np.int64),
     )  # fmt: skip
 
