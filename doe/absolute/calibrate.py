@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-
 from doe.absolute.fit import Fit, fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open
@@ -105,5 +104,3 @@ def calibrate_positions(
 
 def _rail(data: AbsoluteReadings) -> tuple[str, ...]:
     return ("rail",) if data.has_rail else ()
-
-

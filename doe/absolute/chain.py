@@ -28,8 +28,9 @@ BLOCK = 4096
 
 @dataclass(frozen=True)
 class Nominal:
-    """What derivatives and laws refer to, the same for all readings: about where the targets sit (t, 3) m, for levers
-    of what gives way, and the ends of the rail's length that was used, m.
+    """What derivatives and laws refer to, the same for all readings.
+
+    ``targets`` (t, 3) m: about where they sit, for levers of what gives way; ``rail``: ends of its length used, m.
     """
 
     targets: Array

@@ -17,7 +17,7 @@ from scipy.special import gammaln
 
 from doe.absolute.chain import Sample, evaluate, loaded, samples
 from doe.absolute.readings import AbsoluteReadings
-from doe.absolute.reduced import FRAME, Frame, Reduced, block_rows, frame_columns, reduce_sessions
+from doe.absolute.reduced import FRAME, Frame, Reduced, block_rows, frame_columns, reduce_sessions, upper
 from doe.absolute.shrinkage import Posterior, Variances, likeliest, posterior, starting
 from doe.absolute.start import Start
 from doe.absolute.unknowns import Layout
@@ -27,15 +27,15 @@ from robots import InputError
 from robots.arrays import Array, Indices
 from robots.progress import Progress, report_progress
 
-ROUNDS = 25
+ROUNDS = 40
 # Rounds in which weights are worked out anew, at the angles that joints really have.
 LOADED = (1, 2, 4, 7)
 # Rounds in which the readings are asked for variances.
 TELLING = (1, 3, 6)
 # Shares of a step that are tried one after the other until one comes nearer.
 SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)
-# All positions together move by less than this share of their scatter in the last step.
-STILL = 5e-4
+# All positions together move by less than this share of their scatter in a step.
+STILL = 1e-3
 # Rounds after which variances are kept if they moved by less than this.
 SAME = 0.01
 # Tails of the scatter that are tried: degrees of freedom of Student's distribution.
@@ -47,10 +47,10 @@ class Fit:
     """What was found.
 
     ``u`` (p,): variables of ``layout``; ``frames`` by session; ``residual`` (n, 3) m in the arm's axes, read minus
-    predicted; ``weight`` (n,): 1, less for readings far out; ``variances``; ``tail``: degrees of freedom of the
-    scatter; ``free`` (f,): the variables that were free; ``reduced``: the triangle at the end, with weights; ``posterior``: the variables' distribution, as if
-    compliances were not bounded; ``rounds``: steps taken, ``settled``: whether they came to rest; ``start``: where they
-    set out from.
+    predicted; ``weight`` (n,): 1, less for readings far out; ``tail``: degrees of freedom of the scatter; ``free``
+    (f,): the variables that were; ``reduced``: the triangle at the end, with weights; ``posterior``: the variables'
+    distribution, as if compliances were not bounded; ``start``: where steps set out from; ``rounds``: steps taken, and
+    whether they ``settled``.
     """
 
     model: ArmModel
@@ -263,7 +263,7 @@ def bounded_mode(free: Posterior, u: Array, layout: Layout) -> Array:
     if not limited.size or ((u + free.step >= low) & (u + free.step <= high))[limited].all():
         return free.step
     other = np.setdiff1d(np.arange(len(u)), limited)
-    R = np.linalg.qr(np.column_stack([free.root[:, other], free.root[:, limited], free.root @ free.step]), mode="r")
+    R = upper(np.column_stack([free.root[:, other], free.root[:, limited], free.root @ free.step]))
     k, p = len(other), len(u)
     step = np.zeros(p)
     step[limited] = bounded_step(R[k:p, k:p], R[k:p, p], (low - u)[limited], (high - u)[limited])

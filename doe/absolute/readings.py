@@ -69,9 +69,8 @@ class AbsoluteReadings:
 
     def take(self, rows: Indices | Bools) -> AbsoluteReadings:
         """Some of the readings, in that order."""
-        rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        k: Indices = np.arange(len(self))[rows]
         return AbsoluteReadings(
-            self.source, self.sha256, self.q[rows], self.position[rows], self.session.take(rows),
-            self.target.take(rows), self.payload[rows], self.payloads, self.rail[rows], self.sigma[rows],
-            self.line[rows], self.notes,
+            self.source, self.sha256, self.q[k], self.position[k], self.session.take(k), self.target.take(k),
+            self.payload[k], self.payloads, self.rail[k], self.sigma[k], self.line[k], self.notes,
         )  # fmt: skip

@@ -47,10 +47,15 @@ def frame_columns(P: Array) -> Array:
     return out
 
 
+def upper(rows: Array) -> Array:
+    """The triangle (min(m, c), c) of a Householder factorisation of rows (m, c)."""
+    return np.asarray(np.linalg.qr(rows, mode="r"))
+
+
 def triangle(*rows: Array) -> Array:
     """The triangle of stacked rows (m, c): its products are theirs."""
     stacked = np.vstack(rows)
-    return np.asarray(np.linalg.qr(stacked, mode="r")) if len(stacked) > stacked.shape[1] else stacked
+    return upper(stacked) if len(stacked) > stacked.shape[1] else stacked
 
 
 def block_rows(F: Array, J: Array, r: Array, root: Array) -> Array:
@@ -81,7 +86,7 @@ class Own:
 
 @dataclass(frozen=True)
 class Reduced:
-    """``|z - R x|^2 + rest`` for a step x (p,) of the variables that are no frame's; R (p, p), and each session's own."""
+    """``|z - R x|^2 + rest`` for a step x (p,) of the variables that are no frame's; R (p, p); each session's own."""
 
     R: Array
     z: Array
@@ -97,7 +102,7 @@ def reduce_sessions(sessions: Sequence[Sequence[Callable[[], Array]]], width: in
         for block in blocks:
             mine = triangle(mine, block())
         padded = np.zeros((max(FRAME - len(mine), 0), mine.shape[1]))
-        mine = np.vstack([np.linalg.qr(mine, mode="r"), padded])
+        mine = np.vstack([upper(mine), padded])
         own.append(Own(mine[:FRAME, :FRAME], mine[:FRAME, FRAME:-1], mine[:FRAME, -1]))
         whole = triangle(whole, mine[FRAME:, FRAME:])
     return as_reduced(whole, tuple(own))
@@ -107,6 +112,6 @@ def as_reduced(whole: Array, own: tuple[Own, ...]) -> Reduced:
     """The parts of a triangle (., p + 1)."""
     width = whole.shape[1] - 1
     full = np.zeros((max(len(whole), width + 1), width + 1))
-    full[: len(whole)] = np.linalg.qr(whole, mode="r") if len(whole) > width + 1 else whole
-    top = np.linalg.qr(full, mode="r")
+    full[: len(whole)] = upper(whole) if len(whole) > width + 1 else whole
+    top = upper(full)
     return Reduced(top[:width, :width], top[:width, -1], float(top[width, -1] ** 2), own)

@@ -3,7 +3,7 @@
 Variables with a law (joint error curves, the rail's bow) are draws from normal distributions about zero, ``u ~ N(0, s^2
 g)``, with sizes s and shapes g (by order) that the readings tell: what maximises the likelihood with all variables
 integrated out (restricted likelihood; MacKay 1992, doi:10.1162/neco.1992.4.3.415; Wood 2011,
-doi:10.1111/j.1467-9868.2010.00749.x). It needs the reduced triangle alone, so it costs the same for any number of poses.
+doi:10.1111/j.1467-9868.2010.00749.x). It needs the reduced triangle alone: it costs the same for any number of poses.
 A curve's variance by order N is ``a^2 / (1 + (N / b)^2)^2``: smooth on scales below a turn over b.
 """
 
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from doe.absolute.reduced import Reduced
+from doe.absolute.reduced import Reduced, upper
 from doe.absolute.unknowns import Unknown
 from robots.arrays import Array
 
@@ -52,8 +52,9 @@ def starting(unknowns: Sequence[Unknown], sigma: float) -> Variances:
 
 @dataclass(frozen=True)
 class Posterior:
-    """The variables' distribution given variances: ``root`` (p, p), a triangle whose inverse times its own transpose is
-    the covariance; ``step`` (p,) to the mean.
+    """The variables' distribution given variances.
+
+    ``root`` (p, p): a triangle whose inverse times that's transpose is the covariance; ``step`` (p,) to the mean.
     """
 
     root: Array
@@ -76,7 +77,7 @@ def posterior(of: Reduced, u: Array, start: Array, sd: Array, sigma: float) -> t
     prior[np.arange(len(known)), known] = 1.0 / sd[known]
     prior[:, -1] = (start - u)[known] / sd[known]
     rows = np.vstack([np.column_stack([of.R, of.z]) / sigma, prior])
-    R = np.linalg.qr(rows, mode="r")
+    R = upper(rows)
     square = of.rest / sigma**2 + (float(R[width, -1] ** 2) if len(R) > width else 0.0)
     root = R[:width, :width] * np.where(np.diag(R[:width]) < 0.0, -1.0, 1.0)[:, None]
     z = R[:width, -1] * np.where(np.diag(R[:width]) < 0.0, -1.0, 1.0)
@@ -86,45 +87,47 @@ def posterior(of: Reduced, u: Array, start: Array, sd: Array, sigma: float) -> t
     return Posterior(root, solve_triangular(root, z)), square
 
 
-def likeliest(
-    of: Reduced, u: Array, unknowns: Sequence[Unknown], start: Variances, readings: int
-) -> Variances:  # fmt: skip
+def likeliest(of: Reduced, u: Array, unknowns: Sequence[Unknown], start: Variances, readings: int) -> Variances:
     """Variances of the largest marginal likelihood, by quasi-Newton steps with exact slopes in their logarithms.
 
     ``readings``: rows that were reduced, less six for each frame.
     """
     names = list(start.laws)
-    first = np.array([one.start for one in unknowns])
-    law_of = np.array([names.index(one.law) if one.law else -1 for one in unknowns])
-    order = np.array([one.index[1] if one.law else 0 for one in unknowns], dtype=float)
 
     def loss(x: Array) -> tuple[float, Array]:
-        v = _variances(x, names)
-        sd = v.sds(unknowns)
-        found, square = posterior(of, u, first, sd, v.sigma)
-        known = np.isfinite(sd)
-        value = 2.0 * readings * x[0] + 2.0 * float(np.log(np.diag(found.root)).sum())
-        value += 2.0 * float(np.log(sd[known]).sum()) + square
-        half = found.half
-        at = u + found.step
-        # d(loss)/d(ln sd_k): 2 - 2 (V_kk + (u_k - start_k)^2) / sd_k^2
-        spread = np.sum(half**2, axis=1) + (at - first) ** 2
-        by_sd = np.where(known, 2.0 - 2.0 * spread / np.where(known, sd, 1.0) ** 2, 0.0)
-        fitted = of.R @ half
-        residual = of.z - of.R @ found.step
-        used = float(np.sum(fitted**2)) + float(residual @ residual) + of.rest
-        slope = [2.0 * readings - 2.0 * used / v.sigma**2]
-        for k, name in enumerate(names):
-            mine = law_of == k
-            b = v.laws[name][1]
-            share = 2.0 * (order / b) ** 2 / (1.0 + (order / b) ** 2)
-            slope += [float(by_sd[mine].sum()), float((by_sd * share)[mine].sum())]
-        return value / 2.0, np.array(slope) / 2.0
+        return minus_log(of, u, unknowns, _variances(x, names), readings)
 
-    x = _logarithms(start, names)
     bounds = [(np.log(1e-7), np.log(1.0))] + [tuple(np.log(b)) for _ in names for b in (SIZES, ORDERS)]
-    found = minimize(loss, x, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": MOST_STEPS, "ftol": 1e-9})
+    found = minimize(
+        loss, _logarithms(start, names), jac=True, method="L-BFGS-B", bounds=bounds,
+        options={"maxiter": MOST_STEPS, "ftol": 1e-9},
+    )  # fmt: skip
     return _variances(np.asarray(found.x), names)
+
+
+def minus_log(
+    of: Reduced, u: Array, unknowns: Sequence[Unknown], v: Variances, readings: int
+) -> tuple[float, Array]:  # fmt: skip
+    """Minus the logarithm of the marginal likelihood, but for a constant, and its slopes (1 + 2 laws,).
+
+    Slopes are by the logarithms of the scatter, and of each law's size and order.
+    """
+    start, sd = np.array([one.start for one in unknowns]), v.sds(unknowns)
+    found, square = posterior(of, u, start, sd, v.sigma)
+    known = np.isfinite(sd)
+    value = readings * np.log(v.sigma) + float(np.log(np.diag(found.root)).sum())
+    value += float(np.log(sd[known]).sum()) + 0.5 * square
+    # By the logarithm of a prior's standard deviation: 1 - (variance + distance^2) / sd^2.
+    spread = np.sum(found.half**2, axis=1) + (u + found.step - start) ** 2
+    by_sd = np.where(known, 1.0 - spread / np.where(known, sd, 1.0) ** 2, 0.0)
+    residual = of.z - of.R @ found.step
+    used = float(np.sum((of.R @ found.half) ** 2)) + float(residual @ residual) + of.rest
+    slopes = [readings - used / v.sigma**2]
+    for law, (_, b) in v.laws.items():
+        mine = np.array([one.law == law for one in unknowns])
+        ratio = np.array([one.index[1] / b if one.law == law else 0.0 for one in unknowns]) ** 2
+        slopes += [float(by_sd[mine].sum()), float((by_sd * 2.0 * ratio / (1.0 + ratio)).sum())]
+    return value, np.array(slopes)
 
 
 def _logarithms(v: Variances, names: Sequence[str]) -> Array:

@@ -30,8 +30,10 @@ FAR, LEAST_m = 6.0, 0.005
 
 @dataclass(frozen=True)
 class Start:
-    """``frames`` by session, ``targets`` (t, 3) m, ``way`` (3,) of the rail a metre, ``error`` (n,) m of readings, and
-    which ones (n,) ``agree``; ``rail``: ends of its length that was used, m.
+    """Where an estimate sets out from.
+
+    ``frames`` by session, ``targets`` (t, 3) m, ``way`` (3,) of the rail a metre, ``error`` (n,) m of readings, which
+    ones (n,) ``agree``; ``rail``: ends of its length that was used, m.
     """
 
     frames: tuple[Frame, ...]

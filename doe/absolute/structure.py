@@ -68,8 +68,8 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
     for s in samples(model, some, part, nominal):
         (P, J), (_, yielding) = evaluate(model, part, s, u), evaluate(model, part, s, soft)
         blocks.append((P, np.where(carried[:, None, None], yielding, J)))
-    columns = np.concatenate([np.concatenate([frame_columns(P), J]).reshape(FRAME + len(part), 3, -1) for P, J in blocks],
-                             axis=2).reshape(FRAME + len(part), -1)  # fmt: skip
+    made = [np.concatenate([frame_columns(P), J]) for P, J in blocks]
+    columns = np.concatenate(made, axis=2).reshape(FRAME + len(part), -1)
     names = [*(f"the frame's {w}" for w in ("rx", "ry", "rz", "x", "y", "z")), *(one.name for one in part.unknowns)]
     scale = np.array([1.0] * FRAME + [_scale(one) for one in part.unknowns])
     return tuple(_dependent(columns * scale[:, None], names))

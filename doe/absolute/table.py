@@ -114,14 +114,15 @@ def _check(data: AbsoluteReadings, robot: Robot, faults: Faults, check_reach: bo
     far = np.abs(data.position).max(axis=1) > FARTHEST_m
     for k in np.flatnonzero(far):
         faults.add(int(data.line[k]), "position", value=f"{1e3 * np.abs(data.position[k]).max():g} mm",
-                   allowed=f"up to {FARTHEST_m:g} m from the tracker", remedy="check the unit: columns are mm")  # fmt: skip
+                   allowed=f"up to {FARTHEST_m:g} m from the tracker",
+                   remedy="check the unit: columns are mm")  # fmt: skip
     for k in np.flatnonzero([p.kg < 0.0 for p in data.payloads]):
         row = int(np.flatnonzero(data.payload == k)[0])
         faults.add(int(data.line[row]), "column payload_kg", value=f"{data.payloads[k].kg:g}", allowed="0 or more",
                    remedy="give the mass that the flange carries beside the target")  # fmt: skip
     if check_reach:
         names = tuple(f"line {line}" for line in data.line)
-        check_limits(data.q, names, data.line, robot, faults)
+        check_limits(data.q, names, data.line.tolist(), robot, faults)
 
 
 def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:

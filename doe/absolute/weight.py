@@ -23,7 +23,6 @@ from robots.arrays import Array, Integers
 from robots.constants import STANDARD_GRAVITY
 from robots.kinematics import BodyFrames, forward_kinematics, tool_position
 
-
 # Row of a joint's axes that its spring acts in.
 AXIAL = 5
 
@@ -71,7 +70,7 @@ class Weight:
 
 
 def weight(
-    model: ArmModel, q: Array, target: Array, which: Array, payloads: Sequence[Payload], layout: Layout
+    model: ArmModel, q: Array, target: Array, which: Integers, payloads: Sequence[Payload], layout: Layout
 ) -> Weight | None:
     """What the free compliances make of weight at poses q (n, dof), of targets (n, 3) m in the flange frame.
 
@@ -123,5 +122,3 @@ def _rows(
             none = np.zeros_like(axis)
             out[j, row] = np.vstack([axis, none] if row < 3 else [cross(axis, r), axis])
     return out
-
-

@@ -30,7 +30,9 @@ def accuracy_figure(c: Positions) -> Figure:
         ax = axes[0]
         for (name, d), colour in zip(curves.items(), _COLOURS, strict=False):
             style = "--" if name != "as described" and "left out" in name else "-"
-            ax.plot(1e3 * np.sort(d), 100.0 * np.arange(1, len(d) + 1) / len(d), style, color=OKABE_ITO[colour], label=name)
+            ax.plot(
+                1e3 * np.sort(d), 100.0 * np.arange(1, len(d) + 1) / len(d), style, color=OKABE_ITO[colour], label=name
+            )
         ax.set_xlim(0.0, _ROOM * 1e3 * max(float(np.quantile(d, _SHARE)) for d in curves.values()))
         ax.set_ylim(0.0, 101.0)
         ax.set_xlabel("distance between read and predicted position (mm)")

@@ -89,7 +89,7 @@ def curve(c: Curve) -> dict[str, Any]:
 
 def parameters_csv(c: Positions) -> str:
     """One row a parameter."""
-    rows = [("parameter", "value", "low95", "high95", "unit", "status")]
+    rows: list[tuple[str, ...]] = [("parameter", "value", "low95", "high95", "unit", "status")]
     for f in c.findings:
         cells = ("" if x is None or not math.isfinite(x) else f"{x:.9g}" for x in (f.value, *f.interval95))
         rows.append((f.name, *cells, f.unit, f.status))
@@ -107,7 +107,7 @@ def curves_csv(c: Positions) -> str:
 
 def errors_csv(c: Positions) -> str:
     """One row a reading: how far off before, after, and where it was left out; mm."""
-    rows = [("line", "session", "target", "before_mm", "after_mm", "left_out_mm", "weight")]
+    rows: list[tuple[str, ...]] = [("line", "session", "target", "before_mm", "after_mm", "left_out_mm", "weight")]
     data = c.found.data
     for k, (before, after, out) in enumerate(
         zip(_mm(c.before), _mm(c.found), 1e3 * c.left_out.distance, strict=True)

@@ -24,8 +24,8 @@ def write_report(given: Arm, c: Positions, folder: OutputFolder) -> None:
     sections = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c), _open(c), _readings(c)]
     known = [one for one in c.findings if one.status == "determined"]
     sure = (
-        f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their 95 % "
-        f"intervals in {100.0 * c.left_out.coverage.share:.0f} % of cases."
+        f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their "
+        f"95 % intervals in {100.0 * c.left_out.coverage.share:.0f} % of cases."
     )
     todo = (
         "Outside the angles that were read the joints' errors are not identified: measure where the robot will work."
@@ -50,8 +50,8 @@ def _curves(c: Positions, pictures: Pictures) -> list[Section]:
     picture = pictures.add(curves_figure(known), "joint_errors", caption)
     text = (
         "What each joint turns beyond what it says, as a smooth function of its angle, repeated every turn. Constant "
-        "parts are the zero's. How smooth and how high curves are is estimated from the readings; beyond the angles that "
-        "were read a curve is not identified, and predictions there allow for its height."
+        "parts are the zero's. How smooth and how high curves are is estimated from the readings; beyond the angles "
+        "that were read a curve is not identified, and predictions there allow for its height."
     )
     return [Section("Errors of the joints over their angles", (Text(text), picture))]
 

@@ -32,8 +32,8 @@ def accuracy_words(c: Positions) -> str:
     inside = c.left_out.coverage
     text = (
         f"{c.before.rms_m * 1e3:.3f} mm RMS with the arm as described, {c.found.rms_m * 1e3:.3f} mm calibrated; "
-        f"readings left out are predicted to {c.left_out.rms_m * 1e3:.3f} mm RMS, {100.0 * inside.share:.0f} % of their "
-        "coordinates within the 95 % intervals"
+        f"readings left out are predicted to {c.left_out.rms_m * 1e3:.3f} mm RMS, {100.0 * inside.share:.0f} % of "
+        "their coordinates within the 95 % intervals"
     )
     if c.holdout is not None:
         text += f"; held out: {c.holdout[1].rms_m * 1e3:.3f} mm RMS"
