@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from doe.absolute.fit import Fit, fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open
@@ -15,6 +17,7 @@ from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import USUAL, Layout, unknowns
 from fem import ArmModel
 from robots import InputError
+from robots.arrays import Array, Bools
 from robots.progress import Progress
 
 FOLDS = 10
@@ -26,10 +29,11 @@ FEW = 40
 class Positions:
     """A finished calibration from absolute readings.
 
-    ``before``: the frames and targets alone, with the arm as described; ``found``: with all that was freed;
-    ``twins``: what no campaign could tell; ``findings``: what this one says of each unknown; ``open``: combinations
-    that it leaves open; ``curves`` of the joints' errors; ``gross``: readings that are wrong; ``left_out``: readings
-    predicted by the others; ``holdout``: readings that were kept out, with the fit of their frames, None without any.
+    Figures of accuracy leave wrong readings aside, which are named instead. ``before``: frames and targets alone, with
+    the arm as described; ``found``: with all that was freed; ``twins``: what no campaign could tell; ``findings``: what
+    this one says of each unknown; ``open``: combinations that it leaves open; ``curves`` of the joints' errors;
+    ``gross``: readings that are wrong; ``left_out``: readings predicted by the others; ``holdout``: readings that were
+    kept out, with the fit of their frames, None without any.
     """
 
     before: Fit
@@ -41,6 +45,18 @@ class Positions:
     gross: tuple[Gross, ...]
     left_out: Predicted
     holdout: tuple[AbsoluteReadings, Predicted, Fit] | None
+
+    @property
+    def right(self) -> Bools:
+        """Which readings (n,) are not wrong."""
+        out = np.ones(len(self.found.data), dtype=np.bool_)
+        out[[one.row for one in self.gross]] = False
+        return out
+
+    def distances(self) -> dict[str, Array]:
+        """Distances (m,) m of the readings that are not wrong: ``before``, ``after`` and ``left out``."""
+        every = {"before": self.before.residual, "after": self.found.residual, "left out": self.left_out.error}
+        return {name: np.linalg.norm(error[self.right], axis=1) for name, error in every.items()}
 
     @property
     def remarks(self) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from doe.absolute.reduced import block_rows, frame_columns, reduce_sessions, tri
 from doe.absolute.shrinkage import posterior
 from doe.absolute.start import Start, started
 from doe.certainty.predictive import UPPER, Coverage
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
 from robots.constants import NORMAL_95
 from robots.progress import Progress, report_progress
 
@@ -43,6 +43,10 @@ class Predicted:
     def rms_m(self) -> float:
         """RMS of the distances."""
         return float(np.sqrt(np.mean(self.distance**2)))
+
+    def take(self, rows: Bools) -> Predicted:
+        """Some of them."""
+        return Predicted(self.error[rows], self.half95[rows])
 
     @property
     def coverage(self) -> Coverage:
@@ -171,7 +175,7 @@ def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> tuple[Predicted
         old = np.array([place.get(one.name, -1) for one in layout.unknowns])
         own = np.concatenate([F, J[np.isnan(held)]])
         Q = np.linalg.qr(own.reshape(len(own), -1).T)[0]
-        moving = J[old >= 0].reshape(int((old >= 0).sum()), -1).T
+        moving = J[old >= 0].reshape(int((old >= 0).sum()), r.size).T
         moving = (moving - Q @ (Q.T @ moving)) @ found.half[old[old >= 0]]
         quantile = NORMAL_95 if np.isinf(found.tail) else float(stdtrit(found.tail, UPPER))
         variance = NORMAL_95**2 * np.sum(moving**2, axis=1) + (quantile * found.variances.sigma) ** 2

@@ -19,11 +19,8 @@ _SHARE, _ROOM = 0.995, 1.3
 
 def accuracy_figure(c: Positions) -> Figure:
     """Share of readings that are nearer than a distance."""
-    curves = {
-        "as described": np.linalg.norm(c.before.residual, axis=1),
-        "calibrated": np.linalg.norm(c.found.residual, axis=1),
-        "calibrated, left out": c.left_out.distance,
-    }
+    names = ("as described", "calibrated", "calibrated, left out")
+    curves = dict(zip(names, c.distances().values(), strict=True))
     if c.holdout is not None:
         curves["held out"] = c.holdout[1].distance
     with drawing("How many readings are nearer than a distance", (10.0, 4.2), 1, 1) as (figure, axes):

@@ -32,9 +32,9 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
             for s, name in enumerate(data.session.names)
         ],
         "targets": list(data.target.names),
-        "before": distances(np.linalg.norm(c.before.residual, axis=1)),
-        "after": distances(np.linalg.norm(found.residual, axis=1)),
-        "left_out": predicted(c.left_out),
+        "before": distances(c.distances()["before"]),
+        "after": distances(c.distances()["after"]),
+        "left_out": predicted(c.left_out.take(c.right)),
         "scatter_sd_mm": number(1e3 * found.variances.sigma),
         "scatter_tail": number(found.tail),
         "settled": found.settled,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from doe.absolute.calibrate import Positions
 from fem.arm import Arm
 from stiffarm.commands.calibrate.positions.figures import accuracy_figure, curves_figure
@@ -17,15 +19,15 @@ def write_report(given: Arm, c: Positions, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     key = [
-        KeyFigure(f"{1e3 * c.before.rms_m:.3f} mm", "RMS with the arm as described"),
-        KeyFigure(f"{1e3 * c.left_out.rms_m:.3f} mm", "RMS of readings that the calibration has not seen"),
+        KeyFigure(f"{_rms_mm(c, 'before'):.3f} mm", "RMS with the arm as described"),
+        KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
         KeyFigure(f"{len(c.gross)}", "wrong readings named" if len(c.gross) != 1 else "wrong reading named"),
     ]
     sections = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c), _open(c), _readings(c)]
     known = [one for one in c.findings if one.status == "determined"]
     sure = (
         f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their "
-        f"95 % intervals in {100.0 * c.left_out.coverage.share:.0f} % of cases."
+        f"95 % intervals in {100.0 * c.left_out.take(c.right).coverage.share:.0f} % of cases."
     )
     todo = (
         "Outside the angles that were read the joints' errors are not identified: measure where the robot will work."
@@ -34,6 +36,10 @@ def write_report(given: Arm, c: Positions, folder: OutputFolder) -> None:
     title = given.description.title.split(" (")[0]
     words = f"{c.found.data.source}, {len(c.found.data)} positions"
     write_page(folder, title, f"{accuracy_words(c)}.", key, sections, QUESTION, words, Answer(sure, todo))
+
+
+def _rms_mm(c: Positions, which: str) -> float:
+    return 1e3 * float(np.sqrt(np.mean(c.distances()[which] ** 2)))
 
 
 def _accuracy(c: Positions, pictures: Pictures) -> Section:

@@ -29,23 +29,28 @@ def show(c: Positions) -> None:
 
 def accuracy_words(c: Positions) -> str:
     """The answer in a sentence."""
-    inside = c.left_out.coverage
+    inside = c.left_out.take(c.right).coverage
+    before, after, out = (1e3 * float(np.sqrt(np.mean(d**2))) for d in c.distances().values())
     text = (
-        f"{c.before.rms_m * 1e3:.3f} mm RMS with the arm as described, {c.found.rms_m * 1e3:.3f} mm calibrated; "
-        f"readings left out are predicted to {c.left_out.rms_m * 1e3:.3f} mm RMS, {100.0 * inside.share:.0f} % of "
+        f"{before:.3f} mm RMS with the arm as described, {after:.3f} mm calibrated; "
+        f"readings left out are predicted to {out:.3f} mm RMS, {100.0 * inside.share:.0f} % of "
         "their coordinates within the 95 % intervals"
     )
     if c.holdout is not None:
         text += f"; held out: {c.holdout[1].rms_m * 1e3:.3f} mm RMS"
+    if c.gross:
+        count = "one wrong reading" if len(c.gross) == 1 else f"{len(c.gross)} wrong readings"
+        text += f"; {count} named and left aside"
     return text
 
 
 def accuracy_table(c: Positions) -> Table:
     """Distances between read and predicted positions."""
+    d = c.distances()
     rows = [
-        _row("arm as described, frames and targets fitted", np.linalg.norm(c.before.residual, axis=1)),
-        _row("calibrated", np.linalg.norm(c.found.residual, axis=1)),
-        _row("calibrated, readings left out", c.left_out.distance),
+        _row("arm as described, frames and targets fitted", d["before"]),
+        _row("calibrated", d["after"]),
+        _row("calibrated, readings left out", d["left out"]),
     ]
     if c.holdout is not None:
         table, there, _ = c.holdout
