@@ -9,7 +9,7 @@ import numpy as np
 
 from doe.absolute.fit import Fit, fit
 from doe.absolute.gross import Gross, gross
-from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open
+from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open, unread_words
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import started
@@ -64,6 +64,8 @@ class Positions:
         out = [one.words for one in self.gross]
         out += curve_words(self.curves)
         out += [one.words for one in self.open]
+        if self.holdout is not None:
+            out += unread_words(self.curves, self.holdout[0].q)
         if not self.found.settled:
             out.append("the estimate had not come to rest: intervals may be too narrow; free less, or add readings")
         if any(one.kind == "spring" for one in self.found.layout.unknowns):

@@ -69,7 +69,8 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
             raise InputError(
                 f"session {name}: {len(mine)} readings at poses that leave the tracker's frame open",
                 allowed=f"{_needed(T, has_rail)} readings or more whose targets do not lie on a line or in a plane",
-                remedy="add readings at other poses, or join sessions in which tracker and robot stayed in place",
+                remedy="add readings at other poses, or join sessions in which tracker and robot stayed in place; of "
+                "positions read at the controller: stiffarm robots check",
             )
         R = nearest_rotation(x[:9].reshape(3, 3)).T
         for t in np.unique(data.target.number[some[best]]):

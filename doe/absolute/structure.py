@@ -70,7 +70,10 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
         blocks.append((P, np.where(carried[:, None, None], yielding, J)))
     made = [np.concatenate([frame_columns(P), J]) for P, J in blocks]
     columns = np.concatenate(made, axis=2).reshape(FRAME + len(part), -1)
-    names = [*(f"the frame's {w}" for w in ("rx", "ry", "rz", "x", "y", "z")), *(one.name for one in part.unknowns)]
+    names = [
+        *(f"the tracker frame's {w}" for w in ("rx", "ry", "rz", "x", "y", "z")),
+        *(one.name for one in part.unknowns),
+    ]
     scale = np.array([1.0] * FRAME + [_scale(one) for one in part.unknowns])
     return tuple(_dependent(columns * scale[:, None], names))
 

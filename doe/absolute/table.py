@@ -25,14 +25,16 @@ WORDS: Final = ("session", "target", "payload")
 # Read for later: their columns are known, and not used yet.
 KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "temperature_C", "time_s", "approach", "step",
                "pose", "repeat")  # fmt: skip
+# Orientations as controllers show them: a table with these was read at a pendant, not by a tracker.
+PENDANT: Final = frozenset(("a_deg", "b_deg", "c_deg", "w_deg", "p_deg", "r_deg", "qw", "qx", "qy", "qz"))
 # A tracker reaches some 80 m; farther coordinates are another unit.
 FARTHEST_m: Final = 200.0
 
 
 def is_absolute(header: Sequence[str]) -> bool:
-    """Whether a table has positions, and neither loads nor displacements."""
+    """Whether a table has positions, and neither loads, displacements nor a controller's orientations."""
     names = {name.strip() for name in header}
-    return {*POSITION} <= names and not names & {*LOADS, *mc.DISPLACEMENTS}
+    return {*POSITION} <= names and not names & {*LOADS, *mc.DISPLACEMENTS, *PENDANT}
 
 
 def read_absolute(path: str | Path, robot: Robot, *, check_reach: bool = True) -> AbsoluteReadings:

@@ -112,10 +112,10 @@ def calibrate(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Identify parameters from measured deflections, or from absolute positions of targets.
+    """Identify parameters from measured deflections.
 
-    Tables with x_mm, y_mm and z_mm hold positions in a tracker's frame; --free then takes geometry, zeros, ratios,
-    coupling, periodic, springs, tilts, base, rail, payload, or single parameters.
+    Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame; --free then takes geometry, zeros,
+    ratios, coupling, periodic, springs, tilts, base, rail, payload, or single parameters.
 
     Writes the calibrated model, the parameters with their intervals and a report into --out.
     """

@@ -67,3 +67,4 @@ def test_a_table_of_positions_is_told_by_its_columns() -> None:
     assert is_absolute(("q1_deg", "x_mm", "y_mm", "z_mm"))
     assert not is_absolute(("q1_deg", "x_mm", "y_mm", "z_mm", "fz_N"))
     assert not is_absolute(("q1_deg", "fz_N", "dz_mm"))
+    assert not is_absolute(("q1_deg", "x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"))

@@ -17,6 +17,7 @@ from stiffarm.session import parsing
 from stiffarm.session.console import progress, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.table_kinds import PENDANT, kind_of
 
 
 def are_positions(data: Sequence[Path] | None) -> bool:
@@ -38,12 +39,7 @@ def are_positions(data: Sequence[Path] | None) -> bool:
 
 
 def _is_absolute(file: Path) -> bool:
-    if file.suffix.lower() not in (".csv", ".xlsx") or not file.is_file():
-        return False
-    try:
-        return is_absolute(read_table(file).header)
-    except InputError:
-        return False
+    return kind_of(file) is PENDANT and is_absolute(read_table(file).header)
 
 
 def calibrate_tables(
