@@ -17,6 +17,11 @@ INDEPENDENT = {
 }  # fmt: skip
 TITLES = {"UR10 B": "UR10, series B (1495 poses); carried over to series C (2773)", "UR10 C": "UR10, series C",
           "UR5": "UR5, grid of 1000; carried over to 20 random poses"}  # fmt: skip
+# What a look at the published file shows of a reading that the program names.
+SEEN = (
+    "Line 856 of series B repeats the position of line 855 to 0.02 mm, though the arm was sent to another "
+    "configuration for the same goal: 2 mm off in a file in which 0.1 mm is usual."
+)
 HEADS = ("model", "ten-fold RMS (mm)", "largest (mm)", "in 95 % intervals", "carried over RMS (mm)", "largest (mm)",
          "in 95 % intervals", "independent: ten-fold, carried over (mm)")  # fmt: skip
 
@@ -35,7 +40,8 @@ def page(results: dict[str, Any], folder: Path) -> str:
         out += [f"## {TITLES[name]}", "", f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
         out += [_row(words, one, INDEPENDENT.get(words, {}).get(name)) for words, one in steps.items()] + [""]
         found = steps[last]
-        out += [_springs(found["springs"]), "", _wrong(found["wrong"]), ""]
+        seen = f" {SEEN}" if name == "UR10 B" else ""
+        out += [_springs(found["springs"]), "", _wrong(found["wrong"]) + seen, ""]
     out += [*_reading(results, last), *_coverage(folder), *_speed(folder)]
     return "\n".join(out).rstrip() + "\n"
 

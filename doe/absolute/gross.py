@@ -79,7 +79,7 @@ def _tried(found: Fit, row: int) -> Iterator[tuple[str, float]]:
     for step in (-1, 1):
         k = row + step
         if 0 <= k < len(data) and data.session.number[k] == session:
-            yield (f"line {data.line[k]} has the angles that belong to it: rows are shifted",
+            yield (f"line {data.line[k]} has the angles that belong to it: the arm had not moved, or rows are shifted",
                    _distance(found, data, row, q=data.q[k : k + 1]))  # fmt: skip
     for a in range(3):
         flipped = data.position[row].copy()
