@@ -1,0 +1,174 @@
+"""How likely a diagnosis is to find an effect in planned readings, and to name it.
+
+*Found*: "nothing missing" is less probable than :data:`doe.diagnosis.hypotheses.ALARM`. The chi-square that an effect
+shows follows the noncentral chi-square distribution, with as many degrees of freedom as it has amplitudes; it must pass
+what the diagnosis charges for the effect's numbers, shapes and prior probability. *Named*: the right family at its
+place has the share :data:`doe.diagnosis.hypotheses.NAME` of all probability; the log odds between two candidates are
+normal, with a variance of twice their mean. An effect that is found but has a twin is not named.
+
+What linear theory leaves out are constants, set by made-up sets that check nothing (docs/validation/power.md): the
+diagnosis does not know the noise, so evidence grows with the logarithm of chi-square; laws may bend
+(:mod:`doe.diagnosis.doubts`); and names fail checks for reasons that are none of the plan's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import expit, logit, logsumexp, ndtr
+from scipy.stats import binom, ncx2
+
+from doe.diagnosis.hypotheses import ALARM, NAME, NONE, UNKNOWN, is_learned
+from doe.power.planned import Explained, Planned
+from robots.arrays import Array
+
+# Of the information that linear theory counts so much is there: truths have other laws, and other springs.
+WORTH: Final = 1.0
+# The noise is told as if by so many times the set-ups and axes that are read: what set-ups usually scatter by is known.
+FREEDOM: Final = 1.0
+# What a law leaves beyond its doubt passes for a further effect from about this chi-square on: then nothing is named.
+LEFT: Final = 30.0
+# Of the effects that could be named so many pass all checks.
+CEILING: Final = 0.85
+# The false alarms: nothing is missing, something is found.
+ALARMS: Final = 0.03
+# Standard deviations of the logit of a chance, from effect to effect: found, and named.
+SPREAD: Final = (0.8, 0.8)
+POWER: Final = 0.8
+# Shares in practice are those of so many campaigns; what lies beyond each end of the interval.
+CAMPAIGNS: Final = 20
+TAIL: Final = 0.025
+# Beyond so many times the largest usual size nobody asks whether an effect would be found.
+BEYOND: Final = 30.0
+
+
+@dataclass(frozen=True)
+class Chance:
+    """A probability with the 95 % interval in which the share of :data:`CAMPAIGNS` campaigns should lie."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, value: float, spread: float) -> Chance:
+        """The chance with its interval; ``spread``: standard deviation of its logit, beside which shares scatter."""
+        node, weight = np.polynomial.hermite_e.hermegauss(21)
+        p = expit(logit(np.clip(value, 0.005, 0.995)) + spread * node)
+        count = np.arange(CAMPAIGNS + 1)
+        sure = np.cumsum(binom.pmf(count, CAMPAIGNS, p[:, None]).T @ (weight / weight.sum()))
+        low, high = (float(count[np.searchsorted(sure, at)]) / CAMPAIGNS for at in (TAIL, 1.0 - TAIL))
+        return cls(value, min(low, value), max(high, value))
+
+
+@dataclass(frozen=True, eq=False)
+class Chances:
+    """Of d changes by one effect: chances (d,) to be found and named, and the strongest rival's code of each."""
+
+    found: Array
+    named: Array
+    rival: tuple[str, ...]
+
+
+def told(p: Planned, chi2: Array) -> Array:
+    """Chi-square (...) as it counts where the noise has to be told from the same readings."""
+    nu = FREEDOM * p.freedom
+    return np.asarray(nu * np.log1p(WORTH * chi2 / nu))
+
+
+def found_alone(p: Planned, code: str, chi2: Array, charge: float) -> Array:
+    """Chance (...) that an effect of a chi-square (...) is found; ``charge``: what its evidence pays, as chi-square."""
+    need = charge + 2.0 * (p.log_prior[NONE] - p.log_prior[code] + math.log((1.0 - ALARM) / ALARM))
+    return _beyond(told(p, chi2), need, max(len(p.effects[code].amplitudes), 1))
+
+
+def _beyond(chi2: Array, need: Array | float, freedom: int) -> Array:
+    """Chance that a noncentral chi-square passes what is needed; false alarms are always there."""
+    sure = ncx2.sf(np.maximum(need, 1e-9), freedom, np.maximum(chi2, 1e-9))
+    return np.asarray(np.maximum(np.where(np.asarray(need) <= 0.0, 1.0, np.nan_to_num(sure)), ALARMS))
+
+
+def chances(p: Planned, code: str, e: Explained, which: slice) -> Chances:
+    """Chances of an effect whose changes of the readings are those numbered ``which``."""
+    worth = _worth(p, e, which)
+    total = e.total[which]
+    effects = [c for c in worth if c != NONE]
+    none = worth[NONE]
+    need = told(p, total) - 2.0 * (
+        logsumexp([worth[c] for c in effects], axis=0) - none - math.log((1.0 - ALARM) / ALARM)
+    )
+    found = _beyond(told(p, total), need, max(len(p.effects[code].amplitudes), 1))
+    named, rival = _named(p, code, worth)
+    nothing_left = ncx2.cdf(LEFT, 1, np.maximum(_beyond_doubt(p, e, which, code), 1e-9))
+    return Chances(found, CEILING * found * named * nothing_left, rival)
+
+
+def _worth(p: Planned, e: Explained, which: slice) -> dict[str, Array]:
+    """Log posterior (d,) of each candidate and of nothing missing, up to a constant."""
+    total, nu = WORTH * e.total[which], FREEDOM * p.freedom
+    out = {NONE: np.full(len(total), p.log_prior[NONE])}
+    for code in p.candidates:
+        left = _beyond_doubt(p, e, which, code)
+        gain = 0.5 * nu * np.log((nu + total) / (nu + left)) - 0.5 * e.charge(code)[which]
+        out[code] = gain + p.log_prior[code]
+    return out
+
+
+def _beyond_doubt(p: Planned, e: Explained, which: slice, code: str) -> Array:
+    """Chi-square (d,) that a candidate leaves beyond what its law may be off by."""
+    doubt = p.s.known[code].law_doubt
+    return np.asarray(WORTH * np.maximum(e.left[code][which] - doubt**2 * e.total[which], 0.0))
+
+
+def _named(p: Planned, code: str, worth: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:
+    """Chance (d,) that the right family has its share of the probability, and the strongest rival of each."""
+    known, family = p.s.known, p.effects[code].family
+    codes = [c for c in worth if c not in (NONE, UNKNOWN)]
+    right = [c for c in codes if known[c].family == family and not is_learned(c)]
+    if not right:
+        return np.zeros(len(worth[NONE])), tuple(NONE for _ in worth[NONE])
+    best = np.array(right)[np.argmax([worth[c] for c in right], axis=0)]
+    chance, rivals = np.zeros(len(best)), []
+    for k, top in enumerate(best):
+        kin = {c for c in right if known[c].place == known[top].place}
+        other = {c: float(worth[c][k]) for c in worth if c not in kin}
+        rival = max(other, key=lambda c: other[c])
+        mine = logsumexp([worth[c][k] for c in kin])
+        margin = mine - logsumexp(list(other.values())) - math.log(NAME / (1.0 - NAME))
+        chance[k] = ndtr(margin / math.sqrt(max(2.0 * abs(mine - other[rival]), 1.0)))
+        rivals.append(rival)
+    return chance, tuple(rivals)
+
+
+def smallest(p: Planned, code: str, charge: float, rng: np.random.Generator, directions: int = 12) -> float | None:
+    """The size that is found with :data:`POWER`: of an effect's largest amplitude, its law in the middle of its shapes.
+
+    None where nothing of up to :data:`BEYOND` times the largest usual size is.
+    """
+    effect = p.effects[code]
+    amplitudes = [effect.parameters[k] for k in effect.amplitudes]
+    if not amplitudes:
+        return None
+    G, _ = p.information(code)
+    low, high = np.array([q.size for q in amplitudes]).T
+    size = np.exp(rng.uniform(np.log(np.maximum(low, 1e-3 * high)), np.log(high), (directions, len(amplitudes))))
+    signed = np.array([q.signed for q in amplitudes])
+    size = np.where(signed & (rng.random(size.shape) < 0.5), -size, size)
+    size /= np.abs(size / high).max(axis=1)[:, None]
+    per = float(np.median(np.einsum("dk,nkl,dl->nd", size, G, size)))
+
+    def power(share: float) -> float:
+        return float(found_alone(p, code, np.array(share**2 * per), charge))
+
+    ends = [1e-4, BEYOND]
+    if power(ends[1]) < POWER:
+        return None
+    for _ in range(40):
+        middle = math.sqrt(ends[0] * ends[1])
+        ends[0 if power(middle) < POWER else 1] = middle
+    # In shares of the largest usual size, which may differ between amplitudes: that of the first.
+    return float(ends[1] * high[0])
