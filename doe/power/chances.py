@@ -26,14 +26,12 @@ from doe.diagnosis.hypotheses import ALARM, NAME, NONE, UNKNOWN, is_learned
 from doe.power.planned import Explained, Planned
 from robots.arrays import Array
 
-# Of the information that linear theory counts so much is there: truths have other laws, and other springs.
-WORTH: Final = 1.0
 # The noise is told as if by so many times the set-ups and axes that are read: what set-ups usually scatter by is known.
-FREEDOM: Final = 1.0
+FREEDOM: Final = 5.0
 # What a law leaves beyond its doubt passes for a further effect from about this chi-square on: then nothing is named.
-LEFT: Final = 30.0
+LEFT: Final = 120.0
 # Of the effects that could be named so many pass all checks.
-CEILING: Final = 0.85
+CEILING: Final = 0.95
 # The false alarms: nothing is missing, something is found.
 ALARMS: Final = 0.03
 # Standard deviations of the logit of a chance, from effect to effect: found, and named.
@@ -77,7 +75,7 @@ class Chances:
 def told(p: Planned, chi2: Array) -> Array:
     """Chi-square (...) as it counts where the noise has to be told from the same readings."""
     nu = FREEDOM * p.freedom
-    return np.asarray(nu * np.log1p(WORTH * chi2 / nu))
+    return np.asarray(nu * np.log1p(chi2 / nu))
 
 
 def found_alone(p: Planned, code: str, chi2: Array, charge: float) -> Array:
@@ -109,7 +107,7 @@ def chances(p: Planned, code: str, e: Explained, which: slice) -> Chances:
 
 def _worth(p: Planned, e: Explained, which: slice) -> dict[str, Array]:
     """Log posterior (d,) of each candidate and of nothing missing, up to a constant."""
-    total, nu = WORTH * e.total[which], FREEDOM * p.freedom
+    total, nu = e.total[which], FREEDOM * p.freedom
     out = {NONE: np.full(len(total), p.log_prior[NONE])}
     for code in p.candidates:
         left = _beyond_doubt(p, e, which, code)
@@ -121,7 +119,7 @@ def _worth(p: Planned, e: Explained, which: slice) -> dict[str, Array]:
 def _beyond_doubt(p: Planned, e: Explained, which: slice, code: str) -> Array:
     """Chi-square (d,) that a candidate leaves beyond what its law may be off by."""
     doubt = p.s.known[code].law_doubt
-    return np.asarray(WORTH * np.maximum(e.left[code][which] - doubt**2 * e.total[which], 0.0))
+    return np.asarray(np.maximum(e.left[code][which] - doubt**2 * e.total[which], 0.0))
 
 
 def _named(p: Planned, code: str, worth: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:

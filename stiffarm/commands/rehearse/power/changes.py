@@ -52,26 +52,29 @@ def planned(given: Arm, world: WorldArm, set_ups: SetUps) -> Planned:
 
 
 def by_world(given: Arm, world: WorldArm, set_ups: SetUps, p: Planned, code: str, draws: int, seed: int) -> Array:
-    """Changes (m, d) of the readings by an effect that rehearsals hide, drawn as they draw it."""
+    """Changes (m, d) of the readings by an effect that rehearsals hide, drawn as they draw it.
+
+    The springs are those planned with: a diagnosis fits them before it asks what else there is.
+    """
     size = arm_class(given.description, given.robot)
-    out = []
+    compliance, out = 1.0 / middle_springs(given, world), []
     for k in range(draws):
         own = int(np.random.default_rng([seed, k, *code.encode()]).integers(2**31))
         one = hide(
             world, code, set_ups.readings, set_ups.noise, seed=own, links=given.model.link_kind, read=set_ups.read,
             ranges=(size.low, size.high),
         )  # fmt: skip
-        out.append(p.of_readings(set_ups.filled(_change(one)).displacement))
+        out.append(p.of_readings(set_ups.filled(_change(one, compliance)).displacement))
     return np.stack(out, axis=1)
 
 
-def _change(one: World) -> Array:
-    """What the hidden effect alone changes of the readings (n, 3)."""
-    truth = replace(one.truth, nuisance=nuisance.nothing(one.arm))
-    compliance = truth.compliance.copy()
-    for e in truth.effects:
+def _change(one: World, compliance: Array) -> Array:
+    """What the hidden effect alone changes of the readings (n, 3), with springs of ``compliance`` (dof,)."""
+    given = compliance.copy()
+    for e in one.truth.effects:
         if e["kind"] == "joint-compliance":
-            compliance[one.arm.index(e["where"])] = 0.0
+            given[one.arm.index(e["where"])] = 1.0 / e["k_Nm_per_rad"]
+    truth = replace(one.truth, nuisance=nuisance.nothing(one.arm), compliance=given)
     without = replace(truth, effects=(), compliance=compliance)
     return np.asarray(exact(truth, one.readings) - exact(without, one.readings))
 

@@ -72,7 +72,7 @@ def _how(r: Power) -> Section:
             Bullets(
                 (
                     f"{r.draws} usual sizes of each effect, drawn as rehearsals draw them (laws that are not the "
-                    f"catalogue's), each with other springs.{other}",
+                    f"catalogue's).{other}",
                     "What each changes of the readings, less what springs and the small errors of every arm can "
                     "follow, over the noise, is its chi-square; candidates explain it and are charged as the diagnosis "
                     "charges them. Chances follow from the noncentral chi-square distribution and the diagnosis's "
