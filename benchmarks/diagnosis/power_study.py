@@ -11,8 +11,8 @@ diagnosed. ``run`` diagnoses the sets as `stiffarm study` does, one process; sto
 (``rows.jsonl``). ``show`` prints how the constants of doe/power/chances.py do on the sets so far. ``page`` writes
 docs/validation/power.md and keeps what came of the sets in benchmarks/diagnosis/runs/power.json.
 
-The constants were set on the plan "tune" (seed 11, 12 sets of each): five effects, two sheets. The plan "check" has five
-other effects, other sheets and another seed; they were chosen before any of its sets was diagnosed.
+The constants were set on the plan "tune" (seed 11, 12 sets of each): five effects, two sheets. The plan "check" has
+five other effects, other sheets and another seed; they were chosen before any of its sets was diagnosed.
 """
 
 from __future__ import annotations
@@ -210,21 +210,32 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
         f"{robot}: {poses} poses, {', '.join(reads)} read" for robot, (poses, reads) in plan.sheets.items()
     )
     lines = [
-        "# Does a power analysis come true?", "",
+        "# Does a power analysis come true?",
+        "",
         f"Of {len(both)} shares (five effects, two robots, found and named; {total} sets in all) {held} lie in the "
-        "interval that `stiffarm rehearse MODEL SHEET` had stated before any set was diagnosed.", "",
-        f"Sheets: {sheets}; three loads up and down, three repeats, noise 3 % and 3 um. Sets: the world of rehearsals, seed "
-        f"{seed}, {total // len(some)} for each effect and robot, each with other springs, sizes, laws and errors; diagnosed "
-        "as `stiffarm study` does it, blind. No constant of the analysis was set on these effects, sheets or seed.", "",
-        *table(some), "",
-    ]  # fmt: skip
+        "interval that `stiffarm rehearse MODEL SHEET` had stated before any set was diagnosed.",
+        "",
+        f"Sheets: {sheets}; three loads up and down, three repeats, noise 3 % and 3 um. Sets: the world of rehearsals, "
+        f"seed {seed}, {total // len(some)} for each effect and robot, each with other springs, sizes, laws and errors; "
+        "diagnosed as `stiffarm study` does it, blind. No constant of the analysis was set on these effects, sheets or "
+        "seed.",
+        "",
+        *table(some),
+        "",
+    ]
     if tuned:
-        lines += ["## What the constants were set on", "", f"{sum(c.sets for c in tuned)} sets of seed 11, other effects "
-                  "and sheets. Three constants were set on these shares (doe/power/chances.py), so that they prove nothing; "
-                  "the width of the intervals was taken wider than they ask for.", "", *table(tuned), ""]  # fmt: skip
-    notes = before.partition(NOTES)[2] or "\n"
-    return "\n".join([*lines, "`python benchmarks/diagnosis/power_study.py make DIR`, then `run DIR`, then `page DIR`.", "",
-                      NOTES]) + notes  # fmt: skip
+        lines += [
+            "## What the constants were set on",
+            "",
+            f"{sum(c.sets for c in tuned)} sets of seed 11, other effects and sheets. Three constants were set on these "
+            "shares (doe/power/chances.py), so that they prove nothing; the intervals were taken wider than they ask "
+            "for.",
+            "",
+            *table(tuned),
+            "",
+        ]
+    how = "`python benchmarks/diagnosis/power_study.py make DIR`, then `run DIR`, then `page DIR`."
+    return "\n".join([*lines, how, "", NOTES]) + (before.partition(NOTES)[2] or "\n")
 
 
 def table(some: list[Cell]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,7 +88,10 @@ def read_map(path: Path, name: str) -> MapFile:
     import pyvista
 
     try:
-        mesh = pyvista.read(path)
+        with warnings.catch_warnings():
+            # What VTK complains of shows in what it gave.
+            warnings.simplefilter("ignore")
+            mesh = pyvista.read(path)
     except Exception as error:  # VTK raises what it likes on spoilt files
         raise InputError(f"map {path} cannot be read ({error})", remedy="make the map again") from error
     words = {key: [str(v) for v in mesh.field_data[key]] for key in mesh.field_data.keys()}  # noqa: SIM118 - no mapping

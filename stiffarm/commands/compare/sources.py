@@ -101,7 +101,9 @@ def _of_json(path: Path, name: str, kind: Kind) -> Source:
     content = _content(path)
     if not isinstance(content, dict):
         raise InputError(f"{path} is no results file of stiffarm", allowed=ALLOWED, remedy="name one of these")
-    own = _there(path.with_name(path.name.replace(f"{kind}.json", "model.toml")))
+    ending = f"{kind}.json"
+    is_ours = path.name.endswith(ending)
+    own = _there(path.with_name(f"{path.name.removesuffix(ending)}model.toml")) if is_ours else None
     model = load_description(own) if own is not None and kind in ("calibration", "diagnosis") else None
     if kind == "map":
         return _of_map(path.parent, name)
