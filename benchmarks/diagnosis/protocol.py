@@ -1,6 +1,6 @@
 """The protocol of the diagnosis: sets of worlds that nothing was tuned on, drawn after the code is fixed, run once.
 
-    python benchmarks/diagnosis/protocol.py make DIR [--commit TAG] [--worlds shopfloor,frame] [--share 1.0]
+    python benchmarks/diagnosis/protocol.py make DIR [--commit TAG] [--worlds frame,motors] [--share 1.0]
     python benchmarks/diagnosis/protocol.py run DIR [--jobs 2]
     python benchmarks/diagnosis/protocol.py page DIR
 
@@ -44,7 +44,7 @@ ROOT = Path(__file__).parents[2]
 # catalogue are in it by now: more are drawn than the 150 that count.
 KINDS = {"single": 300, "none": 150, "outside": 200, "pairs": 100}
 # Worlds that no constant of the diagnosis was set on.
-UNTUNED = "shopfloor,frame"
+UNTUNED = "frame,motors"
 ROWS: TypeAdapter[Row] = TypeAdapter(Row)
 
 

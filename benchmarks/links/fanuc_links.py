@@ -56,8 +56,10 @@ def signs(bundled: Robot, imported: Robot) -> tuple[Array, Array]:
     one = points(bundled, q)
     for sign in itertools.product((1.0, -1.0), repeat=6):
         other = points(imported, q * np.array(sign))
-        if np.abs(other[0] - one[0]).max() < SAME_M:
-            return np.array(sign), np.asarray(np.einsum("kni,jni->nkj", other[1:] - other[0], one[1:] - one[0])[0])
+        turn = np.einsum("kni,jni->nkj", other[1:] - other[0], one[1:] - one[0])
+        # The last joint turns about the flange's middle: only its axes tell its sign.
+        if np.abs(other[0] - one[0]).max() < SAME_M and np.ptp(turn, axis=0).max() < SAME_M:
+            return np.array(sign), np.asarray(turn[0])
     raise RuntimeError("the description's joints are not the readings' ones")
 
 

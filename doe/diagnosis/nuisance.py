@@ -1,9 +1,10 @@
 """What every arm and every table is off by a little: it must not pass for an effect.
 
 A drawing's lengths are right to a millimetre or so, joints' zeros to a few hundredths of a degree, weights to a few per
-mille; an instrument that was set up anew on another day has another zero; and links that a model holds rigid give way
-by a few per cent of the deflection. Each is a column of the readings' change by one standard deviation, with a
-standard normal number to it, so that what they can explain together is not held for anything that is missing.
+mille; an instrument that was set up anew on another day has another zero; links that a model holds rigid give way by a
+few per cent of the deflection, and links whose walls were assumed by 40 % more or less than theirs. Each is a column of
+the readings' change by one standard deviation, with a standard normal number to it, so that what they can explain
+together is not held for anything that is missing.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from doe.estimation.assumed_walls import WALL_SD
 from doe.estimation.problem import Problem
 from fem.effects.base import Effect, PlacedEffect
 from fem.effects.situation import History
+from fem.free.parameters import parameter
 from fem.model import ArmModel
 from robots.arrays import Array
 
@@ -32,12 +35,14 @@ SAME_LOAD = 0.005
 Read = Callable[[ArmModel, Sequence[PlacedEffect]], Array]
 
 
-def nuisance(read: Read, model: ArmModel, p: Problem, history: History, known: Mapping[str, Effect]) -> Array:
-    """Columns (m, e): change of the readings by one standard deviation of each."""
+def nuisance(
+    read: Read, model: ArmModel, p: Problem, history: History, known: Mapping[str, Effect], walls: Sequence[str]
+) -> Array:
+    """Columns (m, e): change of the readings by one standard deviation of each; ``walls``: links with assumed ones."""
     here = read(model, ())
     columns = [
         *_sessions(p, history), *_usual(read, model, known), *_lengths(read, model, here), *_loads(p, here),
-        *_links(read, model, here, known),
+        *_links(read, model, here, known), *_walls(read, model, here, walls),
     ]  # fmt: skip
     columns = [c for c in columns if np.abs(c).max(initial=0.0) > 0.0]
     return np.stack(columns, axis=1) if columns else np.zeros((len(p), 0))
@@ -102,3 +107,11 @@ def _links(read: Read, model: ArmModel, here: Array, known: Mapping[str, Effect]
         most = float(np.linalg.norm(change))
         if most > 0.0:
             yield change * min(effect.parameters[0].size[0], LINK * size / most)
+
+
+def _walls(read: Read, model: ArmModel, here: Array, names: Sequence[str]) -> Iterator[Array]:
+    """Each link whose wall was assumed, softer by what is known of it."""
+    for name in names:
+        modulus = parameter(model, f"{name}.modulus")
+        softer = modulus.kind.changed(modulus, (1.0 + WALL_SD) / modulus.value, model, {})
+        yield read(softer, ()) - here

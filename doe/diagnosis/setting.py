@@ -10,6 +10,7 @@ import numpy as np
 
 from doe.diagnosis.doubts import bends
 from doe.diagnosis.nuisance import nuisance
+from doe.estimation.assumed_walls import assumed_walls
 from doe.estimation.blocks import Alike
 from doe.estimation.estimate import estimate
 from doe.estimation.problem import Problem, problem
@@ -173,7 +174,7 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
 
 def errors_of(s: Setting) -> Array:
     """Change of the readings (m, e) by one standard deviation of each error that every model and table has."""
-    return nuisance(s.read, s.arm, s.data, s.history, s.known)
+    return nuisance(s.read, s.arm, s.data, s.history, s.known, assumed_walls(s.description, s.model))
 
 
 def setting_of(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meshes.apart import ApartError, run_apart
 from meshes.solid_mesh import outer_faces, untangled, with_middles
@@ -54,6 +55,22 @@ if sizes:
     made["cells"] = mesh.Elements3D().NumPy()["nodes"].astype(np.int64)
     made["nodes"] = np.asarray(mesh.Coordinates(), dtype=np.float64)
 np.savez(target, **made)
+"""
+
+# Tetrahedra inside a closed surface; apart too, for Netgen writes what it meets on the screen.
+_FILL = """
+import sys
+import numpy as np
+import netgen.meshing as ng
+source, target, size, grading = sys.argv[1:]
+given = np.load(source, allow_pickle=False)
+mesh = ng.Mesh(dim=3)
+mesh.AddPoints(given["nodes"])
+face = mesh.Add(ng.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
+mesh.AddElements(dim=2, index=face, data=given["faces"], base=0)
+mesh.GenerateVolumeMesh(ng.MeshingParameters(maxh=float(size), grading=float(grading)))
+cells = mesh.Elements3D().NumPy()["nodes"].astype(np.int64)
+np.savez(target, cells=cells, nodes=np.asarray(mesh.Coordinates(), dtype=np.float64))
 """
 
 
@@ -182,21 +199,16 @@ def in_surface(
             f"{np.round(skin[cells[pairs[0, 0]]].mean(axis=0), 4).tolist()} m",
             remedy="separate the parts in the program it came from, or choose a smaller element size",
         )
-    import netgen.meshing as ng
-
-    mesh = ng.Mesh(dim=3)
-    # In mm: Netgen takes lengths below 1e-6 for zero.
-    mesh.AddPoints(np.ascontiguousarray(skin / MM))
-    face = mesh.Add(ng.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
-    mesh.AddElements(dim=2, index=face, data=np.ascontiguousarray(cells, dtype=np.int32), base=0)
     try:
-        mesh.GenerateVolumeMesh(ng.MeshingParameters(maxh=size / MM, grading=GRADING))
-    except Exception as error:
+        # In mm: Netgen takes lengths below 1e-6 for zero.
+        given: dict[str, NDArray[Any]] = {"nodes": skin / MM, "faces": cells.astype(np.int32)}
+        made = run_apart(_FILL, (repr(size / MM), repr(GRADING)), given, TIMEOUT_S)
+    except ApartError as error:
         raise SurfaceFault(
             f"surface {name}: Netgen cannot fill it with tetrahedra ({error})",
             remedy="repair the surface in the program it came from, or choose another element size",
         ) from error
-    points, tetrahedra = _of_netgen(name, mesh)
+    points, tetrahedra = _used(name, made["cells"].astype(np.int64), made["nodes"].astype(np.float64))
     points, tetrahedra = with_middles(MM * points, tetrahedra)
     points = untangled(_onto(points, tetrahedra, surface_to_stay_on(nodes, faces, size)), tetrahedra)
     notes.append(f"remeshed from {len(faces)} to {len(cells)} triangles of {1e3 * size:.4g} mm")
@@ -226,11 +238,6 @@ def _check_count(name: str, size: float, area: float, volume: float) -> None:
             allowed=f"at most {MOST_ELEMENTS} tetrahedra, not some {count:.3g}",
             remedy="choose a larger element size, or look at the file's unit of length",
         )
-
-
-def _of_netgen(name: str, mesh: Any) -> tuple[Array, Integers]:
-    cells = mesh.Elements3D().NumPy()["nodes"].astype(np.int64)
-    return _used(name, cells, np.asarray(mesh.Coordinates(), dtype=np.float64))
 
 
 def _used(name: str, cells: Integers, nodes: Array) -> tuple[Array, Integers]:

@@ -229,7 +229,7 @@ def check_interfaces(interfaces: Mapping[str, Interface]) -> None:
             raise InputError(f"interface axis {name}", value=one.axis.tolist(), allowed="three numbers, not all zero")
     alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]
     if len(interfaces) == 1 and alone:
-        raise InputError("one interface has no direction to cut along", remedy="give its interface_radius")
+        raise InputError("one interface has no direction to cut along", remedy="give its radius (--radius LINK.END=MM)")
 
 
 def quality_words(least_angle_deg: float) -> str:

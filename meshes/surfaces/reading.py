@@ -112,7 +112,7 @@ def check_scale(
         return "scale not checked: one interface and no expected span"
     if not low <= diagonal / span <= high:
         fits = [factor for factor in SCALES if low <= factor * diagonal / span <= high]
-        remedy = f"multiply scale by {fits[0]:g} (scale={fits[0]:g} if none was given)" if fits else "check both"
+        remedy = f"multiply scale by {fits[0]:g} (--scale {fits[0]:g} if none was given)" if fits else "check both"
         raise InputError(
             f"scale of {name}: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart",
             value=f"ratio {diagonal / span:.4g}",

@@ -87,7 +87,8 @@ def choose_rings(
         notes = [f"rings of {' and '.join(common)} met: their radii were cut, see below"]
     if common:
         raise InputError(
-            f"interfaces {' and '.join(common)}{skin.of} share nodes", remedy="give smaller interface_radius for both"
+            f"interfaces {' and '.join(common)}{skin.of} share nodes",
+            remedy="give smaller radii for both (--radius LINK.END=MM)",
         )
     return rings, notes
 
@@ -126,7 +127,7 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: Skin, share: flo
             f"within {where}",
             value=f"the nearest node is {distance.min():.4g} m away",
             allowed=f"{LEAST_RING} nodes or more",
-            remedy="move the point onto the surface's end, or give its interface_radius",
+            remedy="move the point onto the surface's end, or give its radius (--radius LINK.END=MM)",
         )
     return found
 

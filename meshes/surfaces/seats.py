@@ -237,7 +237,8 @@ def _seat(around: _Around, level: tuple[Integers, Array], other: _Neighbour | No
         apart = other.gaps(around.arm[nodes])
         gap = float(np.quantile(apart, 0.25))
         follows = nodes[apart <= gap + DEPTH * around.skin.size + SLANT * around.off[nodes]]
-        follows = follows if around.held(follows) >= SECTORS_HELD else nodes
+        # A neighbour that is further off than the seat reaches does not show where it is bolted on.
+        follows = follows if around.held(follows) >= SECTORS_HELD and gap <= around.reach(nodes) else nodes
     if around.held(follows) < SECTORS_HELD:
         return None
     reach = around.reach(follows)

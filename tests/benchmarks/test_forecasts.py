@@ -16,9 +16,9 @@ def test_readings_left_out_lie_in_their_intervals_with_something_hidden() -> Non
 
 @pytest.mark.slow
 def test_promises_are_kept_with_something_hidden() -> None:
-    """90 % is what they aim at; intervals of one world are alike, so that those of 12 worlds scatter by some 10 %."""
-    for t in plans(load("kr60-3"), 12, seed=7).values():
-        assert sum(t.kept) / len(t.kept) >= 0.65
+    """90 % is what they aim at; intervals of one world are alike, so that those of 4 worlds scatter by some 15 %."""
+    for t in plans(load("kr60-3"), 4, seed=7).values():
+        assert sum(t.kept) / len(t.kept) >= 0.6
         # By the readings' noise alone fewer are kept.
         assert sum(t.noise_alone) < sum(t.kept)
 

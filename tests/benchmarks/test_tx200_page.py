@@ -54,13 +54,13 @@ def test_36_stiffnesses_are_covered_as_they_should() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_fewer_repeats_give_the_pages_figures(model: ArmModel, case: object) -> None:
-    repeats = 20
+    repeats = 6
     r = study(model, case, repeats).row()  # type: ignore[arg-type]
     cells = row(case.name)  # type: ignore[attr-defined]
     share, error = (float(c) for c in re.findall(r"[\d.]+", cells[1]))
     # The page's standard error is of 200 repeats; four of that of 20.
     assert 100.0 * r["coverage"] == pytest.approx(share, abs=4.0 * max(error, 0.1) * np.sqrt(200.0 / repeats))
-    assert 100.0 * r["unseen_mean"] == pytest.approx(float(cells[3]), rel=0.1)
+    assert 100.0 * r["unseen_mean"] == pytest.approx(float(cells[3]), rel=0.15)  # some 10 % scatter of 6 repeats
 
 
 def test_the_finding_at_joint_2_is_the_models(model: ArmModel, found: Identified) -> None:

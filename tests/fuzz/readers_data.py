@@ -23,6 +23,7 @@ from robots.robot import robot_from
 from stiffarm.commands.new.dh_table import read_dh
 from stiffarm.commands.robots.pendant_table import read_pendant
 from stiffarm.commands.study.sets import study_set
+from stiffarm.session.table_kinds import kind_of
 
 from .mutate_tables import TABLE, WORKBOOK
 from .readers_arm import JSON, TOML
@@ -224,7 +225,15 @@ def _pendant(path: Path) -> object:
     return readings
 
 
+def _told(path: Path) -> object:
+    """What is no file of ours is left to its reader: nothing is raised."""
+    return kind_of(path)
+
+
 READERS: dict[str, Reader] = {
+    "file": Reader(
+        lambda: [*_tables(), *_dh_tables(), *_pendant_tables(), Sample(".json", SET)], _told, (*TABLE, JSON)
+    ),
     "measurement file": Reader(_tables, _measurements, TABLE, cost=2.0),
     "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
     "measurement file: Denavit-Hartenberg": Reader(_dh_tables, _dh_arm, TABLE),

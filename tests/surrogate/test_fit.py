@@ -164,13 +164,16 @@ def test_a_scope_that_makes_no_sense_is_refused(changes, words):
 
 
 @pytest.mark.parametrize("basis", ["polynomial", "trigonometric"])
-def test_a_hundred_thousand_queries_are_quick(basis):
+def test_many_queries_are_no_loop(basis):
     s = fitted(1000, 4, basis=basis, degree={"polynomial": 6, "trigonometric": 2}[basis], bars=True)
     scope = planar_scope(4)
-    Q = np.random.default_rng(5).uniform(scope.lower, scope.upper, (100_000, 4))
-    query(s, Q[:10_000])  # compiles, once for each machine
+    Q = np.random.default_rng(5).uniform(scope.lower, scope.upper, (20_000, 4))
+    query(s, Q)  # compiles, once for each machine
     start = time.process_time()
-    assert query(s, Q).stiffness_N_per_mm.shape == (100_000,)
-    # Measured 0.1 and 0.25 s; a Python loop over poses would take more than 5 s. Processor time, because
-    # wall time depends on what else the machine does.
-    assert time.process_time() - start < 3.0
+    together = query(s, Q).stiffness_N_per_mm
+    batch, start = time.process_time() - start, time.process_time()
+    alone = [float(query(s, Q[k : k + 1]).stiffness_N_per_mm[0]) for k in range(20)]
+    loop = time.process_time() - start
+    np.testing.assert_allclose(together[:20], alone, rtol=1e-12)
+    # Measured: a thousandth and less of what a loop takes for a pose.
+    assert batch / len(Q) < 0.1 * loop / len(alone)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -104,7 +105,7 @@ def _matching(robot: Robot, law: LogPolynomialLaw, points: SpringPoints, ranges:
     for k, (low, high) in enumerate(ranges.tolist()):
         # A mirrored point moves with the one that it mirrors.
         moved = np.array([i % len(ranges) == k and o != "held" for i, o in enumerate(points.origin)])
-        stepped = replace(points, stiffness=points.stiffness * np.where(moved, np.e, 1.0))
+        stepped = replace(points, stiffness=points.stiffness * np.where(moved, math.e, 1.0))
         share = of(fit_law(robot, stepped, degree, law.source)) - middle
         ways = share[:, None] * np.log([low / points.stiffness[k], high / points.stiffness[k]])
         squares += np.stack([np.minimum(ways, 0.0).min(axis=1) ** 2, np.maximum(ways, 0.0).max(axis=1) ** 2])

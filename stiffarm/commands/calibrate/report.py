@@ -19,8 +19,8 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import naturally
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.caution import uncalibrated
-from stiffarm.session.noise_words import scatter_name
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.words.noise import scatter_name
 from stiffarm.session.workspace import workspace_stiffness
 
 QUESTION = "which springs explain the readings?"

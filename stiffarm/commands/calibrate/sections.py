@@ -20,8 +20,8 @@ from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.commands.calibrate.tables import numbers_table, outlier_lines, studies_table
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
-from stiffarm.session.direction_words import direction_words
-from stiffarm.session.noise_words import scatter_name
+from stiffarm.session.words.directions import direction_words
+from stiffarm.session.words.noise import scatter_name
 
 _BLIND = 1e-9
 # Correlations from this size on are worth a line, and so many of them.

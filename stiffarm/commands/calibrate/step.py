@@ -21,6 +21,8 @@ from doe.certainty.lack_of_fit import downweighted
 from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import Certainty, ParameterEstimate, bootstrap, certainty
+from doe.estimation.assumed_walls import remarks as walls_remarks
+from doe.estimation.assumed_walls import with_assumed_walls
 from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
@@ -186,6 +188,8 @@ def calibrate(
             allowed=given.robot.name,
             remedy="choose the file of this robot, or name this robot in its 'robot' key",
         )
+    campaign = with_assumed_walls(request.campaign, given.description, given.model)
+    request = replace(request, campaign=campaign)
     if holdout is not None:
         refuse_seen(table, holdout, "the calibration")
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
@@ -212,6 +216,7 @@ def calibrate(
         *words.study_remarks(found.studies),
         *words.remarks(found.stages, request.expected),
         *words.points_remark(shifts, points_of(used)),
+        *walls_remarks(campaign, given.description, given.model),
     )
     return Calibrated(
         request, used, found, with_origin(found, used, request.loads, remarks), stages, error, half, skipped,

@@ -15,8 +15,8 @@ from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
-from stiffarm.session.noise_words import scatter_name
-from stiffarm.session.spring_words import mega
+from stiffarm.session.words.noise import scatter_name
+from stiffarm.session.words.springs import mega
 
 
 def show(c: Calibrated) -> None:

@@ -20,7 +20,7 @@ from doe.published.pose_studies import PoseStudies
 from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
-from stiffarm.session.spring_words import bound_remark
+from stiffarm.session.words.springs import bound_remark
 
 # Below this probability a test's outcome is no chance.
 REFUTED = 0.01

@@ -10,7 +10,7 @@ from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.diagnose.words import NAMED, and_list, rivals_text, sentence
 from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Block, Bullets, Fold, Table, Text
-from stiffarm.session.direction_words import set_up_rows
+from stiffarm.session.words.directions import set_up_rows
 
 # Set-ups that most probably leave everything open do not settle it.
 OPEN = 0.9

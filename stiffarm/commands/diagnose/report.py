@@ -19,9 +19,9 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Answer, Block, KeyFigure, Picture, Section, Table, Text, data_words, write_page
 from stiffarm.session.caution import uncalibrated
-from stiffarm.session.noise_words import floor_name, scatter_name
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.spring_words import mega
+from stiffarm.session.words.noise import floor_name, scatter_name
+from stiffarm.session.words.springs import mega
 
 VERDICTS = {
     "named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "learned": "learned, no name",

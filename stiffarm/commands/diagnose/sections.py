@@ -35,7 +35,7 @@ from stiffarm.commands.diagnose.traces_figure import traces_figure
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.dumbbells import dumbbells_figure
 from stiffarm.pages.report import Block, Bullets, Fold, Section, Table, Text
-from stiffarm.session.noise_words import floor_name
+from stiffarm.session.words.noise import floor_name
 
 # Candidates drawn: the most probable ones, and nothing missing and something unknown wherever they stand.
 DRAWN = 10

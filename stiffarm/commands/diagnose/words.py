@@ -18,7 +18,7 @@ from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.ladder import NAMES
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.numbers import percent, significant
-from stiffarm.session.noise_words import RESIDUAL, is_residual
+from stiffarm.session.words.noise import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.
 LARGE = 0.15

@@ -26,6 +26,8 @@ from robots.arrays import Array, Bools
 LEAST_SHARE, LOW_SHARE, MOST_EXPONENT = 0.015, 0.03, 1.8
 # A ring that half of the energy sits at is made this much larger, so many times.
 LARGER, TRIES = 1.5, 2
+# Of what an opening does to a link, less than this share is no warning.
+TOLD = 0.05
 _HULL = (
     "WARNING: its surface is convex, as collision hulls are: waists, hollows and bosses are not shown. One wall all "
     "over, 0.8 of the usual one, makes good what a hull is too stiff by on average; by direction it may be off by a "
@@ -128,9 +130,12 @@ def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) 
     if found:
         most, least = _if_open(link.mesh, np.any([one.faces for one in found], axis=0), points)
         widest = found[0]
+        where = f"an opening {1e3 * widest.width:.0f} mm wide around {np.round(1e3 * widest.middle).tolist()} mm"
         said.append(
-            f"WARNING: an opening {1e3 * widest.width:.0f} mm wide around {np.round(1e3 * widest.middle).tolist()} mm "
-            f"was closed. If it is open in truth, the link is {least:.2g} to {most:.2g} times as compliant, by load"
+            f"WARNING: {where} was closed. If it is open in truth, the link is {least:.2g} to {most:.2g} times as "
+            "compliant, by load"
+            if most > 1.0 + TOLD
+            else f"{where} was closed; if it is open in truth, no load sees more than {100 * TOLD:.0f} % of it"
         )
     return tuple(said)
 

@@ -167,9 +167,10 @@ def written_surface(shell: MadeShell, folder: Path, source: str) -> Surface:
         file=str(path.resolve()),
         sha256=sha256,
         wall=PositiveLength(
-            value=round(1e3 * shell.wall, 6),
+            # Short links are all boss.
+            value=round(1e3 * max(shell.wall, float(shell.link.mesh.thickness.min())), 6),
             unit="mm",
-            source="assumed",
+            source="definition" if shell.basis.basis == "given" else "assumed",
             note=f"{shell.basis.words}; thicker in bosses",
         ),
         size=PositiveLength(value=round(1e3 * shell.link.figures.size_m, 3), unit="mm", source="derived"),
@@ -296,7 +297,7 @@ def _link_row(part: ImportedPart, link: Mapping[str, Any]) -> list[str]:
     off = part.link.figures.departure_m[0]
     return [
         part.name,
-        f"{1e3 * part.wall:g}",
+        f"{1e3 * part.wall:.3g}",
         ", ".join(f"{1e3 * ring.radius:.0f}" for ring in part.link.figures.rings.values()),
         part.verdict.kind,
         "-" if math.isnan(off) else f"{1e3 * off:.3g}",

@@ -23,8 +23,8 @@ from stiffarm.pages.report import (
     data_words,
     write_page,
 )
-from stiffarm.session.direction_words import set_up_rows
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.words.directions import set_up_rows
 
 QUESTION = "what to measure next?"
 # Parameters that the first screen names.

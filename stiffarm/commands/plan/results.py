@@ -21,8 +21,8 @@ from stiffarm.commands.plan import words
 from stiffarm.commands.plan.sheets import Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
-from stiffarm.session.direction_words import set_up_rows
 from stiffarm.session.json_text import number
+from stiffarm.session.words.directions import set_up_rows
 
 SCHEMA = "stiffarm-plan/1"
 

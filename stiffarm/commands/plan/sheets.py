@@ -13,7 +13,7 @@ from doe.planning.protocol import Protocol, table_to_fill
 from robots import Robot
 from robots.arrays import Array
 from stiffarm.pages.parts import rendered
-from stiffarm.session.direction_words import direction_words
+from stiffarm.session.words.directions import direction_words
 
 # More boxes than these beside each other are too narrow to write into on A4.
 MOST_BOXES = 9

@@ -21,7 +21,7 @@ from robots.arrays import Array
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import inputs, steps
-from stiffarm.session.spring_words import at_widest_bound
+from stiffarm.session.words.springs import at_widest_bound
 
 Agreement = Literal["within", "outside", "unknown"]
 

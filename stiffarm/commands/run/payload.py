@@ -9,8 +9,8 @@ import numpy as np
 from stiffarm.commands.calibrate.payload import poses as pose_rows
 from stiffarm.commands.run.link_models import LinkModels, Pair
 from stiffarm.session.json_text import number
-from stiffarm.session.spring_words import at_widest_bound
 from stiffarm.session.steps import FactorialRuns, RigidJoints
+from stiffarm.session.words.springs import at_widest_bound
 
 
 def rigid(result: RigidJoints) -> dict[str, Any]:

@@ -20,8 +20,8 @@ from fem.statics.loads import as_loaded
 from robots import InputError, require_one_of
 from robots.arrays import Array, Indices
 from stiffarm.commands.calibrate.words import spoken_unit
-from stiffarm.session.direction_words import direction_words
 from stiffarm.session.json_text import number
+from stiffarm.session.words.directions import direction_words
 
 Method = Literal["morris", "sobol", "derivative"]
 

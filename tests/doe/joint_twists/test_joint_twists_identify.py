@@ -254,8 +254,8 @@ def test_unseen_poses_are_predicted_within_three_percent() -> None:
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth() -> None:
-    share, _ = coverage(None, 40)
-    # 0.4 % standard error over 40 campaigns; the page has 200.
-    assert 0.93 < share < 0.97
+    share, _ = coverage(None, 12)
+    # 0.7 % standard error over 12 campaigns; the page has 200.
+    assert 0.92 < share < 0.98
     # Intervals of constants, where stiffnesses vary, hold it hardly more often than not.
-    assert coverage("constant", 10)[0] < 0.75
+    assert coverage("constant", 3)[0] < 0.75

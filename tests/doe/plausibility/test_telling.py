@@ -61,17 +61,17 @@ def test_flipped_and_random_readings_tell_nothing(how: str) -> None:
 
 
 @pytest.mark.slow
-def test_rates_on_two_hundred_campaigns() -> None:
+def test_rates_on_sixty_campaigns() -> None:
     refused = 0
-    for seed in range(200):
+    for seed in range(60):
         data, robot = real(seed)
         refused += not told(data, robot).anything
-    passed = {how: wrong(range(200), how) for how in SPOILT[:3]}
+    passed = {how: wrong(range(60), how) for how in SPOILT[:3]}
     # Those of one load read much the same everywhere in whatever order, and that much they tell.
-    several = [seed for seed in range(200) if len(LAYOUTS[seed % 5].get("loads", "several")) > 1]  # type: ignore[arg-type]
+    several = [seed for seed in range(60) if len(LAYOUTS[seed % 5].get("loads", "several")) > 1]  # type: ignore[arg-type]
     shuffled = sum(wrong(range(seed, seed + 1), "shuffled") for seed in several)
     assert refused == 0
-    assert all(count <= binom.isf(1e-3, 200, LEVEL) for count in passed.values()), passed
+    assert all(count <= binom.isf(1e-3, 60, LEVEL) for count in passed.values()), passed
     assert shuffled <= 0.1 * len(several), (shuffled, len(several))
 
 

@@ -183,10 +183,10 @@ def test_a_narrower_class_would_refuse_right_tables(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_most_wrong_units_are_found_on_the_same_arms() -> None:
-    """Rates on arms with springs anywhere in three times the class; lower bounds, 60 arms leave some 6 % of scatter."""
+    """Rates on arms with springs anywhere in three times the class; lower bounds, 24 arms leave some 9 % of scatter."""
     rng = np.random.default_rng(0)
-    arms = [made_up(rng) for _ in range(60)]
-    least = {"micrometres": 0.95, "metres": 0.95, "kN": 0.95, "1/100 mm": 0.75, "1/1000 inch": 0.6, "inches": 0.2}
+    arms = [made_up(rng) for _ in range(24)]
+    least = {"micrometres": 0.91, "metres": 0.91, "kN": 0.91, "1/100 mm": 0.7, "1/1000 inch": 0.5, "inches": 0.15}
     for unit, rate in least.items():
         found = [any(s.is_certain for s in suspicions(m.description, m.model, MISTYPED[unit](m.data))) for m in arms]
         assert np.mean(found) >= rate, unit

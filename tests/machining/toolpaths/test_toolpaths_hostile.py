@@ -76,8 +76,8 @@ def test_repeated_cycles_are_refused_before_their_moves_are_made(tmp_path: Path)
     started = time.perf_counter()
     with pytest.raises(InputError, match="number of moves"):
         read_toolpath(tmp_path / "p.nc")
-    # 300 million moves; one hole of them takes a tenth of a second.
-    assert time.perf_counter() - started < 5.0
+    # 300 million moves would take hours.
+    assert time.perf_counter() - started < 60.0
 
 
 @pytest.mark.parametrize(

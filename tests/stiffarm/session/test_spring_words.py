@@ -13,7 +13,7 @@ from fem.free.parameters import Parameter
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.payload import spring as estimate
 from stiffarm.commands.calibrate.words import bound_of, estimate_text
-from stiffarm.session.spring_words import mega
+from stiffarm.session.words.springs import mega
 from tests.doe.plain_problems import PlainModel, problem_of
 from tests.stiffarm.made_estimates import INF, NAN, made_spring
 

@@ -168,7 +168,7 @@ def panel(ax: Axes, values: Array, look: Look, plane: Plane, lines: int) -> None
         x, y, masked = (np.ma.vstack([a, a[:1]]) for a in (x, y, masked))
     inks = [look.level_ink(level) for level in levels]
     drawn = ax.contour(x, y, masked, levels=levels, colors=inks, linewidths=0.8, alpha=0.85, zorder=2)
-    ax.clabel(drawn, fmt=lambda v: f"{v:.6g}".replace("-", "−"), fontsize=8.0 if lines > 3 else 7.0, inline_spacing=3)
+    ax.clabel(drawn, fmt=lambda v: f"{v:.6g}".replace("-", "−"), fontsize=8.0 if lines > 3 else 9.0, inline_spacing=3)
 
 
 def contour_levels(look: Look, values: Array, lines: int) -> Array:

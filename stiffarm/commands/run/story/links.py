@@ -13,7 +13,7 @@ from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import NOUN, LinkCalibrations, LinkModels, Pair, SpringPair
 from stiffarm.pages.blocks import percent
 from stiffarm.pages.report import Bullets, Note, Section, Table, Text
-from stiffarm.session.spring_words import mega
+from stiffarm.session.words.springs import mega
 
 _COMPARED: Final = (("RMS", " (mm)"), ("left-out RMS", " (mm)"), ("structure's share", ""))
 _AGREE: Final = MappingProxyType({"within": "yes", "outside": "NO", "unknown": "no interval"})

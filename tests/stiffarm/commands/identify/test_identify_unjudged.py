@@ -86,7 +86,7 @@ def faults(value: Any, where: str = "", why: str | None = None) -> Iterator[str]
     one_way=st.sampled_from((False, False, True)),
     seed=st.integers(0, 5),
 )
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_any_angles_are_answered_in_full(
     angles: list[float], poses: int, law: LawKind | None, noisy: bool, one_way: bool, seed: int
 ) -> None:

@@ -23,7 +23,7 @@ from stiffarm.commands.plan.figures import plan_figure
 from stiffarm.commands.plan.options import parse_directions, parse_read, usual_loads
 from stiffarm.commands.plan.step import Request, make_plan
 from stiffarm.session import inputs, readings
-from stiffarm.session.direction_words import direction_words
+from stiffarm.session.words.directions import direction_words
 from stiffarm.session.zones import parse_zone
 
 XR701 = inputs.read_model("xr701", None, None)

@@ -1,0 +1,1 @@
+"""How directions, noise and springs are said, the same in all commands."""
