@@ -215,10 +215,10 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
         f"Of {len(both)} shares (five effects, two robots, found and named; {total} sets in all) {held} lie in the "
         "interval that `stiffarm rehearse MODEL SHEET` had stated before any set was diagnosed.",
         "",
-        f"Sheets: {sheets}; three loads up and down, three repeats, noise 3 % and 3 um. Sets: the world of rehearsals, "
-        f"seed {seed}, {total // len(some)} for each effect and robot, each with other springs, sizes, laws and errors; "
-        "diagnosed as `stiffarm study` does it, blind. No constant of the analysis was set on these effects, sheets or "
-        "seed.",
+        f"Sheets: {sheets}; three loads up and down, three repeats, noise 3 % and 3 um. Sets: the world of "
+        f"rehearsals, seed {seed}, {total // len(some)} for each effect and robot, each with other springs, sizes, "
+        "laws and errors; diagnosed as `stiffarm study` does it, blind. No constant of the analysis was set on these "
+        "effects, sheets or seed.",
         "",
         *table(some),
         "",
@@ -227,9 +227,9 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
         lines += [
             "## What the constants were set on",
             "",
-            f"{sum(c.sets for c in tuned)} sets of seed 11, other effects and sheets. Three constants were set on these "
-            "shares (doe/power/chances.py), so that they prove nothing; the intervals were taken wider than they ask "
-            "for.",
+            f"{sum(c.sets for c in tuned)} sets of seed 11, other effects and sheets. Three constants were set on "
+            "these shares (doe/power/chances.py), which therefore prove nothing; the intervals are wider than these "
+            "ask for.",
             "",
             *table(tuned),
             "",

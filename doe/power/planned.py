@@ -139,11 +139,11 @@ class Planned:
             some = [self.stack.flat[i] for i in mine]
             gain[mine], told[mine] = _fitted(some, G, g)
         evidence, left = {}, {}
-        for code, some in self.candidates.items():
-            z, q = (gain[self.stack.place[code]], told[self.stack.place[code]]) if some[0].shift is None else (
-                self._of_shifts(some, W)
+        for code, own in self.candidates.items():
+            z, q = (gain[self.stack.place[code]], told[self.stack.place[code]]) if own[0].shift is None else (
+                self._of_shifts(own, W)
             )  # fmt: skip
-            evidence[code] = logsumexp(z, axis=0) - np.log(max(shape_count(some[0].effect), 1))
+            evidence[code] = logsumexp(z, axis=0) - np.log(max(shape_count(own[0].effect), 1))
             left[code] = np.maximum(total - q.max(axis=0), 0.0)
         return Explained(total, evidence, left)
 

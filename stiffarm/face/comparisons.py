@@ -12,6 +12,7 @@ from stiffarm.face.shown import Shown, frame
 if TYPE_CHECKING:
     import pandas as pd
 
+    from robots.arrays import Array
     from stiffarm.commands.compare.step import Compared
 
 
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 class Comparison(Shown):
     """Results compared with the first one.
 
-    ``differs``: of each other result the numbers that differ by more than noise; of maps it is empty. ``compared`` has
-    everything else.
+    ``differs``: of each other result the parameters that differ by more than noise; of maps it is empty. ``compared``
+    has everything else.
     """
 
     differs: tuple[tuple[str, ...], ...]
@@ -33,17 +34,37 @@ class Comparison(Shown):
         return " ".join(f"{c.b.name} against {c.a.name}: {headline(c)}" for c in self.compared)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row a number, or a map's quantity, of each other result: both values, the change and the verdict."""
-        from stiffarm.commands.compare import words
+        """One row a parameter, or a map's quantity, of each other result: both values, the change and the verdict.
 
-        heads, rows = ("second", *words.HEADS), list[tuple[str, ...]]()
-        for c in self.compared:
-            if c.maps is not None:
-                heads = ("second", *words.MAP_HEADS)
-                rows += [(c.b.name, *words.map_row(q)) for q in c.maps.quantities]
-            else:
-                rows += [(c.b.name, *words.row(p)) for p in c.pairs]
-        return frame({name: [row[k] for row in rows] for k, name in enumerate(heads)})
+        ``change``: second over first less one where ``is_share``, else their difference; of maps the median.
+        """
+        return frame([row for c in self.compared for row in _rows(c)])
+
+
+def _rows(c: Compared) -> list[dict[str, object]]:
+    if c.maps is not None:
+        return [
+            {
+                "second": c.b.name, "quantity": q.name, "unit": q.unit, "first_median": _median(q.a),
+                "second_median": _median(q.b), "change": _median(q.change), "is_share": q.is_share,
+                "share_beyond": float("nan") if q.beyond is None else float(q.beyond.mean()),
+            }
+            for q in c.maps.quantities
+        ]  # fmt: skip
+    out: list[dict[str, object]] = []
+    for p in c.pairs:
+        row: dict[str, object] = {"second": c.b.name, "parameter": p.name, "unit": p.unit}
+        for name, one in (("first", p.a), ("second", p.b)):
+            ends = (None, None, None) if one is None else (one.value, one.low, one.high)
+            row |= {f"{name}_{part}": float("nan") if v is None else v
+                    for part, v in zip(("value", "low", "high"), ends, strict=True)}  # fmt: skip
+        out.append(row | {"change": p.change, "is_share": p.is_share, "p": p.p, "verdict": p.verdict})
+    return out
+
+
+def _median(values: Array) -> float:
+    known = sorted(values[values == values].tolist())
+    return known[len(known) // 2] if known else float("nan")
 
 
 def compare(*results: str | Path) -> Comparison:

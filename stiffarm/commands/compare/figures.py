@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 
 from robots.arrays import Array
@@ -71,8 +72,11 @@ def map_figure(m: MapPair, q: Quantity) -> Figure:
     heading = f"{q.label[0].upper()}{q.label[1:]}{words}"
     with drawing(heading, (11.0, 4.3), 1, 3, sharex=True, sharey=True) as (figure, axes):
         size = max(4.0, 12_000.0 / max(len(x), 1))
-        looks = (("first", a, STIFFNESS_COLOURS, low, high), ("second", b, STIFFNESS_COLOURS, low, high),
-                 ("difference", change, "PuOr_r", -max(most, 1e-12), max(most, 1e-12)))  # fmt: skip
+        most = max(most, 1e-12)
+        looks: tuple[tuple[str, Array, Colormap | str, float, float], ...] = (
+            ("first", a, STIFFNESS_COLOURS, low, high), ("second", b, STIFFNESS_COLOURS, low, high),
+            ("difference", change, "PuOr_r", -most, most),
+        )  # fmt: skip
         for ax, (name, values, colours, least, greatest) in zip(axes, looks, strict=True):
             mesh = ax.scatter(x, y, c=values, s=size, marker="s", linewidths=0, cmap=colours, vmin=least, vmax=greatest)
             ax.set_title(name, loc="left", weight="bold")

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from robots import InputError
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, Indices
 from robots.constants import NORMAL_95
 from robots.errors import listed
 
@@ -151,7 +151,7 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
                    tuple(remarks))  # fmt: skip
 
 
-def _same_points(a: MapFile, b: MapFile) -> tuple[Array, Array]:
+def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
     """Rows (k,) of both at the points that both reach."""
     keys = [_keys(one, a.of.get("pose") == "given by the grid") for one in (a, b)]
     index = [{key: k for k, key in enumerate(own) if one.reached[k]} for own, one in zip(keys, (a, b), strict=True)]
@@ -170,7 +170,7 @@ def _keys(one: MapFile, by_pose: bool) -> list[tuple[float, ...]]:
     return [tuple(row) for row in (where + 0.0).tolist()]
 
 
-def _quantity(name: str, a: MapFile, b: MapFile, i: Array, j: Array) -> Quantity:
+def _quantity(name: str, a: MapFile, b: MapFile, i: Indices, j: Indices) -> Quantity:
     first, second = a.values[name][i], b.values[name][j]
     unit = a.units.get(name, "")
     is_share = unit in ("N/mm", "um/N")

@@ -20,7 +20,7 @@ from robots.constants import NORMAL_95
 from robots.schema.uncertainty import CalibrationUncertainty
 from stiffarm.commands.compare.sources import Source
 
-Verdict = Literal["beyond the noise", "perhaps", "within the noise", "cannot be told", "other"]
+Verdict = Literal["beyond the noise", "perhaps", "within the noise", "undecided", "other"]
 LEVEL: Final = 0.05
 # Standard deviations below this share of the number are those of an exact one.
 EXACT: Final = 1e-9
@@ -56,7 +56,7 @@ class Figure:
 class Pair:
     """One number of both: ``change``: second over first less one, or their difference where a share means nothing.
 
-    ``p``: probability of such a difference by noise alone, NaN where it cannot be told.
+    ``p``: probability of such a difference by noise alone, NaN where that is not known.
     """
 
     name: str
@@ -213,9 +213,9 @@ def _by_ends(a: Figure, b: Figure) -> Verdict:
     """Of numbers without a standard deviation: beyond the noise only where their intervals do not touch."""
     ends = [(-math.inf if f.low is None else f.low, math.inf if f.high is None else f.high) for f in (a, b)]
     if all(not math.isfinite(x) for pair in ends for x in pair):
-        return "cannot be told"
+        return "undecided"
     apart = ends[0][1] < ends[1][0] or ends[1][1] < ends[0][0]
-    return "beyond the noise" if apart else "cannot be told"
+    return "beyond the noise" if apart else "undecided"
 
 
 def _judged(some: Sequence[Pair]) -> list[Pair]:

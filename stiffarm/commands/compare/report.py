@@ -27,7 +27,7 @@ def write_report(some: Sequence[Compared], folder: OutputFolder) -> None:
     key = _key_figures(some)
     sections.append(_how(some[0]))
     lede = words.headline(some[0]) if len(some) == 1 else " ".join(f"{c.b.name}: {words.headline(c)}" for c in some)
-    sure = "Beyond the noise: by Student's t of the difference, all numbers judged together (Holm), 5 %." if (
+    sure = "Beyond the noise: by Student's t of the difference, all judged together (Holm), 5 %." if (
         some[0].maps is None
     ) else "Beyond the noise: by more than 1.96 standard deviations of both maps' uncertainty."  # fmt: skip
     title = f"Two {first.kind}s" if len(some) == 1 else f"{len(some) + 1} {first.kind}s"
@@ -43,8 +43,8 @@ def _key_figures(some: Sequence[Compared]) -> list[KeyFigure]:
             KeyFigure(row[4], f"change of {row[0]} in the median"),
             KeyFigure(row[5], "over nine tenths of the points"),
         ]
-    told = [p for p in c.shared if p.verdict != "cannot be told"]
-    return [KeyFigure(f"{len(c.beyond)} of {len(told)}", "numbers that both tell differ by more than noise")]
+    return [KeyFigure(f"{len(c.beyond)} of {words.counted(c).partition(' ')[0]}",
+                      f"{words.counted(c).partition(' ')[2]} differ by more than noise")]  # fmt: skip
 
 
 def _numbers(c: Compared, pictures: Pictures) -> tuple[list[Block], Picture | None]:
@@ -52,7 +52,7 @@ def _numbers(c: Compared, pictures: Pictures) -> tuple[list[Block], Picture | No
     notes = words.remarks(c)
     if notes:
         blocks.append(Bullets(tuple(notes)))
-    blocks.append(Table("Numbers", words.HEADS, tuple(words.row(p) for p in c.pairs), (0, 3, 5)))
+    blocks.append(Table(f"{words.noun(c).capitalize()}s", words.HEADS, tuple(words.row(p) for p in c.pairs), (0, 3, 5)))
     if c.settings:
         rows = tuple(words.setting_row(s) for s in c.settings)
         blocks.append(Table("How they were made, and what they say", words.SETTING_HEADS, rows, (0, 1, 2)))
@@ -93,15 +93,15 @@ def _maps(
 
 def _how(c: Compared) -> Section:
     if c.maps is not None:
-        lines = (
+        lines: tuple[str, ...] = (
             "Points that both maps reach are compared, each by itself; stiffnesses as a share of the first map's.",
             "Maps of other robots, loads, normals, points or units are refused.",
         )
     else:
         lines = (
-            "A number is compared in the variable in which its error is normal (the compliance of a stiffness). "
-            "'Perhaps': below 5 % by itself, but of so many numbers one such is to be expected.",
-            "A number that one of them does not determine differs only where the 95 % intervals do not touch.",
+            "Each is compared in the variable in which its error is normal (the compliance of a stiffness). "
+            "'Perhaps': below 5 % by itself, but of so many one such is to be expected.",
+            "What one of them does not identify differs only where the 95 % intervals do not touch.",
             "All at once: by the covariances that calibrated model files keep.",
         )
     return Section("How it was done", (Bullets(lines),), folded=True)

@@ -85,8 +85,8 @@ def _compared(a: Source, b: Source) -> Compared:
                          remedy="make both with one version of stiffarm")  # fmt: skip
     notes = []
     if a.data and a.data == b.data:
-        notes.append("Both rest on the same readings: what they differ by is the choice of model, and as the noise is "
-                     "shared, less than it looks is needed to call that real.")  # fmt: skip
+        notes.append("Both rest on the same readings: what they differ by is the choice of model. They share the "
+                     "noise, so smaller differences than the intervals suggest are real too.")  # fmt: skip
     together = joint(a, b)
     return Compared(a, b, tuple(found), tuple(_settings(a, b)), together, None, tuple(notes))
 
@@ -108,7 +108,7 @@ def _settings(a: Source, b: Source) -> list[Setting]:
         out.insert(1, Setting("effects", effects[0], effects[1]))
         gaps = [s.content.get("gap", {}) for s in (a, b)]
         out += [
-            Setting(key, f"{gaps[0][key]:g}", f"{gaps[1][key]:g}") for key in gaps[0]
+            Setting(key, f"{gaps[0][key]:.4g}", f"{gaps[1][key]:.4g}") for key in gaps[0]
             if key.endswith("_mm") and all(isinstance(g.get(key), int | float) for g in gaps)
         ]  # fmt: skip
     return out
@@ -117,10 +117,10 @@ def _settings(a: Source, b: Source) -> list[Setting]:
 def _words(s: Source) -> dict[str, str]:
     """Settings of a source in words; of a model file those that it keeps."""
     if s.content:
-        return {key: f"{v:g}" if isinstance(v, float) else str(v) for key, v in s.content.items()
+        return {key: f"{v:.4g}" if isinstance(v, float) else str(v) for key, v in s.content.items()
                 if isinstance(v, str | int | float) and not isinstance(v, bool)}  # fmt: skip
     origin = None if s.model is None else s.model.calibration
     if origin is None:
         return {}
     return {"scheme": origin.scheme, "load_path": origin.load_path, "links": origin.links,
-            "rms_mm": f"{origin.rms_mm:g}"}  # fmt: skip
+            "rms_mm": f"{origin.rms_mm:.4g}"}  # fmt: skip

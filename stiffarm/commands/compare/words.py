@@ -9,7 +9,7 @@ from stiffarm.commands.compare.numbers import LEVEL, Figure, Pair
 from stiffarm.commands.compare.step import Compared, Setting
 from stiffarm.pages.numbers import percent, significant
 
-HEADS = ("number", "first", "second", "unit", "change", "verdict")
+HEADS = ("parameter", "first", "second", "unit", "change", "verdict")
 SETTING_HEADS = ("", "first", "second")
 MAP_HEADS = ("quantity", "unit", "first, median", "second, median", "change, median", "5 % to 95 % of the points",
              "beyond the noise")  # fmt: skip
@@ -19,7 +19,7 @@ def figure(f: Figure | None) -> str:
     """A number with its interval."""
     if f is None:
         return "-"
-    value = "open" if f.value is None else significant(f.value, 4)
+    value = "not identified" if f.value is None else significant(f.value, 4)
     if f.low is None and f.high is None:
         return value
     if f.high is None:
@@ -35,7 +35,7 @@ def change(p: Pair) -> str:
         return "-"
     if not p.is_share:
         return f"{p.change:+.3g}"
-    return f"{100 * p.change:+.1f}\u00a0%" if p.change < 1.0 else f"{1.0 + p.change:.3g} times"
+    return f"{100 * p.change:+.1f} %" if p.change < 1.0 else f"{1.0 + p.change:.3g} times"
 
 
 def verdict(p: Pair) -> str:
@@ -76,17 +76,27 @@ def headline(c: Compared) -> str:
     if c.maps is not None:
         return _of_maps(c)
     shared = c.shared
-    told = [p for p in shared if p.verdict != "cannot be told"]
     if not shared:
-        return "They have no number in common."
+        return f"They have no {noun(c)} in common."
     beyond = c.beyond
     if not beyond:
         perhaps = [p.name for p in shared if p.verdict == "perhaps"]
         more = f" ({', '.join(perhaps[:4])} perhaps)" if perhaps else ""
-        return f"None of {len(told)} numbers that both tell differs by more than noise{more}."
+        return f"None of {counted(c)} differs by more than noise{more}."
     top = max(beyond, key=lambda p: abs(p.change) if np.isfinite(p.change) else 0.0)
     most = f"most: {top.name}, {change(top)}"
-    return f"{len(beyond)} of {len(told)} numbers that both tell differ by more than noise; {most}."
+    return f"{len(beyond)} of {counted(c)} differ by more than noise; {most}."
+
+
+def noun(c: Compared) -> str:
+    """What is compared."""
+    return "figure" if c.a.kind == "placement" else "parameter"
+
+
+def counted(c: Compared) -> str:
+    """How many can be judged: ``5 parameters that both identify``."""
+    count = sum(p.verdict != "undecided" for p in c.shared)
+    return f"{count} {noun(c)}s that both {'have' if c.a.kind == 'placement' else 'identify'}"
 
 
 def _of_maps(c: Compared) -> str:

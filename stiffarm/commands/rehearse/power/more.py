@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -26,14 +27,14 @@ def one_more(world: WorldArm, set_ups: SetUps, seed: int) -> dict[str, SetUps]:
 def _extended(set_ups: SetUps, rows: Indices, changed: Measurements, step: Array) -> SetUps:
     """The set-ups with copies of some ``rows``, which are ``changed``, and steps (n,) that say when all are taken."""
     t = set_ups.table
-    both = {
+    both: dict[str, Any] = {
         name: np.concatenate([getattr(t, name), getattr(changed, name)])
         for name in ("q", "wrench", "displacement", "point", "sigma", "time", "temperature")
     }
-    words = {name: (*getattr(t, name), *getattr(changed, name)) for name in ("pose", "repeat", "phase", "session")}
-    order = np.argsort(np.argsort(step, kind="stable"), kind="stable") + 1.0
+    both |= {name: (*getattr(t, name), *getattr(changed, name)) for name in ("pose", "repeat", "phase", "session")}
+    order = 1.0 + np.argsort(np.argsort(step, kind="stable"), kind="stable").astype(np.float64)
     n = len(order)
-    table = replace(t, **both, **words, step=order, row_numbers=tuple(range(2, n + 2)), extra={}, notes=())
+    table = replace(t, **both, step=order, row_numbers=tuple(range(2, n + 2)), extra={}, notes=())
     back = np.empty(t.n, dtype=np.intp)
     back[set_ups.row] = np.arange(t.n)
     read = set_ups.read[back]

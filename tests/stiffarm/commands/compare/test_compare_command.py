@@ -122,7 +122,7 @@ def test_open_numbers_differ_only_where_their_intervals_do_not_touch() -> None:
         return pair.verdict
 
     assert verdict(2.0, 4.0) == "beyond the noise"
-    assert verdict(2.0, 6.0) == "cannot be told"
+    assert verdict(2.0, 6.0) == "undecided"
     (alone,) = pairs([Figure("k", "N", 1.0, None, None)], [])
     assert alone.b is None
 
@@ -226,7 +226,7 @@ def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     found = sa.compare(tmp_path / "a.json", tmp_path / "b.json")
     assert found.differs == (("payload.force",),)
     assert "payload.force" in found.title()
-    assert list(found.to_frame()["number"]) == ["payload.force"]
+    assert list(found.to_frame()["parameter"]) == ["payload.force"]
     for name in ("p", "q"):
         (tmp_path / f"{name}.json").write_text(json.dumps(placed), encoding="utf-8")
     assert sa.compare(tmp_path / "p.json", tmp_path / "q.json").differs == ((),)
