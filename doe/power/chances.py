@@ -41,7 +41,7 @@ POWER: Final = 0.8
 CAMPAIGNS: Final = 20
 TAIL: Final = 0.025
 # Beyond so many times the largest usual size nobody asks whether an effect would be found.
-BEYOND: Final = 30.0
+BEYOND: Final = 10.0
 
 
 @dataclass(frozen=True)
@@ -142,31 +142,17 @@ def _named(p: Planned, code: str, worth: Mapping[str, Array]) -> tuple[Array, tu
     return chance, tuple(rivals)
 
 
-def smallest(p: Planned, code: str, charge: float, rng: np.random.Generator, directions: int = 12) -> float | None:
-    """The size that is found with :data:`POWER`: of an effect's largest amplitude, its law in the middle of its shapes.
+def smallest(p: Planned, code: str, e: Explained, which: slice) -> float | None:
+    """The size of an effect that is found with :data:`POWER`: its first amplitude, in the middle of its changes.
 
-    None where nothing of up to :data:`BEYOND` times the largest usual size is.
+    Each change of the readings is taken as so many times larger or smaller. None where nothing of up to :data:`BEYOND`
+    times the largest usual size is found.
     """
     effect = p.effects[code]
-    amplitudes = [effect.parameters[k] for k in effect.amplitudes]
-    if not amplitudes:
+    if not effect.amplitudes:
         return None
-    G, _ = p.information(code)
-    low, high = np.array([q.size for q in amplitudes]).T
-    size = np.exp(rng.uniform(np.log(np.maximum(low, 1e-3 * high)), np.log(high), (directions, len(amplitudes))))
-    signed = np.array([q.signed for q in amplitudes])
-    size = np.where(signed & (rng.random(size.shape) < 0.5), -size, size)
-    size /= np.abs(size / high).max(axis=1)[:, None]
-    per = float(np.median(np.einsum("dk,nkl,dl->nd", size, G, size)))
-
-    def power(share: float) -> float:
-        return float(found_alone(p, code, np.array(share**2 * per), charge))
-
-    ends = [1e-4, BEYOND]
-    if power(ends[1]) < POWER:
-        return None
-    for _ in range(40):
-        middle = math.sqrt(ends[0] * ends[1])
-        ends[0 if power(middle) < POWER else 1] = middle
-    # In shares of the largest usual size, which may differ between amplitudes: that of the first.
-    return float(ends[1] * high[0])
+    chi2 = np.geomspace(1e-2, 1e8, 2000)
+    power = found_alone(p, code, chi2, float(np.median(e.charge(code)[which])))
+    need = float(np.interp(POWER, np.maximum.accumulate(power), chi2, right=np.inf))
+    size = float(np.median(e.size[code][which] * np.sqrt(need / np.maximum(e.total[which], 1e-300))))
+    return size * effect.parameters[effect.amplitudes[0]].size[1] if 0.0 < size < BEYOND else None

@@ -44,12 +44,14 @@ class Explained:
 
     ``total`` (d,): chi-square of each change, beside springs and small errors; ``evidence`` by code (d,): log evidence
     gained over nothing missing, were the noise known; ``left`` by code (d,): chi-square that the best shape leaves;
+    ``size`` by code (d,): the best shape's largest amplitude over the largest usual one, 0 without amplitudes;
     ``charge`` by code (d,): what the evidence is below half of what is explained, twice.
     """
 
     total: Array
     evidence: Mapping[str, Array]
     left: Mapping[str, Array]
+    size: Mapping[str, Array]
 
     def charge(self, code: str) -> Array:
         """What a code's evidence pays for its numbers and shapes (d,), as chi-square."""
@@ -106,7 +108,7 @@ class Planned:
         """All candidates that have amplitudes."""
         return Stack({code: some for code, some in self.candidates.items() if some[0].shift is None})
 
-    @property
+    @cached_property
     def effects(self) -> dict[str, Effect]:
         """The effects of the catalogue that the arm can have, by code."""
         return {code: effect for code, effect in self.s.known.items() if not is_learned(code)}
@@ -128,24 +130,28 @@ class Planned:
             np.concatenate([p.total for p in parts]),
             {code: np.concatenate([p.evidence[code] for p in parts]) for code in codes},
             {code: np.concatenate([p.left[code] for p in parts]) for code in codes},
+            {code: np.concatenate([p.size[code] for p in parts]) for code in codes},
         )
 
     def _explained(self, changes: Array) -> Explained:
         w = self.w
         W = w.V.whiten(changes)
         total = np.sum(W**2, axis=0) - np.sum((w.root @ (w.W.T @ W)) ** 2, axis=0)
-        gain, told = np.empty((len(self.stack.flat), len(total))), np.empty((len(self.stack.flat), len(total)))
+        gain, told, size = (np.empty((len(self.stack.flat), len(total))) for _ in range(3))
         for mine, G, g in against(w, self.stack, changes):
             some = [self.stack.flat[i] for i in mine]
             gain[mine], told[mine] = _fitted(some, G, g)
-        evidence, left = {}, {}
+            size[mine] = _sizes(some, G, g)
+        evidence, left, sizes = {}, {}, {}
         for code, own in self.candidates.items():
             z, q = (gain[self.stack.place[code]], told[self.stack.place[code]]) if own[0].shift is None else (
                 self._of_shifts(own, W)
             )  # fmt: skip
             evidence[code] = logsumexp(z, axis=0) - np.log(max(shape_count(own[0].effect), 1))
             left[code] = np.maximum(total - q.max(axis=0), 0.0)
-        return Explained(total, evidence, left)
+            best = size[self.stack.place[code]] if own[0].shift is None else np.zeros_like(q)
+            sizes[code] = np.take_along_axis(best, q.argmax(axis=0)[None], axis=0)[0]
+        return Explained(total, evidence, left, sizes)
 
     def _of_shifts(self, some: Sequence[Signature], W: Array) -> tuple[Array, Array]:
         """Gain and chi-square explained (n, d) by effects that have no amplitudes: they are there or not."""
@@ -170,15 +176,6 @@ class Planned:
         return [(name, float(1.0 / c) if c > 0.0 else np.inf, float(r))
                 for name, c, r in zip(self.s.free, self.s.springs, sd, strict=True)]  # fmt: skip
 
-    def information(self, code: str) -> tuple[Array, list[Signature]]:
-        """Information (n, a, a) of each shape of an effect on its amplitudes, beside everything that is free."""
-        some = self.candidates[code]
-        part = Stack({code: some})
-        out = np.zeros((len(some), *(2 * (len(some[0].mean),))))
-        for mine, G, _ in against(self.w, part, np.zeros((len(self.s.data), 1))):
-            out[mine] = G
-        return out, list(part.flat)
-
 
 def _fitted(some: Sequence[Signature], G: Array, g: Array) -> tuple[Array, Array]:
     """Log evidence gained, and chi-square explained (n, d), as :mod:`doe.diagnosis.fits` has them."""
@@ -196,3 +193,14 @@ def _fitted(some: Sequence[Signature], G: Array, g: Array) -> tuple[Array, Array
     # A compliance below nothing explains nothing.
     v = np.where(positive[:, :, None], np.maximum(v, 0.0), v)
     return gain, np.asarray(2.0 * np.sum(v * g, axis=1) - np.einsum("nkd,nkl,nld->nd", v, G, v))
+
+
+def _sizes(some: Sequence[Signature], G: Array, g: Array) -> Array:
+    """Largest amplitudes (n, d) over the largest usual ones, by least squares: priors would draw small ones in."""
+    own = np.einsum("nkk->nk", G)
+    # A thousandth keeps amplitudes apart that these readings see as one.
+    ridge = 1e-3 * own + 1e-12 * np.maximum(own.max(axis=1, keepdims=True), 1e-300)
+    v = np.linalg.solve(G + ridge[:, :, None] * np.eye(G.shape[1]), g)
+    v = np.where(np.stack([c.positive for c in some])[:, :, None], np.maximum(v, 0.0), v)
+    usual = np.array([[c.effect.parameters[k].size[1] for k in c.effect.amplitudes] for c in some])
+    return np.asarray((np.abs(v) / usual[:, :, None]).max(axis=1))

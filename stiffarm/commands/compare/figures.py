@@ -39,7 +39,7 @@ def numbers_figure(c: Compared) -> Figure | None:
                 ax.plot([at[1]], [row + off], marker, color=colour, markersize=6, label=label if row == 0 else None,
                         clip_on=False)  # fmt: skip
                 if value != at[1]:
-                    note(ax, f"{value:.3g}", (float(at[1]), row + off), (-8, 0), ha="right")
+                    note(ax, f"{value:.3g}", (float(at[1]), row + off), (-2, 6), ha="right")
         if is_log:
             ax.set_xscale("log")
             log_ticks(ax.xaxis, lambda v: f"{v:g}")

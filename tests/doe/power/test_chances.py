@@ -88,14 +88,15 @@ def test_chances_grow_with_the_size_and_reach_both_ends(planned: Planned) -> Non
 
 
 def test_the_smallest_size_has_just_the_power_asked_for(planned: Planned) -> None:
-    charge = 10.0
-    size = smallest(planned, "payload", charge, np.random.default_rng(0))
+    usual = planned.explained(change(planned, "payload", 40.0)[:, None])
+    size = smallest(planned, "payload", usual, slice(None))
     assert size is not None
-    G, _ = planned.information("payload")
-    chi2 = float(np.median(size**2 * G[:, 0, 0]))
-    assert float(found_alone(planned, "payload", np.array(chi2), charge)) == pytest.approx(POWER, abs=1e-3)
+    just = planned.explained(change(planned, "payload", size)[:, None])
+    power = found_alone(planned, "payload", just.total, float(usual.charge("payload")[0]))
+    assert power[0] == pytest.approx(POWER, abs=0.02)
     # A scale is all springs at once.
-    assert smallest(planned, "gauge-scale", charge, np.random.default_rng(0)) is None
+    scale = planned.explained(change(planned, "gauge-scale", 0.05)[:, None])
+    assert smallest(planned, "gauge-scale", scale, slice(None)) is None
 
 
 def test_an_interval_holds_the_shares_of_campaigns() -> None:

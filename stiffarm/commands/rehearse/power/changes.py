@@ -38,9 +38,8 @@ def planned(given: Arm, world: WorldArm, set_ups: SetUps) -> Planned:
     InputError
         Fewer readings than springs, or none that sees one.
     """
-    truth = Truth(world, 1.0 / middle_springs(given, world), given.model.link_kind, nuisance.nothing(world), (), 0)
     floor = set_ups.noise.floor_m
-    table = set_ups.filled(np.where(set_ups.read, exact(truth, set_ups.readings), np.nan))
+    table = set_ups.filled(np.where(set_ups.read, exact(_plain(given, world), set_ups.readings), np.nan))
     if isinstance(floor, np.ndarray):
         sigma = np.empty(table.n)
         sigma[set_ups.row] = floor.reshape(-1)
@@ -58,25 +57,30 @@ def by_world(given: Arm, world: WorldArm, set_ups: SetUps, p: Planned, code: str
     """
     size = arm_class(given.description, given.robot)
     compliance, out = 1.0 / middle_springs(given, world), []
+    without = exact(_plain(given, world), set_ups.readings)
     for k in range(draws):
         own = int(np.random.default_rng([seed, k, *code.encode()]).integers(2**31))
         one = hide(
             world, code, set_ups.readings, set_ups.noise, seed=own, links=given.model.link_kind, read=set_ups.read,
             ranges=(size.low, size.high),
         )  # fmt: skip
-        out.append(p.of_readings(set_ups.filled(_change(one, compliance)).displacement))
+        out.append(p.of_readings(set_ups.filled(_change(one, compliance, without)).displacement))
     return np.stack(out, axis=1)
 
 
-def _change(one: World, compliance: Array) -> Array:
-    """What the hidden effect alone changes of the readings (n, 3), with springs of ``compliance`` (dof,)."""
+def _plain(given: Arm, world: WorldArm) -> Truth:
+    """The arm as planned with: nothing missing, no errors."""
+    return Truth(world, 1.0 / middle_springs(given, world), given.model.link_kind, nuisance.nothing(world), (), 0)
+
+
+def _change(one: World, compliance: Array, without: Array) -> Array:
+    """What the hidden effect alone changes of the readings ``without`` it (n, 3), springs ``compliance`` (dof,)."""
     given = compliance.copy()
     for e in one.truth.effects:
         if e["kind"] == "joint-compliance":
             given[one.arm.index(e["where"])] = 1.0 / e["k_Nm_per_rad"]
     truth = replace(one.truth, nuisance=nuisance.nothing(one.arm), compliance=given)
-    without = replace(truth, effects=(), compliance=compliance)
-    return np.asarray(exact(truth, one.readings) - exact(without, one.readings))
+    return np.asarray(exact(truth, one.readings) - without)
 
 
 def by_catalogue(p: Planned, code: str, draws: int, seed: int) -> Array:

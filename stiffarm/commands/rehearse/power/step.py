@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -134,16 +134,12 @@ def power(
     report_progress(progress, 0, steps)
     whole = _prospects(given, world, set_ups, request.draws, request.seed, codes)
     report_progress(progress, 3, steps)
-    base = whole if request.draws == COMPARED or not sheets else _prospects(
-        given, world, set_ups, COMPARED, request.seed, codes
-    )  # fmt: skip
+    p, prospects, base = whole
     additions = []
     for k, (what, more) in enumerate(sheets.items(), start=4):
-        additions.append(
-            _addition(what, more, base[1], _prospects(given, world, more, COMPARED, request.seed, codes)[1])
-        )
+        after = _prospects(given, world, more, min(COMPARED, request.draws), request.seed, codes)[2]
+        additions.append(_addition(what, more, base, after))
         report_progress(progress, k, steps)
-    p, prospects = whole
     judged = [one for one in prospects if one.why_not is None]
     mean = tuple(float(np.mean([getattr(one, name).value for one in judged])) if judged else 0.0
                  for name in ("found", "named"))  # fmt: skip
@@ -161,8 +157,8 @@ def _refuse_few(set_ups: SetUps) -> None:
 
 def _prospects(
     given: Arm, world: WorldArm, set_ups: SetUps, draws: int, seed: int, codes: Sequence[str] | None
-) -> tuple[Planned, list[Prospect]]:
-    """Every effect of the catalogue against one sheet."""
+) -> tuple[Planned, list[Prospect], dict[str, tuple[float, float]]]:
+    """Every effect of the catalogue against one sheet; by code its chances over the first :data:`COMPARED` draws."""
     p = planned(given, world, set_ups)
     hidden = [code for code in possible(given, world) if code.partition(":")[0] in DRAWS]
     for code in codes or ():
@@ -181,7 +177,7 @@ def _prospects(
             start += by.shape[1]
             changes.append(by)
     explained = p.explained(np.hstack(changes)) if changes else None
-    out = []
+    out, means = [], dict[str, tuple[float, float]]()
     for code in wanted:
         if code not in where or explained is None:
             out.append(_none(p, code))
@@ -191,14 +187,14 @@ def _prospects(
             out.append(_none(p, code))
             continue
         c = chances(p, code, explained, mine)
-        charge = float(np.median(explained.charge(code)[mine]))
-        size = smallest(p, code, charge, np.random.default_rng([seed, 9, *code.encode()]))
+        size = smallest(p, code, explained, mine)
         found, named = (Chance.of(float(np.mean(x)), s) for x, s in zip((c.found, c.named), SPREAD, strict=True))
         chi2 = float(np.median(explained.total[mine]))
         rival, count = Counter(c.rival).most_common(1)[0]
         twin = rival if found.value - named.value > LOST and count * 2 >= len(c.rival) else ""
         out.append(_prospect(p, code, size, found, named, chi2, twin, code in hidden))
-    return p, out
+        means[code] = float(np.mean(c.found[:COMPARED])), float(np.mean(c.named[:COMPARED]))
+    return p, out, means
 
 
 def _prospect(
@@ -233,14 +229,14 @@ def _springs(p: Planned) -> list[SpringProspect]:
     return out
 
 
-def _addition(what: str, more: SetUps, before: Sequence[Prospect], after: Sequence[Prospect]) -> Addition:
+def _addition(
+    what: str, more: SetUps, before: Mapping[str, tuple[float, float]], after: Mapping[str, tuple[float, float]]
+) -> Addition:
     """Chances with more, over the effects that either sheet can judge."""
-    known = {one.code: one for one in before}
-    pairs = [(known[one.code], one) for one in after if one.why_not is None or known[one.code].why_not is None]
-    gain = [(b.named.value - a.named.value, b.code) for a, b in pairs]
-    most = max(gain, default=(0.0, ""))
-    found, named = (
-        float(np.mean([getattr(b, name).value - getattr(a, name).value for a, b in pairs])) if pairs else 0.0
-        for name in ("found", "named")
-    )
-    return Addition(what, more.table.n, found, named, most[1], most[0])
+    codes = sorted({*before, *after})
+    gain = np.array([np.subtract(after.get(code, (0.0, 0.0)), before.get(code, (0.0, 0.0))) for code in codes])
+    if not len(gain):
+        return Addition(what, more.table.n, 0.0, 0.0, "", 0.0)
+    top = int(gain[:, 1].argmax())
+    found, named = gain.mean(axis=0).tolist()
+    return Addition(what, more.table.n, found, named, codes[top], float(gain[top, 1]))
