@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.indices import Indices, index
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
+    from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
@@ -40,7 +41,9 @@ __all__ = [
     "Indices",
     "InputError",
     "InputErrors",
+    "KinematicsCheck",
     "Map",
+    "NewArm",
     "Placement",
     "Plan",
     "Posture",
@@ -53,6 +56,7 @@ __all__ = [
     "Surrogate",
     "bundled",
     "calibrate",
+    "check_kinematics",
     "compare",
     "diagnose",
     "fit",
@@ -66,6 +70,7 @@ __all__ = [
     "map_cylinder",
     "map_joints",
     "map_slice",
+    "new_arm",
     "place",
     "plan",
     "post",

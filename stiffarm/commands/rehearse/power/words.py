@@ -8,7 +8,7 @@ from doe.power.chances import POWER, Chance
 from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, SpringProspect
 from stiffarm.pages.numbers import percent, significant
 
-HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "its size, ± (usual)", "remark")
+HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
 SPRING_HEADS = ("spring", "as planned (1e6 N m/rad)", "95 % interval to expect")
 MORE_HEADS = ("with", "readings", "found", "named", "gains most")
 # From this chance on an effect is called sure to be named, below the second unlikely.
