@@ -21,7 +21,6 @@ from robots.schema.description import ModelDescription
 from robots.urdf.reading import read_urdf
 from robots.urdf.xml import is_xml
 
-
 # The source of figures of the library that were not found published; the class prior of springs goes by such masses.
 UNVERIFIED = "recalled"
 

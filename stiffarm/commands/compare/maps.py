@@ -153,7 +153,8 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
 
 def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
     """Rows (k,) of both at the points that both reach."""
-    keys = [_keys(one, a.of.get("pose") == "given by the grid") for one in (a, b)]
+    by_pose = any(_many_poses(one) for one in (a, b))
+    keys = [_keys(one, by_pose) for one in (a, b)]
     index = [{key: k for k, key in enumerate(own) if one.reached[k]} for own, one in zip(keys, (a, b), strict=True)]
     shared = [key for key in index[0] if key in index[1]]
     least = min(len(index[0]), len(index[1]))
@@ -162,6 +163,12 @@ def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
                          allowed="the same grid", remedy="make both maps with the same grid")  # fmt: skip
     rows = np.array([(index[0][key], index[1][key]) for key in shared], dtype=np.intp)
     return rows[:, 0], rows[:, 1]
+
+
+def _many_poses(one: MapFile) -> bool:
+    """Whether a map is of poses, some of which may reach the same point: a sweep of the joints."""
+    where = np.round(one.points[one.reached] / SAME_mm)
+    return len(np.unique(where, axis=0)) < len(where)
 
 
 def _keys(one: MapFile, by_pose: bool) -> list[tuple[float, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -25,9 +25,11 @@ SCHEMAS: Final[dict[str, Kind]] = {
     "stiffarm-map": "map",
     "stiffarm-index-map": "map",
 }
+# What a folder of `stiffarm run` has: its calibrated model first.
+RUN: Final = ("model.toml", "results.json")
 MAPS: Final = (".vtu", ".vti", ".vtp")
 ALLOWED: Final = (
-    "a results folder of calibrate, diagnose, map or place, its JSON file, a calibrated model.toml or a map"
+    "a results folder of run, calibrate, diagnose, map or place, its JSON file, a calibrated model.toml or a map"
 )
 
 
@@ -36,7 +38,8 @@ class Source:
     """One of the things compared.
 
     ``name``: what it is called here; ``file``: what was read first; ``content``: of its JSON file, empty without one;
-    ``model``: the calibrated model beside it, or itself; ``page``: the map's page, if there is one.
+    ``model``: the calibrated model beside it, or itself; ``page``: the map's page, if there is one; ``of_run``: it is a
+    folder of `stiffarm run`, which stands for the calibration in it.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Source:
     content: Mapping[str, Any]
     model: ModelDescription | None = None
     page: Path | None = None
+    of_run: bool = False
 
     @property
     def data(self) -> str:
@@ -68,6 +72,8 @@ def read_source(path: Path, number: int) -> Source:
     what = f"argument {number}"
     if path.is_dir():
         found = next((path / name for name in FILES if (path / name).is_file()), None)
+        if found is None and all((path / name).is_file() for name in RUN):
+            return replace(read_source(path / RUN[0], number), name=str(path), of_run=True)
         if found is None:
             raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name the folder given as --out, or a file")
         return _of_json(found, str(path), FILES[found.name])

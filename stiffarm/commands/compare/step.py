@@ -13,6 +13,7 @@ from stiffarm.commands.compare.sources import Source, check_alike, read_source
 
 # More than these nobody reads side by side.
 MOST = 8
+PARTS_OF_RUN = ("diagnosis", "stiffness_map.vtu")
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,9 @@ def _compared(a: Source, b: Source) -> Compared:
     if a.data and a.data == b.data:
         notes.append("Both rest on the same readings: what they differ by is the choice of model. They share the "
                      "noise, so smaller differences than the intervals suggest are real too.")  # fmt: skip
+    if a.of_run and b.of_run:
+        more = (f"stiffarm compare {a.name}/{part} {b.name}/{part}" for part in PARTS_OF_RUN)
+        notes.append(f"Of two runs the calibrations are compared. What else they hold: {', '.join(more)}.")
     together = joint(a, b)
     return Compared(a, b, tuple(found), tuple(_settings(a, b)), together, None, tuple(notes))
 

@@ -44,7 +44,12 @@ def verdict(p: Pair) -> str:
         return "only the first has it" if p.b is None else "only the second has it"
     if not np.isfinite(p.p):
         return p.verdict
-    return f"{p.verdict} (p {'< 0.001' if p.p < 1e-3 else f'{p.p:.2g}'})"
+    return f"{p.verdict} (p {probability(p.p)})"
+
+
+def probability(p: float) -> str:
+    """A probability of noise alone: ``0.03``, ``< 0.001``."""
+    return "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
 def row(p: Pair) -> tuple[str, ...]:
@@ -85,7 +90,7 @@ def headline(c: Compared) -> str:
         return f"None of {counted(c)} differs by more than noise{more}."
     top = max(beyond, key=lambda p: abs(p.change) if np.isfinite(p.change) else 0.0)
     most = f"most: {top.name}, {change(top)}"
-    return f"{len(beyond)} of {counted(c)} differ by more than noise; {most}."
+    return f"{len(beyond)} of {counted(c)} differ{'s' * (len(beyond) == 1)} by more than noise; {most}."
 
 
 def noun(c: Compared) -> str:
@@ -124,7 +129,7 @@ def remarks(c: Compared) -> list[str]:
         real = "more than noise" if c.joint.p < LEVEL else "no more than noise"
         out.append(
             f"All {c.joint.freedom} shared parameters at once, by their covariances: chi-square {c.joint.chi2:.3g} on "
-            f"{c.joint.freedom} degrees of freedom (p {c.joint.p:.2g}), {real}."
+            f"{c.joint.freedom} degrees of freedom (p {probability(c.joint.p)}), {real}."
         )
     differing = [s for s in c.settings if not s.same and s.name in ("load_path", "links", "scheme", "cell")]
     out += [f"They differ in {s.name.replace('_', ' ')}: {s.a} and {s.b}." for s in differing]
@@ -134,5 +139,8 @@ def remarks(c: Compared) -> list[str]:
             if count:
                 out.append(f"{count} points are reached in the {which} map only.")
         if all(q.beyond is None for q in c.maps.quantities):
-            out.append("The maps do not say how sure they are, so nothing is said of noise (a calibrated model does).")
+            out.append(
+                "The maps do not say how sure they are, so nothing is said of noise (those of `stiffarm map` do where "
+                "the model is calibrated)."
+            )
     return out

@@ -142,8 +142,8 @@ def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> N
     )
     loads = ", ".join(f"{force:g}" for force in content["sheet_loads_N"])
     say(
-        f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} chooses set-ups that "
-        "tell more"
+        f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} --poses 10 --out plan "
+        "chooses set-ups that tell more"
     )
     if content["joints_without_springs"]:
         say(

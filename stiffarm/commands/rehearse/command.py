@@ -158,8 +158,10 @@ def _power(frame: Frame, given: Arm, sheet: Path | None, request: Request) -> No
         say(f"{found.set_ups.source}; noise {found.set_ups.words}")
         for text in power_words.sentences(found):
             say(text)
-        lines = [list(row) for row in power_words.rows(found)]
-        show_table("Effects of usual size: chances with 95 % intervals", list(power_words.HEADS), lines)
+        short = [
+            [row[k] for k in power_words.SHORT] for row in (power_words.HEADS, *map(power_words.row, found.judged))
+        ]
+        show_table("Effects of usual size: chances with 95 % intervals", short[0], short[1:])
         springs = [list(power_words.spring_row(s)) for s in found.springs]
         show_table("Springs", list(power_words.SPRING_HEADS), springs)
         if found.additions:

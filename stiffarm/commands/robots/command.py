@@ -103,7 +103,7 @@ def show_command(
         rows = [[d.name, d.title, d.load_path, _readings(d.name) or "-"] for d in found]
         heads = ["name", "title", "load path", "measured readings"]
         library = library_table()
-        others = [[a["name"], a["title"], _kg(a["payload_kg"]), _kg(a["mass_kg"], mark=not a["mass_verified"]),
+        others = [[a["name"], a["title"], _marked(a["payload_kg"]), _marked(a["mass_kg"], mark=not a["mass_verified"]),
                    ", ".join(a["formats"]) or "-"] for a in library]  # fmt: skip
 
         def show() -> None:
@@ -146,7 +146,7 @@ def check_command(
         answer_check(frame, described(model), model, table, tolerance_mm)
 
 
-def _kg(value: float | None, *, mark: bool = False) -> str:
+def _marked(value: float | None, *, mark: bool = False) -> str:
     return "-" if value is None else f"{value:g}{' *' if mark else ''}"
 
 

@@ -9,6 +9,8 @@ from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, Spr
 from stiffarm.pages.numbers import percent, significant
 
 HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
+# Columns of a terminal, which has 80 characters.
+SHORT = (0, 1, 3, 4, 6)
 SPRING_HEADS = ("spring", "as planned (1e6 N m/rad)", "95 % interval to expect")
 MORE_HEADS = ("with", "readings", "found", "named", "gains most")
 # From this chance on an effect is called sure to be named, below the second unlikely.

@@ -230,3 +230,24 @@ def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     for name in ("p", "q"):
         (tmp_path / f"{name}.json").write_text(json.dumps(placed), encoding="utf-8")
     assert sa.compare(tmp_path / "p.json", tmp_path / "q.json").differs == ((),)
+
+
+def test_two_runs_are_compared_by_their_calibrations(cli: Command, tmp_path: Path) -> None:
+    for name, k in (("a", 1e5), ("b", 2e5)):
+        folder = tmp_path / name
+        folder.mkdir()
+        model(folder, "model", {"j2.stiffness": 4e5, "j4.stiffness": k})
+        (folder / "results.json").write_text("{}", encoding="utf-8")
+    (other,) = cli("compare", tmp_path / "a", tmp_path / "b", "--json").json["others"]
+    assert other["numbers"]["j4.stiffness"]["verdict"] == "beyond the noise"
+    assert f"{tmp_path / 'b'}/diagnosis" in " ".join(other["remarks"])
+
+
+def test_points_that_several_poses_reach_are_told_apart_by_pose(tmp_path: Path) -> None:
+    one = read_map(map_of(tmp_path / "m", kr60_slice(400.0)) / "map.vti", "m")
+    twice = replace(
+        one, points=np.tile(one.points, (2, 1)), q=np.vstack([one.q, one.q + 1.0]), reached=np.tile(one.reached, 2),
+        values={name: np.tile(v, 2) for name, v in one.values.items()},
+    )  # fmt: skip
+    both = compare_maps(twice, twice)
+    assert (both.only_a, both.only_b, len(both.points)) == (0, 0, 2 * int(one.reached.sum()))
