@@ -21,18 +21,19 @@ def compare(
         list[Path],
         typer.Argument(
             metavar="A B",
-            help="Two or more results of one kind: folders of calibrate, diagnose, map or place, their JSON files, "
-            "calibrated model files, or maps (.vtu, .vti, .vtp). All are compared with the first one.",
+            help="Two or more results of one kind: folders of run, calibrate, diagnose, map or place, their JSON "
+            "files, calibrated model files, or maps (.vtu, .vti, .vtp). All are compared with the first one.",
         ),
     ],
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Say what differs between calibrations, diagnoses, maps or placements.
+    """Say what differs between two results by more than noise.
 
-    By how much, and whether by more than noise. Writes comparison.json and a report into --out; of two maps also a page
-    with both side by side and their difference, where they have pages of their own (--html).
+    Of calibrations, diagnoses, maps or placements, and of two runs their calibrations. Writes comparison.json and a
+    report into --out; of two maps also a page with both side by side and their difference, where they have pages of
+    their own (--html).
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         found = comparing(results)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -88,9 +90,7 @@ def read_map(path: Path, name: str) -> MapFile:
     import pyvista
 
     try:
-        with warnings.catch_warnings():
-            # What VTK complains of shows in what it gave.
-            warnings.simplefilter("ignore")
+        with _quiet():
             mesh = pyvista.read(path)
     except Exception as error:  # VTK raises what it likes on spoilt files
         raise InputError(f"map {path} cannot be read ({error})", remedy="make the map again") from error
@@ -109,6 +109,20 @@ def read_map(path: Path, name: str) -> MapFile:
     return MapFile(name, np.asarray(mesh.points, dtype=np.float64), reached, q, kept, units, labels, of)
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Nothing of what VTK complains of on three ways: it shows in what it gives."""
+    import pyvista
+
+    logging.disable(logging.ERROR)
+    try:
+        with warnings.catch_warnings(), pyvista.vtk_verbosity("off"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
 def compare_maps(a: MapFile, b: MapFile) -> MapPair:
     """Two maps of one robot at the same points.
 
@@ -122,9 +136,10 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
                          remedy="compare maps of one robot")  # fmt: skip
     for key in OF:
         if a.of.get(key) != b.of.get(key):
+            said = " and ".join(one.of.get(key, "not said") for one in (a, b))
             raise InputError(f"{a.name} and {b.name} are of other quantities: {key.replace('_', ' ')}",
-                             value=f"{a.of.get(key)} and {b.of.get(key)}", allowed="the same in both",
-                             remedy="make both maps with the same load and normal")  # fmt: skip
+                             value=said, allowed="the same in both",
+                             remedy="make both maps with one command, with the same load and normal")  # fmt: skip
     i, j = _same_points(a, b)
     names = [name for name in a.values if name in b.values and name != UNCERTAINTY]
     if not names:

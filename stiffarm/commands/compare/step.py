@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,7 +77,12 @@ def compare(files: Sequence[Path]) -> list[Compared]:
 
 
 def _compared(a: Source, b: Source) -> Compared:
-    found = pairs(figures_of(a), figures_of(b))
+    figures, said = [], []
+    for s in (a, b):
+        with _as_ours(s):
+            figures.append(figures_of(s))
+            said.append(_said(s))
+    found = pairs(figures[0], figures[1])
     if not any(p.a is not None and p.b is not None for p in found) and a.kind == "calibration":
         raise InputError(f"{a.name} and {b.name} have no parameter in common", allowed="calibrations of the same "
                          "parameters", remedy="compare others, or calibrate with the same --free")  # fmt: skip
@@ -92,30 +98,38 @@ def _compared(a: Source, b: Source) -> Compared:
         more = (f"stiffarm compare {a.name}/{part} {b.name}/{part}" for part in PARTS_OF_RUN)
         notes.append(f"Of two runs the calibrations are compared. What else they hold: {', '.join(more)}.")
     together = joint(a, b)
-    return Compared(a, b, tuple(found), tuple(_settings(a, b)), together, None, tuple(notes))
+    return Compared(a, b, tuple(found), tuple(_settings(said[0], said[1])), together, None, tuple(notes))
 
 
-def _settings(a: Source, b: Source) -> list[Setting]:
-    """What is no number: how they were made, what a diagnosis says, how well a calibration fits."""
+@contextmanager
+def _as_ours(s: Source) -> Iterator[None]:
+    """One message where a results file does not hold what it says that it holds."""
+    try:
+        yield
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{s.name} does not hold what a {s.kind} of stiffarm holds", remedy="make it again") from error
+
+
+def _said(s: Source) -> dict[str, str]:
+    """What is no number: how it was made, what a diagnosis says, how well a calibration fits."""
     keys = {
         "calibration": ("scheme", "load_path", "links", "readings", "rms_mm", "left_one_pose_out_rms_mm"),
         "diagnosis": ("verdict", "load_path", "links", "readings", "poses", "stated_probability"),
         "placement": ("cell", "aim", "mode", "path_points", "path_length_mm"),
-    }[a.kind]
-    content = [_words(s) for s in (a, b)]
-    out = [Setting(key, content[0][key], content[1][key]) for key in keys if key in content[0] and key in content[1]]
-    if a.kind == "diagnosis":
-        effects = [
-            ", ".join(one["code"] for key in ("effects", "learned") for one in s.content.get(key, [])) or "none"
-            for s in (a, b)
-        ]
-        out.insert(1, Setting("effects", effects[0], effects[1]))
-        gaps = [s.content.get("gap", {}) for s in (a, b)]
-        out += [
-            Setting(key, f"{gaps[0][key]:.4g}", f"{gaps[1][key]:.4g}") for key in gaps[0]
-            if key.endswith("_mm") and all(isinstance(g.get(key), int | float) for g in gaps)
-        ]  # fmt: skip
+    }[s.kind]
+    content = _words(s)
+    out = {key: content[key] for key in keys if key in content}
+    if s.kind == "diagnosis":
+        codes = [one["code"] for key in ("effects", "learned") for one in s.content.get(key, [])]
+        gap = s.content.get("gap", {})
+        out["effects"] = ", ".join(codes) or "none"
+        out |= {key: f"{v:.4g}" for key, v in gap.items() if key.endswith("_mm") and isinstance(v, int | float)}
     return out
+
+
+def _settings(a: Mapping[str, str], b: Mapping[str, str]) -> list[Setting]:
+    """What both say, side by side."""
+    return [Setting(key, a[key], b[key]) for key in a if key in b]
 
 
 def _words(s: Source) -> dict[str, str]:

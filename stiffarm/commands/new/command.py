@@ -135,7 +135,8 @@ def _write_table(frame: Frame, name: str) -> None:
 
 def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> None:
     model = out / content["model"]
-    say(f"{description.title}: {content['joints']} joints; model {model}, every key explained")
+    joints = f"{content['joints']} joint{'s' * (content['joints'] != 1)}"
+    say(f"{description.title}: {joints}; model {model}, every key explained")
     say(
         f"next: drive to the poses of {out / 'pendant.csv'}, fill in what the controller shows, then: "
         f"stiffarm robots check {model} {out / 'pendant.csv'}"
@@ -147,6 +148,6 @@ def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> N
     )
     if content["joints_without_springs"]:
         say(
-            f"no springs yet: {', '.join(content['joints_without_springs'])} are rigid until calibrated "
+            f"no springs yet, rigid until calibrated: {', '.join(content['joints_without_springs'])} "
             "(--springs class takes the middle of the arm's class, marked as a prior)"
         )

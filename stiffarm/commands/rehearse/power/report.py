@@ -29,8 +29,8 @@ def write_report(r: Power, folder: OutputFolder) -> None:
         f"{r.set_ups.source}; {given.model.link_kind} links, {given.model.load_path} load path; noise {r.set_ups.words}"
     )
     sure = (
-        "Linear theory, before anyone measures. The intervals are those in which shares found in practice should lie; "
-        "two studies of made-up sets checked them."
+        "Linear theory, before anyone measures. The intervals are those in which the shares of twenty campaigns should "
+        "lie; in a study of 200 made-up sets 19 of 20 did."
     )
     sections = [_effects(r), _springs(r), _more(r, pictures), _how(r)]
     title = given.description.title.split(" (")[0]
