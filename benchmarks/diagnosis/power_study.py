@@ -228,7 +228,8 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
             "## What the constants were set on",
             "",
             f"{sum(c.sets for c in tuned)} sets of seed 11, other effects and sheets. Three constants were set on "
-            "these shares (doe/power/chances.py), which therefore prove nothing. The intervals are those of 20 campaigns.",
+            "these shares (doe/power/chances.py), which therefore prove nothing. The intervals are those of 20 "
+            "campaigns.",
             "",
             *table(tuned),
             "",
