@@ -75,7 +75,7 @@ def read_table(path: Path, kind: str = "measurement file", row: str = "reading")
         No such file, not a file, other suffix, empty, header only, or not readable as its suffix says.
     """
     allowed = f"a file ending in {' or '.join(SUFFIXES)}"
-    data = read_bytes(path, kind)
+    data = read_bytes(path, "measurement file")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(kind, value=str(path), allowed=allowed, remedy="save it as one of these")

@@ -24,6 +24,8 @@ Verdict = Literal["beyond the noise", "perhaps", "within the noise", "undecided"
 LEVEL: Final = 0.05
 # Standard deviations below this share of the number are those of an exact one.
 EXACT: Final = 1e-9
+# Beyond this it is no figure of an arm, and squares overflow.
+LARGEST: Final = 1e60
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,27 @@ class Joint:
 
 
 def figures_of(s: Source) -> list[Figure]:
-    """The numbers of a calibration, a diagnosis or a placement."""
+    """The numbers of a calibration, a diagnosis or a placement.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something else stands where a number should, or one that nothing of ours has.
+    """
+    found = _figures(s)
+    for f in found:
+        numbers = [v for v in (f.value, f.low, f.high) if v is not None]
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (*numbers, f.sd, f.freedom)):
+            raise TypeError(f.name)
+        if not all(isinstance(text, str) for text in (f.name, f.unit, f.variable)):
+            raise TypeError(f.name)
+        # NaN fails too. A standard deviation that is not known is NaN.
+        if not all(abs(v) <= LARGEST for v in numbers) or abs(f.sd) > LARGEST or not f.freedom > 0.0 or f.sd < 0.0:
+            raise ValueError(f.name)
+    return found
+
+
+def _figures(s: Source) -> list[Figure]:
     if s.kind == "placement":
         return _placement(s.content)
     if s.kind == "diagnosis":
