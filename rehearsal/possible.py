@@ -87,6 +87,6 @@ def checked(code: str, arm: Arm, links: str) -> str:
     known = [NOTHING, *codes(arm, links)]
     if code not in known:
         raise InputError(
-            "--hide", value=code, allowed=", ".join(known), remedy="leave --hide out to hide one of these in secret"
+            "--hide", value=code, allowed=", ".join(known), remedy="--hide any hides one of these in secret"
         )
     return code

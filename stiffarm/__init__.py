@@ -9,12 +9,15 @@ if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
+    from stiffarm.face.comparisons import Comparison, compare
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.indices import Indices, index
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
+    from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
+    from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.rehearsals import Rehearsal, rehearse
@@ -31,16 +34,20 @@ __all__ = [
     "Arm",
     "Calibration",
     "Checked",
+    "Comparison",
     "Diagnosis",
     "Identification",
     "Imported",
     "Indices",
     "InputError",
     "InputErrors",
+    "KinematicsCheck",
     "Map",
+    "NewArm",
     "Placement",
     "Plan",
     "Posture",
+    "PowerAnalysis",
     "Program",
     "Readings",
     "Rehearsal",
@@ -49,6 +56,8 @@ __all__ = [
     "Surrogate",
     "bundled",
     "calibrate",
+    "check_kinematics",
+    "compare",
     "diagnose",
     "fit",
     "identify",
@@ -61,10 +70,12 @@ __all__ = [
     "map_cylinder",
     "map_joints",
     "map_slice",
+    "new_arm",
     "place",
     "plan",
     "post",
     "posture",
+    "power",
     "read_readings",
     "rehearse",
     "replay",

@@ -44,10 +44,9 @@ COMMANDS: dict[str, Entry] = {
     "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),
     "calibrate": Entry("calibrate", "calibrate", CALIBRATE, "Identify parameters from measured deflections."),
     "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
-    "rehearse": Entry(
-        "rehearse", "rehearse", CALIBRATE, "Hide an effect in made-up readings and see whether it is found."
-    ),
+    "rehearse": Entry("rehearse", "rehearse", MEASURE, "Say what a planned sheet would show, before anyone measures."),
     "study": Entry("study", "study", CALIBRATE, "Score the diagnosis on sets whose truth is known."),
+    "compare": Entry("compare", "compare", CALIBRATE, "Say what differs between two results by more than noise."),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
     "query": Entry("query", "query", USE, "Evaluate a surrogate at poses, with error bars."),

@@ -254,6 +254,22 @@ def fit_all(w: Whitened, candidates: Stack | Sequence[Signature]) -> Fits:
     return Fits(w, stack, (_Products.of(chunk, chunk.whitened(w.V), w) for chunk in stack.chunks))
 
 
+def against(w: Whitened, stack: Stack, changes: Array) -> Iterator[tuple[Indices, Array, Array]]:
+    """Numbers (n,) of candidates, their Schur complements (n, a, a) and right hand sides (n, a, d), some at a time.
+
+    ``changes`` (m, d): of the readings, each in place of the residual.
+    """
+    V = w.V
+    half_of_changes = w.root @ (w.W.T @ V.whiten(changes))
+    for chunk in stack.chunks:
+        x, (n, a) = chunk.whitened(V), chunk.mean.shape
+        p = _Products.of(chunk, x, w)
+        half = np.moveaxis(p.half.reshape(-1, n, a), 1, 0)
+        own = changes if x.alike is None else x.alike.mean(changes, V.variance)
+        g = x.WX.T @ x.V.whiten(own) - p.half.T @ half_of_changes
+        yield chunk.mine, p.own - np.swapaxes(half, 1, 2) @ half, np.asarray(g.reshape(n, a, -1))
+
+
 def scaled_evidence(w: Whitened, rows: Array, alike: Alike | None, sizes: Sequence[float]) -> list[float]:
     """Log evidence of a base beside columns of standard normal numbers that are larger by each of some sizes.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,18 +83,21 @@ def vague_sd(parameters: Sequence[Parameter]) -> Array:
     return np.array(out)
 
 
-def first_outset(model: ArmModel, parameters: Sequence[Parameter], noise: Noise) -> Outset:
-    """Before any reading: the model's own values, or the middle of the range where the model is rigid there."""
+def first_outset(
+    model: ArmModel, parameters: Sequence[Parameter], noise: Noise, usual: Mapping[str, float] | None = None
+) -> Outset:
+    """Before any reading: the model's own values; where it is rigid, ``usual`` by name, else the range's middle."""
     nowhere = LoadedPoses(np.zeros((0, model.robot.dof)), np.zeros((0, 6)), np.zeros((0, 3)))
     free = FreeModel(model, tuple(parameters), nowhere)
-    u = np.array([_own(q) for q in parameters])
+    u = np.array([_own(q, (usual or {}).get(q.name)) for q in parameters])
     return Outset(free, u, np.diag(1.0 / vague_sd(parameters) ** 2), noise)
 
 
-def _own(q: Parameter) -> float:
-    """The model's value as estimator's variable; the range's middle where it is rigid there."""
+def _own(q: Parameter, usual: float | None = None) -> float:
+    """The model's value as estimator's variable; where it is rigid there what is usual, else the range's middle."""
     if q.scale != "linear" and not q.lower < q.value < q.upper:
-        return q.inner(math.sqrt(q.lower * q.upper))
+        middle = math.sqrt(q.lower * q.upper) if usual is None else min(max(usual, q.lower), q.upper)
+        return q.inner(middle)
     return q.inner(q.value)
 
 

@@ -66,8 +66,8 @@ class RawTable:
     notes: tuple[str, ...]
 
 
-def read_table(path: Path) -> RawTable:
-    """Read a CSV or XLSX (first sheet) file as text; the header is line 1.
+def read_table(path: Path, kind: str = "measurement file", row: str = "reading") -> RawTable:
+    """Read a CSV or XLSX (first sheet) file as text; the header is line 1. ``kind``, ``row``: what messages call them.
 
     Raises
     ------
@@ -78,11 +78,11 @@ def read_table(path: Path) -> RawTable:
     data = read_bytes(path, "measurement file")
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise InputError("measurement file", value=str(path), allowed=allowed, remedy="save it as one of these")
-    remedy = "the first line holds the column names, each further line one reading"
+        raise InputError(kind, value=str(path), allowed=allowed, remedy="save it as one of these")
+    remedy = f"the first line holds the column names, each further line one {row}"
     if not data.strip():
-        raise InputError(f"measurement file {path} is empty", remedy=remedy)
-    where = f"measurement file {path}"
+        raise InputError(f"{kind} {path} is empty", remedy=remedy)
+    where = f"{kind} {path}"
     if suffix == ".csv":
         numbered, notes = _csv_rows(data, where), list[str]()
     else:
@@ -93,7 +93,7 @@ def read_table(path: Path) -> RawTable:
         raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
     body = {line: row for line, row in stripped[1:] if any(row)}
     if not body:
-        raise InputError("; ".join((f"{where} has a header but no readings", *notes)), remedy=remedy)
+        raise InputError("; ".join((f"{where} has a header but no {row}s", *notes)), remedy=remedy)
     if blank := [line for line, row in stripped[1:] if not any(row)]:
         notes.append(f"blank lines skipped: {line_ranges(blank)}")
     return RawTable(

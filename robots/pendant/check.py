@@ -66,7 +66,7 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class PendantCheck:
-    """``distance`` (n,) m between model and readings as they stand; ``explanations``: the fewest slips that do.
+    """``left`` (n, 3) m: readings less model as they stand, in the base frame; ``explanations``: the fewest slips.
 
     ``agrees``: no slip is needed. ``best``: the closest where none explains the readings. ``still``: joints that
     hardly move over the poses. ``turned`` (n,) rad between orientations with the first explanation (or the best),
@@ -75,12 +75,17 @@ class PendantCheck:
 
     readings: PendantReadings
     tolerance: float
-    distance: Array
+    left: Array
     explanations: tuple[Explanation, ...]
     best: Explanation
     still: tuple[str, ...]
     turned: Array | None
     tool_turn: Array | None
+
+    @property
+    def distance(self) -> Array:
+        """Distances (n,) m between model and readings as they stand."""
+        return np.asarray(np.linalg.norm(self.left, axis=1))
 
     @property
     def agrees(self) -> bool:
@@ -122,8 +127,7 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
     turned, tool_turn = _orientations(robot, readings, best, dict(bases))
     spread = np.ptp(readings.q, axis=0)
     still = tuple(name for name, s in zip(robot.joint_names, spread, strict=True) if s < STILL_rad)
-    distance = np.linalg.norm(first.left, axis=1)
-    return PendantCheck(readings, tolerance, distance, tuple(explained), best, still, turned, tool_turn)
+    return PendantCheck(readings, tolerance, first.left, tuple(explained), best, still, turned, tool_turn)
 
 
 def _bases(robot: Robot) -> list[tuple[bool, Array]]:

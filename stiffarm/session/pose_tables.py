@@ -33,7 +33,7 @@ def read_pose_table(
     if not file.is_file():
         raise InputError("pose table", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path")
     expect(file, POSES)
-    table = read_table(file)
+    table = read_table(file, "table of poses", "pose")
     faults = Faults(table.name)
     columns, _ = sorted_columns(table, (*names, *fixed_deg, "pose"), faults)
     table = drop_ragged(table, faults)

@@ -50,9 +50,10 @@ class Reader:
 
 def readers() -> dict[str, Reader]:
     """All readers by kind; where a kind has several, what it holds follows after a colon. Imported late, for speed."""
-    from . import readers_arm, readers_data, readers_shop, readers_solids
+    from . import readers_arm, readers_data, readers_results, readers_shop, readers_solids
 
-    return {**readers_arm.READERS, **readers_data.READERS, **readers_shop.READERS, **readers_solids.READERS}
+    modules = (readers_arm, readers_data, readers_results, readers_shop, readers_solids)
+    return {kind: reader for module in modules for kind, reader in module.READERS.items()}
 
 
 def turn(table: dict[str, Reader], seed: int, number: int) -> tuple[str, Sample]:

@@ -7,16 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from robots import InputError, ModelDescription, require_positive
+from robots import ModelDescription
 from stiffarm.session.console import say
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import Debug, Json
-from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word, refuse_given
 
 TABLE = "dh.csv"
-# No arm bears or weighs less or more.
-LIGHTEST_kg, HEAVIEST_kg = 0.01, 1e5
 
 
 def new(
@@ -76,24 +73,18 @@ def new(
     """
     with command(out or Path(name), as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.new.step import (
-            changed,
+            check_masses,
             checked_name,
-            from_arm,
-            from_table,
-            from_urdf,
+            described,
+            given_of,
             with_class_springs,
+            write_files,
         )
 
         checked_name(name)
-        for option, value in (("--payload-kg", payload_kg), ("--mass-kg", mass_kg)):
-            require_positive(option, value, "kg")
-            if value is not None and not LIGHTEST_kg <= value <= HEAVIEST_kg:
-                raise InputError(option, value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg",
-                                 remedy="give kg")  # fmt: skip
+        check_masses({"--payload-kg": payload_kg, "--mass-kg": mass_kg})
         prior = parse_word(springs, ("none", "class"), "--springs") == "class"
-        given = {k: v for k, v in {"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like}.items() if v is not None}
-        if len(given) > 1:
-            raise InputError(", ".join(given), allowed="one of them", remedy="an arm comes from one source")
+        given = given_of({"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like})
         if urdf is None:
             refuse_given({"--tip": tip, "--base": base}, "only with --urdf", "leave it out")
         if not given:
@@ -109,19 +100,12 @@ def new(
             )
             _write_table(frame, name)
             return
-        if mdh is not None or dh is not None:
-            table, form = (mdh, "modified") if mdh is not None else (dh, "standard")
-            description = from_table(table, form, name, title, payload_kg, mass_kg)  # type: ignore[arg-type]
-            frame.files["table"] = table  # type: ignore[assignment]
-        else:
-            found = from_urdf(urdf, tip, base) if urdf is not None else from_arm(str(like))
-            if urdf is not None:
-                frame.files["urdf"] = urdf
-            description = changed(found, name, title, payload_kg, mass_kg)
+        description = described(name, given, title, payload_kg, mass_kg, tip, base)
+        frame.files |= {"urdf" if key == "--urdf" else "table": Path(v) for key, v in given.items() if key != "--like"}
         if prior:
             description = with_class_springs(description)
         with frame.folder() as folder:
-            content = _write(folder, description, name)
+            content = write_files(folder, description, name)
         frame.answer(content, lambda: _say(description, content, frame.out or Path(name)))
 
 
@@ -140,50 +124,30 @@ def _write_table(frame: Frame, name: str) -> None:
             "a row for each joint: alpha_deg and a_mm from the axis before, d_mm along its own axis (modified "
             "Denavit-Hartenberg parameters), theta_deg where its coordinate reads 0, its limits; last row: the flange"
         )
-        say(f"then: {again} (or --dh for standard parameters; rows and columns may be removed)")
+        say(f"then: {again}")
+        say(
+            "with --dh in place of --mdh they are standard parameters: alpha_deg and a_mm to the axis after; remove "
+            "the row flange then, unless something comes after the last joint"
+        )
 
     frame.answer({"name": name, "table": str(path), "next": [again]}, show)
 
 
-def _write(folder: OutputFolder, description: ModelDescription, name: str) -> dict[str, Any]:
-    from robots.library.commented import SCHEMA_FILE, commented_toml
-    from robots.library.models import parse_description
-    from robots.robot import robot_from
-    from robots.schema.key_words import json_schema
-    from stiffarm.commands.new.starts import pendant_table, write_sheet
-
-    robot = robot_from(description)
-    text = commented_toml(description)
-    parse_description(text, f"{name}.toml")  # what is written can be read
-    folder.write_text(f"{name}.toml", text)
-    folder.write_json(SCHEMA_FILE, json_schema())
-    folder.write_text("pendant.csv", pendant_table(robot))
-    loads = write_sheet(folder.path("sheet.csv"), robot, description)
-    rigid = [joint.name for joint in description.joint if joint.stiffness is None]
-    return {
-        "name": name,
-        "model": f"{name}.toml",
-        "joints": len(description.joint),
-        "joints_without_springs": rigid,
-        "files": [f"{name}.toml", SCHEMA_FILE, "pendant.csv", "sheet.csv"],
-        "sheet_loads_N": list(loads),
-    }
-
-
 def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> None:
     model = out / content["model"]
-    say(f"{description.title}: {content['joints']} joints; model {model}, every key explained")
+    joints = f"{content['joints']} joint{'s' * (content['joints'] != 1)}"
+    say(f"{description.title}: {joints}; model {model}, every key explained")
     say(
         f"next: drive to the poses of {out / 'pendant.csv'}, fill in what the controller shows, then: "
         f"stiffarm robots check {model} {out / 'pendant.csv'}"
     )
     loads = ", ".join(f"{force:g}" for force in content["sheet_loads_N"])
     say(
-        f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} chooses set-ups that "
-        "tell more"
+        f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} --poses 10 --out plan "
+        "chooses set-ups that tell more"
     )
     if content["joints_without_springs"]:
         say(
-            f"no springs yet: {', '.join(content['joints_without_springs'])} are rigid until calibrated "
+            f"no springs yet, rigid until calibrated: {', '.join(content['joints_without_springs'])} "
             "(--springs class takes the middle of the arm's class, marked as a prior)"
         )

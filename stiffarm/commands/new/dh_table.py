@@ -51,7 +51,7 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
         raise InputError(option, value=str(path), allowed="an existing CSV or XLSX file",
                          remedy="check the path; `stiffarm new NAME` alone writes an empty table")  # fmt: skip
     expect(path, DH)
-    table = read_table(path)
+    table = read_table(path, "table of Denavit-Hartenberg parameters", "joint")
     faults = Faults(table.name)
     columns, meant = sorted_columns(table, COLUMNS, faults)
     for name in ("joint", *FIGURES, *LIMITS):

@@ -10,15 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from robots import InputError, ModelDescription, load_description, read_urdf
+from robots import InputError, ModelDescription, load_description, read_urdf, require_positive
 from robots.arm_class import arm_class
 from robots.files.written import sha256_of
+from robots.library.commented import SCHEMA_FILE, commented_toml
 from robots.library.dh import Form, description_from_dh
+from robots.library.models import parse_description
 from robots.robot import robot_from
+from robots.schema.key_words import json_schema
 from robots.schema.quantities import Mass, RotationalStiffness
 from robots.urdf.expanding import expanded
 from stiffarm.commands.new.dh_table import read_dh
+from stiffarm.commands.new.starts import pendant_table, write_sheet
 from stiffarm.session.caution import CLASS_PRIOR
+from stiffarm.session.outputs import OutputFolder
+
+# No arm bears or weighs less or more.
+LIGHTEST_kg, HEAVIEST_kg = 0.01, 1e5
 
 
 def checked_name(name: str) -> str:
@@ -27,6 +35,47 @@ def checked_name(name: str) -> str:
         raise InputError("NAME", value=name, allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
                          remedy="give a short name, as in my-arm")  # fmt: skip
     return name
+
+
+def check_masses(given: Mapping[str, float | None]) -> None:
+    """Refuse masses in other units than kg."""
+    for option, value in given.items():
+        require_positive(option, value, "kg")
+        if value is not None and not LIGHTEST_kg <= value <= HEAVIEST_kg:
+            raise InputError(option, value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg", remedy="give kg")
+
+
+def given_of(sources: Mapping[str, str | Path | None]) -> dict[str, str | Path]:
+    """The one source that is given by its option; empty where none is.
+
+    Raises
+    ------
+    InputError
+        More than one.
+    """
+    given = {key: value for key, value in sources.items() if value is not None}
+    if len(given) > 1:
+        raise InputError(", ".join(given), allowed="one of them", remedy="an arm comes from one source")
+    return given
+
+
+def described(
+    name: str, given: Mapping[str, str | Path], title: str | None, payload_kg: float | None, mass_kg: float | None,
+    tip: str | None = None, base: str | None = None,
+) -> ModelDescription:  # fmt: skip
+    """A description from the source that is given by its option: --mdh, --dh, --urdf or --like.
+
+    Raises
+    ------
+    InputError
+        Every fault of a table, a URDF that cannot be read, or an arm that is not known.
+    """
+    ((option, source),) = given.items()
+    if option in ("--mdh", "--dh"):
+        form: Form = "modified" if option == "--mdh" else "standard"
+        return from_table(Path(source), form, name, title, payload_kg, mass_kg)
+    found = from_urdf(Path(source), tip, base) if option == "--urdf" else from_arm(str(source))
+    return changed(found, name, title, payload_kg, mass_kg)
 
 
 def from_table(
@@ -92,3 +141,23 @@ def _middle(low: float, high: float) -> RotationalStiffness:
     value = float(f"{np.sqrt(low * high):.2g}")
     note = f"range of the class: {low:.2g} to {high:.2g}"
     return RotationalStiffness(value=value, unit="N m/rad", source=CLASS_PRIOR, note=note)
+
+
+def write_files(folder: OutputFolder, description: ModelDescription, name: str) -> dict[str, Any]:
+    """The model with every key explained, its schema, the pendant's table and a first sheet; what there is, as JSON."""
+    robot = robot_from(description)
+    text = commented_toml(description)
+    parse_description(text, f"{name}.toml")  # what is written can be read
+    folder.write_text(f"{name}.toml", text)
+    folder.write_json(SCHEMA_FILE, json_schema())
+    folder.write_text("pendant.csv", pendant_table(robot))
+    loads = write_sheet(folder.path("sheet.csv"), robot, description)
+    rigid = [joint.name for joint in description.joint if joint.stiffness is None]
+    return {
+        "name": name,
+        "model": f"{name}.toml",
+        "joints": len(description.joint),
+        "joints_without_springs": rigid,
+        "files": [f"{name}.toml", SCHEMA_FILE, "pendant.csv", "sheet.csv"],
+        "sheet_loads_N": list(loads),
+    }

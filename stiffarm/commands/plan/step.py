@@ -32,6 +32,7 @@ from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
 from robots import InputError, Robot
+from robots.arm_class import arm_class
 from robots.arrays import Array
 from robots.progress import Progress
 from stiffarm.commands.calibrate import step as calibrating
@@ -171,7 +172,7 @@ def _free(
     if names is None:
         joints = given.robot.joint_names
         springs = first_outset(
-            given.model, [parameter(given.model, f"{j}.stiffness") for j in joints], Noise((1.0, 1.0))
+            given.model, [parameter(given.model, f"{j}.stiffness") for j in joints], Noise((1.0, 1.0)), _usual(given)
         )
         visible = seen_by(experiments(springs, probes, protocol), springs.vague)
         known = set() if data is None else set(steps.springs_seen(given, data))
@@ -189,12 +190,19 @@ def _free(
     return free, notes
 
 
+def _usual(given: Arm) -> dict[str, float]:
+    """Springs that arms of this size have, the middle of the class, N m/rad."""
+    size = arm_class(given.description, given.robot)
+    middle = np.sqrt(size.low * size.high).tolist()
+    return {f"{joint}.stiffness": k for joint, k in zip(given.robot.joint_names, middle, strict=True)}
+
+
 def _outset(
     given: Arm, data: Measurements | None, free: list[Parameter], gauge: tuple[float, float]
 ) -> tuple[Outset, Calibrated | None]:
     """Where the plan starts, and the calibration that it rests on where there are readings enough for one."""
     if data is None:
-        return first_outset(given.model, free, Noise(white=gauge)), None
+        return first_outset(given.model, free, Noise(white=gauge), _usual(given)), None
     p = problem(given.model, data, free)
     if len(unaided(p)) > len(p):
         refuse_useless(given, data, data)
@@ -282,8 +290,8 @@ def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) 
 def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:
     out = []
     if data is None:
-        out.append("no readings yet: planned for the model's own values (10⁶ N m/rad where it is rigid) "
-                   "and chosen for the gauge's scatter alone")  # fmt: skip
+        out.append("no readings yet: planned for the model's own values (where a joint is rigid the middle of its "
+                   "arm's class) and chosen for the gauge's scatter alone")  # fmt: skip
     elif not start.found:
         out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
     zone = request.zone

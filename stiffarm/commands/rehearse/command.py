@@ -1,4 +1,4 @@
-"""The command `rehearse`: hide an effect in made-up readings, and see whether the diagnosis finds it."""
+"""The command `rehearse`: what planned readings would show; or an effect hidden in made-up ones, for the diagnosis."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from typing import Annotated
 
 import typer
 
+from fem.arm import Arm
 from stiffarm.commands.rehearse import payload, words
 from stiffarm.commands.rehearse import step as rehearsing
 from stiffarm.commands.rehearse.sheet import SETUP_PERCENT, Gauge
 from stiffarm.commands.rehearse.step import MOST_DRAWS, Rehearsed, Request
-from stiffarm.session.console import say, show_table
-from stiffarm.session.frame import command
+from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
 from stiffarm.session.table_kinds import DEFLECTIONS, expect
+
+# What --hide says where the effect is drawn at random; and usual sizes drawn where nothing is hidden.
+ANY, DRAWN = "any", 24
 
 
 def rehearse(
@@ -33,13 +37,20 @@ def rehearse(
         typer.Option(
             "--hide",
             metavar="CODE",
-            help="Effect to hide, as in friction:j2, or none for nothing. Default: drawn at random and kept secret "
-            "until the end.",
+            help="Make readings with this effect hidden in them, as in friction:j2, and diagnose them; none "
+            "for nothing, any for one drawn at random and kept secret until the end. Default: a power analysis.",
         ),
     ] = None,
     draws: Annotated[
-        int, typer.Option("--draws", help="Number of rehearsals, each with a new truth.", min=1, max=MOST_DRAWS)
-    ] = 1,
+        int | None,
+        typer.Option(
+            "--draws",
+            help="With --hide: number of rehearsals, each with a new truth (default 1). Otherwise: usual sizes drawn "
+            "of each effect (default 24).",
+            min=1,
+            max=MOST_DRAWS,
+        ),
+    ] = None,
     poses: Annotated[
         int | None,
         typer.Option(
@@ -89,11 +100,15 @@ def rehearse(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Hide an effect in made-up readings and see whether it is found.
+    """Say what a planned sheet would show, before anyone measures.
 
-    Readings are made by mechanics that share nothing with the diagnosis, for the poses, loads, repeats and noise of
-    your sheet. The diagnosis runs blind; then the truth is unveiled. Writes rehearsal.json, readings.csv, truth.json
-    and a report into --out.
+    For the poses, loads, repeats and noise of your sheet: the smallest size of each effect that would be found with
+    80 %, the chances that usual sizes are found and named, the intervals of the springs to expect, and what one more
+    set-up, load or repeat would add. Writes power.json and a report into --out.
+
+    With --hide it is a dress rehearsal: readings with an effect hidden in them are made by mechanics that share nothing
+    with the diagnosis, the diagnosis runs blind, then the truth is unveiled. Writes rehearsal.json, readings.csv,
+    truth.json and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets)
@@ -101,12 +116,16 @@ def rehearse(
             expect(sheet, DEFLECTIONS, model=model)
             frame.files["sheet"] = sheet
         gauge = Gauge(noise_percent, noise_um, setup_percent, reads)
-        request = Request(hide, draws, seed, poses, gauge)
+        if hide is None:
+            _power(frame, given, sheet, Request(None, draws or DRAWN, seed, poses, gauge))
+            return
+        draws = draws or 1
+        request = Request(None if hide == ANY else hide, draws, seed, poses, gauge)
         with frame.folder_if(seed) as folder:
             kept = None if folder is None else folder.stage
             with frame.timed("rehearsal"), rehearsing.places(draws, kept) as places:
                 done = rehearsing.rehearsals(given, sheet, request, places, say=say)
-            content = payload.rehearsal(done, secret=hide is None, seed=seed)
+            content = payload.rehearsal(done, secret=hide == ANY, seed=seed)
             if folder is not None:
                 from stiffarm.commands.rehearse.report import write_report
 
@@ -116,6 +135,40 @@ def rehearse(
                 with folder.timed("report"):
                     write_report(done, folder)
         frame.answer(content, lambda: _show(done))
+
+
+def _power(frame: Frame, given: Arm, sheet: Path | None, request: Request) -> None:
+    """The power analysis of a sheet."""
+    from stiffarm.commands.rehearse.power import payload as power_payload
+    from stiffarm.commands.rehearse.power import words as power_words
+    from stiffarm.commands.rehearse.power.step import power
+
+    with frame.folder_if(request.seed) as folder:
+        with frame.timed("power"), progress("sheets") as bar:
+            found = power(given, sheet, request, progress=bar)
+        content = power_payload.power(found, request.seed)
+        if folder is not None:
+            from stiffarm.commands.rehearse.power.report import write_report as write_power
+
+            folder.write_json("power.json", content)
+            with folder.timed("report"):
+                write_power(found, folder)
+
+    def show() -> None:
+        say(f"{found.set_ups.source}; noise {found.set_ups.words}")
+        for text in power_words.sentences(found):
+            say(text)
+        short = [
+            [row[k] for k in power_words.SHORT] for row in (power_words.HEADS, *map(power_words.row, found.judged))
+        ]
+        show_table("Effects of usual size: chances with 95 % intervals", short[0], short[1:])
+        springs = [list(power_words.spring_row(s)) for s in found.springs]
+        show_table("Springs", list(power_words.SPRING_HEADS), springs)
+        if found.additions:
+            more = [list(power_words.more_row(a)) for a in found.additions]
+            show_table("One more", list(power_words.MORE_HEADS), more)
+
+    frame.answer(content, show)
 
 
 def _show(done: Sequence[Rehearsed]) -> None:

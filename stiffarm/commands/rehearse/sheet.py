@@ -96,10 +96,17 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
         )  # fmt: skip
     kept = np.asarray(read.any(axis=1), dtype=np.bool_)
     table, read = table.select(kept), read[kept]
-    row = _in_time(table)
-    noise, words = _noise_of(table, gauge, row)
+    noise, words = _noise_of(table, gauge)
     blank = replace(table, displacement=np.full((table.n, 6), np.nan), sigma=np.full(table.n, np.nan), extra={})
-    return SetUps(f"the set-ups of {table.source}", blank, _readings(table, row), row, read[row], noise, words)
+    return arranged(f"the set-ups of {table.source}", blank, read, noise, words)
+
+
+def arranged(source: str, table: Measurements, read: Bools, noise: Noise, words: str) -> SetUps:
+    """Rows of a table put in the order of time; ``read`` (n, 3) and the noise of single readings in the table's."""
+    row = _in_time(table)
+    if isinstance(noise.floor_m, np.ndarray):
+        noise = replace(noise, floor_m=noise.floor_m[row])
+    return SetUps(source, table, _readings(table, row), row, read[row], noise, words)
 
 
 def campaign(given: Arm, world: World, gauge: Gauge, poses: int, rng: np.random.Generator) -> SetUps:
@@ -173,13 +180,13 @@ def _words(gauge: Gauge) -> str:
     return f"{100 * n.share:g} % of the deflection and {1e6 * np.max(n.floor_m):g} um a reading, {said}"
 
 
-def _noise_of(m: Measurements, gauge: Gauge, row: Indices) -> tuple[Noise, str]:
-    """Noise as asked; else by the column sigma_mm; else by the scatter of repeats; else assumed."""
+def _noise_of(m: Measurements, gauge: Gauge) -> tuple[Noise, str]:
+    """Noise as asked; else by the column sigma_mm, in the table's order; else by the repeats' scatter; else assumed."""
     stated = _stated(gauge)
     if gauge.percent is not None or gauge.floor_um is not None:
         return stated, _words(gauge)
     if np.isfinite(m.sigma).all():
-        return replace(stated, share=0.0, floor_m=m.sigma[row][:, None]), "the standard deviations of column sigma_mm"
+        return replace(stated, share=0.0, floor_m=m.sigma[:, None]), "the standard deviations of column sigma_mm"
     scatter = _scatter(m)
     if scatter is None:
         return stated, _words(gauge)

@@ -13,12 +13,13 @@ from robots.frames import rpy_of
 from robots.pendant.check import Explanation, PendantCheck, check_pendant
 from robots.pendant.slips import Slip
 from robots.robot import robot_from
+from stiffarm.commands.robots import check_words as words
 from stiffarm.commands.robots.pendant_table import read_pendant
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 
-# Explanations that are told in full; more than these cannot be told apart by the table.
+# Explanations that are written out.
 MOST_TOLD = 4
 # An offset this near to a quarter turn is one, rad.
 QUARTER_rad = float(np.radians(0.05))
@@ -35,8 +36,11 @@ def answer_check(frame: Frame, description: ModelDescription, model: str, table:
     content = check_payload(description, robot, found, convention)
     with frame.folder_if() as folder:
         if folder is not None:
+            from stiffarm.commands.robots.check_report import write_report
+
             folder.write_json("check.json", content)
-    frame.answer(content, lambda: _show(description, content))
+            write_report(description, robot, found, content, folder)
+    frame.answer(content, lambda: _show(description.title, content))
 
 
 def check_payload(
@@ -61,13 +65,32 @@ def check_payload(
         "tolerance_mm": number(1e3 * found.tolerance),
         "frame": "controller" if robot.controller is not None and robot.controller.T_base is not None else "base",
         "largest_mm": number(float(1e3 * found.distance.max())),
-        "distance_mm": dict(zip(found.readings.labels, map(number, (1e3 * found.distance).tolist()), strict=False)),
+        "by_pose": _by_pose(robot, found),
         "still_joints": list(found.still),
         "orientation": turned,
         "explanations": [_explanation(robot, e) for e in told],
         "more_explanations": len(found.explanations) - len(told),
         "closest": None if told else _explanation(robot, found.best),
     }
+
+
+def _by_pose(robot: Robot, found: PendantCheck) -> list[dict[str, Any]]:
+    """Each pose: angles, what the controller shows, readings less model, and what the first explanation leaves."""
+    then = np.linalg.norm(found.best.fit.left, axis=1)
+    given = found.readings
+    return [
+        {
+            "pose": given.labels[k],
+            "angles_deg": dict(
+                zip(robot.coordinates, map(number, np.degrees(given.q[k]).round(6).tolist()), strict=True)
+            ),
+            "read_mm": [number(v) for v in (1e3 * given.position[k]).tolist()],
+            "read_less_model_mm": [number(v) for v in ((1e3 * found.left[k]).round(6) + 0.0).tolist()],
+            "distance_mm": number(float(1e3 * found.distance[k])),
+            "then_mm": number(float(1e3 * then[k])),
+        }
+        for k in range(len(given.q))
+    ]
 
 
 def _explanation(robot: Robot, e: Explanation) -> dict[str, Any]:
@@ -119,45 +142,10 @@ def _frame(name: str, shift: Array) -> dict[str, Any]:
     return {"code": name, "words": f"{words}: by {shown}", "size": size, "unit": "mm", "remedy": remedy}
 
 
-def _show(description: ModelDescription, content: dict[str, Any]) -> None:
-    far = f"{content['largest_mm']:.4g} mm over {content['poses']} poses, tolerance {content['tolerance_mm']:g} mm"
-    turned = content["orientation"]
-    if content["verdict"] in ("agrees", "orientation"):
-        say(f"{description.title}: positions agree with the controller, largest difference {far}")
-    else:
-        say(f"{description.title}: positions do NOT agree with the controller, largest difference {far}")
-        rows = [[label, f"{v:.3f}"] for label, v in content["distance_mm"].items()]
-        show_table("Difference as the model stands", ["pose", "distance (mm)"], rows)
-    for i, explanation in enumerate(content["explanations"]):
-        _say_explanation("what is wrong" if i == 0 else "or, which the table cannot tell apart", explanation)
-    if content["more_explanations"]:
-        say(f"and {content['more_explanations']} more: read poses in which every joint moves")
-    if content["closest"] is not None:
-        say("no usual slip (sign, zero, coupling, length, base, tool, radians), up to three at once, explains this")
-        _say_explanation("the closest is", content["closest"])
-        say("check that positions are in mm, in the robot's own frame and of the point that the model's tool is")
-    if turned is not None:
-        _say_orientation(turned)
-    if content["still_joints"]:
-        say(f"not checked, because they hardly move over the poses: {', '.join(content['still_joints'])}")
-
-
-def _say_explanation(opening: str, explanation: dict[str, Any]) -> None:
-    for change in explanation["changes"]:
-        say(f"{opening}: {change['words']}")
-        say(f"  to fix it: {change['remedy']}")
-        opening = "and"
-    if explanation["changes"]:
-        say(f"  then the largest difference is {explanation['largest_mm']:.3g} mm")
-
-
-def _say_orientation(turned: dict[str, Any]) -> None:
-    if turned["largest_deg"] <= 0.1:
-        say(f"orientations agree, largest difference {turned['largest_deg']:.2g} deg")
-    elif turned["constant_tool_turn_rpy_deg"] is not None:
-        rpy = ", ".join(f"{v:g}" for v in turned["constant_tool_turn_rpy_deg"])
-        say(f"orientations differ by one constant turn of the tool: rpy {rpy} deg in the flange frame")
-        say(f"  to fix it: set [tool] rpy (or [controller] flange rpy) to [{rpy}] deg")
-    else:
-        say(f"orientations differ by up to {turned['largest_deg']:.4g} deg, and no constant turn explains that")
-        say("  to fix it: check that the columns are the convention that they are named after, and their order")
+def _show(title: str, content: dict[str, Any]) -> None:
+    say(words.headline(title, content))
+    if content["verdict"] not in ("agrees", "orientation"):
+        short = [[row[k] for k in words.SHORT] for row in (words.HEADS, *words.rows(content))]
+        show_table("Difference as the model stands, and with what is named below put right", short[0], short[1:])
+    for line in words.told(content):
+        say(line)

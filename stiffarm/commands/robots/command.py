@@ -103,14 +103,14 @@ def show_command(
         rows = [[d.name, d.title, d.load_path, _readings(d.name) or "-"] for d in found]
         heads = ["name", "title", "load path", "measured readings"]
         library = library_table()
-        fields = ("payload_kg", "mass_kg")
-        others = [[a["name"], a["title"], *("-" if a[f] is None else f"{a[f]:g}" for f in fields),
+        others = [[a["name"], a["title"], _marked(a["payload_kg"]), _marked(a["mass_kg"], mark=not a["mass_verified"]),
                    ", ".join(a["formats"]) or "-"] for a in library]  # fmt: skip
 
         def show() -> None:
             show_table("Bundled robots", heads, rows)
             kinds = ["name", "title", "payload (kg)", "mass (kg)", "programs"]
             show_table("Library: kinematics, limits and conventions, no springs", kinds, others)
+            say("*: not found published; recalled from data sheets and not verified")
 
         frame.answer({"robots": content, "library": library}, show)
 
@@ -130,7 +130,9 @@ def check_command(
     tolerance_mm: Annotated[
         float, typer.Option("--tolerance-mm", help="Positions closer than this agree, in mm.")
     ] = 1.0,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder for the answer (check.json).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the answer (check.json) and a report with pictures.")
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -142,6 +144,10 @@ def check_command(
         from stiffarm.commands.robots.check import answer_check
 
         answer_check(frame, described(model), model, table, tolerance_mm)
+
+
+def _marked(value: float | None, *, mark: bool = False) -> str:
+    return "-" if value is None else f"{value:g}{' *' if mark else ''}"
 
 
 def _readings(name: str) -> str | None:

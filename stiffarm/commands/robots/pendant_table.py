@@ -17,6 +17,8 @@ from robots.pendant.check import PendantReadings
 from stiffarm.session.table_kinds import PENDANT, expect
 
 POSITION = ("x_mm", "y_mm", "z_mm")
+# No tool is farther from its robot frame.
+FARTHEST_m = 100.0
 # Quaternions from a pendant have four decimals or so.
 UNIT_LENGTH = 0.02
 
@@ -34,7 +36,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     if not path.is_file():
         raise InputError("PENDANT", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path")
     expect(path, PENDANT, model=model)
-    table = read_table(path)
+    table = read_table(path, "pendant table", "pose")
     faults = Faults(table.name)
     own = tuple(dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))
     columns, meant = sorted_columns(table, (*robot.angle_names, *POSITION, *own, "pose"), faults)
@@ -49,6 +51,10 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     table, unread = _read_rows(drop_ragged(table, faults), columns)
     q = joint_angles(table, columns, robot, faults)
     position = numbers(table, columns, POSITION, faults)
+    for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
+        faults.add(table.lines[row], f"columns {', '.join(POSITION)}", value=str((1e3 * position[row]).tolist()),
+                   allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
+                   remedy="give mm, as the controller shows them")  # fmt: skip
     turned = None if spoken is None else numbers(table, columns, spoken.columns, faults, si=False)
     if spoken is not None and turned is not None and spoken.code == "abb":
         for row in np.flatnonzero(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT_LENGTH):

@@ -77,6 +77,6 @@ def proof_section(found: Rehearsed | InputError, pictures: Pictures) -> Section:
         Text(words.visible(found)),
         *report.compared(found, mine).blocks,
         *report.shrunk(found, mine).blocks,
-        Text("`stiffarm rehearse MODEL SHEET --draws 40` does the same forty times, and counts."),
+        Text("`stiffarm rehearse MODEL SHEET --hide any --draws 40` does the same forty times, and counts."),
     ]
     return Section(title, (Note(words.headline(found)), Fold("How it was done, and how near it came", tuple(more))))

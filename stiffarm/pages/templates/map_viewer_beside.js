@@ -20,6 +20,9 @@ function takeOther(text, name) {
   const found = /<script type="application\/json" id="data">([^<]*)<\/script>/.exec(text);
   let d = null;
   try { d = found && JSON.parse(found[1]); } catch { d = null; }
+  return takeMap(d, name);
+}
+function takeMap(d, name) {
   if (!d || !d.fields) return `${name} is no page of a map. Choose a map.html that stiffarm wrote.`;
   if (!sameAxes(d)) return `${name} has other points than this map. Make both with the same grid.`;
   const known = d.fields.map(f => f.name), there = unpack(d.reached, Uint8Array);
@@ -40,8 +43,8 @@ function takeOther(text, name) {
   fields.push(...added);
   return added.length ? "" : `${name} has none of this map's quantities.`;
 }
-function showOther(text, name) {
-  const fault = takeOther(text, name);
+const showOther = (text, name) => showBeside(takeOther(text, name));
+function showBeside(fault) {
   $("otherFault").textContent = fault; $("besidePart").hidden = other === null;
   if (fault) return fault;
   listFields(); $("otherName").textContent = `${other.title}${other.warning ? ` (${other.warning})` : ""}`;

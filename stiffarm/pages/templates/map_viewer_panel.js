@@ -346,6 +346,7 @@ if (!renderer) {
 buildSprings(); showCuts(); setField(0); look("oblique");
 let known = 0; // The view is fitted anew where the shape of the stage changes much.
 new ResizeObserver(() => { const shape = canvas.clientWidth / Math.max(1, canvas.clientHeight); if (Math.abs(shape - known) > 0.1) { known = shape; currentCamera(); fit(canvas.width / mapsSeen().length, canvas.height); } draw(); }).observe(canvas);
+if (D.beside) showBeside(takeMap(D.beside, D.beside.name)); // A page of two maps, as `stiffarm compare` writes it.
 const view = /view=(\w+)/.exec(location.hash); if (view && VIEWS[view[1]]) look(view[1]);
 const point = /point=(\d+)/.exec(location.hash); if (point && Number(point[1]) >= 1 && Number(point[1]) <= N) pick(Number(point[1]) - 1);
 // For links into the page and for tests.

@@ -17,6 +17,7 @@ from viewer_maps import arm, joint_map, kr60_box, kr60_slice
 
 from fem import compliance, directional_stiffness
 from fem.arm import Arm
+from stiffarm.commands.compare.map_page import page_of_both
 from stiffarm.commands.maps.viewer import viewer_data, viewer_page
 from stiffarm.commands.maps.what_if import interval_of, springs_of, turns_with_the_first_joint, what_if_data
 from surrogate.maps.data import Axis, Field, Layout, MapData
@@ -143,6 +144,26 @@ def test_planes_surfaces_and_the_ellipsoid(where: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(seen["round"], np.linalg.eigvalsh(C)[::-1], rtol=1e-4)
     np.testing.assert_allclose([float(v) for v in seen["principal"]], 1e-3 / np.linalg.eigvalsh(C)[::-1], rtol=1e-3)
     assert seen["drawn"]
+
+
+@needs_browser
+@pytest.mark.slow
+def test_a_page_of_two_maps_opens_with_both(tmp_path: Path) -> None:
+    data = kr60_slice(100.0)
+    name = "stiffness_N_per_mm"
+    twice = Field(2.0 * data.fields[name].values, "N/mm", data.fields[name].label)
+    pages = [tmp_path / "a.html", tmp_path / "b.html"]
+    for page, one in zip(pages, (data, replace(data, fields={**data.fields, name: twice})), strict=True):
+        page.write_text(page_of(one, "kr60-3"), encoding="utf-8")
+    both = page_of_both(*pages, "b </script>")
+    assert both is not None
+    probe = f"""
+      out.two = V.mapsSeen().length;
+      const k = V.fields.findIndex(f => f.name === "difference_{name}");
+      out.difference = [...new Set([...V.fields[k].values].filter(Number.isFinite).map(v => v.toFixed(3)))];"""
+    seen, console = probed(both, tmp_path, probe, "#canvas")
+    assert console == ""
+    assert (seen["two"], seen["difference"]) == (2, ["100.000"])
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cli_runs import Command
 
+import stiffarm as sa
 from fem.arm import Arm
 from robots import forward_kinematics, load_description, load_robot
 from stiffarm.session.caution import CLASS_PRIOR, uncalibrated
@@ -132,3 +133,15 @@ def test_bad_options_are_refused_and_nothing_is_written(cli: Command, arguments:
     outcome = cli("new", *arguments)
     assert outcome.code == 2
     assert not list(Path().iterdir())
+
+
+def test_the_face_makes_the_same_files(cli: Command, tmp_path: Path) -> None:
+    lines = table(tmp_path / "t.csv", MODIFIED)
+    assert cli("new", "mine", "--mdh", lines, "--payload-kg", "60", "--out", "a").code == 0
+    sa.new_arm("mine", mdh=lines, payload_kg=60.0).save("b")
+    for name in ("mine.toml", "pendant.csv", "sheet.csv"):
+        assert Path("a", name).read_text() == Path("b", name).read_text()
+    with pytest.raises(sa.InputError, match="mdh, dh, urdf or like"):
+        sa.new_arm("mine")
+    with pytest.raises(sa.InputError, match="payload_kg"):
+        sa.new_arm("mine", like="gp25", payload_kg=-1.0)

@@ -84,7 +84,7 @@ def test_a_secret_is_kept_until_the_end(tmp_path: Path, monkeypatch: pytest.Monk
         return diagnose(*given, **more)  # type: ignore[arg-type]
 
     monkeypatch.setattr(rehearsing.diagnosing, "diagnose", watched)
-    outcome = run_here("rehearse", *QUICK, "--seed", "2", "--out", tmp_path / "out", "--json")
+    outcome = run_here("rehearse", *QUICK, "--hide", "any", "--seed", "2", "--out", tmp_path / "out", "--json")
     hidden = outcome.json["draws"][0]["hidden"]
     assert outcome.json["secret"]
     assert hidden != "none"

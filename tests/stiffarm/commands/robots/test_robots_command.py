@@ -9,6 +9,7 @@ import pytest
 from cli_runs import Command
 from scipy.spatial.transform import Rotation
 
+import stiffarm as sa
 from machining.programs.orientation import SPOKEN
 from robots import forward_kinematics, load_robot
 
@@ -115,3 +116,19 @@ def test_bad_input_is_refused(cli: Command, arguments: tuple[str, ...]) -> None:
     outcome = cli("robots", *arguments)
     assert outcome.code == 2
     assert not list(Path().iterdir())
+
+
+def test_the_report_has_what_is_wrong_and_every_pose(cli: Command, tmp_path: Path) -> None:
+    table = pendant(tmp_path / "p.csv", "gp25", change=-1.0)
+    outcome = cli("robots", "check", "gp25", table, "--out", "out", "--json")
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "<code>in [[joint]] j3: sign = -1" in page
+    rows = outcome.json["by_pose"]
+    assert max(one["distance_mm"] for one in rows) == outcome.json["largest_mm"] > 10.0
+    assert max(one["then_mm"] for one in rows) < 0.05
+    # The same from Python, on an arm made there.
+    found = sa.check_kinematics(sa.new_arm("mine", like="gp25").arm, table)
+    assert found.verdict == "explained"
+    assert next(iter(found.remedies.values())) == "in [[joint]] j3: sign = -1"
+    off = found.to_frame()[["dx_mm", "dy_mm", "dz_mm"]].to_numpy()
+    np.testing.assert_allclose(np.linalg.norm(off, axis=1), found.to_frame()["distance_mm"], rtol=1e-5)

@@ -1,0 +1,155 @@
+"""What can be compared: calibrations, diagnoses, maps and placements, by their result folders or files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from robots import InputError, ModelDescription, load_description
+from robots.files.reading import parse_json, read_text
+
+Kind = Literal["calibration", "diagnosis", "map", "placement"]
+# The file that tells what a folder holds; the first that is there counts.
+FILES: Final[dict[str, Kind]] = {
+    "calibration.json": "calibration",
+    "diagnosis.json": "diagnosis",
+    "placement.json": "placement",
+    "index_map.json": "map",
+    "map.json": "map",
+}
+SCHEMAS: Final[dict[str, Kind]] = {
+    "stiffarm-diagnosis": "diagnosis",
+    "stiffarm-placement": "placement",
+    "stiffarm-map": "map",
+    "stiffarm-index-map": "map",
+}
+# What a folder of `stiffarm run` has: its calibrated model first.
+RUN: Final = ("model.toml", "results.json")
+MAPS: Final = (".vtu", ".vti", ".vtp")
+ALLOWED: Final = (
+    "a results folder of run, calibrate, diagnose, map or place, its JSON file, a calibrated model.toml or a map"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """One of the things compared.
+
+    ``name``: what it is called here; ``file``: what was read first; ``content``: of its JSON file, empty without one;
+    ``model``: the calibrated model beside it, or itself; ``page``: the map's page, if there is one; ``of_run``: it is a
+    folder of `stiffarm run`, which stands for the calibration in it.
+    """
+
+    name: str
+    kind: Kind
+    robot: str
+    file: Path
+    content: Mapping[str, Any]
+    model: ModelDescription | None = None
+    page: Path | None = None
+    of_run: bool = False
+
+    @property
+    def data(self) -> str:
+        """SHA-256 of the readings that it rests on; empty where that is not known."""
+        if self.kind == "diagnosis":
+            return str(self.content.get("data_sha256", ""))
+        if self.model is not None and self.model.calibration is not None:
+            return str(self.model.calibration.data_sha256 or "")
+        return ""
+
+
+def read_source(path: Path, number: int) -> Source:
+    """What a path holds; ``number``: of the argument, for messages.
+
+    Raises
+    ------
+    InputError
+        Nothing is there, or nothing that can be compared.
+    """
+    what = f"argument {number}"
+    if path.is_dir():
+        found = next((path / name for name in FILES if (path / name).is_file()), None)
+        if found is None and all((path / name).is_file() for name in RUN):
+            return replace(read_source(path / RUN[0], number), name=str(path), of_run=True)
+        if found is None:
+            raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name the folder given as --out, or a file")
+        return _of_json(found, str(path), FILES[found.name])
+    if not path.is_file():
+        raise InputError(what, value=str(path), allowed=ALLOWED, remedy="check the path")
+    suffix = path.suffix.lower()
+    if suffix in MAPS:
+        return Source(str(path), "map", "", path, {}, page=_there(path.parent / "map.html"))
+    if suffix == ".toml":
+        model = load_description(path)
+        if model.calibration is None:
+            raise InputError(f"{path} is not calibrated: nothing says how well its figures are known",
+                             allowed=ALLOWED, remedy="compare the results of `stiffarm calibrate`")  # fmt: skip
+        return Source(str(path), "calibration", model.name, path, {}, model)
+    if suffix == ".json":
+        return _of_json(path, str(path), _kind(path, what))
+    raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name one of these")
+
+
+def _kind(path: Path, what: str) -> Kind:
+    content = _content(path)
+    known = SCHEMAS.get(str(content.get("schema", "")).partition("/")[0]) if isinstance(content, dict) else None
+    if known is None and isinstance(content, dict) and {"stages", "rms_mm", "robot"} <= content.keys():
+        known = "calibration"
+    if known is None:
+        raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name one of these")
+    return known
+
+
+def _of_json(path: Path, name: str, kind: Kind) -> Source:
+    content = _content(path)
+    if not isinstance(content, dict):
+        raise InputError(f"{path} is no results file of stiffarm", allowed=ALLOWED, remedy="name one of these")
+    ending = f"{kind}.json"
+    is_ours = path.name.endswith(ending)
+    own = _there(path.with_name(f"{path.name.removesuffix(ending)}model.toml")) if is_ours else None
+    model = load_description(own) if own is not None and kind in ("calibration", "diagnosis") else None
+    if kind == "map":
+        return _of_map(path.parent, name)
+    return Source(name, kind, str(content.get("robot", "")), path, content, model)
+
+
+def _of_map(folder: Path, name: str) -> Source:
+    """A map by the file that holds its arrays."""
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in MAPS)
+    if not found:
+        raise InputError(f"{name} holds no map as .vtu, .vti or .vtp", allowed="a map's arrays in one of these files",
+                         remedy="make the map again with --format vtu")  # fmt: skip
+    return Source(name, "map", "", found[0], {}, page=_there(folder / "map.html"))
+
+
+def _content(path: Path) -> Any:
+    return parse_json(read_text(path, "results file"), str(path))
+
+
+def _there(path: Path) -> Path | None:
+    return path if path.is_file() else None
+
+
+def check_alike(some: list[Source]) -> None:
+    """Refuse things of different kinds, or of different robots.
+
+    Raises
+    ------
+    InputError
+        Naming both.
+    """
+    first = some[0]
+    for other in some[1:]:
+        if other.kind != first.kind:
+            raise InputError(f"{first.name} is a {first.kind}, {other.name} a {other.kind}",
+                             allowed="things of one kind", remedy="compare like with like")  # fmt: skip
+        if first.robot and other.robot and other.robot != first.robot:
+            raise InputError(f"{first.name} is of {first.robot}, {other.name} of {other.robot}",
+                             allowed="one robot", remedy="compare results of one robot")  # fmt: skip
+    names = [s.name for s in some]
+    if len({str(s.file.resolve()) for s in some}) < len(names):
+        raise InputError("the same results twice", value=", ".join(names), allowed="different ones",
+                         remedy="leave one of them out")  # fmt: skip

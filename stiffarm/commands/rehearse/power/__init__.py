@@ -1,0 +1,1 @@
+"""A power analysis: what a planned sheet would show, before anyone measures."""

@@ -1,0 +1,138 @@
+"""What a power analysis says."""
+
+from __future__ import annotations
+
+import math
+
+from doe.power.chances import POWER, Chance
+from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, SpringProspect
+from stiffarm.pages.numbers import percent, significant
+
+HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
+# Columns of a terminal, which has 80 characters.
+SHORT = (0, 1, 3, 4, 6)
+SPRING_HEADS = ("spring", "as planned (1e6 N m/rad)", "95 % interval to expect")
+MORE_HEADS = ("with", "readings", "found", "named", "gains most")
+# From this chance on an effect is called sure to be named, below the second unlikely.
+SURE, UNLIKELY = 0.8, 0.5
+LISTED = 4
+
+
+def chance(c: Chance) -> str:
+    """``72 % (41 to 91)``."""
+    return f"{percent(c.value)} ({100 * c.low:.0f} to {100 * c.high:.0f})"
+
+
+def size(p: Prospect) -> str:
+    """The smallest size that is found: of a stiffness the stiffest; a dash where none is."""
+    if not p.parameter:
+        return "-"
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    if p.smallest is None:
+        return "none"
+    return f"{p.parameter} {'up to' if p.is_stiffness else 'from'} {significant(p.smallest, 2)}{unit}"
+
+
+def usual(p: Prospect) -> str:
+    """Ends of the usual range."""
+    if p.usual is None:
+        return "-"
+    unit = "" if p.unit == "1" else f" {p.unit}"
+    return f"{significant(p.usual[0], 2)} to {significant(p.usual[1], 2)}{unit}"
+
+
+def remark(p: Prospect) -> str:
+    """Why it is not named where it is found, or nothing at all."""
+    if p.why_not is not None:
+        return p.why_not
+    if p.twin == "none":
+        return "too small here, at usual sizes"
+    if p.twin == "unknown":
+        return "may be called unknown"
+    return f"looks like {p.twin}" if p.twin else ""
+
+
+def row(p: Prospect) -> tuple[str, ...]:
+    """A line of the table."""
+    if p.why_not is not None:
+        return p.code, "-", "-", "-", "-", "-", p.why_not
+    accuracy = "-" if p.accuracy95 is None else "over 100 %" if p.accuracy95 > 1.0 else percent(p.accuracy95)
+    return p.code, size(p), usual(p), chance(p.found), chance(p.named), accuracy, remark(p)
+
+
+def rows(r: Power) -> list[tuple[str, ...]]:
+    """All effects: those most surely named first, then what these readings cannot judge."""
+    return [*(row(p) for p in r.judged), *(row(p) for p in r.prospects if p.why_not is not None)]
+
+
+def spring_row(s: SpringProspect) -> tuple[str, ...]:
+    """A spring with its interval."""
+    if not math.isfinite(s.stiffness):
+        return s.joint, "rigid", "-"
+    low = significant(s.low / 1e6)
+    ends = f"at least {low}" if s.high is None else f"{low} to {significant(s.high / 1e6)}"
+    return s.joint, significant(s.stiffness / 1e6), ends
+
+
+def more_row(a: Addition) -> tuple[str, ...]:
+    """What one more adds, in points of a hundred."""
+    most = f"{a.most} ({_points(a.most_gain)})" if a.most and a.most_gain > 0.01 else "-"
+    return a.what, str(a.readings), _points(a.found), _points(a.named), most
+
+
+def _points(share: float) -> str:
+    return f"{100 * share:+.1f} points".replace("+0.0", "0.0").replace("-0.0", "0.0")
+
+
+def headline(r: Power) -> str:
+    """The answer in a sentence."""
+    judged = r.judged
+    if not judged:
+        return "These readings can show none of the effects that this arm can have."
+    found = sum(p.found.value >= POWER for p in judged)
+    named = sum(p.named.value >= SURE for p in judged)
+    return (
+        f"Of {len(r.prospects)} effects that this arm can have, {found} of usual size would be found with 80 % or more "
+        f"and {named} named; in the mean over the {len(judged)} that the readings can show, {percent(r.mean[0])} are "
+        f"found and {percent(r.mean[1])} named."
+    )
+
+
+def blind(r: Power) -> str:
+    """What stays hidden, in a sentence; empty where nothing does."""
+    poor = [p for p in r.judged if p.found.value < UNLIKELY]
+    never = [p for p in r.prospects if p.why_not is not None]
+    parts = []
+    if poor:
+        parts.append(f"rather not found: {_listed([p.code for p in poor])}")
+    if never:
+        parts.append(f"not judged at all: {_listed([p.code for p in never])}")
+    return (". ".join(part[0].upper() + part[1:] for part in parts) + ".") if parts else ""
+
+
+def twins(r: Power) -> str:
+    """What is found and not named, in a sentence; empty where nothing is."""
+    some = [p for p in r.judged if p.found.value >= POWER and p.named.value < UNLIKELY]
+    return f"Found, but rather not named: {_listed([p.code for p in some])}." if some else ""
+
+
+def best(r: Power) -> str:
+    """What one more set-up, load or repeat adds, the best first."""
+    if not r.additions:
+        return ""
+    top = max(r.additions, key=lambda a: (a.named, a.found))
+    if top.named < 0.005 and top.found < 0.005:
+        return "One more set-up, load or repeat adds next to nothing: add several, or read other axes."
+    return (
+        f"Best to add: {top.what} ({_points(top.named)} named, {_points(top.found)} found, in the mean over effects)."
+    )
+
+
+def sentences(r: Power) -> list[str]:
+    """The whole answer."""
+    return [text for text in (headline(r), twins(r), blind(r), best(r)) if text]
+
+
+def _listed(codes: list[str]) -> str:
+    more = f" and {len(codes) - LISTED} more" if len(codes) > LISTED else ""
+    return ", ".join(codes[:LISTED]) + more

@@ -1,0 +1,174 @@
+"""New arms: a model from a data sheet, and its kinematics held against what a controller shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import fem.arm
+from robots import InputError, ModelDescription, Robot, require_one_of, require_positive
+from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.calls import called
+from stiffarm.face.shown import Shown, frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from robots.pendant.check import PendantCheck
+
+
+@dataclass(frozen=True, repr=False)
+class NewArm(Shown):
+    """A new arm. ``save`` writes what `stiffarm new` writes: model, schema, tables to check and to measure by."""
+
+    arm: Arm
+
+    def title(self) -> str:
+        """Name, joints, and which of them have no spring."""
+        rigid = self.arm.joints_without_springs
+        said = f"no springs: {', '.join(rigid)}" if rigid else "springs in all joints"
+        return f"{self.arm.description.title}: {self.arm.robot.dof} joints, {said}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a joint: its range, and its stiffness."""
+        return self.arm.describe()
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the model with every key explained, pendant.csv, sheet.csv and a JSON schema; returns its path."""
+        from stiffarm.commands.new.step import write_files
+        from stiffarm.session.outputs import OutputFolder
+
+        with called(), OutputFolder(Path(folder), ["stiffarm.new_arm", self.arm.name], {}, None) as out:
+            written = write_files(out, self.arm.description, self.arm.name)
+        return Path(folder) / str(written["model"])
+
+
+def new_arm(
+    name: str,
+    *,
+    mdh: str | Path | None = None,
+    dh: str | Path | None = None,
+    urdf: str | Path | None = None,
+    like: str | Path | None = None,
+    title: str | None = None,
+    payload_kg: float | None = None,
+    mass_kg: float | None = None,
+    springs: Literal["none", "class"] = "none",
+    tip: str | None = None,
+    base: str | None = None,
+) -> NewArm:
+    """Make a model of an arm from a table of Denavit-Hartenberg parameters, a URDF, or an arm that is known.
+
+    Parameters
+    ----------
+    name : of the new model, as "my-arm"
+    mdh, dh : table (CSV or XLSX) of modified (Craig) or of standard parameters: joint, alpha_deg, a_mm, d_mm,
+        theta_deg, lower_deg, upper_deg, sign
+    urdf : URDF, or xacro with the extra `xacro`; ``tip``, ``base``: its links at the ends of the arm
+    like : name or model file of another arm
+    title : full name, for pages
+    payload_kg, mass_kg : rated payload, and mass of the arm
+    springs : of joints that have none: "none" (rigid until calibrated) or "class" (a prior by the arm's size)
+
+    Raises
+    ------
+    InputError
+        None or more than one of mdh, dh, urdf and like; every fault of a table; an arm that is not known.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> mine = sa.new_arm("mine", like="gp25", springs="class", payload_kg=20.0)
+    >>> mine.arm.coordinates[0], mine.arm.joints_without_springs
+    ('q1_deg', ())
+    """
+    from stiffarm.commands.new.step import check_masses, checked_name, described, given_of, with_class_springs
+
+    with called():
+        checked_name(name)
+        check_masses({"--payload-kg": payload_kg, "--mass-kg": mass_kg})
+        require_one_of("--springs", springs, ("none", "class"), remedy="use one of these")
+        given = given_of({"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like})
+        if not given:
+            raise InputError("new_arm", value="no source", allowed="mdh, dh, urdf or like", remedy="give one of them")
+        description = described(name, given, title, payload_kg, mass_kg, tip, base)
+        return NewArm(as_face(fem.arm.Arm.of(with_class_springs(description) if springs == "class" else description)))
+
+
+@dataclass(frozen=True, repr=False)
+class KinematicsCheck(Shown):
+    """A model's kinematics beside positions read at the controller.
+
+    ``verdict``: "agrees", "explained", "orientation" (only that is off) or "unexplained"; ``largest_mm``: difference as
+    the model stands; ``remedies``: what to write in the model, by what is wrong. ``content`` has everything else.
+    """
+
+    verdict: str
+    largest_mm: float
+    remedies: Mapping[str, str]
+    content: Mapping[str, Any]
+    robot: Robot
+    found: PendantCheck
+    description: ModelDescription
+
+    def title(self) -> str:
+        """The answer, and what is wrong."""
+        from stiffarm.commands.robots import check_words
+
+        lines = check_words.told_in_paragraphs(dict(self.content))
+        return " ".join([f"{check_words.headline(self.description.title, dict(self.content))}.", *lines])
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row a pose: readings less model, distance, and what is left when all that is named is put right."""
+        rows = []
+        for one in self.content["by_pose"]:
+            off = dict(zip(("dx_mm", "dy_mm", "dz_mm"), one["read_less_model_mm"], strict=True))
+            rows.append({"pose": one["pose"], **off, "distance_mm": one["distance_mm"], "put_right_mm": one["then_mm"]})
+        return frame(rows)
+
+    def plot(self, file: str | Path | None = None) -> Picture:
+        """Draw the arm, and its tool as modelled and as read; ``file``: a PNG to write."""
+        from stiffarm.commands.robots.check_report import skeleton_figure
+
+        return Picture.of(skeleton_figure(self.robot, self.found)).kept(file)
+
+
+def check_kinematics(arm: Arm, pendant: str | Path, *, tolerance_mm: float = 1.0) -> KinematicsCheck:
+    r"""Hold a model's kinematics against positions read at the controller, and name what is wrong.
+
+    Parameters
+    ----------
+    arm : the arm as its model has it
+    pendant : table (CSV or XLSX) with a row a pose: angles in deg, x_mm, y_mm, z_mm as the controller shows them
+    tolerance_mm : positions closer than this agree
+
+    Raises
+    ------
+    InputError
+        Every fault of the table, or fewer than three poses that differ.
+
+    Examples
+    --------
+    >>> import stiffarm as sa, tempfile
+    >>> file = tempfile.mkdtemp() + "/pendant.csv"
+    >>> head, read = "q1_deg,q2_deg,q3_deg,x_mm,y_mm,z_mm", ["0,-90,90,495,0,675", "10,-20,30,1102.6,194.4,105.6"]
+    >>> _ = open(file, "w").write("\n".join([head, *read, "30,-60,60,796.7,460.0,561.1"]))
+    >>> sa.check_kinematics(sa.load("kr60-3", links="rigid"), file).verdict
+    'agrees'
+    """
+    from robots.pendant.check import check_pendant
+    from stiffarm.commands.robots.check import check_payload
+    from stiffarm.commands.robots.pendant_table import read_pendant
+
+    with called():
+        require_positive("--tolerance-mm", tolerance_mm, "mm")
+        readings, convention, _ = read_pendant(Path(pendant), arm.robot, arm.name)
+        found = check_pendant(arm.robot, readings, 1e-3 * tolerance_mm)
+        content = check_payload(arm.description, arm.robot, found, convention)
+    named = (content["explanations"] or [content["closest"]])[0]["changes"]
+    return KinematicsCheck(
+        content["verdict"], content["largest_mm"], {one["words"]: one["remedy"] for one in named}, content, arm.robot,
+        found, arm.description,
+    )  # fmt: skip
