@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
+    from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
@@ -46,6 +47,7 @@ __all__ = [
     "NewArm",
     "Placement",
     "Plan",
+    "PositionCalibration",
     "Posture",
     "PowerAnalysis",
     "Program",
@@ -56,6 +58,7 @@ __all__ = [
     "Surrogate",
     "bundled",
     "calibrate",
+    "calibrate_positions",
     "check_kinematics",
     "compare",
     "diagnose",

@@ -61,7 +61,7 @@ class Positions:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the reader must know, in words."""
-        out = [one.words for one in self.gross]
+        out = [*self.found.start.doubt(self.found.model.robot), *(one.words for one in self.gross)]
         out += curve_words(self.curves)
         out += [one.words for one in self.open]
         if self.holdout is not None:

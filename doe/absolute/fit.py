@@ -88,8 +88,12 @@ class Fit:
         What readings with tails tell of a place is less than their weighted squares say, by (d + 3) / (d + 5) in three
         directions (Lange, Little and Taylor 1989, doi:10.2307/2290063).
         """
-        wider = 1.0 if np.isinf(self.tail) else float(np.sqrt((self.tail + 5.0) / (self.tail + 3.0)))
-        return wider * self.posterior.half
+        return self.widening * self.posterior.half
+
+    @property
+    def widening(self) -> float:
+        """Factor on standard deviations by weighted squares for what tails cost."""
+        return 1.0 if np.isinf(self.tail) else float(np.sqrt((self.tail + 5.0) / (self.tail + 3.0)))
 
     @property
     def prior_sd(self) -> Array:
@@ -142,7 +146,9 @@ def fit(
             break
         state, ahead = work.stepped(state, reduced, step, residual, found)
         if robust and turn:
-            weight, tail = _weights(ahead, data, found.sigma, TAILS if not kept else (state.tail,))
+            # Variances that were given say nothing of tails.
+            asking = turn <= TELLING[-1] if variances is not None else not kept
+            weight, tail = _weights(ahead, data, found.sigma, TAILS if asking else (state.tail,))
             state = replace(state, weight=weight, tail=tail)
     return Fit(
         model, layout, data, state.u, state.frames, residual, state.weight, found, state.tail, free, reduced, open_,

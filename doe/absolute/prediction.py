@@ -7,19 +7,20 @@ curves are open where no angle was read, so intervals there are as wide as curve
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
 
-from doe.absolute.chain import evaluate, samples
+from doe.absolute.chain import BLOCK, evaluate, samples
 from doe.absolute.fit import Fit, bounded_mode, fit, given_weight
-from doe.absolute.readings import AbsoluteReadings
-from doe.absolute.reduced import block_rows, frame_columns, reduce_sessions, triangle
+from doe.absolute.readings import AbsoluteReadings, Payload
+from doe.absolute.reduced import FRAME, Own, block_rows, frame_columns, reduce_sessions, triangle
 from doe.absolute.shrinkage import posterior
-from doe.absolute.start import Start, started
+from doe.absolute.start import started
 from doe.certainty.predictive import UPPER, Coverage
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Indices, Integers, in_blocks
 from robots.constants import NORMAL_95
 from robots.progress import Progress, report_progress
 
@@ -68,7 +69,7 @@ def left_out(found: Fit, part: Integers, progress: Progress | None = None) -> Pr
     variances and weights are those of all readings.
     """
     data, count = found.data, int(part.max()) + 1
-    rows, triangles = _by_part(found, part)
+    triangles = _by_part(found, part)
     first = np.array([one.start for one in found.moving.unknowns])
     sd, sigma = found.variances.sds(found.moving.unknowns), found.variances.sigma
     error, half = np.full((2, len(data), 3), np.nan)
@@ -78,107 +79,126 @@ def left_out(found: Fit, part: Integers, progress: Progress | None = None) -> Pr
         open_, _ = posterior(reduced, found.u[found.free], first, sd, sigma)
         step = bounded_mode(open_, found.u[found.free], found.moving)
         for s, own in enumerate(reduced.own):
-            F, J, r, mine = rows[s][k]
-            if not len(mine):
-                continue
-            error[mine] = (r - np.einsum("p...,p->...", J, step) - np.einsum("f...,f->...", F, own.step(step))).T
-            half[mine] = _half(F, J, own.R, own.follows, open_.half, found).T
+            for rows, F, J, r in _blocks(found, data, np.flatnonzero((data.session.number == s) & (part == k)), s):
+                J = J[found.free]
+                error[rows] = (r - np.tensordot(step, J, 1) - np.tensordot(own.step(step), F, 1)).T
+                half[rows] = _half(F, J, own, found.widening * open_.half, found).T
         report_progress(progress, k + 1, count)
     return Predicted(error, half)
 
 
-Rows = tuple[Array, Array, Array, Integers]
-
-
-def _by_part(found: Fit, part: Integers) -> tuple[list[list[Rows]], list[list[Array]]]:
-    """By session and part: columns and residuals of its readings, and their triangle."""
+def _by_part(found: Fit, part: Integers) -> list[list[Array]]:
+    """By session and part: the triangle of its readings."""
     data, weight = found.data, found.weight * given_weight(found.data, found.variances.sigma)
-    rows: list[list[Rows]] = []
-    triangles: list[list[Array]] = []
-    for s, frame in enumerate(found.frames):
-        rows.append([])
-        triangles.append([])
-        for k in range(int(part.max()) + 1):
-            mine = np.flatnonzero((data.session.number == s) & (part == k))
-            F, J, r = _columns(found, data, mine, frame.inside(data.position[mine]))
-            rows[-1].append((F, J, r, mine.astype(np.int64)))
-            triangles[-1].append(triangle(block_rows(F, J, r, np.sqrt(weight[mine]))))
-    return rows, triangles
+    width = FRAME + len(found.free) + 1
+    out = []
+    for s in range(len(found.frames)):
+        out.append([np.zeros((0, width)) for _ in range(int(part.max()) + 1)])
+        for k, _ in enumerate(out[-1]):
+            for rows, F, J, r in _blocks(found, data, np.flatnonzero((data.session.number == s) & (part == k)), s):
+                out[-1][k] = triangle(out[-1][k], block_rows(F, J[found.free], r, np.sqrt(weight[rows])))
+    return out
 
 
-def _columns(found: Fit, data: AbsoluteReadings, mine: Integers, inside: Array) -> tuple[Array, Array, Array]:
-    """Columns of the frame (6, 3, n) and of the free variables (f, 3, n), and residuals (3, n)."""
-    part = replace(data.take(mine), target=replace(data.target, number=data.target.number[mine]))
-    made = [evaluate(found.model, found.layout, s, found.u) for s in
-            samples(found.model, part, found.layout, found.start.nominal, found.u)]  # fmt: skip
-    if not made:
-        return np.zeros((6, 3, 0)), np.zeros((len(found.free), 3, 0)), np.zeros((3, 0))
-    P = np.concatenate([p for p, _ in made], axis=1)
-    return frame_columns(P), np.concatenate([j[found.free] for _, j in made], axis=2), inside - P
+def _blocks(
+    found: Fit, data: AbsoluteReadings, rows: Indices, session: int
+) -> Iterator[tuple[Indices, Array, Array, Array]]:
+    """Blocks of readings of one session: which, columns of the frame (6, 3, b) and of all variables (p, 3, b).
+
+    Residuals (3, b) last. Targets and payloads are numbered as in ``found``.
+    """
+    for some in in_blocks(len(rows), BLOCK):
+        mine = rows[some]
+        part = replace(data.take(mine), target=replace(data.target, number=data.target.number[mine]))
+        (sample,) = samples(found.model, part, found.layout, found.start.nominal, found.u)
+        P, J = evaluate(found.model, found.layout, sample, found.u)
+        yield mine, frame_columns(P), J, found.frames[session].inside(part.position) - P
 
 
-def _half(F: Array, J: Array, R: Array, follows: Array, half: Array, found: Fit) -> Array:
-    """Half widths (3, n) of 95 % intervals of readings that took no part."""
-    moving = J + np.einsum("fp,fan->pan", follows, F)
-    model = np.sum(np.einsum("pq,pan->qan", half, moving) ** 2, axis=0)
-    sigma = found.variances.sigma
-    frame = sigma * np.linalg.lstsq(R.T, F.reshape(len(F), -1), rcond=1e-12)[0].reshape(F.shape)
-    model = model + np.sum(frame**2, axis=0)
+def _half(F: Array, J: Array, own: Own, half: Array, found: Fit) -> Array:
+    """Half widths (3, b) of 95 % intervals of readings that took no part; J (f, 3, b) of the free variables."""
+    moving = J + np.tensordot(own.follows, F, (0, 0))
+    model = np.sum(np.tensordot(half, moving, (0, 0)) ** 2, axis=0)
+    frame = np.linalg.lstsq(own.R.T, F.reshape(FRAME, -1), rcond=1e-12)[0].reshape(F.shape)
+    return _limit(model + found.variances.sigma**2 * np.sum(frame**2, axis=0), found)
+
+
+def _limit(model: Array, found: Fit) -> Array:
+    """Half widths of intervals where this variance is what is open about the model."""
     quantile = NORMAL_95 if np.isinf(found.tail) else float(stdtrit(found.tail, UPPER))
-    return np.asarray(np.sqrt((quantile * sigma) ** 2 + NORMAL_95**2 * model))
+    return np.asarray(np.sqrt((quantile * found.variances.sigma) ** 2 + NORMAL_95**2 * model))
 
 
 def carried_over(found: Fit, data: AbsoluteReadings, *, robust: bool = True) -> tuple[Predicted, Fit]:
     """Other readings by the arm as found: frames of sessions and targets that it has not seen are fitted, no more.
 
-    A session that it knows keeps its frame, a target its place.
+    A session that it knows keeps its frame, a target its place; of a target that is new in a session that is known the
+    frame is fitted with it.
     """
-    known = {name: k for k, name in enumerate(found.data.session.names)}
-    seen = np.array([known.get(name, -1) for name in data.session.names])[data.session.number]
+    data = _payloads_as(found.data.payloads, data)
+    sessions, targets = found.data.session.names, found.data.target.names
+    known = np.array([name in targets for name in data.target.names])[data.target.number]
+    seen = np.array([sessions.index(name) if name in sessions else -1 for name in data.session.names])
+    session = np.where(known, seen[data.session.number], -1)
+    number = np.array([targets.index(name) if name in targets else 0 for name in data.target.names], dtype=np.int64)
+    at = replace(data, target=replace(found.data.target, number=number[data.target.number]))
     error, half = np.full((2, len(data), 3), np.nan)
-    for rows in (np.flatnonzero(seen == k) for k in known.values()):
-        if len(rows):
-            at = _as_known(found, data.take(rows))
-            s = int(seen[rows[0]])
-            own = found.reduced.own[s]
-            F, J, r = _columns(found, at, np.arange(len(rows)), found.frames[s].inside(at.position))
+    for s, own in enumerate(found.reduced.own):
+        for rows, F, J, r in _blocks(found, at, np.flatnonzero(session == s), s):
             error[rows] = r.T
-            half[rows] = _half(F, J, own.R, own.follows, found.half, found).T
-    new = np.flatnonzero(seen < 0)
-    there = found
-    if len(new):
-        predicted, there = _placed(found, data.take(new), robust)
-        error[new], half[new] = predicted.error, predicted.half95
+            half[rows] = _half(F, J[found.free], own, found.half, found).T
+    new = np.flatnonzero(session < 0)
+    if not len(new):
+        return Predicted(error, half), found
+    there = _placed(found, data.take(new), robust)
+    error[new] = there.residual
+    half[new] = _half_placed(found, there)
     return Predicted(error, half), there
 
 
-def _as_known(found: Fit, data: AbsoluteReadings) -> AbsoluteReadings:
-    """Readings with targets numbered as the fit numbers them."""
-    names = found.data.target.names
-    number = np.array([names.index(name) for name in data.target.names], dtype=np.int64)
-    return replace(data, target=replace(found.data.target, number=number[data.target.number]))
+def _payloads_as(first: tuple[Payload, ...], data: AbsoluteReadings) -> AbsoluteReadings:
+    """Readings whose payloads are numbered as ``first``, with their own behind."""
+    every, number = list(first), []
+    for one in data.payloads:
+        same = [k for k, p in enumerate(every) if p.kg == one.kg and np.array_equal(p.centre, one.centre)]
+        number.append(same[0] if same else len(every))
+        every += [] if same else [one]
+    return replace(data, payloads=tuple(every), payload=np.array(number, dtype=np.int64)[data.payload])
 
 
-def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> tuple[Predicted, Fit]:
+def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> Fit:
+    """Frames and new targets of readings, with the arm held as found."""
     layout = found.layout.with_targets(data)
     values = {one.name: float(v) for one, v in zip(found.layout.unknowns, found.u, strict=True)}
     held = np.array([values.get(one.name, np.nan) for one in layout.unknowns])
-    begin: Start = started(found.model.robot, data)
-    there = fit(found.model, data, layout, begin, held=held, robust=robust)
-    # What the frames and new targets take up of the arm's own doubt is no error of the prediction.
+    begin = replace(started(found.model.robot, data), rail=found.start.rail)
+    return fit(found.model, data, layout, begin, held=held, robust=robust)
+
+
+def _half_placed(found: Fit, there: Fit) -> Array:
+    """Half widths (n, 3) of readings whose frames were fitted with the arm as ``found``.
+
+    What frames and new targets take up of the arm's own doubt is no error of the prediction.
+    """
     place = {one.name: k for k, one in enumerate(found.moving.unknowns)}
-    error, half = np.zeros((2, len(data), 3))
-    for s, frame in enumerate(there.frames):
-        mine = np.flatnonzero(data.session.number == s)
-        part = replace(there, free=np.arange(len(layout)))
-        F, J, r = _columns(part, data, mine, frame.inside(data.position[mine]))
-        old = np.array([place.get(one.name, -1) for one in layout.unknowns])
-        own = np.concatenate([F, J[np.isnan(held)]])
-        Q = np.linalg.qr(own.reshape(len(own), -1).T)[0]
-        moving = J[old >= 0].reshape(int((old >= 0).sum()), r.size).T
-        moving = (moving - Q @ (Q.T @ moving)) @ found.half[old[old >= 0]]
-        quantile = NORMAL_95 if np.isinf(found.tail) else float(stdtrit(found.tail, UPPER))
-        variance = NORMAL_95**2 * np.sum(moving**2, axis=1) + (quantile * found.variances.sigma) ** 2
-        half[mine] = np.sqrt(variance).reshape(3, -1).T
-        error[mine] = r.T
-    return Predicted(error, half), there
+    old = np.array([place.get(one.name, -1) for one in there.layout.unknowns])
+    half, out = found.half[old[old >= 0]], np.zeros((len(there.data), 3))
+    for s in range(len(there.frames)):
+        mine = np.flatnonzero(there.data.session.number == s)
+        taken, moving = np.zeros((0, FRAME + len(there.free))), np.zeros((FRAME + len(there.free), half.shape[1]))
+        for _, F, J, _ in _blocks(there, there.data, mine, s):
+            taken = triangle(taken, _flat(F, J[there.free]))
+        up = np.linalg.pinv(taken, rcond=1e-10)
+        # Q^T M with Q = A R^+, A the frame's and targets' columns: never all rows at once.
+        for _, F, J, _ in _blocks(there, there.data, mine, s):
+            moving += (_flat(F, J[there.free]) @ up).T @ (_flat(J[old >= 0]) @ half)
+        for rows, F, J, _ in _blocks(there, there.data, mine, s):
+            left = _flat(J[old >= 0]) @ half - (_flat(F, J[there.free]) @ up) @ moving
+            out[rows] = _limit(np.sum(left**2, axis=1), found).reshape(3, -1).T
+    return out
+
+
+def _flat(*columns: Array) -> Array:
+    """Rows (3 b, c) of columns (c, 3, b)."""
+    stacked = np.concatenate(columns)
+    return np.asarray(stacked.reshape(len(stacked), stacked.shape[1] * stacked.shape[2]).T)

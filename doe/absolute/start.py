@@ -19,13 +19,20 @@ from doe.absolute.reduced import Frame
 from doe.absolute.turns import nearest_rotation
 from robots import InputError, Robot
 from robots.arrays import Array, Bools, Indices
-from robots.kinematics import forward_kinematics
+from robots.kinematics import forward_kinematics, stretched_length
 
 TRIALS = 200
 # So many readings of a session are tried; all that there are settle the frame.
 MOST = 2000
 # A described arm is off by some millimetres; readings that are off by this much more than the middle one are wrong.
 FAR, LEAST_m = 6.0, 0.005
+
+
+# Lengths along three axes that agree to this share but differ from the arm's by that factor are in another unit; single
+# ones beyond the last factor are no frame at all.
+ALIKE, SCALE, WILD = 1.3, 1.5, 5.0
+# Share of the arm's length by which a described arm may miss its readings in the middle.
+MISSED = 0.03
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,16 @@ class Start:
     error: Array
     agree: Bools
     rail: tuple[float, float] = (0.0, 0.0)
+
+    def doubt(self, robot: Robot) -> tuple[str, ...]:
+        """A sentence where the described arm is far from its readings; none else."""
+        middle = float(np.median(self.error))
+        if middle <= MISSED * stretched_length(robot):
+            return ()
+        return (
+            f"the arm as described misses half of its readings by more than {1e3 * middle:.0f} mm: look for a sign, a "
+            "zero, a unit or a length that is wrong in the model or the table (stiffarm robots check tells which)",
+        )
 
     @property
     def nominal(self) -> Nominal:
@@ -66,12 +83,7 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
         some = mine if len(mine) <= MOST else np.sort(rng.choice(mine, MOST, replace=False))
         x, best = _session(at.p_flange, at.R_flange, data, some, has_rail, rng)
         if x is None:
-            raise InputError(
-                f"session {name}: {len(mine)} readings at poses that leave the tracker's frame open",
-                allowed=f"{_needed(T, has_rail)} readings or more whose targets do not lie on a line or in a plane",
-                remedy="add readings at other poses, or join sessions in which tracker and robot stayed in place; of "
-                "positions read at the controller: stiffarm robots check",
-            )
+            raise _no_frame(name, len(mine), _needed(T, has_rail) + 2)
         R = nearest_rotation(x[:9].reshape(3, 3)).T
         for t in np.unique(data.target.number[some[best]]):
             count = int((data.target.number[some[best]] == t).sum())
@@ -83,6 +95,20 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
     way = np.mean(ways, axis=0)
     P = at.p_flange + np.einsum("nij,nj->ni", at.R_flange, targets[data.target.number]) + data.rail[:, None] * way
     return _settled(data, frames, targets, way, P)
+
+
+def _no_frame(session: str, readings: int, needed: int) -> InputError:
+    """What to raise where a session's frame stays open."""
+    if readings < needed:
+        return InputError(
+            f"readings of session {session}", value=readings, allowed=f"{needed} or more for its frame",
+            remedy="add readings, or join sessions in which tracker and robot stayed in place",
+        )  # fmt: skip
+    return InputError(
+        f"session {session}: no frame of the tracker brings its positions and the arm's together",
+        allowed="targets that do not all lie on a line or in a plane, at angles as the model counts them",
+        remedy="add readings at other poses; check units, signs and zeros of the angles (stiffarm robots check)",
+    )
 
 
 def _settled(data: AbsoluteReadings, frames: list[Frame], targets: Array, way: Array, P: Array) -> Start:
@@ -142,7 +168,21 @@ def _session(
         error = np.linalg.norm(b - A @ x, axis=1)
         kept = np.flatnonzero(error <= max(FAR * float(np.median(error)), 1e-9))
     s = np.linalg.svd(x[:9].reshape(3, 3), compute_uv=False)
-    return (x, kept) if s[-1] > 0.2 and s[0] < 5.0 else (None, kept)
+    if s[0] < ALIKE * s[-1] and not 1.0 / SCALE < s[0] < SCALE:
+        raise InputError(
+            "positions of targets",
+            value=f"{1.0 / s[0]:.3g} times as far from one another as the arm moves them",
+            allowed="mm, as the columns x_mm, y_mm and z_mm say",
+            remedy="convert them to mm, or choose the model of the robot that was measured",
+        )
+    if s[0] < ALIKE * s[-1] and np.linalg.det(x[:9].reshape(3, 3)) < 0.0:
+        raise InputError(
+            "positions of targets",
+            value="the mirror image of where the arm puts them",
+            allowed="a frame whose axes are right-handed",
+            remedy="give one coordinate the other sign, or swap two that were mistaken for one another",
+        )
+    return (x, kept) if s[-1] > 1.0 / WILD and s[0] < WILD else (None, kept)
 
 
 def _solved(A: Array, b: Array, used: Bools) -> Array:

@@ -155,7 +155,9 @@ def payload(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
     """Mass and centre of every payload that is not zero, about what the table says."""
     for k, one in enumerate(data.payloads):
         if one.kg > 0.0:
-            share, name = PAYLOAD_SHARE * one.kg, f"payload.{one.kg:g}kg"
+            same = [k for k, other in enumerate(data.payloads) if other.kg == one.kg]
+            number = f"-{same.index(k) + 1}" if len(same) > 1 else ""
+            share, name = PAYLOAD_SHARE * one.kg, f"payload.{one.kg:g}kg{number}"
             yield Unknown(f"{name}.mass", "payload", (k, 0), "kg", 1.0, share, start=one.kg)
             for a in range(3):
                 moment = one.kg * float(one.centre[a])
@@ -213,13 +215,17 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
         order = int(found[1])
         if order <= HIGHEST_ORDER:
             return tuple(periodic(order)(robot, data))
-    if one := _single(robot, name):
+    if name.endswith(".periodic") and name.removesuffix(".periodic") in robot.joint_names:
+        joint = robot.joint_names.index(name.removesuffix(".periodic"))
+        return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
+    members = (one for group in (payload, rail) for one in group(robot, data))
+    if one := _single(robot, name) or next((member for member in members if member.name == name), None):
         return (one,)
     raise InputError(
         "parameter of absolute readings",
         value=name,
         allowed=f"{', '.join((*GROUPS, 'periodic4'))}, or one of a joint: {robot.joint_names[0]}.zero, .ratio, "
-        ".frame.x, .frame.rx, .per.OTHER, .sin1, .cos1, .stiffness, .rx",
+        ".periodic, .frame.x, .frame.rx, .per.OTHER, .sin1, .cos1, .stiffness, .rx",
     )
 
 

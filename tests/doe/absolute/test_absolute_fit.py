@@ -13,7 +13,7 @@ from doe.absolute.calibrate import Positions, calibrate_positions
 from doe.absolute.fit import fit
 from doe.absolute.gross import gross
 from doe.absolute.prediction import carried_over, folds, left_out
-from doe.absolute.readings import AbsoluteReadings, Labels
+from doe.absolute.readings import AbsoluteReadings, Labels, Payload
 from doe.absolute.start import started
 from doe.absolute.unknowns import Layout, unknowns
 from fem import ArmModel, build_model
@@ -86,8 +86,7 @@ def test_wrong_readings_are_named_with_their_cause_and_turn_no_frame(
     target[20] = 1 - target[20]
     y[33] += [0.05, -0.02, 0.4]
     wrong = replace(data, q=q, position=y, target=Labels(data.target.names, target))
-    layout = found.found.layout
-    there = fit(kr60, wrong, layout, started(kr60.robot, wrong))
+    there = fit(kr60, wrong, found.found.layout, started(kr60.robot, wrong), variances=found.found.variances)
     by_row = {g.row: g.cause for g in gross(there)}
     assert set(by_row) == {7, 20, 33}
     assert "j5 turned by -90 deg" in by_row[7]
@@ -121,11 +120,46 @@ def test_springs_need_something_that_weighs(two_targets: AbsoluteReadings) -> No
 def test_names_that_are_none_and_sessions_too_short_are_refused(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
     with pytest.raises(InputError, match=r"j9\.zero"):
         unknowns(kr60.robot, two_targets, ("j9.zero",))
-    with pytest.raises(InputError, match="session"):
+    with pytest.raises(InputError, match="readings of session"):
         started(kr60.robot, two_targets.take(np.arange(5)))
+
+
+@pytest.mark.parametrize(("factors", "words"), [((1e-3,) * 3, "0.001 times"), ((1.0, -1.0, 1.0), "mirror")])
+def test_positions_in_another_unit_or_mirrored_are_refused(
+    kr60: ArmModel, two_targets: AbsoluteReadings, factors: tuple[float, ...], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        started(kr60.robot, replace(two_targets, position=two_targets.position * np.array(factors)))
+
+
+def test_angles_that_are_not_the_arms_are_refused_or_doubted(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
+    signs = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+    begin = started(kr60.robot, replace(two_targets, q=two_targets.q * signs))
+    assert "misses half of its readings" in begin.doubt(kr60.robot)[0]
+    assert not started(kr60.robot, two_targets).doubt(kr60.robot)
+    same = replace(two_targets, q=np.repeat(two_targets.q[:1], len(two_targets), axis=0))
+    with pytest.raises(InputError, match="no frame"):
+        started(kr60.robot, same)
+
+
+def test_readings_held_out_keep_known_frames_and_bring_new_targets_and_payloads(found: Positions) -> None:
+    data = found.found.data
+    known = carried_over(found.found, data.take(np.arange(20)))[0]
+    assert_allclose(known.error, found.found.residual[:20], atol=5e-8)
+    renamed = replace(data.take(np.arange(40)), target=Labels(("z",), np.zeros(40, dtype=np.int64)))
+    renamed = renamed.take(data.target.number[:40] == 0)
+    heavy = (Payload(50.0, np.zeros(3)), *renamed.payloads)
+    moved = replace(renamed, payloads=heavy, payload=renamed.payload + 1)
+    one, other = (carried_over(found.found, x)[0] for x in (renamed, moved))
+    assert_allclose(one.error, other.error, atol=1e-9)
+    assert one.rms_m < 3.0 * np.sqrt(3.0) * 2e-5
 
 
 def test_single_names_and_groups_free_the_same_once(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
     some = Layout(unknowns(kr60.robot, two_targets, ("zeros", "j2.zero", "j3.per.j2", "j4.cos7", "j2.rx", "base.ry")))
+    curve = Layout(unknowns(kr60.robot, two_targets, ("j2.periodic",)))
     names = [one.name for one in some.unknowns if one.kind != "target"]
     assert names == [*(f"j{k}.zero" for k in range(1, 7)), "j3.per.j2", "j4.cos7", "j2.rx", "base.ry"]
+    assert {one.index[0] for one in curve.unknowns if one.kind == "periodic"} == {1}
+    with pytest.raises(InputError, match=r"rail\.x"):
+        unknowns(kr60.robot, two_targets, ("rail.x",))

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from cli_runs import ROOT, Outcome, run_here
 
+import stiffarm as sa
+
 UR5 = ROOT / "docs" / "examples" / "ur5"
 
 
@@ -90,3 +92,14 @@ def test_a_held_out_table_without_positions_is_refused(folder: Path) -> None:
     outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", "--holdout", folder / "kept.csv")
     assert outcome.code == 2
     assert "x_mm" in outcome.err
+
+
+def test_the_python_face_gives_the_same_answer(found: Outcome, folder: Path) -> None:
+    arm = sa.load(UR5 / "ur5.toml")
+    there = sa.calibrate_positions(arm, folder / "some.csv", free=["geometry", "springs"], holdout=UR5 / "random.csv")
+    assert there.left_out_rms_mm == pytest.approx(found.json["left_out"]["rms_mm"], rel=1e-5)  # JSON has six digits
+    assert there.holdout_rms_mm == pytest.approx(found.json["holdout"]["rms_mm"], rel=1e-5)  # JSON has six digits
+    assert there["j4.stiffness"].value is None
+    assert len(there.to_frame()) == len(found.json["parameters"])
+    with pytest.raises(sa.InputError, match="periodic"):
+        there.curve("j1")
