@@ -32,8 +32,9 @@ TWISTS: Final = Kind(
     "`stiffarm identify MODEL FILE`",
 )  # fmt: skip
 PENDANT: Final = Kind(
-    "a table of positions read at the controller", "joint angles, x_mm, y_mm and z_mm",
-    "`stiffarm robots check MODEL FILE`",
+    "a table of positions", "joint angles, x_mm, y_mm and z_mm",
+    "`stiffarm robots check MODEL FILE` if they were read at the controller, `stiffarm calibrate MODEL FILE` if by a "
+    "tracker",
 )  # fmt: skip
 DH: Final = Kind(
     "a table of Denavit-Hartenberg parameters", "joint, alpha_deg, a_mm, d_mm and limits",

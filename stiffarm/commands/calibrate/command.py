@@ -12,6 +12,7 @@ from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
+from stiffarm.commands.calibrate.positions.run import are_positions, calibrate_tables
 from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say_notes
 from stiffarm.session.frame import command
@@ -113,6 +114,9 @@ def calibrate(
 ) -> None:
     """Identify parameters from measured deflections.
 
+    Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame; --free then takes geometry, zeros,
+    ratios, coupling, periodic, springs, tilts, base, rail, payload, or single parameters.
+
     Writes the calibrated model, the parameters with their intervals and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
@@ -125,6 +129,14 @@ def calibrate(
         parsing.refuse_together({"--campaign": campaign, "--low or --high": low or high})
         chosen_loads = parsing.parse_loads(loads)
         given = frame.model(model, links, load_path, effect=effect, sets=sets)
+        if are_positions(data):
+            refused = {**staged_only, "--scheme": scheme, "--joints": joints, "--campaign": campaign, "--loads": loads,
+                       "--low": low, "--high": high, "--bootstrap": bootstrap or None, "--scheme-file": scheme_file,
+                       "--effect": effect}  # fmt: skip
+            calibrate_tables(
+                frame, given, data or (), refused, free=free, holdout=holdout, robust=robust, seed=seed
+            )  # fmt: skip
+            return
         table = frame.readings(given, data, confirm_units=confirm_units)
         staged = general_calibration.is_staged(
             scheme, given, scheme_file, named=free is not None or campaign is not None

@@ -1,0 +1,117 @@
+"""Which unknowns no campaign could tell apart: singular directions of the derivatives at random poses over all angles.
+
+Columns are taken in an order of preference, the sessions' frames first; one that the columns before it span at every
+pose is held at what the arm's description says, and the combination that it is the twin of is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe.absolute.chain import Nominal, evaluate, samples
+from doe.absolute.readings import AbsoluteReadings, Labels
+from doe.absolute.reduced import FRAME, frame_columns
+from doe.absolute.unknowns import Layout, Unknown
+from fem import ArmModel
+from robots.arrays import Array
+
+# What is left of a column across those before it, as a share of its length, below which it is their twin.
+TWIN = 1e-7
+# Orders of periodic errors that are looked at: higher ones are no twins of anything else.
+LOOKED_AT = 4
+# Members of a combination below this share of the largest are not named.
+NAMED = 1e-4
+POSES = 150
+ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic")
+
+
+@dataclass(frozen=True)
+class Twin:
+    """An unknown that moves nothing, or moves what ``others`` move together (their names; none: nothing at all)."""
+
+    name: str
+    others: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """One sentence."""
+        if not self.others:
+            return f"{self.name} moves no target: held at 0"
+        together = "moves" if len(self.others) == 1 else "move together"
+        return f"{self.name} moves what {_listed(self.others)} {together}: held at 0"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal, seed: int = 0) -> tuple[Twin, ...]:
+    """Unknowns that no poses within the joints' ranges tell apart, with the targets where they are."""
+    looked = tuple(
+        one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT
+    )  # fmt: skip
+    part = Layout(tuple(sorted(looked, key=lambda one: ORDER.index(one.kind))))
+    some = _random(model, data, np.random.default_rng(seed))
+    u = np.array([one.start for one in part.unknowns])
+    for k, (t, a) in part.of("target"):
+        u[k] = nominal.targets[t, a]
+    for k, (turns, order, a) in part.of("rail"):
+        u[k] = float((turns, order, a) == (0, 1, 0))
+    # Payloads move something where springs give way; everything else is looked at where none does, for what gives way
+    # has the levers of the arm as described, and does not turn with its zeros.
+    soft = u + np.array([1e-6 * (one.kind == "spring") for one in part.unknowns])
+    carried = np.array([one.kind == "payload" for one in part.unknowns])
+    blocks = []
+    for s in samples(model, some, part, nominal):
+        (P, J), (_, yielding) = evaluate(model, part, s, u), evaluate(model, part, s, soft)
+        blocks.append((P, np.where(carried[:, None, None], yielding, J)))
+    made = [np.concatenate([frame_columns(P), J]) for P, J in blocks]
+    columns = np.concatenate(made, axis=2).reshape(FRAME + len(part), -1)
+    names = [
+        *(f"the tracker frame's {w}" for w in ("rx", "ry", "rz", "x", "y", "z")),
+        *(one.name for one in part.unknowns),
+    ]
+    scale = np.array([1.0] * FRAME + [_scale(one) for one in part.unknowns])
+    return tuple(_dependent(columns * scale[:, None], names))
+
+
+def _scale(one: Unknown) -> float:
+    return one.sd if np.isfinite(one.sd) else 1.0
+
+
+def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -> AbsoluteReadings:
+    low, high = np.clip(model.robot.limits, -np.pi, np.pi).T
+    wide = np.where(high > low, high - low, 1.0)
+    n = POSES * len(data.target.names)
+    pick = rng.integers(0, len(data), n)
+    span = float(data.rail.min(initial=0.0)), float(data.rail.max(initial=0.0))
+    return replace(
+        data, q=low + wide * rng.uniform(size=(n, model.robot.dof)), position=np.zeros((n, 3)),
+        session=Labels(("",), np.zeros(n, dtype=np.int64)),
+        target=Labels(data.target.names, np.arange(n) % len(data.target.names)),
+        payload=data.payload[pick], rail=rng.uniform(*span, n), sigma=np.full(n, np.nan),
+        line=np.zeros(n, dtype=np.int64),
+    )  # fmt: skip
+
+
+def _dependent(columns: Array, names: Sequence[str]) -> list[Twin]:
+    """Columns (c, m) that those before them span, with what they are made of."""
+    lengths = np.linalg.norm(columns, axis=1)
+    largest = float(lengths.max(initial=0.0))
+    basis, kept, out = np.zeros((0, columns.shape[1])), list[int](), list[Twin]()
+    for k, column in enumerate(columns):
+        if lengths[k] <= 1e-12 * largest:
+            out.append(Twin(names[k], ()))
+            continue
+        rest = column - basis.T @ (basis @ column)
+        rest = rest - basis.T @ (basis @ rest)
+        if np.linalg.norm(rest) > TWIN * lengths[k]:
+            basis, kept = np.vstack([basis, rest / np.linalg.norm(rest)]), [*kept, k]
+            continue
+        made = np.linalg.lstsq(columns[kept].T, column, rcond=None)[0] * lengths[kept]
+        share = np.abs(made) / np.abs(made).max()
+        out.append(Twin(names[k], tuple(names[kept[i]] for i in np.flatnonzero(share > NAMED))))
+    return out

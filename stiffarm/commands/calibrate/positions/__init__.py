@@ -1,0 +1,1 @@
+"""`calibrate` on tables of absolute positions."""

@@ -1,0 +1,97 @@
+"""report.html of a calibration from positions: how accurate, why, how sure, what is wrong in the readings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from doe.absolute.calibrate import Positions
+from fem.arm import Arm
+from stiffarm.commands.calibrate.positions.figures import accuracy_figure, curves_figure
+from stiffarm.commands.calibrate.positions.tables import accuracy_table, accuracy_words, parameters_table
+from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Table, Text, write_page
+from stiffarm.session.outputs import OutputFolder
+
+QUESTION = "where is the tool really, and why?"
+
+
+def write_report(given: Arm, c: Positions, folder: OutputFolder) -> None:
+    """Draw all figures and write report.html."""
+    pictures = Pictures(folder)
+    key = [
+        KeyFigure(f"{_rms_mm(c, 'before'):.3f} mm", "RMS with the arm as described"),
+        KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
+        KeyFigure(f"{len(c.gross)}", "wrong readings named" if len(c.gross) != 1 else "wrong reading named"),
+    ]
+    sections = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c), _open(c), _readings(c)]
+    known = [one for one in c.findings if one.status == "determined"]
+    sure = (
+        f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their "
+        f"95 % intervals in {100.0 * c.left_out.take(c.right).coverage.share:.0f} % of cases."
+    )
+    todo = (
+        "Outside the angles that were read the joints' errors are not identified: measure where the robot will work."
+        if c.curves else "Free `periodic` too: joints' errors over their angles are often the largest part."
+    )  # fmt: skip
+    title = given.description.title.split(" (")[0]
+    words = f"{c.found.data.source}, {len(c.found.data)} positions"
+    write_page(folder, title, f"{accuracy_words(c)}.", key, sections, QUESTION, words, Answer(sure, todo))
+
+
+def _rms_mm(c: Positions, which: str) -> float:
+    return 1e3 * float(np.sqrt(np.mean(c.distances()[which] ** 2)))
+
+
+def _accuracy(c: Positions, pictures: Pictures) -> Section:
+    caption = "Left out: each reading predicted by a calibration that has not seen it."
+    picture = pictures.add(accuracy_figure(c), "accuracy", caption)
+    return Section("How accurate, before and after", (picture, accuracy_table(c)))
+
+
+def _curves(c: Positions, pictures: Pictures) -> list[Section]:
+    known = tuple(one for one in c.curves if one.is_known)
+    if not known:
+        return []
+    caption = "Line: what the joint turns beyond what it says; band: 95 %. Only where readings identify it."
+    picture = pictures.add(curves_figure(known), "joint_errors", caption)
+    text = (
+        "What each joint turns beyond what it says, as a smooth function of its angle, repeated every turn. Constant "
+        "parts are the zero's. How smooth and how high curves are is estimated from the readings; beyond the angles "
+        "that were read a curve is not identified, and predictions there allow for its height."
+    )
+    return [Section("Errors of the joints over their angles", (Text(text), picture))]
+
+
+def _parameters(c: Positions) -> Section:
+    twins = Bullets(tuple(f"{one.words}." for one in c.twins))
+    text = "No readings at all can tell the following apart; each is held where the description has it."
+    blocks: tuple[Block, ...] = (parameters_table(c.findings),)
+    return Section("Parameters", (*blocks, Text(text), twins) if c.twins else blocks)
+
+
+def _wrong(c: Positions) -> list[Section]:
+    if not c.gross:
+        return []
+    rows = tuple((str(g.line), f"{1e3 * g.distance:.3g}", g.cause) for g in c.gross[:50])
+    table = Table("Wrong readings", ("line", "off by (mm)", "likely cause"), rows, text_columns=(0, 2))
+    text = "Named, not averaged: readings like these have all but no weight."
+    return [Section("Readings that are wrong", (Text(text), table))]
+
+
+def _open(c: Positions) -> Section:
+    wrong = {one.words for one in c.gross}
+    return Section("What is open", (Bullets(tuple(f"{r}." for r in c.remarks if r not in wrong)),))
+
+
+def _readings(c: Positions) -> Section:
+    data = c.found.data
+    rows = tuple(
+        (name, str(int((data.session.number == s).sum()))) for s, name in enumerate(data.session.names)
+    )  # fmt: skip
+    tail = "" if c.found.tail == float("inf") else f", with tails of Student's t of {c.found.tail:g} degrees of freedom"
+    text = (
+        f"{len(data)} positions of {len(data.target.names)} target(s) in {len(rows)} session(s). A coordinate scatters "
+        f"by {1e3 * c.found.variances.sigma:.3g} mm{tail}."
+    )
+    table = Table("Sessions, each with a frame of its own", ("session", "readings"), rows, text_columns=(0,))
+    return Section("The readings", (Text(text), table), folded=True)

@@ -1,0 +1,85 @@
+"""From tables of positions and the options of `calibrate` to a calibration, its answer and files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from doe.absolute.calibrate import Positions, calibrate_positions
+from doe.absolute.readings import AbsoluteReadings
+from doe.absolute.table import is_absolute, joined, read_absolute
+from doe.tables.columns import read_table
+from fem.arm import Arm
+from robots import InputError
+from stiffarm.commands.calibrate.positions import payload, tables
+from stiffarm.session import parsing
+from stiffarm.session.console import progress, say_notes
+from stiffarm.session.frame import Frame
+from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.table_kinds import PENDANT, kind_of
+
+
+def are_positions(data: Sequence[Path] | None) -> bool:
+    """Whether the tables hold positions of targets and not deflections.
+
+    Raises
+    ------
+    InputError
+        Some do, and some do not.
+    """
+    found = [_is_absolute(file) for file in data or ()]
+    if any(found) and not all(found):
+        other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
+        raise InputError(
+            "measurement tables", value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
+            allowed="tables of positions, or tables of deflections", remedy="calibrate them one after the other",
+        )  # fmt: skip
+    return any(found)
+
+
+def _is_absolute(file: Path) -> bool:
+    return kind_of(file) is PENDANT and is_absolute(read_table(file).header)
+
+
+def calibrate_tables(
+    frame: Frame, given: Arm, data: Sequence[Path], refused: Mapping[str, Any], *, free: str | None,
+    holdout: Path | None, robust: bool, seed: int,
+) -> None:  # fmt: skip
+    """Calibrate on tables of positions; options in ``refused`` have no meaning here.
+
+    Raises
+    ------
+    InputError
+        One of those options was given; a table, a name or readings that cannot be used.
+    """
+    parsing.refuse_given(dict(refused), "no option for tables of positions", "leave it out")
+    frame.reads(holdout=holdout)
+    read = [read_absolute(file, given.robot) for file in data]
+    table = joined(read)
+    frame.files |= {f"data_{k}" if k > 1 else "data": one.sha256 for k, one in enumerate(read, start=1)}
+    kept: AbsoluteReadings | None = None if holdout is None else read_absolute(holdout, given.robot)
+    say_notes((*table.notes, *(() if kept is None else kept.notes)))
+    names = parsing.parse_names(free, None, "--free")
+    with frame.folder_if(seed) as folder:
+        with progress("steps") as bar:
+            found = calibrate_positions(
+                given.model, table, names, holdout=kept, robust=robust, seed=seed, progress=bar
+            )  # fmt: skip
+        content = payload.positions(given, found)
+        if folder is not None:
+            _write(given, found, content, folder)
+    frame.answer(content, lambda: tables.show(found))
+
+
+def _write(given: Arm, found: Positions, content: dict[str, Any], folder: OutputFolder) -> None:
+    """positions.json, parameters.csv, curves.csv, errors.csv, pictures and report.html."""
+    from stiffarm.commands.calibrate.positions.report import write_report
+
+    folder.write_json("positions.json", content)
+    folder.write_text("parameters.csv", payload.parameters_csv(found))
+    folder.write_text("errors.csv", payload.errors_csv(found))
+    if found.curves:
+        folder.write_text("curves.csv", payload.curves_csv(found))
+    with folder.timed("report"):
+        write_report(given, found, folder)

@@ -1,0 +1,103 @@
+"""Positions of an arm with errors: by independent code, and their derivatives by differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_positions import Plan, Truth, campaign, position
+from numpy.testing import assert_allclose
+
+from doe.absolute.chain import Nominal, Sample, evaluate, samples
+from doe.absolute.readings import AbsoluteReadings, Payload
+from doe.absolute.turns import left_rate, nearest_rotation, rotation, rotation_vector, turned
+from doe.absolute.unknowns import Layout, unknowns
+from fem import ArmModel, build_model
+from robots import load_description
+
+ALL = ("geometry", "ratios", "coupling", "periodic4", "springs", "tilts", "base", "rail", "payload", "j2.tx")
+SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
+        "rail": 1e-2, "target": 0.1}  # fmt: skip
+LOADS = (Payload(0.0, np.zeros(3)), Payload(40.0, np.array([0.05, 0.02, 0.1])))
+
+
+def made(model: ArmModel, seed: int = 0) -> tuple[AbsoluteReadings, Layout, np.ndarray, Nominal]:
+    """Readings on a rail with two payloads and two targets, all unknowns with values, and what levers refer to."""
+    plan = Plan(6, targets=2, payloads=LOADS, rail=2.0)
+    rng = np.random.default_rng(seed)
+    data = campaign(model, Truth({"rail.x": 1.0}), plan, rng)
+    layout = Layout(unknowns(model.robot, data, ALL))
+    u = np.array([one.start + SIZE[one.kind] * rng.normal() for one in layout.unknowns])
+    u = np.where([one.kind == "spring" for one in layout.unknowns], np.abs(u), u)
+    span = float(data.rail.min()), float(data.rail.max())
+    return data, layout, u, Nominal(rng.uniform(-0.1, 0.1, (2, 3)), span)
+
+
+def value(model: ArmModel, layout: Layout, s: Sample, u: np.ndarray) -> np.ndarray:
+    return evaluate(model, layout, s, u, slopes=False)[0]
+
+
+@pytest.mark.parametrize("name", ["kr60-3", "xr701"])
+def test_derivatives_are_those_of_differences(name: str) -> None:
+    model = build_model(load_description(name), "rigid")
+    data, layout, u, nominal = made(model)
+    s = samples(model, data, layout, nominal)[0]
+    J = evaluate(model, layout, s, u)[1]
+    # Every third one, of each arm others: all kinds, rows and orders among them.
+    for k in range(name == "xr701", len(layout), 3):
+        one = layout.unknowns[k]
+        step = 1e-3 * SIZE[one.kind]
+        ahead, back = u + step * (np.arange(len(u)) == k), u - step * (np.arange(len(u)) == k)
+        slope = (value(model, layout, s, ahead) - value(model, layout, s, back)) / (2.0 * step)
+        # Rounding of positions of some metres over the step; curvature over it.
+        assert_allclose(J[k], slope, atol=1e-14 / step + 1e-6 * np.abs(J[k]).max(), err_msg=one.name)
+
+
+def test_positions_are_those_of_a_product_of_matrices(kr60: ArmModel) -> None:
+    data, layout, u, nominal = made(kr60)
+    stiff = np.array([one.kind == "spring" for one in layout.unknowns])
+    u = np.where(stiff, 0.0, u)
+    P = value(kr60, layout, samples(kr60, data, layout, nominal)[0], u)
+    truth = Truth({one.name: float(v) for one, v in zip(layout.unknowns, u, strict=True)})
+    for k in range(len(data)):
+        expected = position(kr60, truth, data.q[k], "ab"[data.target.number[k]], LOADS[0], data.rail[k], nominal.rail)
+        assert_allclose(P[:, k], expected, atol=1e-12)
+
+
+def test_sag_of_half_a_degree_is_right_to_two_micrometres(kr60: ArmModel, truth: Truth) -> None:
+    data, layout, u, nominal = made(kr60)
+    values = truth.numbers | {"rail.x": 1.0, "j2.stiffness": 3e-6, "j3.stiffness": 4e-6, "j5.stiffness": 2e-5}
+    u = np.array([values.get(one.name, 0.0 if one.kind != "payload" else one.start) for one in layout.unknowns])
+    P = value(kr60, layout, samples(kr60, data, layout, nominal, u)[0], u)
+    for k in range(len(data)):
+        load = data.payloads[data.payload[k]]
+        there = position(kr60, Truth(values), data.q[k], "ab"[data.target.number[k]], load, data.rail[k], nominal.rail)
+        stiff = Truth({name: v for name, v in values.items() if "stiffness" not in name})
+        rigid = position(kr60, stiff, data.q[k], "ab"[data.target.number[k]], load, data.rail[k], nominal.rail)
+        assert np.linalg.norm(P[:, k] - there) < 2e-6 + 1e-3 * np.linalg.norm(there - rigid)
+
+
+def test_a_payload_of_the_table_and_the_same_one_free_agree(kr60: ArmModel) -> None:
+    data, layout, u, nominal = made(kr60)
+    held = Layout(tuple(one for one in layout.unknowns if one.kind != "payload"))
+    keep = np.array([one.kind != "payload" for one in layout.unknowns])
+    start = np.array([one.start for one in layout.unknowns])
+    u = np.where(keep, u, start)
+    one, other = (value(kr60, x, samples(kr60, data, x, nominal)[0], v) for x, v in ((layout, u), (held, u[keep])))
+    assert_allclose(one, other, atol=1e-15)
+    light = replace(data, payload=np.zeros(len(data), dtype=np.int64))
+    assert np.abs(value(kr60, held, samples(kr60, light, held, nominal)[0], u[keep]) - other).max() > 1e-5
+
+
+def test_rotation_vectors() -> None:
+    rng = np.random.default_rng(1)
+    for size in (1e-7, 1e-3, 1.0, 3.0):
+        w = size * rng.normal(size=3) / 2.0
+        R = rotation(w)
+        assert_allclose(R @ R.T, np.eye(3), atol=1e-14)
+        assert_allclose(rotation_vector(R), w, rtol=1e-7, atol=1e-15)
+        assert_allclose(nearest_rotation(R * 1.1), R, atol=1e-14)
+        (w, v, d), step = (x[:, None] for x in (w, rng.normal(size=3), rng.normal(size=3))), 1e-6
+        slope = (turned(w + step * d, v) - turned(w - step * d, v)) / (2.0 * step)
+        assert_allclose(np.cross(left_rate(w, d), R @ v, axis=0), slope, atol=1e-8)

@@ -1,0 +1,131 @@
+"""Numbers are found again, wrong readings named, and nothing is claimed that readings do not hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_positions import Plan, Truth, campaign
+from numpy.testing import assert_allclose
+
+from doe.absolute.calibrate import Positions, calibrate_positions
+from doe.absolute.fit import fit
+from doe.absolute.gross import gross
+from doe.absolute.prediction import carried_over, folds, left_out
+from doe.absolute.readings import AbsoluteReadings, Labels
+from doe.absolute.start import started
+from doe.absolute.unknowns import Layout, unknowns
+from fem import ArmModel, build_model
+from robots import InputError, load_description
+
+FREE = ("geometry", "springs", "ratios", "periodic4")
+
+
+@pytest.fixture(scope="module")
+def found(kr60: ArmModel, two_targets: AbsoluteReadings) -> Positions:
+    return calibrate_positions(kr60, two_targets, FREE, parts=5)
+
+
+def test_numbers_are_found_again(found: Positions, truth: Truth) -> None:
+    assert found.found.settled
+    assert_allclose(found.found.variances.sigma, 2e-5, rtol=0.25)
+    inside = []
+    for f in found.findings:
+        one = next(u for u in found.found.layout.unknowns if u.name == f.name)
+        true = truth.get(f.name)
+        if one.kind == "spring":
+            true = 1.0 / true if true else np.inf
+        assert f.status != "not identified", f.name
+        inside.append(f.interval95[0] <= one.factor * true <= f.interval95[1])
+    # Of some 30 intervals of 95 % four or more miss the truth once in twenty campaigns; this one is fixed.
+    assert inside.count(False) <= 3
+    assert found["j2.stiffness"].value == pytest.approx(1e6, rel=0.05)
+    assert found["j5.stiffness"].value is None
+    assert np.isinf(found["j5.stiffness"].interval95[1])
+
+
+def test_readings_left_out_lie_in_their_intervals(found: Positions) -> None:
+    assert found.left_out.rms_m < 1.6 * np.sqrt(3.0) * 2e-5
+    assert 0.9 <= found.left_out.coverage.share <= 0.99
+
+
+def test_leaving_out_is_what_a_fit_without_them_gives(kr60: ArmModel, found: Positions) -> None:
+    first = found.found
+    whole = fit(kr60, first.data, first.layout, first.start, robust=False, variances=first.variances)
+    part = folds(len(whole.data), 5)
+    rest = whole.data.take(part != 0)
+    # Names of sessions and targets stand in the order of the whole, which both parts begin with.
+    again = fit(kr60, rest, whole.layout, started(kr60.robot, rest), robust=False, variances=whole.variances)
+    there = carried_over(again, whole.data.take(part == 0))[0]
+    error = left_out(whole, part).error[part == 0]
+    assert_allclose(error, there.error, atol=0.1 * whole.variances.sigma)
+
+
+def test_frames_and_targets_of_another_session_are_fitted_and_no_more(
+    kr60: ArmModel, truth: Truth, found: Positions
+) -> None:
+    rng = np.random.default_rng(9)
+    other = campaign(kr60, truth, Plan(40, targets=2, noise=2e-5), rng)
+    other = replace(
+        other, session=Labels(("new",), other.session.number), target=Labels(("c", "d"), other.target.number)
+    )
+    predicted, there = carried_over(found.found, other)
+    assert predicted.rms_m < 2.0 * np.sqrt(3.0) * 2e-5
+    assert predicted.coverage.share > 0.85
+    held = [k for k, one in enumerate(there.layout.unknowns) if one.kind != "target"]
+    assert_allclose(there.u[held], found.found.u[: len(held)])
+
+
+def test_wrong_readings_are_named_with_their_cause_and_turn_no_frame(
+    kr60: ArmModel, two_targets: AbsoluteReadings, found: Positions
+) -> None:
+    data = two_targets
+    q, y, target = data.q.copy(), data.position.copy(), data.target.number.copy()
+    q[7, 4] += np.pi / 2.0
+    target[20] = 1 - target[20]
+    y[33] += [0.05, -0.02, 0.4]
+    wrong = replace(data, q=q, position=y, target=Labels(data.target.names, target))
+    layout = found.found.layout
+    there = fit(kr60, wrong, layout, started(kr60.robot, wrong))
+    by_row = {g.row: g.cause for g in gross(there)}
+    assert set(by_row) == {7, 20, 33}
+    assert "j5 turned by -90 deg" in by_row[7]
+    assert "label is wrong" in by_row[20]
+    assert "no single slip" in by_row[33]
+    for a, b in zip(there.frames, found.found.frames, strict=True):
+        assert np.linalg.norm(a.t - b.t) < 1e-4
+    assert not found.gross
+
+
+def test_curves_are_not_identified_where_no_angle_was_read(kr60: ArmModel) -> None:
+    curves = Truth({f"j{j}.{w}{n}": 2e-4 * (-1) ** n for j in range(1, 7) for w in ("sin", "cos") for n in (1, 2, 3)}
+                   | {f"target.a.{a}": 0.15 for a in "xyz"})  # fmt: skip
+    data = campaign(kr60, curves, Plan(220, noise=2e-5), np.random.default_rng(3))
+    keep = np.abs(data.q[:, 3]) < 1.2
+    c = calibrate_positions(kr60, data.take(keep), ("zeros", "periodic6"), parts=3)
+    curve = next(one for one in c.curves if one.joint == "j4")
+    beyond = np.abs(np.angle(np.exp(1j * curve.angle))) > 1.6
+    assert curve.known[~beyond].mean() > 0.5
+    assert not curve.known[beyond].any()
+    far = carried_over(c.found, data.take(np.abs(data.q[:, 3]) > 2.0))[0]
+    assert np.median(far.half95) > 1.5 * np.median(c.left_out.half95)
+
+
+def test_springs_need_something_that_weighs(two_targets: AbsoluteReadings) -> None:
+    model = build_model(load_description("kr16-2"), "rigid")
+    with pytest.raises(InputError, match="masses"):
+        calibrate_positions(model, two_targets, ("springs",))
+
+
+def test_names_that_are_none_and_sessions_too_short_are_refused(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
+    with pytest.raises(InputError, match=r"j9\.zero"):
+        unknowns(kr60.robot, two_targets, ("j9.zero",))
+    with pytest.raises(InputError, match="session"):
+        started(kr60.robot, two_targets.take(np.arange(5)))
+
+
+def test_single_names_and_groups_free_the_same_once(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
+    some = Layout(unknowns(kr60.robot, two_targets, ("zeros", "j2.zero", "j3.per.j2", "j4.cos7", "j2.rx", "base.ry")))
+    names = [one.name for one in some.unknowns if one.kind != "target"]
+    assert names == [*(f"j{k}.zero" for k in range(1, 7)), "j3.per.j2", "j4.cos7", "j2.rx", "base.ry"]

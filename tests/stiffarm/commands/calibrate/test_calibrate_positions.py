@@ -1,0 +1,92 @@
+"""`calibrate` on tables of positions: the answer, its files, what has no meaning there, and bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_runs import ROOT, Outcome, run_here
+
+UR5 = ROOT / "docs" / "examples" / "ur5"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tenth of the grid's readings, one of them with a joint turned."""
+    folder = tmp_path_factory.mktemp("positions")
+    head, *rows = (UR5 / "grid.csv").read_text(encoding="utf-8").splitlines()
+    rows = rows[::4]
+    cells = rows[5].split(",")
+    cells[0] = str(float(cells[0]) + 90.0)
+    rows[5] = ",".join(cells)
+    (folder / "some.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Outcome:
+    outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", "--holdout", UR5 / "random.csv",
+                       "--free", "geometry,springs", "--out", folder / "out", "--json")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    return outcome
+
+
+def test_the_answer_says_how_accurate_the_arm_is_before_and_after(found: Outcome) -> None:
+    c = found.json
+    assert c["readings"] == 63
+    assert c["before"]["rms_mm"] > 3.0 * c["left_out"]["rms_mm"]
+    assert c["holdout"]["frames_fitted_anew"] == []
+    assert c["holdout"]["rms_mm"] < 0.2
+    assert c["holdout"]["in_interval95"]["of"] == 60
+
+
+def test_the_turned_joint_is_named(found: Outcome) -> None:
+    (wrong,) = found.json["wrong_readings"]
+    assert wrong["line"] == 7
+    assert "j1 turned by -90 deg" in wrong["cause"]
+
+
+def test_no_value_is_given_for_what_is_not_identified(found: Outcome) -> None:
+    by_name = {one["name"]: one for one in found.json["parameters"]}
+    for one in by_name.values():
+        assert (one["value"] is None) == (one["status"] != "determined"), one
+    assert by_name["j4.stiffness"]["value"] is None
+    assert {"j1.zero", "j1.stiffness"} <= {one["name"] for one in found.json["not_told_apart_by_any_readings"]}
+
+
+def test_files_are_written(found: Outcome, folder: Path) -> None:
+    out = folder / "out"
+    assert json.loads((out / "positions.json").read_text(encoding="utf-8")) == found.json
+    for name in ("report.html", "parameters.csv", "errors.csv", "figures/accuracy.png", "run.json"):
+        assert (out / name).is_file(), name
+    assert len((out / "errors.csv").read_text(encoding="utf-8").splitlines()) == 64
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--scheme", "global"], "--scheme"),
+        (["--loads", "100"], "--loads"),
+        (["--free", "j1.wobble"], "j1.wobble"),
+        (["--free", "payload,rail,j7.zero"], "j7.zero"),
+    ],
+)
+def test_what_has_no_meaning_for_positions_is_refused(folder: Path, more: list[str], words: str) -> None:
+    outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", *more)
+    assert outcome.code == 2
+    assert words in outcome.err
+
+
+def test_tables_of_two_kinds_are_refused(folder: Path) -> None:
+    (folder / "loads.csv").write_text("q1_deg,fz_N,dz_mm\n1,-100,-0.1\n", encoding="utf-8")
+    outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", folder / "loads.csv")
+    assert outcome.code == 2
+    assert "loads.csv" in outcome.err
+
+
+def test_a_held_out_table_without_positions_is_refused(folder: Path) -> None:
+    (folder / "kept.csv").write_text("q1_deg,fz_N,dz_mm\n1,-100,-0.1\n", encoding="utf-8")
+    outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", "--holdout", folder / "kept.csv")
+    assert outcome.code == 2
+    assert "x_mm" in outcome.err
