@@ -131,7 +131,7 @@ def fit(
     settled, kept = False, variances is not None
     for turn in range(ROUNDS):
         if turn in LOADED:
-            work.load(state.u)
+            work.turn_under_load(state.u)
         reduced, residual = work.reduced(state, found.sigma)
         if turn in TELLING and not kept:
             before = found
@@ -177,7 +177,7 @@ class _Work:
         self.parts = [samples(model, _within(data, mine), layout, start.nominal) for mine in self.rows]
         self.readings = 3 * len(data) - FRAME * len(start.frames)
 
-    def load(self, u: Array) -> None:
+    def turn_under_load(self, u: Array) -> None:
         """Work out what gives way at the joints' real angles with variables u (p,)."""
         if self.layout.of("spring"):
             self.parts = [

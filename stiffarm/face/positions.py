@@ -80,9 +80,8 @@ class PositionCalibration(Shown):
             if one.joint == joint:
                 error, half = (np.where(one.known, 1e3 * x, np.nan) for x in (one.error, one.half95))
                 return frame({"angle_deg": np.degrees(one.angle), "error_mrad": error, "half95_mrad": half})
-        raise InputError(
-            "joint", value=joint, allowed=", ".join(c.joint for c in self.found.curves) or "none: free one"
-        )
+        known = ", ".join(c.joint for c in self.found.curves)
+        raise InputError("joint", value=joint, allowed=known or "none, for periodic was not free")
 
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw how many readings are nearer than a distance, before and after; ``file``: a PNG to write."""

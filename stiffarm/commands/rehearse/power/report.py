@@ -30,7 +30,7 @@ def write_report(r: Power, folder: OutputFolder) -> None:
     )
     sure = (
         "Linear theory, before anyone measures. The intervals are those in which the shares of twenty campaigns should "
-        "lie; in a study of 200 made-up sets 19 of 20 did."
+        "lie; in a study of 200 made-up sets 19 of 20 shares did."
     )
     sections = [_effects(r), _springs(r), _more(r, pictures), _how(r)]
     title = given.description.title.split(" (")[0]

@@ -11,7 +11,7 @@ from stiffarm.pages.numbers import percent, significant
 HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
 # Columns of a terminal, which has 80 characters.
 SHORT = (0, 1, 3, 4, 6)
-SPRING_HEADS = ("spring", "as planned (1e6 N m/rad)", "95 % interval to expect")
+SPRING_HEADS = ("spring", "as planned (N m/rad)", "95 % interval to expect")
 MORE_HEADS = ("with", "readings", "found", "named", "gains most")
 # From this chance on an effect is called sure to be named, below the second unlikely.
 SURE, UNLIKELY = 0.8, 0.5
@@ -69,9 +69,9 @@ def spring_row(s: SpringProspect) -> tuple[str, ...]:
     """A spring with its interval."""
     if not math.isfinite(s.stiffness):
         return s.joint, "rigid", "-"
-    low = significant(s.low / 1e6)
-    ends = f"at least {low}" if s.high is None else f"{low} to {significant(s.high / 1e6)}"
-    return s.joint, significant(s.stiffness / 1e6), ends
+    low = significant(s.low)
+    ends = f"at least {low}" if s.high is None else f"{low} to {significant(s.high)}"
+    return s.joint, significant(s.stiffness), ends
 
 
 def more_row(a: Addition) -> tuple[str, ...]:

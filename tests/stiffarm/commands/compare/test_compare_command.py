@@ -230,6 +230,9 @@ def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     for name in ("p", "q"):
         (tmp_path / f"{name}.json").write_text(json.dumps(placed), encoding="utf-8")
     assert sa.compare(tmp_path / "p.json", tmp_path / "q.json").differs == ((),)
+    (tmp_path / "q.json").write_text(json.dumps(placed | {"placements": 7}), encoding="utf-8")
+    with pytest.raises(sa.InputError, match=r"q\.json does not hold"):
+        sa.compare(tmp_path / "p.json", tmp_path / "q.json")
 
 
 def test_two_runs_are_compared_by_their_calibrations(cli: Command, tmp_path: Path) -> None:

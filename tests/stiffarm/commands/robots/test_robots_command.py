@@ -73,6 +73,7 @@ def test_the_convention_that_columns_are_named_after_matters(cli: Command, tmp_p
         (",z_mm", ",height", "no column z_mm"),
         ("q1_deg", "q1_rad", "q1_deg"),
         (",r_deg", ",other", "not whole"),
+        ("\n", "\n1e9,", "does not fit the header"),
         ("r_deg", "a_deg", "not whole"),
     ],
 )
@@ -132,3 +133,15 @@ def test_the_report_has_what_is_wrong_and_every_pose(cli: Command, tmp_path: Pat
     assert next(iter(found.remedies.values())) == "in [[joint]] j3: sign = -1"
     off = found.to_frame()[["dx_mm", "dy_mm", "dz_mm"]].to_numpy()
     np.testing.assert_allclose(np.linalg.norm(off, axis=1), found.to_frame()["distance_mm"], rtol=1e-5)
+
+
+def test_a_position_that_no_arm_reaches_is_refused(cli: Command, tmp_path: Path) -> None:
+    table = pendant(tmp_path / "p.csv", "gp25")
+    lines = table.read_text().splitlines()
+    cells = lines[2].split(",")
+    lines[2] = ",".join([*cells[:6], "1e9", *cells[7:]])
+    table.write_text("\n".join(lines), encoding="utf-8")
+    outcome = cli("robots", "check", "gp25", table)
+    assert outcome.code == 2
+    assert "row 3" in outcome.err
+    assert "x_mm" in outcome.err
