@@ -1,6 +1,7 @@
 """Two measured campaigns of positions, UR10 and UR5: how well readings are predicted that took no part.
 
     python benchmarks/absolute/measured_positions.py run DATA FOLDER    DATA: holds ur10_ipa/ and ur5/
+    python benchmarks/absolute/measured_positions.py few DATA FOLDER    the same from 15 to 200 poses drawn at random
     python benchmarks/absolute/measured_positions.py page FOLDER        writes docs/validation/positions.md
 
 Ten-fold: the whole estimate, variances among it, once for each tenth without it. Carried over: the arm as found, with
@@ -38,6 +39,7 @@ STEPS = {
     "+ error curves, orders 1 to 48 (the default)": ("geometry", "springs", "periodic"),
 }
 FOLDS = 10
+FEW, DRAWS = (15, 25, 50, 100, 200), 3
 
 
 def columns(path: Path) -> dict[str, Array]:
@@ -119,13 +121,30 @@ def run(data: Path, folder: Path) -> None:
             (folder / "results.json").write_text(json.dumps(out, indent=1) + "\n", encoding="utf-8")
 
 
+def few(data: Path, folder: Path) -> None:
+    """Readings that took no part, predicted from few poses drawn at random, into few.json."""
+    model = build_model(load_description(HERE / "ur10.toml"), "rigid")
+    table, rows = ur10(data, "B"), []
+    for n in FEW:
+        for draw in range(DRAWS):
+            order = np.random.default_rng(100 * n + draw).permutation(len(table))
+            for free in (None, ("geometry", "springs")):
+                found = calibrate_positions(model, table.take(order[:n]), free)
+                other = carried_over(found.found, table.take(order[n : n + 400]))[0]
+                rows.append({"poses": n, "draw": draw, "curves": free is None, **figures(other)})
+                print(rows[-1], flush=True)
+    (folder / "few.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("run", "page"))
+    parser.add_argument("what", choices=("run", "few", "page"))
     parser.add_argument("folders", type=Path, nargs="+")
     given = parser.parse_args()
     if given.what == "run":
         run(given.folders[0], given.folders[1])
+    elif given.what == "few":
+        few(given.folders[0], given.folders[1])
     else:
         from measured_positions_page import page
 
