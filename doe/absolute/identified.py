@@ -18,8 +18,11 @@ from robots.constants import NORMAL_95
 Status = Literal["determined", "one-sided", "not identified"]
 # An unknown is identified where the readings leave less than this share of what was open before them.
 NARROWED = 0.3
-# A joint's error curve is, where they leave less than this share of its height open.
+# A joint's error curve is, where they leave less than this share of its height open; so are unknowns whose size they
+# told first.
 CURVE_KNOWN = 0.5
+# Periodic errors up to this order are told one by one.
+TOLD_ALONE = 4
 # Members of a direction that is open, as a share of the largest.
 MEMBER = 0.3
 # Share of poses at angles that were not read, from which it is said.
@@ -43,19 +46,20 @@ class Finding:
 
 
 def findings(found: Fit) -> tuple[Finding, ...]:
-    """Of every free unknown but periodic errors that are part of a curve."""
+    """Of every free unknown but periodic errors of high orders, which are told as a curve."""
     sd, before = found.sd, found.prior_sd
+    highest = max((index[1] for _, index in found.layout.of("periodic")), default=0)
     out = []
     for k in found.free:
         one = found.layout.unknowns[k]
-        if not one.law:
+        if one.kind != "periodic" or highest <= TOLD_ALONE:
             out.append(_finding(one, float(found.u[k]), float(sd[k]), float(before[k])))
     return tuple(out)
 
 
 def _finding(one: Unknown, u: float, sd: float, before: float) -> Finding:
     nothing = Finding(one.name, one.unit, None, (math.nan, math.nan), "not identified")
-    if not sd < NARROWED * before:
+    if not sd < (CURVE_KNOWN if one.law else NARROWED) * before:
         return nothing
     low, high = u - NORMAL_95 * sd, u + NORMAL_95 * sd
     if one.kind != "spring":

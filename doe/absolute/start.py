@@ -31,7 +31,9 @@ FAR, LEAST_m = 6.0, 0.005
 # Lengths along three axes that agree to this share but differ from the arm's by that factor are in another unit; single
 # ones beyond the last factor are no frame at all.
 ALIKE, SCALE, WILD = 1.3, 1.5, 5.0
-# Share of the arm's length by which a described arm may miss its readings in the middle.
+# Rounds of frame and targets in turn, and how far positions must lie apart in a second direction for that.
+IN_TURN, APART_m = 60, 0.02
+# Share of the arm's length (in a plane: of the spread of positions) by which a described arm may miss the middle reading.
 MISSED = 0.03
 
 
@@ -89,10 +91,11 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
             count = int((data.target.number[some[best]] == t).sum())
             targets[t] += count * x[12 + 3 * t : 15 + 3 * t]
             weight[t] += count
-        ways.append(x[12 + 3 * T :] if has_rail else np.zeros(3))
+        if np.ptp(data.rail[mine]) > 0.0:
+            ways.append(x[12 + 3 * T :])
         frames.append(Frame(R, np.zeros(3)))
     targets /= np.maximum(weight, 1.0)[:, None]
-    way = np.mean(ways, axis=0)
+    way = np.mean(ways, axis=0) if ways else np.zeros(3)
     P = at.p_flange + np.einsum("nij,nj->ni", at.R_flange, targets[data.target.number]) + data.rail[:, None] * way
     return _settled(data, frames, targets, way, P)
 
@@ -106,7 +109,7 @@ def _no_frame(session: str, readings: int, needed: int) -> InputError:
         )  # fmt: skip
     return InputError(
         f"session {session}: no frame of the tracker brings its positions and the arm's together",
-        allowed="targets that do not all lie on a line or in a plane, at angles as the model counts them",
+        allowed="targets that do not all lie on a line, at angles as the model counts them",
         remedy="add readings at other poses; check units, signs and zeros of the angles (stiffarm robots check)",
     )
 
@@ -142,11 +145,12 @@ def _session(
 ) -> tuple[Array | None, Indices]:
     """Numbers (12 + 3 t + 3) of one session and which of its readings agree with them; None where they stay open."""
     T = len(data.target.names)
+    moves = has_rail and bool(np.ptp(data.rail[mine]) > 0.0)
     A = np.zeros((len(mine), 3, 12 + 3 * T + 3 * has_rail))
     for i in range(3):
         A[:, i, 3 * i : 3 * i + 3] = data.position[mine]
         A[:, i, 9 + i] = -1.0
-        if has_rail:
+        if moves:
             A[:, i, 12 + 3 * T + i] = -data.rail[mine]
     for t in range(T):
         A[:, :, 12 + 3 * t : 15 + 3 * t] = -R[mine] * (data.target.number[mine] == t)[:, None, None]
@@ -182,7 +186,34 @@ def _session(
             allowed="a frame whose axes are right-handed",
             remedy="give one coordinate the other sign, or swap two that were mistaken for one another",
         )
-    return (x, kept) if s[-1] > 1.0 / WILD and s[0] < WILD else (None, kept)
+    if s[-1] > 1.0 / WILD and s[0] < WILD:
+        return x, kept
+    return (None, kept) if moves else _in_turn(b, R[mine], data, mine)
+
+
+def _in_turn(p: Array, R: Array, data: AbsoluteReadings, mine: Indices) -> tuple[Array | None, Indices]:
+    """Frame and targets one after the other, for positions in a plane, which leave nine free numbers open.
+
+    The frame as a rotation (Kabsch) with the targets as they are, targets and a shift with that frame, and so on.
+    """
+    T, y, target = len(data.target.names), data.position[mine], data.target.number[mine]
+    o, kept = np.zeros((T, 3)), np.arange(len(mine))
+    design = np.concatenate([*(R * (target == t)[:, None, None] for t in range(T)),
+                             np.broadcast_to(np.eye(3), R.shape)], axis=2)  # fmt: skip
+    x, error = np.zeros(12 + 3 * T), np.full(len(mine), np.inf)
+    for _ in range(IN_TURN):
+        P = p + np.einsum("nij,nj->ni", R, o[target])
+        a, b = P[kept].mean(axis=0), y[kept].mean(axis=0)
+        Q = nearest_rotation((y[kept] - b).T @ (P[kept] - a))
+        inside = (y - b) @ Q + a
+        found = np.linalg.lstsq(design[kept].reshape(-1, 3 * T + 3), (inside - p)[kept].reshape(-1), rcond=1e-8)[0]
+        o = found[:-3].reshape(T, 3)
+        error = np.linalg.norm(inside - p - design @ found, axis=1)
+        kept = np.flatnonzero(error <= max(FAR * float(np.median(error)), LEAST_m))
+        x[:9], x[12:] = Q.T.reshape(-1), found[:-3]
+    spread = np.linalg.svd(y[kept] - y[kept].mean(axis=0), compute_uv=False) / np.sqrt(len(kept))
+    good = spread[1] > APART_m and float(np.median(error)) < MISSED * float(np.linalg.norm(spread))
+    return (x, kept) if good else (None, kept)
 
 
 def _solved(A: Array, b: Array, used: Bools) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_positions import Plan, Truth, campaign
+from made_up_positions import Plan, Truth, campaign, position
 from numpy.testing import assert_allclose
 
 from doe.absolute.calibrate import Positions, calibrate_positions
@@ -15,6 +15,7 @@ from doe.absolute.gross import gross
 from doe.absolute.prediction import carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings, Labels, Payload
 from doe.absolute.start import started
+from doe.absolute.turns import rotation
 from doe.absolute.unknowns import Layout, unknowns
 from fem import ArmModel, build_model
 from robots import InputError, load_description
@@ -36,11 +37,14 @@ def test_numbers_are_found_again(found: Positions, truth: Truth) -> None:
         true = truth.get(f.name)
         if one.kind == "spring":
             true = 1.0 / true if true else np.inf
-        assert f.status != "not identified", f.name
+        if f.status == "not identified":
+            assert one.kind == "periodic", f.name
+            continue
         inside.append(f.interval95[0] <= one.factor * true <= f.interval95[1])
-    # Of some 30 intervals of 95 % four or more miss the truth once in twenty campaigns; this one is fixed.
-    assert inside.count(False) <= 3
+    # Of some 70 intervals of 95 % eight or more miss the truth once in forty campaigns; this one is fixed.
+    assert inside.count(False) <= 7
     assert found["j2.stiffness"].value == pytest.approx(1e6, rel=0.05)
+    assert found["j4.sin2"].value == pytest.approx(0.3, abs=0.05)
     assert found["j5.stiffness"].value is None
     assert np.isinf(found["j5.stiffness"].interval95[1])
 
@@ -130,6 +134,20 @@ def test_positions_in_another_unit_or_mirrored_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=words):
         started(kr60.robot, replace(two_targets, position=two_targets.position * np.array(factors)))
+
+
+def test_positions_in_a_plane_have_a_frame(kr60: ArmModel) -> None:
+    rng = np.random.default_rng(4)
+    truth = Truth({"target.a.x": 0.1, "target.a.z": 0.2})
+    data = campaign(kr60, truth, Plan(40), rng)
+    q = data.q.copy()
+    q[:, [0, 3, 5]] = 0.0
+    y = np.array([position(kr60, truth, one, "a", data.payloads[0], 0.0, (0.0, 0.0)) for one in q])
+    turn = rotation(np.array([0.3, -0.5, 0.8]))
+    flat = replace(data, q=q, position=y @ turn.T + [1.0, 2.0, 0.5] + 1e-5 * rng.normal(size=y.shape))
+    begin = started(kr60.robot, flat)
+    assert_allclose(begin.frames[0].R, turn, atol=1e-3)
+    assert np.median(begin.error) < 1e-3
 
 
 def test_angles_that_are_not_the_arms_are_refused_or_doubted(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
