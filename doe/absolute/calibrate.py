@@ -12,9 +12,9 @@ from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open, unread_words
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
-from doe.absolute.start import started
+from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
-from doe.absolute.unknowns import USUAL, Layout, unknowns
+from doe.absolute.unknowns import USUAL, Layout, known_springs, unknowns
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -68,7 +68,7 @@ class Positions:
             out += unread_words(self.curves, self.holdout[0].q)
         if not self.found.settled:
             out.append("the estimate had not come to rest: intervals may be too narrow; free less, or add readings")
-        if any(one.kind == "spring" for one in self.found.layout.unknowns):
+        if any(one.kind == "spring" for one in self.found.moving.unknowns):
             out.append(
                 "stiffnesses are as right as the masses that load them: all masses a tenth too heavy make all "
                 "stiffnesses a tenth too high; links count as rigid, what they give way is in the joints' springs"
@@ -111,13 +111,24 @@ def calibrate_positions(
         )
     same = twins(model, data, layout, begin.nominal, seed)
     layout = layout.without([one.name for one in same])
-    before = fit(model, data, Layout(tuple(unknowns(model.robot, data, _rail(data)))), begin, robust=robust)
-    found = fit(model, data, layout, begin, robust=robust, progress=progress)
+    plain = Layout(tuple(unknowns(model.robot, data, _rail(data))))
+    before = _fitted(model, data, plain, begin, robust, None)
+    found = _fitted(model, data, layout, begin, robust, progress)
     predicted = left_out(found, folds(len(data), len(data) if len(data) < FEW else parts, seed))
     kept = None if holdout is None else (holdout, *carried_over(found, holdout, robust=robust))
     return Positions(
         before, found, same, findings(found), left_open(found), curves(found), gross(found), predicted, kept
     )  # fmt: skip
+
+
+def _fitted(
+    model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, robust: bool, progress: Progress | None
+) -> Fit:
+    """The estimate, with springs that the model has and that are not free held at what they are."""
+    known = known_springs(model, layout.unknowns)
+    held = np.array([*(np.nan for _ in layout.unknowns), *known.values()])
+    whole = Layout((*layout.unknowns, *known))
+    return fit(model, data, whole, begin, held=held, robust=robust, progress=progress)
 
 
 def _rail(data: AbsoluteReadings) -> tuple[str, ...]:

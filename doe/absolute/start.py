@@ -33,7 +33,7 @@ FAR, LEAST_m = 6.0, 0.005
 ALIKE, SCALE, WILD = 1.3, 1.5, 5.0
 # Rounds of frame and targets in turn, and how far positions must lie apart in a second direction for that.
 IN_TURN, APART_m = 60, 0.02
-# Share of the arm's length (in a plane: of the spread of positions) by which a described arm may miss the middle reading.
+# Share of the arm's length (in a plane: of the positions' spread) by which a described arm may miss the middle reading.
 MISSED = 0.03
 
 

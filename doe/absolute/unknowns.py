@@ -23,7 +23,9 @@ from typing import Literal
 import numpy as np
 
 from doe.absolute.readings import AbsoluteReadings
+from fem import ArmModel
 from fem.free.base import SHIFT, TURN
+from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.ports import ROWS
 from robots import InputError, Robot
 from robots.arrays import Indices
@@ -134,6 +136,25 @@ def spring(place: str, where: int, row: int) -> Unknown:
     unit, softest = ("N/m", SHIFT[0]) if row < 3 else ("N m/rad", TURN[0])
     name = f"{place}.stiffness" if row == 5 and where >= 0 else f"{place}.{ROWS[row]}"
     return Unknown(name, "spring", (where, row), unit, 1.0, SOFT / softest, low=0.0, high=1.0 / softest)
+
+
+def known_springs(model: ArmModel, free: Sequence[Unknown]) -> dict[Unknown, float]:
+    """Springs that the model has and that are not free, with their compliances; those that vary with the pose aside."""
+    taken = {one.index for one in free if one.kind == "spring"}
+    found: dict[Unknown, float] = {}
+    for joint in model.joints:
+        values = [*joint.other, *_constant(joint.axial)]
+        for row, c in enumerate(values):
+            if c > 0.0 and (joint.joint, row) not in taken:
+                found[spring(joint.name, joint.joint, row)] = float(c)
+    for row, c in enumerate(np.diag(model.base)):
+        if c > 0.0 and (-1, row) not in taken:
+            found[spring("base", -1, row)] = float(c)
+    return found
+
+
+def _constant(law: SpringLaw) -> list[float]:
+    return [1.0 / law.stiffness] if isinstance(law, ConstantSpring) else []
 
 
 def springs(robot: Robot, _: AbsoluteReadings) -> Iterator[Unknown]:

@@ -13,7 +13,7 @@ from robots import load_description
 
 @pytest.fixture(scope="session")
 def kr60() -> ArmModel:
-    return build_model(load_description("kr60-3"), "rigid")
+    return build_model(load_description("kr60-3"), "rigid").with_rigid_joints()
 
 
 @pytest.fixture(scope="session")

@@ -181,3 +181,17 @@ def test_single_names_and_groups_free_the_same_once(kr60: ArmModel, two_targets:
     assert {one.index[0] for one in curve.unknowns if one.kind == "periodic"} == {1}
     with pytest.raises(InputError, match=r"rail\.x"):
         unknowns(kr60.robot, two_targets, ("rail.x",))
+
+
+def test_springs_that_the_model_has_stay_where_they_are_not_free(
+    kr60: ArmModel, truth: Truth, two_targets: AbsoluteReadings
+) -> None:
+    rigid = {f"j{j}": np.inf for j in range(1, 7)}
+    soft = kr60.with_springs(rigid | {"j2": 1e6, "j3": 5e5})
+    free = ("geometry", "ratios", "periodic4")
+    with_them, without = (calibrate_positions(m, two_targets, free, parts=3) for m in (soft, kr60.with_springs(rigid)))
+    assert with_them.left_out.rms_m < 1.7 * np.sqrt(3.0) * 2e-5
+    assert without.left_out.rms_m > 3.0 * with_them.left_out.rms_m
+    assert not [f for f in with_them.findings if "stiffness" in f.name]
+    predicted = carried_over(with_them.found, two_targets.take(np.arange(10)))[0]
+    assert_allclose(predicted.error, with_them.found.residual[:10], atol=1e-7)
