@@ -25,6 +25,8 @@ LOOKED_AT = 4
 # Members of a combination below this share of the largest are not named.
 NAMED = 1e-4
 POSES = 150
+# Poses are drawn so many times, for couplings of joints allow some of them alone.
+TRIED = 10
 ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic")
 
 
@@ -86,10 +88,13 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
     low, high = np.clip(model.robot.limits, -np.pi, np.pi).T
     wide = np.where(high > low, high - low, 1.0)
     n = POSES * len(data.target.names)
+    q = low + wide * rng.uniform(size=(TRIED * n, model.robot.dof))
+    # Couplings keep parallelograms from folding flat.
+    q = q[np.argsort(~model.robot.reachable(q), kind="stable")][:n]
     pick = rng.integers(0, len(data), n)
     span = float(data.rail.min(initial=0.0)), float(data.rail.max(initial=0.0))
     return replace(
-        data, q=low + wide * rng.uniform(size=(n, model.robot.dof)), position=np.zeros((n, 3)),
+        data, q=q, position=np.zeros((n, 3)),
         session=Labels(("",), np.zeros(n, dtype=np.int64)),
         target=Labels(data.target.names, np.arange(n) % len(data.target.names)),
         payload=data.payload[pick], rail=rng.uniform(*span, n), sigma=np.full(n, np.nan),

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from doe import bundled_data, read_measurements, write_measurements
+from doe.absolute.table import read_absolute
 from doe.estimation.campaign import load_campaign
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
@@ -225,6 +226,23 @@ def _pendant(path: Path) -> object:
     return readings
 
 
+def _positions() -> list[Sample]:
+    head = (
+        f"{','.join(ROBOT.coordinates)},x_mm,y_mm,z_mm,session,target,payload_kg,payload_z_mm,rail_mm,sigma_mm,operator"
+    )
+    rows = "10,-60,30,1,2,3,1500,20,900,a,ball,5,100,0,0.02,anna\n20,-70,40,1,2,3,1400,30,850,b,ball,,,1500,,bert"
+    return [Sample(".csv", f"{head}\n{rows}\n".encode())]
+
+
+def _absolute(path: Path) -> object:
+    data = read_absolute(path, ROBOT)
+    loads = np.array([[one.kg, *one.centre] for one in data.payloads])
+    require_finite((data.q, data.position, data.rail, loads), "absolute readings")
+    require(len(data) == len(data.session.number) == len(data.target.number), "labels of all readings")
+    require(bool(np.all(data.payload < len(data.payloads))), "payloads that are there")
+    return data
+
+
 def _told(path: Path) -> object:
     """What is no file of ours is left to its reader: nothing is raised."""
     return kind_of(path)
@@ -238,6 +256,7 @@ READERS: dict[str, Reader] = {
     "measurement file: workbook": Reader(_workbooks, _measurements, WORKBOOK, cost=8.0),
     "measurement file: Denavit-Hartenberg": Reader(_dh_tables, _dh_arm, TABLE),
     "measurement file: pendant": Reader(_pendant_tables, _pendant, TABLE),
+    "measurement file: positions": Reader(_positions, _absolute, TABLE),
     "measurement file: joint twists": Reader(
         lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0
     ),
