@@ -61,6 +61,16 @@ class Truth:
         """Joint and values of the hidden effects of some kinds that sit at a joint."""
         return [(self.arm.index(e["where"]), e) for e in self.of(*kinds)]
 
+    def on_springs(self, compliance: Array) -> Truth:
+        """The same hidden effects, and nothing else, in an arm of springs ``compliance`` (dof,) rad/(N m).
+
+        A joint that is hidden to give way does so as before.
+        """
+        springs = compliance.copy()
+        for j, e in self.at_joints("joint-compliance"):
+            springs[j] = 1.0 / e["k_Nm_per_rad"]
+        return dataclasses.replace(self, nuisance=nuisance.nothing(self.arm), compliance=springs)
+
 
 def built(truth: Truth) -> Arm:
     """The arm as it stands there: nuisance and load path."""

@@ -75,12 +75,7 @@ def _plain(given: Arm, world: WorldArm) -> Truth:
 
 def _change(one: World, compliance: Array, without: Array) -> Array:
     """What the hidden effect alone changes of the readings ``without`` it (n, 3), springs ``compliance`` (dof,)."""
-    given = compliance.copy()
-    for e in one.truth.effects:
-        if e["kind"] == "joint-compliance":
-            given[one.arm.index(e["where"])] = 1.0 / e["k_Nm_per_rad"]
-    truth = replace(one.truth, nuisance=nuisance.nothing(one.arm), compliance=given)
-    return np.asarray(exact(truth, one.readings) - without)
+    return np.asarray(exact(one.truth.on_springs(compliance), one.readings) - without)
 
 
 def by_catalogue(p: Planned, code: str, draws: int, seed: int) -> Array:
