@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from machining.cell.schema import CommandsTable
 from machining.inputs import as_frame, as_units
 from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array, Bools, finite
@@ -127,6 +128,7 @@ class Cell:
     home : (dof,) rad, a pose in which nothing collides; None: the middle of the joint ranges
     safety : distance (m) that a user wants kept; nothing here adds it to bodies
     allowed_contacts : pairs of body names that are not checked against each other; ``"floor"`` is one too
+    commands : outputs, inputs and routines of the robot's controller for spindle, coolant, probe and tool changer
 
     Raises
     ------
@@ -148,6 +150,7 @@ class Cell:
     safety: float = 0.0
     home: Array | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
+    commands: CommandsTable = field(default_factory=CommandsTable)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_base0", as_frame("robot frame in the world", self.T_world_base0))

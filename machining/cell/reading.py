@@ -63,6 +63,7 @@ def parse_cell(text: str, where: str, folder: Path) -> Cell:
         safety=table.robot.safety_mm * MM,
         home=None if table.robot.home_deg is None else np.radians(table.robot.home_deg),
         allowed_contacts=table.allowed_contacts,
+        commands=table.commands,
     )
 
 

@@ -6,6 +6,7 @@ and a cylinder stand on the xy plane of their frame.
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -19,6 +20,13 @@ LARGEST = 1e9
 SMALLEST = 1e-6
 # Bodies in mm: from a thin sheet to a hall. Collision checks merge points nearer than 1e-8 m.
 THINNEST, WIDEST = 1e-3, 1e7
+
+# Names of controllers' signals and routines, and how many terminals one has at most.
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
+MOST_TERMINALS = 8192
+DIGITAL_OUTPUTS = (
+    "spindle_clockwise", "spindle_counterclockwise", "coolant_flood", "coolant_mist", "coolant_through", "probe",
+)  # fmt: skip
 
 Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=THINNEST, le=WIDEST)]
@@ -201,6 +209,51 @@ class TurntableTable(Strict):
         return self
 
 
+def _a_terminal(name: int | str) -> int | str:
+    if isinstance(name, str) and not NAME.fullmatch(name):
+        raise ValueError("must be a number, or a name of letters, digits and _ that starts with a letter")
+    if isinstance(name, int) and not 0 <= name <= MOST_TERMINALS:
+        raise ValueError(f"must be a number from 0 to {MOST_TERMINALS}, or a name")
+    return name
+
+
+# An output or input of the robot's controller: by number (KUKA, Universal Robots) or by name (ABB, Staubli).
+Terminal = Annotated[int | str, AfterValidator(_a_terminal)]
+
+
+class CommandsTable(Strict):
+    """How the robot's controller tells spindle, coolant, probe and tool changer what to do; what is missing it cannot.
+
+    Digital outputs that are on while something is; ``spindle_speed``: an analog output, at full scale at
+    ``spindle_full_rpm``. ``optional_stop``, ``restart``: digital inputs, on: stop there; go on behind a stop (where the
+    language has no stop of its own). ``tool_change``: a routine of the controller, called with the tool's number.
+    """
+
+    spindle_clockwise: Terminal | None = None
+    spindle_counterclockwise: Terminal | None = None
+    spindle_speed: Terminal | None = None
+    spindle_full_rpm: Positive | None = None
+    coolant_flood: Terminal | None = None
+    coolant_mist: Terminal | None = None
+    coolant_through: Terminal | None = None
+    probe: Terminal | None = None
+    optional_stop: Terminal | None = None
+    restart: Terminal | None = None
+    tool_change: str | None = None
+
+    @model_validator(mode="after")
+    def _once(self) -> Self:
+        outputs = [getattr(self, key) for key in DIGITAL_OUTPUTS]
+        named = [str(terminal).lower() for terminal in outputs if terminal is not None]
+        if len(set(named)) < len(named):
+            raise ValueError("an output may do one thing only")
+        if (self.spindle_speed is None) != (self.spindle_full_rpm is None):
+            raise ValueError("spindle_speed and spindle_full_rpm go together")
+        if self.tool_change is not None and not NAME.fullmatch(self.tool_change):
+            raise ValueError("tool_change must be a name of letters, digits and _ that starts with a letter")
+        return self
+
+
 class CellFile(Strict):
     """A whole cell file."""
 
@@ -215,3 +268,4 @@ class CellFile(Strict):
     linear_axis: tuple[LinearAxisTable, ...] = Field(default=(), max_length=3)
     turntable: TurntableTable | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
+    commands: CommandsTable = Field(default_factory=CommandsTable)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -10,8 +11,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from machining.cell.schema import CommandsTable
+from machining.programs.actions import Action, Pattern, Reader, by_table, difference, names_of
 from machining.programs.convention import Convention, convention_for
 from machining.programs.format import Format, ProgramFile, RoundTrip, Written
+from machining.programs.happenings import Between, between
 from machining.programs.job import (
     Commands,
     Job,
@@ -30,6 +34,7 @@ from machining.programs.program import JointProgram, frame_distance, tool_in_par
 from machining.programs.read_back import ReadMove, ReadMoves, collected
 from machining.programs.rendering import environment, rendered
 from machining.programs.write_options import WriteOptions
+from machining.toolpaths.motions import Event, Motions
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
 from robots.frames import framed
@@ -49,16 +54,26 @@ class Controller(Format):
     the files that its moves go into by ``moves.j2``, "" where those of ``main`` have them. In names ``{name}`` stands
     for the program's, ``{NAME}`` for that in capitals, ``{number}`` for the part's. ``orientation`` of Cartesian
     programs; ``speed_unit``: m/s in the unit of speeds, None where none are written.
+
+    ``scaled``: analog outputs take a share of full scale; ``own_stop``: a stop needs no input.
+    ``actions`` and ``asks``: how actions, and the question before an optional stop, are written.
     """
 
     main: ClassVar[tuple[tuple[str, str], ...]]
     part: ClassVar[str] = ""
     orientation: ClassVar[Orientation] = ABC
     speed_unit: ClassVar[float | None] = None
+    terminals = "names"
+    scaled: ClassVar[bool] = True
+    own_stop: ClassVar[bool] = True
+    actions: ClassVar[tuple[Pattern, ...]] = ()
+    asks: ClassVar[re.Pattern[str] | None] = None
 
     @abstractmethod
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
-        """Moves of a program's files, main file first, written for the robot, cell and options given.
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
+        """Moves and actions of a program's files, main file first, written for the robot, cell and options given.
 
         Raises
         ------
@@ -72,6 +87,19 @@ class Controller(Format):
         None: the language has no words for them.
         """
         return None
+
+    def means(self, event: Event, motions: Motions, table: CommandsTable) -> tuple[tuple[Action, ...], str]:
+        """Actions of a command, and what of it is not defined ("": nothing). Errors as :func:`by_table`."""
+        return by_table(event, motions, table, scaled=self.scaled, stops=self.own_stop)
+
+    def between(self, program: JointProgram) -> Between:
+        """What comes between the moves, with its actions in this language."""
+        table = program.cell.commands
+        return between(program.motions, lambda event, motions: self.means(event, motions, table))
+
+    def reader(self, program: JointProgram) -> Reader:
+        """Reads the actions of this language by the names of the program's cell."""
+        return Reader(self.actions, self.asks, names_of(program.cell.commands))
 
     def own_context(self, job: Job) -> dict[str, object]:
         """What the templates of this language know beyond others. Raises InputError for what it cannot hold."""
@@ -135,13 +163,20 @@ class Controller(Format):
 
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:
         """See :class:`Format`."""
-        job = job_of(program, kind, options, self.convention(program.robot, external_count(program), options))
+        self.check_commands(program.cell.commands)
+        convention = self.convention(program.robot, external_count(program), options)
+        job = job_of(program, kind, options, convention, self.between(program))
         files = self._files(job, templates)
         joint_rapid = int((program.motions.rapid & job.commands.joint)[1:].sum())
         notes = self.notes(job)
         if joint_rapid:
             notes.append(f"{joint_rapid} rapid moves are joint moves: between their ends they leave the straight line")
-        return Written(tuple(files), tuple(notes))
+        for one in job.between.undefined:
+            notes.append(
+                f"[commands] of the cell file does not define {one.what}: {one.count} commands, the first of line "
+                f"{one.line}, are not in the program but as comments"
+            )
+        return Written(tuple(files), tuple(notes), job.between.undefined)
 
     def frame(self, job: Job, T: Array | None) -> tuple[str, ...] | None:
         """A frame (4, 4) m as text; None stays None."""
@@ -204,14 +239,13 @@ class Controller(Format):
                 formatted(job.externals(part), job.external_decimals),
                 self.configurations(job, part),
                 self._speeds(job, part),
-                motions.dwell[part].tolist(),
                 strict=True,
             )
-            for i, line, new, rapid, jointly, stop, words, axes, sides, speed, dwell in rows:
+            for i, line, new, rapid, jointly, stop, words, axes, sides, speed in rows:
                 changed = speed if speed != said else None
                 said = speed
-                rest, here = f"{dwell:.3f}" if dwell > 0.0 else None, job.happenings.get(i, ())
-                yield Move(i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, rest)
+                here = job.between.happenings.get(i, ())
+                yield Move(i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here)
 
     def _precision_notes(self, job: Job) -> list[str]:
         """Say where the decimals alone move the tool by more than ``WANTED``."""
@@ -261,6 +295,7 @@ class Controller(Format):
             pace=self.pace(found, wanted, options),
             same_moves=bool((found.joint == self.joint_moves(wanted, kind)).all()),
             same_sides=kind == "joint" or self._same_sides(found, program, convention),
+            commands=difference(self.between(program).actions, found.actions, found.where),
         )
 
     def _check_same(self, found: ReadMoves, program: JointProgram, kind: Kind) -> None:

@@ -15,7 +15,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from machining.cell import Cell
-from machining.cell.schema import Strict
+from machining.cell.schema import CommandsTable, Strict
+from machining.programs.happenings import Undefined
 from machining.programs.job import Kind
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
 from machining.programs.write_options import WriteOptions
@@ -46,10 +47,14 @@ class ProgramFile:
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """A program's files, the main one first, and ``notes``: what a user has to know before it runs."""
+    """A program's files, the main one first, and ``notes``: what a user has to know before it runs.
+
+    ``undefined``: commands of the tool path that stand as comments, because cell or language know no way for them.
+    """
 
     files: tuple[ProgramFile, ...]
     notes: tuple[str, ...]
+    undefined: tuple[Undefined, ...] = ()
 
     def save(self, path_of: Callable[[str], Path]) -> None:
         """Write all files; ``path_of`` gives the place of a name (as ``OutputFolder.path`` does)."""
@@ -67,7 +72,8 @@ class RoundTrip:
 
     ``tip`` m and ``turned`` rad of the tool frames (joint programs by forward kinematics); ``travel`` m of linear
     axes, ``table`` rad; ``pace``: speed or time of a move as a share of it; ``same_moves``: joint moves are where
-    they were asked for; ``same_sides``: the arm's configuration is that of the joint angles, where it decides.
+    they were asked for; ``same_sides``: the arm's configuration is that of the joint angles, where it decides;
+    ``commands``: what differs first among the commands between moves, None where nothing does.
     """
 
     tip: float
@@ -77,6 +83,7 @@ class RoundTrip:
     pace: float
     same_moves: bool
     same_sides: bool = True
+    commands: InputError | None = None
 
     def within(self, tolerance: float = 1e-6) -> bool:
         """Whether nothing differs, and tool frames and axes by less than so many m and rad."""
@@ -100,7 +107,7 @@ class RoundTrip:
         if not self.pace < SAME_PACE:
             value, allowed = f"by {100.0 * self.pace:.3g} %", f"{100.0 * SAME_PACE:g} %"
             return InputError("speeds differ from the tool path's", value=value, allowed=allowed, remedy=template)
-        return None
+        return self.commands
 
 
 class Format(ABC):
@@ -109,7 +116,8 @@ class Format(ABC):
     ``name`` and ``title``; ``kinds`` that it writes; ``neutral``: without a controller's joint convention, and with
     both kinds of coordinates in one file. ``table``: key and model of the options of this format alone. ``words``: that
     mean something in it, so that no program, tool or frame may be called so. ``external_axes``: whether it can
-    move them, hold them, or has none.
+    move them, hold them, or has none. ``terminals``: what outputs and inputs of the cell's ``[commands]`` are: numbers,
+    from the first to the last, names, or whatever they like where none are written.
     """
 
     name: ClassVar[str]
@@ -119,6 +127,7 @@ class Format(ABC):
     table: ClassVar[tuple[str, type[Strict]] | None] = None
     words: ClassVar[frozenset[str]] = frozenset()
     external_axes: ClassVar[Literal["moving", "still", "none"]] = "moving"
+    terminals: ClassVar[tuple[int, int] | Literal["names", "any"]] = "any"
 
     def folder(self, kind: Kind) -> str:
         """Where the files of a kind go."""
@@ -135,6 +144,26 @@ class Format(ABC):
             if getattr(options, key).lower() in self.words:
                 raise InputError(f"{key} of a {self.name} program", value=getattr(options, key),
                                  allowed="no word of the language", remedy="choose another name")  # fmt: skip
+
+    def check_commands(self, table: CommandsTable) -> None:
+        """Refuse outputs, inputs and routines of a cell file that this controller does not have."""
+        for key, given in table.model_dump(exclude={"spindle_full_rpm", "tool_change"}).items():
+            if given is None or self.terminals == "any":
+                continue
+            fits, allowed = isinstance(given, str), "a name"
+            if isinstance(self.terminals, tuple):
+                first, last = self.terminals
+                fits, allowed = isinstance(given, int) and first <= given <= last, f"a number from {first} to {last}"
+            if not fits:
+                raise InputError(
+                    f"cell file, [commands] {key} for {self.title}", value=given, allowed=allowed,
+                    remedy="correct it, or leave it out",
+                )  # fmt: skip
+        if table.tool_change is not None and table.tool_change.lower() in self.words:
+            raise InputError(
+                f"cell file, [commands] tool_change for {self.title}", value=table.tool_change,
+                allowed="no word of the language", remedy="choose another name",
+            )  # fmt: skip
 
     @abstractmethod
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:
@@ -183,4 +212,9 @@ class Neutral(Format):
             table=float(np.abs(back.table - program.table).max()),
             pace=float(np.abs(feed[known] / wanted[known] - 1.0).max(initial=0.0)),
             same_moves=bool((back.motions.rapid == program.motions.rapid).all() and (np.isfinite(feed) == known).all()),
+            commands=self.told(program, back),
         )
+
+    def told(self, program: JointProgram, back: JointProgram) -> InputError | None:
+        """What differs first between the events of a program and what was read back; None where nothing does."""
+        return None

@@ -11,16 +11,16 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from machining.programs.convention import Convention
+from machining.programs.happenings import NOTHING, Between, Happening
 from machining.programs.program import JointProgram, frame_distance
 from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Motions
 from robots import InputError
 from robots.arrays import Array, Bools
-from robots.constants import MM, MM_MIN, RPM
+from robots.constants import MM, MM_MIN
 from robots.kinematics import stretched_length
 
 Kind = Literal["cartesian", "joint"]
@@ -89,74 +89,13 @@ def _durations(program: JointProgram, speed: Array, turning: float, options: Wri
     return np.concatenate([np.full(min(1, program.n), np.nan), np.maximum(time, SHORTEST)])
 
 
-@dataclass(frozen=True)
-class Happening:
-    """What is not motion: ``kind`` "tool", "spindle", "operation" or "event"; texts are :class:`SourceText`.
-
-    Tool: ``number`` ("" without), ``name``, ``diameter_mm`` ("" without). Spindle: ``rpm`` ("0": stop), ``clockwise``.
-    Operation: ``name``. Event: ``name`` its word, ``text``. ``line``: of the source, 0 unknown.
-    """
-
-    kind: str
-    name: SourceText = SourceText("")  # noqa: RUF009 - immutable
-    text: SourceText = SourceText("")  # noqa: RUF009
-    number: str = ""
-    diameter_mm: str = ""
-    rpm: str = ""
-    clockwise: bool = True
-    line: int = 0
-
-
-def happenings(motions: Motions) -> dict[int, list[Happening]]:
-    """What comes before each move; after the last under ``motions.n``."""
-    out: dict[int, list[Happening]] = {}
-
-    def put(move: int, happening: Happening) -> None:
-        out.setdefault(int(move), []).append(happening)
-
-    for event in motions.events:
-        put(
-            min(max(event.move, 0), motions.n),
-            Happening("event", SourceText(event.word), SourceText(event.text), line=event.line),
-        )
-    for move in _changes(motions.operation):
-        name = motions.operations[motions.operation[move]]
-        if name.strip():
-            put(move, Happening("operation", SourceText(name), line=int(motions.line[move])))
-    for move in _changes(motions.tool):
-        tool = motions.tools[motions.tool[move]]
-        if tool.number is None and not tool.name.strip():
-            continue
-        diameter = f"{tool.diameter * 1e3:.6g}" if np.isfinite(tool.diameter) else ""
-        number = "" if tool.number is None else str(int(tool.number))
-        put(
-            move,
-            Happening("tool", SourceText(tool.name), number=number, diameter_mm=diameter, line=int(motions.line[move])),
-        )
-    turning = 0.0
-    for move in _changes(np.nan_to_num(motions.spindle, nan=np.inf)):
-        spindle = float(motions.spindle[move])
-        if np.isfinite(spindle) and spindle != turning:
-            turning = spindle
-            rpm = f"{abs(spindle) / RPM:.6g}"
-            put(move, Happening("spindle", rpm=rpm, clockwise=spindle > 0.0, line=int(motions.line[move])))
-    return out
-
-
-def _changes(values: NDArray[np.generic]) -> list[int]:
-    """Moves whose value differs from the one before; the first counts."""
-    if len(values) == 0:
-        return []
-    return [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist()]
-
-
 @dataclass(slots=True)
 class Move:
     """One move as templates see it; all numbers are text already.
 
     ``number`` from 1; ``line`` of the source, ``new_line`` where it differs from the move before; ``rapid``;
     ``joint``: a joint move; ``stop``: no blending at its end; ``words``: coordinates; ``external``: axes beyond the
-    arm; ``configuration``; ``feed``: where it changes, else None; ``before``: happenings; ``dwell``: s, or None;
+    arm; ``configuration``; ``feed``: where it changes, else None; ``before``: happenings;
     ``place``: index from 0 within arrays of data.
     """
 
@@ -172,7 +111,6 @@ class Move:
     configuration: Sequence[object]
     feed: str | None
     before: Sequence[Happening]
-    dwell: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +126,7 @@ class Job:
     options: WriteOptions
     convention: Convention
     commands: Commands
-    happenings: dict[int, list[Happening]]
+    between: Between
     T_base: Array | None
     T_tool: Array
 
@@ -213,14 +151,16 @@ class Job:
 
     @cached_property
     def stops(self) -> Bools:
-        """Moves (n,) that end in an exact stop: the last, those with a dwell, before a change of tool or spindle.
+        """Moves (n,) that end in an exact stop: the last, those before a command, or a change of tool or spindle.
 
-        In Cartesian programs those between joint and straight moves too, which controllers blend each in its own way;
-        not those before other events: a stop in the cut would leave a mark. Without a zone for blending all.
+        Controllers run ahead of a move that is blended: what follows it would be done too early. In Cartesian programs
+        those between joint and straight moves too, which controllers blend each in its own way; not those before mere
+        words: a stop in the cut would leave a mark. Without a zone for blending all.
         """
-        stops = (self.program.motions.dwell > 0.0) | (self.options.blend_mm == 0.0)
-        changes = [m - 1 for m, found in self.happenings.items() if any(h.kind in ("tool", "spindle") for h in found)]
-        stops[changes] = True
+        stops = np.full(self.n, self.options.blend_mm == 0.0)
+        found = self.between.happenings.items()
+        changes = [m - 1 for m, all_ in found if any(h.actions or h.kind in ("tool", "spindle") for h in all_)]
+        stops[[m for m in changes if m >= 0]] = True
         if self.kind == "cartesian":
             stops[:-1] |= np.diff(self.commands.joint)
         stops[-1] = True
@@ -249,7 +189,7 @@ class Job:
             "head": [SourceText(line) for line in lines],
             "count": self.n,
             "cartesian": self.kind == "cartesian",
-            "after": self.happenings.get(self.n, []),
+            "after": self.between.happenings.get(self.n, ()),
             "blend_mm": plain(o.blend_mm),
             "joint_percent": plain(o.joint_percent),
             "rotation_deg_s": plain(o.rotation_deg_s),
@@ -288,7 +228,9 @@ def formatted(values: Array, decimals: Sequence[int]) -> list[tuple[str, ...]]:
     return [tuple((pattern % tuple(row)).split(" ")) for row in rounded.tolist()]
 
 
-def job_of(program: JointProgram, kind: Kind, options: WriteOptions, convention: Convention) -> Job:
+def job_of(
+    program: JointProgram, kind: Kind, options: WriteOptions, convention: Convention, between: Between = NOTHING
+) -> Job:
     """Collect what a writer needs. Raises InputError for an empty program, or feeds that are not known."""
     if program.n == 0:
         raise InputError("program", value="no moves", allowed="one move or more")
@@ -297,9 +239,7 @@ def job_of(program: JointProgram, kind: Kind, options: WriteOptions, convention:
     if convention.T_base is not None and program.cell.turntable is None:
         T_base = np.linalg.inv(program.cell.T_world_base0 @ convention.T_base) @ program.cell.T_world_part0
     T_tool = np.linalg.inv(convention.T_flange) @ program.cell.tool.T_flange_tool
-    return Job(
-        program, kind, options, convention, commands(program, options), happenings(program.motions), T_base, T_tool
-    )
+    return Job(program, kind, options, convention, commands(program, options), between, T_base, T_tool)
 
 
 def farthest(program: JointProgram) -> float:

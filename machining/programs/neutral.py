@@ -1,6 +1,6 @@
 """Neutral programs: everything of a :class:`JointProgram` as columns of moves; written without templates.
 
-Schema ``stiffarm-program/1``. Each move has its source line; joint angles are the project's own (no controller's sign
+Schema ``stiffarm-program/2``. Each move has its source line; joint angles are the project's own (no controller's sign
 or zero); lengths in mm, angles in deg, feeds in mm/min, speeds in rpm. Numbers have all their digits. What is not known
 is null, or an empty field.
 """
@@ -23,7 +23,7 @@ from robots.arrays import Array, Integers
 from robots.constants import MM_MIN, RPM
 from robots.frames import framed
 
-SCHEMA = "stiffarm-program/1"
+SCHEMA = "stiffarm-program/2"
 BLOCK = 2000
 # Columns between the fixed ones in front and the frame behind: q1_deg ..., e1_mm ..., table_deg.
 FRONT = (

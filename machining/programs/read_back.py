@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from machining.magnitudes import LARGEST
+from machining.programs.actions import Action, Reader
 from robots import InputError
 from robots.arrays import Array, Bools
 
@@ -36,7 +37,8 @@ class ReadMoves:
 
     ``words`` (n, k): coordinates, mm and deg (RAPID's quaternion without unit); ``external`` (n, e) mm and deg;
     ``joint`` (n,) joint moves; ``configuration``: of each move, empty where there is none; ``speed`` (n,) m/s,
-    ``duration`` (n,) s, either NaN where the file does not say.
+    ``duration`` (n,) s, either NaN where the file does not say. ``where`` each stands; ``actions``: what is done
+    besides, each with the move that it comes before.
     """
 
     kind: str
@@ -46,10 +48,12 @@ class ReadMoves:
     configuration: list[Sequence[object]]
     speed: Array
     duration: Array
+    where: Sequence[str] = ()
+    actions: Sequence[tuple[int, Action]] = ()
 
 
-def collected(moves: Iterable[ReadMove]) -> ReadMoves:
-    """All moves of a program.
+def collected(moves: Iterable[ReadMove | Action]) -> ReadMoves:
+    """All moves of a program, and what is done between them.
 
     Raises
     ------
@@ -57,7 +61,11 @@ def collected(moves: Iterable[ReadMove]) -> ReadMoves:
         Nothing was read, a move of another kind or number of axes than those before, a number that is not finite.
     """
     rows: list[ReadMove] = []
+    actions: list[tuple[int, Action]] = []
     for move in moves:
+        if isinstance(move, Action):
+            actions.append((len(rows), move))
+            continue
         first = rows[0] if rows else move
         sizes = len(move.words), len(move.external)
         if move.kind != first.kind:
@@ -68,11 +76,12 @@ def collected(moves: Iterable[ReadMove]) -> ReadMoves:
         rows.append(move)
     if not rows:
         raise InputError("program", value="no move in it", allowed="one or more")
-    _, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
+    where, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
     placed, axes = np.array(words), np.array(external).reshape(len(rows), -1)
     if not (np.isfinite(placed).all() and np.isfinite(axes).all()):
         raise InputError("coordinate in a program", allowed="finite numbers")
-    return ReadMoves(kinds[0], placed, axes, np.array(joint), list(configuration), np.array(speed), np.array(duration))
+    rates = np.array(speed), np.array(duration)
+    return ReadMoves(kinds[0], placed, axes, np.array(joint), list(configuration), *rates, where, actions)
 
 
 def number(where: str, text: str) -> float:
@@ -95,11 +104,12 @@ def whole(where: str, text: str) -> int:
 
 
 class Line(NamedTuple):
-    """A line of a program: ``where`` it stands, its ``code`` without comment, and the ``move`` that it is, or None."""
+    """A line of a program: ``where`` it stands, its ``code`` without comment, the ``move`` or ``action`` that it is."""
 
     where: str
     code: str
     move: re.Match[str] | None
+    action: Action | None = None
 
 
 @dataclass(frozen=True)
@@ -121,8 +131,10 @@ class Grammar:
     jumps: re.Pattern[str]
     call: tuple[re.Pattern[str], str] | None = None
 
-    def lines(self, files: Mapping[str, str]) -> Iterator[Line]:
+    def lines(self, files: Mapping[str, str], reader: Reader) -> Iterator[Line]:
         """Lines of the main file, then of the sub-programs that it calls, in their order.
+
+        Actions within conditions do not count, but for a stop that waits for the input of optional stops.
 
         Raises
         ------
@@ -143,16 +155,16 @@ class Grammar:
                 raise InputError("sub-program", value=missing[0], allowed=what, remedy="give all its files")
             bodies += [(names[call.lower()], files[names[call.lower()]]) for call in calls]
         for source, body in bodies:
-            yield from self._statements(source, body)
+            yield from self._statements(source, body, reader)
 
-    def _statements(self, source: str, body: str) -> Iterator[Line]:
-        depth = 0
+    def _statements(self, source: str, body: str, reader: Reader) -> Iterator[Line]:
+        depth, asked = 0, ("", -1)
         for i, line in enumerate(body.splitlines(), 1):
             code = _STRING.sub('""', line).partition(self.comment)[0]
             where = f"{source}, line {i}"
             if self.jumps.search(code):
                 raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
-            depth += len(self.opens.findall(code)) - len(self.closes.findall(code))
+            depth = max(0, depth + len(self.opens.findall(code)) - len(self.closes.findall(code)))
             move = self.move.match(code)
             if self.motion.search(code):
                 if move is None:
@@ -160,7 +172,13 @@ class Grammar:
                 if depth > 0:
                     what = f"{where}: motion within a loop or a condition"
                     raise InputError(what, value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
-            yield Line(where, code, move)
+            asks, action = reader.optional(code), reader.found(code)
+            if asks is not None:
+                asked = asks, depth
+            if action is not None and depth > 0:
+                is_asked = action.kind == "stop" and asked[1] == depth
+                action = Action("optional_stop", asked[0], action.name) if is_asked else None
+            yield Line(where, code, move, action)
 
 
 def file_of(files: Mapping[str, str], suffix: str) -> tuple[str, str]:

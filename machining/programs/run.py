@@ -98,6 +98,7 @@ def run_post(
     for target in request.targets:
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         FORMATS[target.name].check(model.robot, externals, request.options)
+        FORMATS[target.name].check_commands(cell.commands)
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found = None

@@ -15,6 +15,9 @@ from robots.arrays import Array, Bools, Integers
 # Longest text (characters) that an event or a name keeps, so that a file cannot fill messages and reports.
 TEXT_LIMIT = 200
 Per = Literal["minute", "turn"]
+# Kinds of commands among the words that are no motion ("": none), and what a coolant can be.
+KINDS = ("", "operation", "tool", "spindle", "coolant", "dwell", "stop", "optional stop", "probe")
+COOLANTS = ("flood", "mist", "through", "off")
 
 
 @dataclass(frozen=True)
@@ -49,12 +52,29 @@ class Feed:
 
 @dataclass(frozen=True)
 class Event:
-    """A word that is no motion: source ``line``, ``move`` it comes before (n: after the last), ``word``, ``text``."""
+    """A word that is no motion: source ``line``, ``move`` it comes before (n: after the last), ``word``, ``text``.
+
+    ``kind`` of a command to the machine, "" for words that ask nothing of it; ``value`` of it:
+
+    - "operation", "tool": index into the motions' table of them
+    - "spindle": rad/s, positive clockwise, 0 stops it; NaN where the speed is not known, then ``text`` is "CLW" or
+      "CCLW"
+    - "coolant": ``text`` is one of :data:`COOLANTS`; each is switched on by itself, "off" is for all
+    - "dwell": s; "stop", "optional stop": none; "probe": 1 on, 0 off
+    """
 
     line: int
     move: int
     word: str
     text: str
+    kind: str = ""
+    value: float = math.nan
+
+    def same(self, other: Event) -> bool:
+        """Whether another is the same event, its value within rounding."""
+        mine, others = ((e.line, e.move, e.word, e.text, e.kind) for e in (self, other))
+        both_unknown = math.isnan(self.value) and math.isnan(other.value)
+        return mine == others and (both_unknown or math.isclose(self.value, other.value, rel_tol=1e-9, abs_tol=1e-9))
 
 
 @dataclass(frozen=True)
@@ -86,7 +106,8 @@ class Motions:
     dwell : (n,) s of rest after the move
     operation : (n,) index into ``operations``
     tools, operations : tables
-    events : words that are no motion, in the order of the file
+    events : words that are no motion, commands to the machine among them, in the order of the file; what ``tool``,
+        ``spindle``, ``dwell`` and ``operation`` say beyond them :func:`machining.toolpaths.events.ordered` adds
     notes : what was odd
     source : name of the file
 
@@ -94,7 +115,8 @@ class Motions:
     ------
     InputError
         Shapes that do not fit, coordinates, feeds, spindle speeds and dwells that cannot be
-        (:mod:`machining.magnitudes`), axes that are not unit vectors, indices out of their tables.
+        (:mod:`machining.magnitudes`), axes that are not unit vectors, indices out of their tables, events
+        before no move or with values that cannot be.
     """
 
     points: Array
@@ -131,6 +153,27 @@ class Motions:
         for name, good, allowed in checks:
             if not good:
                 raise InputError(f"motions, {name}", allowed=allowed)
+        for event in self.events:
+            self._check(event)
+
+    def _check(self, event: Event) -> None:
+        """Raise InputError for an event that no machine could follow."""
+        value, where = event.value, f"motions, {event.kind or 'event'} of line {event.line}"
+        sizes = {"tool": len(self.tools), "operation": len(self.operations), "probe": 2}
+        if event.kind not in KINDS:
+            raise InputError(where, allowed=", ".join(KINDS[1:]))
+        if not 0 <= event.move <= self.n:
+            raise InputError(where, value=f"before move {event.move}", allowed=f"0 to {self.n}")
+        if event.kind in sizes and not (0.0 <= value < sizes[event.kind] and value == int(value)):
+            raise InputError(where, value=value, allowed=f"a whole number below {sizes[event.kind]}")
+        if event.kind == "spindle" and (
+            abs(value) > limits.FASTEST_TURN or (math.isnan(value) and event.text not in ("CLW", "CCLW"))
+        ):
+            raise InputError(where, value=value, allowed=f"up to {limits.FASTEST_TURN:g} rad/s, or CLW or CCLW")
+        if event.kind == "dwell" and not 0.0 <= value <= limits.LONGEST_REST:
+            raise InputError(where, value=value, allowed=f"0 to {limits.LONGEST_REST:g} s")
+        if event.kind == "coolant" and event.text not in COOLANTS:
+            raise InputError(where, value=event.text, allowed=", ".join(COOLANTS))
 
     @property
     def n(self) -> int:

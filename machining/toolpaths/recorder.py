@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,13 @@ class Recorder:
         self.operations: dict[str, int] = {}
         self.events: list[Event] = []
         self._lost_events = 0
+        # Event of a tool change whose tool is not known yet, and whether the file says it by a word of its own.
+        self._change: tuple[int, bool] | None = None
+        # Events of operations that may have no moves.
+        self._begun: list[int] = []
+        self._turning = self._cooled = False
+        # Moves made when the spindle was told last.
+        self._told_at = 0
         self._notes: dict[str, tuple[int, int]] = {}
         self.faults = Faults(self.source)
 
@@ -56,6 +64,8 @@ class Recorder:
         named = self.operations.setdefault(clean(operation), len(self.operations))
         kept = self.tools.setdefault(tool, len(self.tools))
         self._states.extend((len(self.lines), feed, spindle, kept, named))
+        self._changed_to(tool)
+        self._begins(named)
 
     def move(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         """One move to ``point`` (m) with tool axis ``axis`` of any length."""
@@ -88,10 +98,67 @@ class Recorder:
         whole = self._dwells.get(last, 0.0) + seconds
         if not 0.0 <= whole <= limits.LONGEST_REST:
             self.error(line, "dwell", value=seconds, allowed=f"0 to {limits.LONGEST_REST:g} s")
-        elif len(self.lines):
+            return
+        if len(self.lines):
             self._dwells[last] = whole
-        elif seconds:
-            self.note(line, "a dwell before the first move is left out")
+        self.command(line, "dwell", seconds)
+
+    def command(self, line: int, kind: str, value: float = float("nan"), text: str = "", word: str = "") -> None:
+        """Keep a command to the machine where it stands (:class:`Event`); ``word``, ``text``: of the file."""
+        self.events.append(Event(line, len(self.lines), clean(word or kind), clean(text), kind, value))
+        if kind == "spindle":
+            self._turning, self._told_at = value != 0.0, len(self.lines)
+        elif kind == "coolant":
+            self._cooled = text != "off"
+
+    def operation(self, line: int, name: str, word: str) -> None:
+        """An operation begins here; one that has no moves is no more than a word."""
+        self._begun.append(len(self.events))
+        self.command(line, "operation", text=name, word=word)
+
+    def tool_change(self, line: int, word: str, text: str = "", *, number: int | None = None, stated: bool) -> None:
+        """A change to the tool of the next move stands here; ``stated``: by a word that means nothing else.
+
+        Before the next move the last word counts, and one that is stated before others. ``number``: where no move
+        follows. A spindle that has turned for moves before is stopped for it, as by every control and postprocessor.
+        """
+        if stated and self._turning and self._told_at < len(self.lines):
+            self.command(line, "spindle", 0.0, "OFF", "SPINDL")
+        if self._change is not None:
+            place, firm = self._change
+            if firm and not stated:
+                self.event(line, word, text)
+                return
+            self.events[place] = replace(self.events[place], kind="", value=float("nan"))
+        self._change = len(self.events), stated
+        self.events.append(
+            Event(line, len(self.lines), clean(word), clean(text), "tool", -1.0 if number is None else number)
+        )
+
+    def _changed_to(self, tool: Tool) -> None:
+        """What tool the change before the next move is to."""
+        if self._change is not None:
+            place, _ = self._change
+            self.events[place] = replace(self.events[place], value=float(self.tools[tool]))
+            self._change = None
+
+    def _begins(self, operation: int | None) -> None:
+        """Which of the operations named since the last state has the moves to come."""
+        names, last = list(self.operations), self._begun[-1:]
+        for place in self._begun:
+            event = self.events[place]
+            is_it = operation is not None and [place] == last and event.text == names[operation]
+            self.events[place] = replace(
+                event, kind="operation" if is_it else "", value=float(operation or 0) if is_it else float("nan")
+            )
+        self._begun.clear()
+
+    def finish(self, line: int, word: str) -> None:
+        """The end of a program, which stops spindle and coolant as a control does there."""
+        if self._turning:
+            self.command(line, "spindle", 0.0, "OFF", word)
+        if self._cooled:
+            self.command(line, "coolant", text="off", word=word)
 
     def event(self, line: int, word: str, text: str = "", note: str = "") -> None:
         """Keep a word that is no motion, and remark on it."""
@@ -128,9 +195,24 @@ class Recorder:
         if not self.faults and not len(line):
             self.error(0, "no motion in the file", remedy="give the file of a tool path")
         self.faults.raise_if_any("tool path file")
+        self._settle_change()
+        self._begins(None)
         if self._lost_events:
             self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
         return self._table(points, axes, line)
+
+    def _settle_change(self) -> None:
+        """A tool change that no move follows is to a tool of its number, or no command."""
+        if self._change is None:
+            return
+        place, _ = self._change
+        number = self.events[place].value
+        if number < 0.0:
+            self.events[place] = replace(self.events[place], kind="", value=float("nan"))
+            return
+        tool = next((known for known in self.tools if known.number == number), Tool(number=int(number)))
+        self.tools.setdefault(tool, len(self.tools))
+        self._changed_to(tool)
 
     def _checked(self) -> tuple[Array, Array, Integers]:
         line = np.frombuffer(self.lines, dtype=np.int64) if len(self.lines) else np.zeros(0, dtype=np.int64)

@@ -16,7 +16,7 @@ import numpy as np
 
 from machining import magnitudes as limits
 from machining.task import REPEATED, ToolPath
-from machining.toolpaths.motions import Motions, Note, Tool, clean
+from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
 from machining.toolpaths.source import content
 from robots import InputError
 from robots.arrays import Array
@@ -69,6 +69,8 @@ REMEDY = (
 MARK = "# stiffarm motions 1"
 TOOL = "#tool"
 OPERATION = "#operation"
+# An event: source line, move it comes before, kind, value, word, text. Of the spindle the value is in rpm.
+EVENT = "#event"
 REWRITE = "write it with write_motions"
 
 
@@ -169,7 +171,7 @@ def _numbers(line: int, row: list[str], names: Sequence[str], faults: Faults, re
 
 
 def write_motions(path: str | Path, motions: Motions) -> None:
-    """Write moves, tools and operations; events and notes are not written.
+    """Write moves, tools, operations and events; notes are not written.
 
     Every number has the digits that make it come back within a rounding error (coordinates within 1e-9 m and better).
     """
@@ -178,7 +180,8 @@ def write_motions(path: str | Path, motions: Motions) -> None:
         for tool in motions.tools:
             sizes = [v * 1e3 for v in (tool.diameter, tool.corner_radius, tool.length)]
             head.append([TOOL, tool.number, tool.name, *sizes])
-        write_rows(file, [*head, *([OPERATION, name] for name in motions.operations), MOTIONS], "\r\n")
+        head += [[OPERATION, name] for name in motions.operations]
+        write_rows(file, [*head, *map(_event_row, motions.events), MOTIONS], "\r\n")
         columns = (
             *(motions.points * 1e3).T,
             *motions.axes.T,
@@ -195,6 +198,21 @@ def write_motions(path: str | Path, motions: Motions) -> None:
             write_rows(file, rows, "\r\n")
 
 
+def _event_row(event: Event) -> list[object]:
+    value = event.value / RPM if event.kind == "spindle" else event.value
+    return [EVENT, event.line, event.move, event.kind, value, event.word, event.text]
+
+
+def _event(row: list[str]) -> Event:
+    if len(row) != 7:
+        raise ValueError(f"an event with {len(row)} cells, not 7")
+    for cell in row[1:3]:
+        if not (cell.isascii() and cell.isdecimal() and len(cell) < 11):
+            raise ValueError(f"{cell[:40]!r} of an event is no whole number of up to ten digits")
+    value = float(row[4]) if row[4] else math.nan
+    return Event(int(row[1]), int(row[2]), row[5], row[6], row[3], value * RPM if row[3] == "spindle" else value)
+
+
 def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
     """Read what :func:`write_motions` wrote.
 
@@ -208,6 +226,7 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
     path = Path(path)
     tools: list[Tool] = []
     operations: list[str] = []
+    events: list[Event] = []
     table = {name: array("d") for name in MOTIONS}
     faults = Faults(path.name)
     data = io.BytesIO(content(path, max_bytes))
@@ -223,9 +242,13 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                     if len(values) == len(table):
                         for name, value in values.items():
                             table[name].append(value)
-                elif row[0] == TOOL:
+                elif row[0] in (TOOL, EVENT):
                     try:
-                        tools.append(_tool(list(map(as_read, row))))
+                        cells = list(map(as_read, row))
+                        if row[0] == TOOL:
+                            tools.append(_tool(cells))
+                        else:
+                            events.append(_event(cells))
                     except ValueError as error:
                         faults.say(reader.line_num, f"{path.name}, line {reader.line_num}: {error}")
                 elif row[0] == OPERATION and len(row) == 2:
@@ -233,14 +256,14 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                 elif tuple(row) == MOTIONS:
                     headed = True
                 else:
-                    allowed = f"{TOOL}, {OPERATION} or the columns"
+                    allowed = f"{TOOL}, {OPERATION}, {EVENT} or the columns"
                     faults.add(reader.line_num, "first cell", value=clean(row[0]), allowed=allowed, remedy=REWRITE)
         except csv.Error as error:
             raise InputError(f"{path.name}, line {reader.line_num} ({error})") from error
     if not faults and not len(table["line"]):
         raise InputError(f"{path.name} has no moves", allowed=",".join(MOTIONS))
     faults.raise_if_any("motions")
-    return _motions(table, tools, operations, path.name)
+    return _motions(table, tools, operations, events, path.name)
 
 
 def _tool(row: list[str]) -> Tool:
@@ -254,7 +277,9 @@ def _tool(row: list[str]) -> Tool:
     return Tool(int(row[1]) if row[1] else None, row[2], *sizes)
 
 
-def _motions(table: dict[str, array[float]], tools: list[Tool], operations: list[str], source: str) -> Motions:
+def _motions(
+    table: dict[str, array[float]], tools: list[Tool], operations: list[str], events: list[Event], source: str
+) -> Motions:
     columns = {name: np.frombuffer(column) for name, column in table.items()}
     axes = np.stack([columns[name] for name in AXIS], axis=1)
     length = np.linalg.norm(axes, axis=1, keepdims=True)
@@ -271,6 +296,7 @@ def _motions(table: dict[str, array[float]], tools: list[Tool], operations: list
         operation=columns["operation"].astype(np.int64),
         tools=tuple(tools) or (Tool(),),
         operations=tuple(operations) or ("",),
+        events=tuple(events),
         notes=(Note(0, f"tool axes of {off} moves are made unit vectors"),) if off else (),
         source=source,
     )

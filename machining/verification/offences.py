@@ -27,6 +27,7 @@ class Kind(StrEnum):
 
     COLLISION = "collision"
     RAPID_CONTACT = "cutter touches the part in rapid"
+    COMMAND = "spindle, coolant or tool command"
     LIMIT = "axis limit"
     BRANCH_JUMP = "branch jump"
     UNFOLLOWED = "straight line cannot be followed"
@@ -41,6 +42,7 @@ class Kind(StrEnum):
 KIND_WORDS = {
     Kind.COLLISION: "bodies overlap; cutter and part may touch while cutting",
     Kind.RAPID_CONTACT: "the cutter overlaps the part in a rapid move; material removal is not simulated",
+    Kind.COMMAND: "spindle, coolant, rest or tool change are commanded otherwise than the moves need it",
     Kind.UNPROVEN: "between two free poses a touch could not be excluded at the stated resolution",
     Kind.CLEARANCE: "bodies come nearer than the safety distance",
     Kind.LIMIT: "a joint, a coupling of joints or an external axis beyond its range",

@@ -11,6 +11,7 @@ import numpy as np
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
 from machining.programs.program import JointProgram
+from machining.verification.commands import command_offences, has_commands
 from machining.verification.courses import Courses, MovingAxes, courses_of
 from machining.verification.demands import Demands
 from machining.verification.offences import (
@@ -130,6 +131,7 @@ def verify(
         *body_offences(reported, swept, rapid, safety),
         *axis_offences(reported, timing),
         *path_offences(reported, path, demands),
+        *command_offences(reported),
     ]
     notes = (*scene.notes, *dict.fromkeys(str(note) for note in program.motions.notes))
     unknown = _not_looked_at(courses, scene, timing)
@@ -165,6 +167,7 @@ def _not_looked_at(courses: Courses, scene: Scene, timing: Timing) -> tuple[str,
         (weak, f"Accelerations of {', '.join(weak)}: the cell gives no limits."),
         (no_feed, f"Speeds and accelerations at {no_feed} cutting moves: they have no feed."),
         (no_time, f"Time of {no_time} moves, so that of the program."),
+        (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
         (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
         (not (cell.tool.holder or cell.tool.cutter), "Collisions of the tool: the cell gives no bodies of it."),
         (cell.floor is None, "Collisions with the floor: the cell has none."),

@@ -1,6 +1,6 @@
 """Neutral programs as CSV: the columns of moves, for tables and scripts.
 
-``# stiffarm-program/1`` first, then a line of names, then the columns with tool and operation spelled out; tables,
+``# stiffarm-program/2`` first, then a line of names, then the columns with tool and operation spelled out; tables,
 events and notes are not in it.
 """
 
@@ -27,7 +27,7 @@ WORDS = ("tool", "operation", "branch")
 
 
 class Csv(Neutral):
-    """Schema ``stiffarm-program/1`` (:mod:`machining.programs.neutral`), without tables, events and notes."""
+    """Schema ``stiffarm-program/2`` (:mod:`machining.programs.neutral`), without tables, events and notes."""
 
     name, title = "csv", "CSV"
 

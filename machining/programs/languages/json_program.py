@@ -2,11 +2,13 @@
 
 One object: ``schema``, ``source``, ``robot``, ``cell``, ``joints``, ``linear_axes``, ``turntable``, ``branches``,
 ``tools``, ``operations``, ``events``, ``notes``, ``columns``, and ``moves``, a list of rows, one a line. In it
-everything comes back.
+everything comes back. ``events`` has all that comes between moves in order: ``before_move`` says where, ``kind`` what
+the machine is told ("": nothing), ``spindle_rpm``, ``dwell_s``, ``tool``, ``operation``, ``on`` how much or which.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -18,16 +20,23 @@ from machining.cell import Cell
 from machining.programs.format import Neutral
 from machining.programs.neutral import BLOCK, SCHEMA, columns, integers, program_of, rows, table_of
 from machining.programs.program import JointProgram
+from machining.toolpaths.events import ordered
 from machining.toolpaths.motions import Event, Note, Tool
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.constants import RPM
 from robots.files.reading import parse_json
 
+# Key of a command's value, and what one of it is in SI.
+VALUES = {
+    "operation": ("operation", 1.0), "tool": ("tool", 1.0), "spindle": ("spindle_rpm", RPM), "dwell": ("dwell_s", 1.0),
+    "probe": ("on", 1.0),
+}  # fmt: skip
 SIZES = ("diameter_mm", "corner_radius_mm", "length_mm")
 
 
 class Json(Neutral):
-    """Schema ``stiffarm-program/1`` (:mod:`machining.programs.neutral`)."""
+    """Schema ``stiffarm-program/2`` (:mod:`machining.programs.neutral`)."""
 
     name, title = "json", "JSON"
 
@@ -54,7 +63,7 @@ class Json(Neutral):
                 for tool in m.tools
             ],
             "operations": list(m.operations),
-            "events": [{"line": e.line, "before_move": e.move, "word": e.word, "text": e.text} for e in m.events],
+            "events": [_event(event) for event in ordered(m)],
             "notes": [{"line": note.line, "text": note.text, "count": note.count} for note in m.notes],
             "columns": columns(robot, cell),
         }
@@ -94,6 +103,19 @@ class Json(Neutral):
         except (TypeError, ValueError, KeyError, OverflowError) as error:
             raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
 
+    def told(self, program: JointProgram, back: JointProgram) -> InputError | None:
+        """See :class:`Neutral`: every event, its value within rounding."""
+        for wanted, found in itertools.zip_longest(ordered(program.motions), ordered(back.motions)):
+            same = wanted is not None and found is not None and wanted.same(found)
+            if not same:
+                event = wanted or found
+                return InputError(
+                    f"event {event.kind or event.word} of line {event.line}",
+                    value="missing" if found is None else "not in the tool path" if wanted is None else "another",
+                    allowed="the events of the tool path, in their order",
+                )
+        return None
+
 
 def _lines(text: str, n: int) -> Integers | None:
     """Lines of the n moves where each row of them stands in a line of its own."""
@@ -104,6 +126,23 @@ def _lines(text: str, n: int) -> Integers | None:
     rows = [line.strip() for line in lines[first + 1 : first + 1 + n]]
     alone = len(rows) == n and all(row.startswith("[") and row.rstrip(",").endswith("]") for row in rows)
     return np.arange(first + 2, first + 2 + n) if alone else None
+
+
+def _event(event: Event) -> dict[str, Any]:
+    """An event as the file has it; the value of a command by a key with its unit."""
+    out = {"line": event.line, "before_move": event.move, "word": event.word, "text": event.text, "kind": event.kind}
+    if event.kind in VALUES:
+        key, factor = VALUES[event.kind]
+        out[key] = _known(event.value / factor)
+    return out
+
+
+def _event_of(data: Mapping[str, Any]) -> Event:
+    kind, value = str(data["kind"]), math.nan
+    if kind in VALUES:
+        key, factor = VALUES[kind]
+        value = math.nan if data[key] is None else float(data[key]) * factor
+    return Event(int(data["line"]), int(data["before_move"]), str(data["word"]), str(data["text"]), kind, value)
 
 
 def _known(value: float) -> float | None:
@@ -147,10 +186,7 @@ def _others(data: Mapping[str, Any], table: Mapping[str, Array], where: str) -> 
     )
     return {
         "tools": tuple(tools),
-        "events": tuple(
-            Event(int(e["line"]), int(e["before_move"]), str(e["word"]), str(e["text"]))
-            for e in _list(data, "events", where)
-        ),
+        "events": tuple(_event_of(e) for e in _list(data, "events", where)),
         "notes": tuple(Note(int(n["line"]), str(n["text"]), int(n["count"])) for n in _list(data, "notes", where)),
         "tool": integers(table["tool"]),
         "operation": integers(table["operation"]),

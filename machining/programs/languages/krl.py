@@ -31,6 +31,7 @@ import numpy as np
 from pydantic import Field
 
 from machining.cell.schema import Strict
+from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.convention import sides
 from machining.programs.job import Job, plain
@@ -84,6 +85,15 @@ class Krl(Controller):
     ))  # fmt: skip
     main, part = (("{name}.src", "main.j2"),), "{name}_{number:03d}.src"
     speed_unit = 1.0
+    terminals = (1, 8192)
+    actions = (
+        Pattern("output", re.compile(r"\s*\$OUT\[(?P<name>\d+)\]\s*=\s*(?P<on>TRUE|FALSE)\s*$", re.IGNORECASE)),
+        Pattern("analog", re.compile(r"\s*\$ANOUT\[(?P<name>\d+)\]\s*=\s*(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
+        Pattern("wait", re.compile(r"\s*WAIT\s+SEC\s+(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
+        Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*\(\s*(?P<value>\d+)\s*\)\s*$")),
+        Pattern("stop", re.compile(r"\s*HALT\s*$", re.IGNORECASE)),
+    )
+    asks = re.compile(r"\s*IF\s+\$IN\[(?P<name>\d+)\]\s+THEN\s*$", re.IGNORECASE)
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> Integers:
         """S and T (n, 2); see :class:`Controller`."""
@@ -100,11 +110,15 @@ class Krl(Controller):
             "ptp_blend": plain(job.options.own(KrlOptions).ptp_blend_percent),
         }
 
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; lines that are neither motion nor speed are passed over."""
         speed = np.nan
-        for line in _GRAMMAR.lines(files):
-            if line.move is not None:
+        for line in _GRAMMAR.lines(files, self.reader(program)):
+            if line.action is not None:
+                yield line.action
+            elif line.move is not None:
                 yield _moved(line.where, line.move, speed)
             elif (said := _SPEED.match(line.code)) is not None:
                 speed = number(f"{line.where}, $VEL.CP", said[1])

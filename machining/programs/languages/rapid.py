@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from machining.cell.schema import Positive, Strict
+from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.convention import sides
 from machining.programs.job import Job, external_count, plain
@@ -68,6 +69,15 @@ class Rapid(Controller):
     main, part = (("{name}.mod", "main.j2"),), "{name}_{number:03d}.mod"
     orientation = QUATERNION
     speed_unit = 1e-3
+    scaled = False
+    actions = (
+        Pattern("output", re.compile(r"\s*SetDO\s+(?P<name>\w+)\s*,\s*(?P<on>[01])\s*;", re.IGNORECASE)),
+        Pattern("analog", re.compile(r"\s*SetAO\s+(?P<name>\w+)\s*,\s*(?P<value>[\d.]+)\s*;", re.IGNORECASE)),
+        Pattern("wait", re.compile(r"\s*WaitTime\s+(?:\\InPos\s*,\s*)?(?P<value>[\d.]+)\s*;", re.IGNORECASE)),
+        Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s+(?P<value>\d+)\s*;")),
+        Pattern("stop", re.compile(r"\s*Stop\s*;", re.IGNORECASE)),
+    )
+    asks = re.compile(r"\s*IF\s+(?P<name>\w+)\s*=\s*1\s+THEN\s*$", re.IGNORECASE)
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> Integers:
         """cf1, cf4, cf6, cfx (n, 4); see :class:`Controller`."""
@@ -92,11 +102,15 @@ class Rapid(Controller):
             "zone": [plain(o.blend_mm * share) for share in ZONE],
         }
 
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; MoveL, MoveJ and MoveAbsJ with the target in the instruction are read."""
         speed = np.nan
-        for line in _GRAMMAR.lines(files):
-            if line.move is not None:
+        for line in _GRAMMAR.lines(files, self.reader(program)):
+            if line.action is not None:
+                yield line.action
+            elif line.move is not None:
                 yield _moved(line.where, line.move, speed)
             elif (said := _SPEED.match(line.code)) is not None:
                 speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3

@@ -16,14 +16,17 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import model_validator
 
-from machining.cell.schema import Strict
+from machining.cell.schema import CommandsTable, Strict
+from machining.programs.actions import Action, Pattern, by_table, digits
 from machining.programs.controller import Controller
 from machining.programs.job import Commands, Job, Kind, farthest, plain
 from machining.programs.program import JointProgram
 from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
 from machining.programs.write_options import WriteOptions
+from machining.toolpaths.motions import Event, Motions
 from robots import InputError
 from robots.arrays import Bools
+from robots.constants import RPM
 
 AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 # Address letters that are no axes.
@@ -31,6 +34,8 @@ NOT_AXES = frozenset("DEFGHLMNPRST")
 
 _WORD = re.compile(r"([A-Z][A-Z0-9_]*)=(\S+)")
 _FEED = re.compile(r"(?<![A-Z0-9_])F=?(-?[0-9.]+)(?![\w=])")
+# What may stand before the words of a block.
+_BLOCK = r"\s*(?:N\d+\s+)?"
 _GRAMMAR = Grammar(
     main=".MPF",
     comment=";",
@@ -81,6 +86,39 @@ class Sinumerik(Controller):
         "while",
     ))  # fmt: skip
     main, part = (("{NAME}.MPF", "main.j2"),), "{NAME}_{number:03d}.SPF"
+    terminals = (1, 8192)
+    actions = (
+        Pattern("spindle", re.compile(_BLOCK + r"(?:S=?(?P<value>[\d.]+)\s+)?M0?3\s*$", re.IGNORECASE), "cw"),
+        Pattern("spindle", re.compile(_BLOCK + r"(?:S=?(?P<value>[\d.]+)\s+)?M0?4\s*$", re.IGNORECASE), "ccw"),
+        Pattern("spindle", re.compile(_BLOCK + r"M0?5\s*$", re.IGNORECASE), "off"),
+        Pattern("coolant", re.compile(_BLOCK + r"M0?7\s*$", re.IGNORECASE), "mist", on=True),
+        Pattern("coolant", re.compile(_BLOCK + r"M0?8\s*$", re.IGNORECASE), "flood", on=True),
+        Pattern("coolant", re.compile(_BLOCK + r"M0?9\s*$", re.IGNORECASE), "off"),
+        Pattern("tool", re.compile(_BLOCK + r"T=?(?P<value>\d+)\s+M0?6\s*$", re.IGNORECASE)),
+        Pattern(
+            "output", re.compile(_BLOCK + r"\$A_OUT\[(?P<name>\d+)\]\s*=\s*(?P<on>[01]|TRUE|FALSE)\s*$", re.IGNORECASE)
+        ),
+        Pattern("wait", re.compile(_BLOCK + r"G0?4\s+F=?(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
+        Pattern("stop", re.compile(_BLOCK + r"M0?0\s*$", re.IGNORECASE)),
+        Pattern("optional_stop", re.compile(_BLOCK + r"M0?1\s*$", re.IGNORECASE)),
+    )
+
+    def means(self, event: Event, motions: Motions, table: CommandsTable) -> tuple[tuple[Action, ...], str]:
+        """See :class:`Controller`: M codes, and the table for what has none; the spindle is the control's master."""
+        if event.kind == "spindle":
+            name = "off" if event.value == 0.0 else "cw" if event.value > 0.0 or event.text == "CLW" else "ccw"
+            rpm = abs(event.value) / RPM
+            return (Action("spindle", name, digits("spindle", rpm) if rpm > 0.0 else ""),), ""
+        if event.kind == "coolant" and event.text in ("mist", "flood"):
+            return (Action("coolant", event.text, on=True),), ""
+        if event.kind == "coolant" and event.text == "off":
+            others, _ = by_table(event, motions, table, scaled=True, stops=True)
+            return (Action("coolant", "off"), *others), ""
+        if event.kind == "optional stop":
+            return (Action("optional_stop"),), ""
+        if event.kind == "tool" and motions.tools[int(event.value)].number is not None:
+            return (Action("tool", value=str(motions.tools[int(event.value)].number)),), ""
+        return super().means(event, motions, table)
 
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
@@ -110,15 +148,19 @@ class Sinumerik(Controller):
             rate = np.where(rate > 0.0, rate, 1.0)
         return [("",) if not np.isfinite(v) else (plain(v),) for v in rate.tolist()]
 
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
         own = options.own(SinumerikOptions)
         axes, dof = own.names_of(program), len(own.axes)
         inverse, before = True, None
-        for line in _GRAMMAR.lines(files):
+        for line in _GRAMMAR.lines(files, self.reader(program)):
             if "G93" in line.code.split() or "G94" in line.code.split():
                 inverse = "G93" in line.code.split()
-            if line.move is not None:
+            if line.action is not None:
+                yield line.action
+            elif line.move is not None:
                 order, text = line.move.groups()
                 values = _values(line.where, text, axes)
                 way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from machining.cell.schema import Positive, Strict
+from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.job import Commands, Job, plain
 from machining.programs.program import JointProgram
@@ -29,6 +30,7 @@ from robots.arrays import Array
 from robots.constants import MM
 
 _TIME = re.compile(r",\s*t\s*=\s*([^,\s]+)")
+_OUT = r"\s*set_standard_{}_out\(\s*(?P<name>\d+)\s*,\s*(?P<{}>{})\s*\)\s*$"
 _GRAMMAR = Grammar(
     main=".script",
     comment="#",
@@ -38,7 +40,7 @@ _GRAMMAR = Grammar(
         r"\b(?:move[jlcp]|servo[jc]|speed[jl]|optimove[jl]|path_offset_set|teach_mode|freedrive_mode)\s*\("
     ),
     opens=re.compile(r"^\s*(?:if|while|thread)\b"),
-    closes=re.compile(r"(?!)"),
+    closes=re.compile(r"^\s*end\b"),
     jumps=re.compile(r"\b(?:jump|halt)\b"),
 )
 # Share of the way to a neighbour that a corner may take: two corners never meet.
@@ -65,6 +67,15 @@ class UrScript(Controller):
         {"def", "end", "if", "while", "for", "return", "thread", "true", "false", "movej", "movel", "global"}
     )
     main = (("{name}.script", "main.j2"),)
+    terminals = (0, 7)
+    actions = (
+        Pattern("output", re.compile(_OUT.format("digital", "on", "True|False"))),
+        Pattern("analog", re.compile(_OUT.format("analog", "value", r"[\d.]+"))),
+        Pattern("wait", re.compile(r"\s*sleep\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
+        Pattern("stop", re.compile(r"\s*popup\(.*\bblocking\s*=\s*True\s*\)\s*$")),
+        Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\(\s*(?P<value>\d+)\s*\)\s*$")),
+    )
+    asks = re.compile(r"\s*if\s+get_standard_digital_in\(\s*(?P<name>\d+)\s*\)\s*:\s*$")
 
     def check(self, robot: Robot, externals: int, options: WriteOptions) -> None:
         """See :class:`Controller`."""
@@ -95,10 +106,14 @@ class UrScript(Controller):
             for t, r in zip(job.commands.duration[part].tolist(), corners(job, part).tolist(), strict=True)
         ]
 
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; movej to six joint angles is read."""
-        for line in _GRAMMAR.lines(files):
-            if line.move is not None:
+        for line in _GRAMMAR.lines(files, self.reader(program)):
+            if line.action is not None:
+                yield line.action
+            elif line.move is not None:
                 angles = [number(line.where, item) for item in line.move[1].split(",")]
                 if len(angles) != ARM:
                     raise InputError(line.where, value=f"{len(angles)} angles", allowed=f"{ARM}")

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from machining.programs.actions import Action, Pattern
 from machining.programs.controller import Controller
 from machining.programs.convention import sides
 from machining.programs.job import Job, external_axes, formatted
@@ -71,6 +72,16 @@ class Val3(Controller):
     part = "p{number:03d}.pgx"
     orientation = RX_RY_RZ
     speed_unit = 1e-3
+    scaled = False
+    own_stop = False
+    actions = (
+        Pattern("output", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<on>true|false)\s*$")),
+        Pattern("wait", re.compile(r"\s*delay\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
+        Pattern("call", re.compile(r"\s*call\s+(?P<name>[A-Za-z]\w*)\(\s*(?P<value>\d+)\s*\)\s*$")),
+        Pattern("stop", re.compile(r"\s*wait\(\s*(?P<name>[A-Za-z]\w*)\s*==\s*true\s*\)\s*$")),
+        Pattern("analog", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<value>[\d.]+)\s*$")),
+    )
+    asks = re.compile(r"\s*if\s+(?P<name>[A-Za-z]\w*)\s*==\s*true\s*$")
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> NDArray[np.str_]:
         """Words (n, 3) for shoulder, elbow and wrist; see :class:`Controller`."""
@@ -93,13 +104,23 @@ class Val3(Controller):
             "blend": "off" if job.options.blend_mm == 0.0 else job.kind,
         }
 
-    def read(self, files: Mapping[str, str], program: JointProgram, options: WriteOptions) -> Iterator[ReadMove]:
+    def notes(self, job: Job) -> list[str]:
+        """See :class:`Controller`."""
+        named = sorted({a.name for _, a in job.between.actions if a.name and a.kind != "call"})
+        said = f"{', '.join(named)}: declare them in the application's data as dio and aio, and link them"
+        return super().notes(job) + ([said] if named else [])
+
+    def read(
+        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
+    ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; movel and movej to points of pPath and jPath in the data file are read."""
         data = _data(*file_of(files, ".dtx"))
         external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
         speeds: dict[str, float] = {}
-        for line in _GRAMMAR.lines(files):
-            if line.move is not None:
+        for line in _GRAMMAR.lines(files, self.reader(program)):
+            if line.action is not None:
+                yield line.action
+            elif line.move is not None:
                 yield _moved(line.where, line.move, data, external, speeds)
             elif (said := _SPEED.match(line.code)) is not None:
                 speeds[said[1]] = number(f"{line.where}, tvel", said[2]) * 1e-3

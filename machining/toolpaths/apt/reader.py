@@ -30,7 +30,6 @@ KEPT = (
     "CHECK",
     "CLAMP",
     "CONTCT",
-    "COOLNT",
     "CSI_SET_EXTENSION_LENGTH",
     "CSI_SET_FLUTE_LENGTH",
     "END",
@@ -49,7 +48,6 @@ KEPT = (
     "MFGNO",
     "MODE",
     "MULTAX",
-    "OPSTOP",
     "OUTTOL",
     "PARTNO",
     "PIVOTZ",
@@ -64,7 +62,6 @@ KEPT = (
     "SEQNO",
     "SET",
     "SETUP",
-    "STOP",
     "SYN",
     "TCP",
     "TITLE",
@@ -168,6 +165,8 @@ class _Reader(AptMotion):
         try:
             if handler is not None:
                 handler(s)
+            elif word == "PROBE" and s.parts in (["ON"], ["OFF"]):
+                self.recorder.command(self.line, "probe", float(s.parts == ["ON"]), s.rest, word)
             elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
                 self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
             elif words.sounds_like_motion(word):
@@ -187,6 +186,7 @@ class _Reader(AptMotion):
         head, _, name = text.partition(":")
         if head.strip().upper() == "OPERATION NAME" and name.strip():
             self.operation, self.dirty = words.name(name), True
+            self.recorder.operation(number, self.operation, "OPERATION NAME")
 
     def _lost(self, s: Statement) -> None:
         if self.options.unknown_motion == "error":
@@ -206,7 +206,9 @@ class _Reader(AptMotion):
             self._fault("the file ends within a statement", self.head, "the rest behind the last $", "post once more")
         if self.arc is not None:
             self._fault("the file ends behind an arc without its GOTO", "", "the end of the arc", "post once more")
-        if not self.ended:
+        if self.ended:
+            self.recorder.finish(self.line, "END-OF-PATH")
+        else:
             self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
 
     def _keep(self, s: Statement) -> None:
@@ -214,6 +216,8 @@ class _Reader(AptMotion):
         if s.word in ("FINI", "GOUGCK", "END-OF-PATH"):
             self.ended = True
             self._no_open_arc()
+        if s.word in ("FINI", "END"):
+            self.recorder.finish(self.line, s.word)
 
 
 def _drop(s: Statement) -> None:

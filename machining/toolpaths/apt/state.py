@@ -155,6 +155,9 @@ class AptState:
             "TOOLNO": self._load,
             "CUTCOM": self._cutcom,
             "OPNAME": self._opname,
+            "COOLNT": self._coolnt,
+            "STOP": self._stop,
+            "OPSTOP": self._stop,
         }
 
     def _commit(self) -> None:
@@ -181,8 +184,20 @@ class AptState:
     def _spindl(self, s: Statement) -> None:
         self.spindle, remark = words.spindle(s.parts, self.spindle)
         self.dirty = True
+        sense = "CLW" if self.spindle.sense > 0 else "CCLW"
+        self.recorder.command(self.line, "spindle", self.spindle.signed, sense if self.spindle.on else "OFF", "SPINDL")
         if remark:
             self.recorder.note(self.line, remark)
+
+    def _coolnt(self, s: Statement) -> None:
+        kind = words.coolant(s.parts)
+        if kind is None:
+            raise StatementError(f"coolant {s.rest.strip()!r}", "ON, FLOOD, MIST, THRU or OFF")
+        self.recorder.command(self.line, "coolant", text=kind, word="COOLNT")
+
+    def _stop(self, s: Statement) -> None:
+        kind = "stop" if s.word == "STOP" else "optional stop"
+        self.recorder.command(self.line, kind, text=readable(s.rest), word=s.word)
 
     def _delay(self, s: Statement) -> None:
         seconds = words.numbers([part for part in s.parts if part not in ("REV", "SEC", "ON")], (1,))[0]
@@ -210,18 +225,25 @@ class AptState:
     def _tool_path(self, s: Statement) -> None:
         parts = s.rest.split(",")
         self.operation = words.name(parts[0])
+        self.recorder.operation(self.line, self.operation, s.word)
         self.tool = Tool(name=words.name(parts[2]) if len(parts) > 2 else "")
         self.loaded = self.dirty = True
         self.rapid, self.cycle = False, None
-        self.recorder.event(self.line, "TOOL PATH", readable(s.rest))
+        self.recorder.tool_change(self.line, "TOOL PATH", readable(s.rest), stated=False)
 
     def _cutter(self, s: Statement) -> None:
+        if not self.loaded:
+            self.recorder.tool_change(self.line, s.word, stated=False)
         self._fresh()
         self.tool = words.tool_data(self.tool, s.parts, self.scale, s.word)
 
     def _load(self, s: Statement) -> None:
         number = words.tool_number(s.parts)
-        self.recorder.event(self.line, "LOADTL", readable(s.rest))
+        if number is not None and number == self.tool.number and not self.loaded:
+            # The tool that is there: its number is given once more, nothing is changed.
+            self.recorder.event(self.line, "LOADTL", readable(s.rest))
+            return
+        self.recorder.tool_change(self.line, "LOADTL", readable(s.rest), number=number, stated=True)
         if number is not None and number != self.tool.number:
             self._fresh()
             self.tool = replace(self.tool, number=number)
@@ -237,6 +259,7 @@ class AptState:
 
     def _opname(self, s: Statement) -> None:
         self.operation, self.dirty = words.name(s.rest), True
+        self.recorder.operation(self.line, self.operation, s.word)
 
     def _cutcom(self, s: Statement) -> None:
         self.recorder.event(self.line, "CUTCOM", s.rest)

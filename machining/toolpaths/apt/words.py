@@ -169,6 +169,13 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
     return out, None
 
 
+def coolant(parts: list[str]) -> str | None:
+    """Coolant of the items of ``COOLNT/``: "flood", "mist", "through" or "off"; None for others."""
+    kinds = {"OFF": "off", "MIST": "mist", "THRU": "through", "TAPKUL": "through", "FLOOD": "flood", "ON": "flood"}
+    # "ON" goes with the others.
+    return next((kind for word, kind in kinds.items() if word in parts), None)
+
+
 def tool_data(tool: Tool, parts: list[str], scale: float, word: str) -> Tool:
     """Tool with the geometry of ``CUTTER/d,r,e,f,a,b,h`` or ``TLDATA/kind,[module,]d,r,l,...``.
 

@@ -79,6 +79,11 @@ class _Reader(GcodeMotion):
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         self.over = any(number in ENDS for number in b.misc)
+        self._moved(b)
+        self.stop(b)
+
+    def _moved(self, b: Block) -> None:
+        """What a block does beside its modes: rest, motion, other origins."""
         if 40 in b.codes:
             self._dwell(b)
             return

@@ -55,8 +55,9 @@ REFUSED = {
 # M codes: calls move the tool as another program says.
 CALLS = (97, 98, 198)
 ENDS = (2, 30, 99)
-STOPS = {0: "STOP", 1: "OPSTOP", 2: "END", 30: "END", 60: "STOP", 99: "END"}
-COOLANT = {7: "MIST", 8: "FLOOD", 9: "OFF", 88: "THRU", 89: "OFF"}
+STOPS = {0: "stop", 1: "optional stop", 60: "stop"}
+COOLANT = {7: "mist", 8: "flood", 9: "off", 88: "through", 89: "off"}
+TURNING = (3, 4, 5, 13, 14, 19)
 REMEDY_MACRO = "post the program without variables, loops and subprograms, or let the control's simulator write it out"
 
 
@@ -131,6 +132,8 @@ class Modes:
             if b.words["S"] < 0.0:
                 raise StatementError(f"spindle speed {b.words['S']:g}", "0 or more")
             self.speed, self.dirty = b.words["S"] * 2.0 * math.pi / 60.0, True
+            if self.sense and not set(TURNING) & set(b.misc):
+                self._turn()
         if "T" in b.words:
             self.selected = int(b.words["T"])
         for number in b.misc:
@@ -166,20 +169,41 @@ class Modes:
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} is not read")
 
     def _misc(self, number: int) -> None:
-        if number in (3, 4, 5, 13, 14, 19):
+        if number in TURNING:
             self.sense, self.dirty = {3: 1, 13: 1, 4: -1, 14: -1}.get(number, 0), True
+            self._turn()
+            if number in (13, 14):
+                self.recorder.command(self.line, "coolant", text="flood", word="COOLNT")
         elif number == 6:
             if self.selected < 0:
                 self.recorder.note(self.line, "M6 without a tool number before it")
             else:
                 self.tool, self.dirty = Tool(number=self.selected), True
-            self.recorder.event(self.line, "LOADTL", f"T{self.selected}" if self.selected >= 0 else "")
+                # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
+                self.sense = 0
+                self.recorder.tool_change(self.line, "LOADTL", f"T{self.selected}", number=self.selected, stated=True)
         elif number in COOLANT:
-            self.recorder.event(self.line, "COOLNT", COOLANT[number])
-        elif number in STOPS:
-            self.recorder.event(self.line, STOPS[number], f"M{number}")
-        else:
+            self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
+        elif number not in STOPS and number not in ENDS:
             self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
+
+    def _turn(self) -> None:
+        """A command to the spindle, by the state that it is in now."""
+        text = {1: "CLW", -1: "CCLW", 0: "OFF"}[self.sense]
+        self.recorder.command(self.line, "spindle", self.spindle, text, "SPINDL")
+
+    def stop(self, b: Block) -> None:
+        """Stops and the end of the program, which come after the motion of their block."""
+        for number in b.misc:
+            if number in STOPS:
+                self.recorder.command(
+                    self.line, STOPS[number], text=f"M{number}", word="STOP" if number != 1 else "OPSTOP"
+                )
+            elif number in ENDS:
+                self.recorder.event(self.line, "END", f"M{number}")
+                if number != 99:
+                    # M2 and M30 stop spindle and coolant (RS-274/NGC, NISTIR 6556, program stopping).
+                    self.recorder.finish(self.line, f"M{number}")
 
     def _work_offset(self, name: str) -> None:
         if name == self.offset:

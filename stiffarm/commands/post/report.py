@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +15,7 @@ from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
+from machining.toolpaths.events import ordered
 from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
@@ -49,6 +51,7 @@ def payload(run: PostRun) -> dict[str, Any]:
         f"worst_{objective.column}": number(course.worst * objective.factor) if run.drawn else None,
         **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
+        "commands": dict(Counter(event.kind for event in ordered(program.motions) if event.kind)),
         "reading_notes": [str(note) for note in program.motions.notes],
         "programs": {
             target.folder: {
@@ -56,6 +59,10 @@ def payload(run: PostRun) -> dict[str, Any]:
                 "off_path_um": number(trip.tip * 1e6),
                 "off_path_urad": number(trip.turned * 1e6),
                 "notes": list(run.written[target].notes),
+                "undefined_commands": [
+                    {"what": one.what, "count": one.count, "first_line": one.line}
+                    for one in run.written[target].undefined
+                ],
             }
             for target, trip in run.trips.items()
         },

@@ -16,6 +16,8 @@ REMEDIES: Final = MappingProxyType(
         Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
         " `stiffarm posture` and `stiffarm place` keep clear of the cell's bodies.",
         Kind.RAPID_CONTACT: "Lift the rapid move clear of the part, or draw the tool out along its axis first.",
+        Kind.COMMAND: "Put the command into the tool path (spindle stop, tool change, rest) and write the program anew"
+        " with `stiffarm post`.",
         Kind.LIMIT: "Write the program anew with another branch, turn or gamma (`stiffarm posture`), or another"
         " place of the base (`stiffarm place`).",
         Kind.BRANCH_JUMP: "Let `stiffarm posture` choose one course for the whole path, or part the program there.",

@@ -87,7 +87,7 @@ def test_a_shops_own_loops_around_no_motion_are_read_over(program: JointProgram,
         "rapid": '    WHILE di1 = 0 DO\n      WaitTime 0.1;\n    ENDWHILE\n    TPWrite "MoveL GOTO";\n    ! MoveL\n',
         "val3": '  while dIn==false\n    delay(0.1)\n  endWhile\n  putln("movel(")\n  // movel( goto\n',
     }[language]
-    mark = "{% set w = m.words %}" if language != "val3" else "{% if m.dwell %}"
+    mark = "{% set w = m.words %}" if language != "val3" else '  {{ "movel('
     text = (BUNDLED / language / "moves.j2").read_text(encoding="utf-8")
     (tmp_path / language).mkdir()
     (tmp_path / language / "moves.j2").write_text(text.replace(mark, loop + mark, 1), encoding="utf-8")

@@ -153,7 +153,7 @@ def test_what_is_not_motion_stands_before_its_move() -> None:
         order += [text.index(t) for t in ("operation: finish", "tool 4 flat", "spindle 12000 rpm clock", "event: END")]
         assert order == sorted(order)
         # The tool rests at a point, not on the way through a corner.
-        before_dwell = text[: order[3]].splitlines()[-3 if name == "val3" else -2]
+        before_dwell = text[: order[3]].splitlines()[-2]
         assert MOTION.match(before_dwell)
         assert {"krl": "}", "rapid": "fine", "val3": "mStop", "sinumerik": " G9"}[name] in before_dwell[-30:]
         assert not before_dwell.endswith("C_DIS")

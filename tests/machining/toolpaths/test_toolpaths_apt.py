@@ -203,6 +203,8 @@ def test_kept_words_are_events_in_order_with_the_move_they_come_before(tmp_path:
         ("CUTCOM", 2, 10),
         ("INSERT", 2, 11),
         ("FINI", 2, 12),
+        # The end of a program ends the coolant.
+        ("FINI", 2, 12),
     ]
     assert sum("CUTCOM" in n.text or "RETRCT" in n.text for n in m.notes) == 2
 

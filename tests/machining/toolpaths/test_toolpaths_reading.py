@@ -220,6 +220,28 @@ def test_no_text_makes_more_than_a_message(tmp_path: Path, rows: list[str], kind
         read_toolpath(path, kind=kind)
 
 
+def test_events_come_back_from_csv_and_bad_ones_are_told(tmp_path: Path) -> None:
+    text = "SPINDL/RPM,3000,CLW\nCOOLNT/MIST\nGOTO/0,0,0\nDELAY/2\nOPSTOP\nPPRINT a,b\nGOTO/1,0,0\nFINI\n"
+    path, m = tmp_path / "m.csv", apt(tmp_path, text)
+    write_motions(path, m)
+    back = read_motions(path)
+    assert len(m.events) == 8
+    assert all(a.same(b) for a, b in zip(back.events, m.events, strict=True))
+    good = path.read_text()
+    for old, new, message in (
+        ("#event,2,0,spindle", "#event,2,x,spindle", "no whole number"),
+        (",spindle,3000.0000000000005,", ",spindle,fast,", "could not convert"),
+        (",spindle,3000", ",spinning,3000", "allowed: operation"),
+        (",coolant,,", ",coolant,,7,", "8 cells"),
+        ("#event,2,0,spindle", "#event,2,9,spindle", "before move 9"),
+        (",COOLNT,mist", ",COOLNT,warm", "flood, mist, through, off"),
+    ):
+        assert old in good
+        path.write_text(good.replace(old, new))
+        with pytest.raises(InputError, match=message):
+            read_motions(path)
+
+
 def test_bad_rows_of_motions_come_at_once(tmp_path: Path) -> None:
     path = tmp_path / "m.csv"
     write_motions(path, apt(tmp_path, "GOTO/0,0,0\nGOTO/1,0,0\n"))

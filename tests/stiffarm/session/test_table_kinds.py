@@ -24,7 +24,7 @@ TABLES = {
     "poses": ("pose,q1_deg,q2_deg\nA,0,10\n", kinds.POSES),
     "path": ("x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n10,0,0,0,0,1\n", kinds.PATH),
     "motions": ("# stiffarm motions 1\nx_mm\n", kinds.PATH),
-    "program": ("# stiffarm-program/1\nline\n", kinds.PROGRAM),
+    "program": ("# stiffarm-program/2\nline\n", kinds.PROGRAM),
     "other": ("a,b\n1,2\n", None),
 }  # fmt: skip
 # Each command with its place for a file, and kinds that it refuses with the name of the command that takes them.
