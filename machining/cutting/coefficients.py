@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robots import InputError, require_one_of, require_positive
+from robots import InputError, require_at_least, require_one_of, require_positive
 from robots.arrays import Array
 
 NAMES: Final = ("K_tc", "K_te", "K_rc", "K_re", "K_ac", "K_ae")
@@ -46,6 +46,27 @@ class CuttingCoefficients:
             )
         require_positive("cutting coefficient K_tc", float(values[0]), "Pa")
         object.__setattr__(self, "values", values)
+
+
+@dataclass(frozen=True)
+class PlungeCoefficients:
+    """Of the end teeth (:mod:`machining.cutting.plunging`): ``chip`` Pa, ``edge`` N/m, ``source``; ``relative_sd``.
+
+    Raises
+    ------
+    InputError
+        A chip coefficient that is not positive, an edge coefficient or an uncertainty below 0.
+    """
+
+    chip: float
+    edge: float
+    source: str
+    relative_sd: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_positive("plunging coefficient K_pc", self.chip, "Pa")
+        require_at_least("plunging coefficient K_pe", self.edge, 0.0, "N/m")
+        require_at_least("relative standard deviation of plunging coefficients", self.relative_sd, 0.0)
 
 
 def shop_coefficients(

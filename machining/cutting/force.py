@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cutting.coefficients import NAMES, CuttingCoefficients
+from machining.cutting.coefficients import NAMES, CuttingCoefficients, PlungeCoefficients
 from machining.cutting.end_mill import (
     EndMill,
     Engagement,
@@ -22,7 +22,7 @@ from machining.cutting.end_mill import (
 from machining.cutting.process_axes import ProcessAxes, process_axes
 from machining.task import Task
 from robots import InputError, require_at_least, require_one_of
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 
 Axes = Literal["base", "part", "process"]
 Instant = Literal["mean", "generating"]
@@ -115,6 +115,7 @@ class MillingForce:
     form error of a tool that follows at once; at ``height`` m above the tip, or the mean over the axial depth.
     ``feed_per_tooth`` m, or None: from the path's feed and ``spindle_speed`` rad/s. ``relative_sd`` of each
     coefficient, independent, or ``covariance`` (6, 6) SI. The force acts at the tool point, not up the flutes.
+    ``plunge``: coefficients of the end teeth, None: what acts on a tool that plunges is not known, and left out.
 
     Raises
     ------
@@ -132,6 +133,7 @@ class MillingForce:
     height: float | None = None
     relative_sd: float = ASSUMED_SD
     covariance: Array | None = None
+    plunge: PlungeCoefficients | None = None
 
     def __post_init__(self) -> None:
         given = [v for v in (self.feed_per_tooth, self.spindle_speed) if v is not None]
@@ -288,3 +290,20 @@ def along_cuts(force: CuttingForce, task: Task, cuts: Sequence[slice], *, at_sta
     for cut, found in zip(cuts, parts, strict=True):
         basis[cut.start + skipped : cut.stop] = found.basis[skipped:]
     return replace(parts[0], basis=basis)
+
+
+@dataclass(frozen=True, eq=False)
+class ByRuns:
+    """A cutting force looked at run by run, so that what lies between runs is no direction of feed.
+
+    ``free`` (n - 1,): segments that do not mill: rapid moves, plunges.
+    """
+
+    force: CuttingForce
+    free: Bools
+
+    def along(self, task: Task) -> ForceAlong:
+        """See :class:`machining.cutting.force.CuttingForce`."""
+        ends = np.flatnonzero(self.free) + 1
+        runs = [slice(int(a), int(b)) for a, b in zip([0, *ends], [*ends, task.path.n], strict=True)]
+        return along_cuts(self.force, task, runs, at_start=True)

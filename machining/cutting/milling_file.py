@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from machining.cell.schema import Positive, Strict
-from machining.cutting.coefficients import CuttingCoefficients, published, shop_coefficients
+from machining.cutting.coefficients import CuttingCoefficients, PlungeCoefficients, published, shop_coefficients
 from machining.cutting.end_mill import EndMill, Engagement, ToolBending, down_milling, slotting, up_milling
 from machining.cutting.force import ASSUMED_SD, CuttingForce, MillingForce
 from robots import InputError
@@ -64,12 +64,20 @@ class _Bending(Strict):
     relative_sd: Annotated[float, Field(ge=0.0, le=0.5)] = 0.2
 
 
+class _Plunge(Strict):
+    chip_N_per_mm2: Positive  # noqa: N815
+    edge_N_per_mm: Annotated[float, Field(ge=0.0)]  # noqa: N815
+    source: str
+    relative_sd: Annotated[float, Field(ge=0.0)] = ASSUMED_SD
+
+
 class _File(Strict):
     milling_schema: Annotated[str, Field(alias="schema")]
     mill: _Mill
     cut: _Cut
     material: _Material
     tool: _Bending | None = None
+    plunge: _Plunge | None = None
 
 
 def read_milling(path: str | Path) -> Cut:
@@ -113,7 +121,14 @@ def _force(read: _File, mill: EndMill) -> MillingForce:
         feed_per_tooth=None if cut.feed_per_tooth_mm is None else cut.feed_per_tooth_mm * 1e-3,
         spindle_speed=None if cut.spindle_rpm is None else cut.spindle_rpm * 2.0 * np.pi / 60.0,
         relative_sd=read.material.relative_sd,
+        plunge=_plunge(read.plunge),
     )
+
+
+def _plunge(table: _Plunge | None) -> PlungeCoefficients | None:
+    if table is None:
+        return None
+    return PlungeCoefficients(table.chip_N_per_mm2 * 1e6, table.edge_N_per_mm * 1e3, table.source, table.relative_sd)
 
 
 def _engagement(cut: _Cut, mill: EndMill) -> Engagement:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell, Scene
-from machining.cutting.force import ConstantForce, CuttingForce, ForceAlong, along_cuts
+from machining.cutting.force import ByRuns, ConstantForce, CuttingForce
 from machining.cutting.process_axes import weights
 from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
 from machining.placement.space import Space
@@ -220,23 +220,6 @@ class Problem:
             return self.share
         middle = np.ceil(0.5 * (rows[1:] + rows[:-1])).astype(np.int64)
         return np.asarray(np.add.reduceat(self.share, np.concatenate([[0], middle])))
-
-
-@dataclass(frozen=True, eq=False)
-class ByRuns:
-    """A cutting force looked at run by run, so that the rapid moves between runs are no direction of feed.
-
-    ``free`` (n - 1,): segments that are rapid moves.
-    """
-
-    force: CuttingForce
-    free: Bools
-
-    def along(self, task: Task) -> ForceAlong:
-        """See :class:`machining.cutting.force.CuttingForce`."""
-        ends = np.flatnonzero(self.free) + 1
-        runs = [slice(int(a), int(b)) for a, b in zip([0, *ends], [*ends, task.path.n], strict=True)]
-        return along_cuts(self.force, task, runs, at_start=True)
 
 
 def on_axes(model: fem.ArmModel, cell: Cell) -> fem.ArmModel:

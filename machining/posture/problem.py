@@ -24,6 +24,10 @@ from robots.inverse.turns import every_turn
 # Cost of a joint at the end of its range, only to decide between courses that are alike: far below what matters, far
 # above rounding.
 TIE = 1e-8
+# Least distances: their names in Python, and where a command takes them from.
+SINGULAR = "singular_least", "--singular"
+CLEARANCE = "clearance_least", "safety_mm of the cell file, or --clearance of place"
+LIMIT = "limit_least", "--limit-margin"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,25 +122,25 @@ def allowed(robot: Robot, drive: Drive, q: Array, point: Integers, n: int) -> tu
         A point at which none may be taken.
     """
     singular, off_singular = drive.near_singular(robot, q)
-    _check_left(n, point[off_singular], "a singularity", "singular_least")
+    _check_left(n, point[off_singular], "a singularity", SINGULAR)
     clear, off_things = drive.near_things(q, point)
-    _check_left(n, point[off_singular & off_things], "an obstacle", "clearance_least")
+    _check_left(n, point[off_singular & off_things], "an obstacle", CLEARANCE)
     keep = np.flatnonzero(off_singular & off_things)
     turned = every_turn(robot, q[keep])
     near, off_limits = drive.near_limits(robot, turned.q)
     row = keep[turned.target[off_limits]]
-    _check_left(n, point[row], "a joint limit", "limit_least")
+    _check_left(n, point[row], "a joint limit", LIMIT)
     return row, turned.q[off_limits], (singular + clear)[row] + near[off_limits]
 
 
-def _check_left(n: int, point: Integers, thing: str, least: str) -> None:
+def _check_left(n: int, point: Integers, thing: str, least: tuple[str, str]) -> None:
     empty = np.flatnonzero(np.bincount(point, minlength=n) == 0)
     if len(empty):
         raise PathError(
             empty,
             f"path point {int(empty[0])} ({len(empty)} of {n} points): all postures are too near to {thing}",
-            allowed=f"a distance of {least} or more",
-            remedy=f"move the part, tilt the tool, or lower that distance ({least})",
+            allowed=f"a distance of {least[0]} or more",
+            remedy=f"move the part, tilt the tool, or lower that distance: {least[1]} ({least[0]} in Python)",
         )
 
 

@@ -15,10 +15,13 @@ import numpy as np
 import fem
 from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
 from machining.cutting.force import along_cuts
+from machining.cutting.plunging import with_thrust
 from machining.cutting.surface_error import cutting_deflection
 from machining.programs.posting import Posted, repost
-from machining.task import REPEATED, Task
-from robots import InputError, require_positive
+from machining.programs.ramping import ramped
+from machining.task import Task
+from machining.toolpaths.engagement import mills, plunges
+from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array, Bools
 
 # Rounds of the fixed point; a deflection of 1 mm changes itself by some 1e-3 of it each time.
@@ -27,8 +30,8 @@ ROUNDS = 12
 AT_REST = 1e-8
 # Compensation that is never exceeded unless the caller says so, m.
 CAP = 1e-3
-# Cosine between feed and tool axis beyond which a move plunges or retracts: nothing is milled sideways.
-ALONG_AXIS = 0.999
+# Way beside a cut over which its correction fades in and out, m.
+RAMP = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,7 @@ class Compensated:
 
     ``error``: the deflection that is compensated, at the path's points, with its uncertainty; ``deflection`` (n, 3) m
     at all moves, part axes; ``moved`` (n, 3) m: what was taken off the path; ``capped`` (n,) moves at which the cap was
-    reached; ``rounds`` until at rest.
+    reached; ``rounds`` until at rest; ``engaged`` (n,): moves that a force acts on.
     """
 
     posted: Posted
@@ -46,11 +49,12 @@ class Compensated:
     moved: Array
     capped: Bools
     rounds: int
+    engaged: Bools
 
     @property
     def left(self) -> Array:
-        """Predicted distance (n, 3) m of the tool from the wanted path, part axes: 0 but where capped."""
-        return np.asarray(self.deflection - self.moved)
+        """Predicted distance (n, 3) m of the tool from the wanted path in its cuts, part axes: 0 but where capped."""
+        return np.where(self.engaged[:, None], self.deflection - self.moved, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +75,16 @@ def compensate(
     tool: ToolBending | None = None,
     stiffness: StiffnessUncertainty | None = None,
     cap: float = CAP,
+    ramp: float = RAMP,
 ) -> Compensated:
-    """Take the predicted deflection off a program's path; moves that mill nothing stay where they are.
+    """Take the predicted deflection off a program's path; moves that mill nothing stay, but for the way into a cut.
 
     Parameters
     ----------
     nominal : a program and what it was made with
     force, tool, stiffness : as in :func:`machining.cutting.surface_error`
     cap : m, no point is moved by more; where more were needed the point is moved by the cap and said to be
+    ramp : m of the moves beside a cut over which its correction fades in and out; 0: in one step, within the cut
 
     Raises
     ------
@@ -87,9 +93,11 @@ def compensate(
         that cannot be driven.
     """
     require_positive("cap of the compensation", cap, "m")
+    require_at_least("ramp of the compensation", ramp, 0.0, "m")
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
     acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
+    engaged = acting.found.force.any(axis=1)[place]
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
     for rounds in range(1, ROUNDS + 1):
@@ -100,9 +108,10 @@ def compensate(
         length = np.linalg.norm(deflection, axis=1)
         if change < AT_REST:
             error = surface_error(model, here, q, acting, stiffness=stiffness, tool=tool)
-            return Compensated(posted, error, deflection, moved, length > cap, rounds)
+            return Compensated(posted, error, deflection, moved, length > cap, rounds, engaged)
         last = deflection
         moved = deflection * np.minimum(1.0, cap / np.maximum(length, 1e-30))[:, None]
+        moved = ramped(moved, engaged, wanted, ramp)
         posted = repost(model, posted, wanted - moved)
     raise InputError(
         "compensation does not come to rest",
@@ -113,7 +122,7 @@ def compensate(
 
 
 def milling_force(force: CuttingForce, task: Task, cutting: Bools) -> ForceAlong:
-    """The force along a whole program: that of each cut by itself, none on rapid moves, plunges and retracts.
+    """The force along a whole program: that of each cut by itself, that of plunges where it is known, else none.
 
     ``cutting`` (n,): moves at feed, by the point that they lead to.
 
@@ -122,15 +131,15 @@ def milling_force(force: CuttingForce, task: Task, cutting: Bools) -> ForceAlong
     InputError
         Nothing is milled; else as the force.
     """
-    return along_cuts(force, task, cuts_of(task, cutting), at_start=False)
+    cuts, path = cuts_of(task, cutting), task.path
+    plunging = plunges(path.points, path.axes, cutting)
+    found = along_cuts(force, task, cuts, at_start=False) if cuts else None
+    found = with_thrust(found, force, task, plunging)
+    return along_cuts(force, task, cuts, at_start=False) if found is None else found
 
 
 def cuts_of(task: Task, cutting: Bools) -> list[slice]:
-    """Runs of points between which the tool mills: at feed, not along its own axis; with the point they start at."""
-    path = task.path
-    step = np.diff(path.points, axis=0)
-    length = np.linalg.norm(step, axis=1)
-    along = np.abs(np.einsum("ni,ni->n", step, path.axes[1:]))
-    mills = cutting[1:] & (length > REPEATED) & (along < ALONG_AXIS * length)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mills, [False]]).astype(np.int8)))
+    """Runs of points between which the tool mills sideways, each with the point that it starts at."""
+    milled = mills(task.path.points, task.path.axes, cutting)[1:]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], milled, [False]]).astype(np.int8)))
     return [slice(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -172,10 +172,7 @@ class Controller(Format):
         if joint_rapid:
             notes.append(f"{joint_rapid} rapid moves are joint moves: between their ends they leave the straight line")
         for one in job.between.undefined:
-            notes.append(
-                f"[commands] of the cell file does not define {one.what}: {one.count} commands, the first of line "
-                f"{one.line}, are not in the program but as comments"
-            )
+            notes.append(one.sentence)
         return Written(tuple(files), tuple(notes), job.between.undefined)
 
     def frame(self, job: Job, T: Array | None) -> tuple[str, ...] | None:

@@ -7,12 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from machining.cell.schema import CommandsTable
 from machining.programs.actions import Action
 from machining.programs.source_text import SourceText
 from machining.toolpaths.events import ordered
 from machining.toolpaths.motions import Event, Motions
 from robots.constants import RPM
 
+KEYS = tuple(CommandsTable.model_fields)
+# Of a spindle that is switched on all the same.
+SPEEDS = ("spindle_speed", "a spindle speed in the tool path")
 # Words for commands that the file has no word for.
 _WORDS = {"coolant": "COOLNT", "dwell": "DELAY", "stop": "STOP", "optional stop": "OPSTOP", "probe": "PROBE"}
 
@@ -44,6 +48,15 @@ class Undefined:
     what: str
     count: int
     line: int
+
+    @property
+    def sentence(self) -> str:
+        """What is missing where, and what stands in the program instead."""
+        where = f"needed {self.count} times, first in line {self.line}"
+        what = f"[commands] of the cell file has no {self.what}" if self.what in KEYS else f"missing: {self.what}"
+        if self.what in SPEEDS:
+            return f"{what}, {where}: the spindle is switched on at the speed that it has"
+        return f"{what}, {where}: written as a comment only"
 
 
 @dataclass(frozen=True, eq=False)

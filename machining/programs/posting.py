@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -23,10 +24,12 @@ from machining.posture.problem import Course, course_at
 from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
+from machining.toolpaths.conversion import one_tool
+from machining.toolpaths.engagement import mills
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError, require_one_of, require_positive
-from robots.arrays import Array, finite
+from robots.arrays import Array, Bools, finite
 from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
@@ -83,6 +86,26 @@ class Posted:
     course: Course
     bend: Array
 
+    @cached_property
+    def judged(self) -> Bools:
+        """Moves (n,) whose stiffness counts: those that mill sideways; where there are none, all at feed, or all."""
+        motions = self.program.motions
+        for moves in (mills(motions.points, motions.axes, motions.cutting), motions.cutting):
+            if moves.any():
+                return moves
+        return np.ones(motions.n, dtype=np.bool_)
+
+    @property
+    def mean(self) -> float:
+        """Mean of the objective over the moves that count."""
+        return float(self.course.value[self.judged].mean())
+
+    @property
+    def worst(self) -> float:
+        """Worst value of the objective at the moves that count."""
+        value = self.course.value[self.judged]
+        return float(value.max() if self.settings.objective.minimised else value.min())
+
 
 def post(
     model: fem.ArmModel,
@@ -100,7 +123,9 @@ def post(
         cannot be driven, or a move that no number of points makes straight enough.
     """
     settings = settings or PostSettings()
-    _one_tool(motions)
+    one_tool(motions)
+    if motions.n == 0:
+        raise InputError(f"tool path {motions.source} has no motion")
     travel = _travel(cell, settings, motions.n)
     split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
@@ -147,20 +172,6 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
     state = replace(posted.state, motions=motions, gamma=program.gamma, near=program.q)
     return _posted(model, state, posted.settings, None)
-
-
-def _one_tool(motions: Motions) -> None:
-    used = np.unique(motions.tool)
-    if len(used) > 1:
-        names = ", ".join(motions.tools[i].name or str(motions.tools[i].number) for i in used[:6])
-        raise InputError(
-            f"tool path {motions.source} uses {len(used)} tools",
-            value=names,
-            allowed="one: a cell has one tool on the flange",
-            remedy="post the operations of each tool by themselves",
-        )
-    if motions.n == 0:
-        raise InputError(f"tool path {motions.source} has no motion")
 
 
 def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 import fem
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.posture.points import GammaRange
-from machining.programs.compensation import CAP, Compensated, compensate
+from machining.programs.compensation import CAP, RAMP, Compensated, compensate
 from machining.programs.format import RoundTrip, Written
 from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.job import Kind
@@ -44,7 +44,7 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class PostRequest:
-    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that.
+    """What is asked. ``cut``: taken off the path where it is given; ``cap`` and ``ramp`` m of that.
 
     ``stiffness``: how uncertain the arm is, None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
     """
@@ -57,6 +57,7 @@ class PostRequest:
     templates: Path | None = None
     cut: Cut | None = None
     cap: float = CAP
+    ramp: float = RAMP
     stiffness: StiffnessUncertainty | None = None
 
 
@@ -104,8 +105,9 @@ def run_post(
     found = None
     if request.cut is not None:
         found = compensate(
-            model, posted, request.cut.force, tool=request.cut.tool, stiffness=request.stiffness, cap=request.cap
-        )
+            model, posted, request.cut.force, tool=request.cut.tool, stiffness=request.stiffness, cap=request.cap,
+            ramp=request.ramp,
+        )  # fmt: skip
     program = (posted if found is None else found.posted).program
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
@@ -127,11 +129,12 @@ def run_post(
 
 
 def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty) -> Drawn:
-    """The objective at moves spread evenly along the program, its worst one among them."""
+    """The objective at moves that mill, spread evenly along the program, its worst one among them."""
     task, (kept, _) = posted.state.task, posted.state.places
     objective, value = posted.settings.objective, posted.course.value[kept]
-    worst = int(np.argmin(objective.sign * value))
-    rows = np.union1d(np.linspace(0, len(kept) - 1, min(JUDGED, len(kept))).astype(np.int64), [worst])
+    judged = np.flatnonzero(posted.judged[kept])
+    worst = judged[int(np.argmin((objective.sign * value)[judged]))]
+    rows = np.union1d(judged[np.linspace(0, len(judged) - 1, min(JUDGED, len(judged))).astype(np.int64)], [worst])
     force = objective.forces(len(kept))
     there = replace(objective, force=None if force is None else force[rows])
     return drawn_objective(model, task.at(rows), {"": posted.program.q[kept][rows]}, there, stiffness)[""]

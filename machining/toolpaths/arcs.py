@@ -87,7 +87,7 @@ def arc_points(
     sweep = sweep_about(s, e, c, a) + 2.0 * math.pi * (max(turns, 1) - 1)
     count = chord_count(sweep, max(r0, r1), chord_tolerance)
     if count > limit:
-        raise ArcError("arc", f"{count:.3g} chords", f"up to {limit:.6g} (max_moves)")
+        raise ArcError("arc", f"{count:.3g} chords", f"up to {limit:.6g} (--read max_moves)")
     fraction = np.arange(1, int(count) + 1) / count
     angle, size = sweep * fraction, r0 + (r1 - r0) * fraction
     e1 = u / r0

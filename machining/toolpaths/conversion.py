@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from machining.cutting.force import ByRuns, CuttingForce, MillingForce
+from machining.cutting.plunging import Thrust
 from machining.task import REPEATED, ToolPath
+from machining.toolpaths.engagement import mills
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.reading import read_toolpath
+from machining.toolpaths.selection import select
 from machining.toolpaths.source import content
 from machining.toolpaths.tables import MARK, read_path
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.errors import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +29,13 @@ class CuttingPath:
     """Path of the cutting moves and where it comes from.
 
     ``path``; ``moves`` (k,): move that ends at each of its k points; ``points`` (n,): point that each of the n moves
-    ends at, -1 for moves that are not in the path.
+    ends at, -1 for moves that are not in the path; ``free`` (k - 1,): segments that join two cuts, no move that mills.
     """
 
     path: ToolPath
     moves: Integers
     points: Integers
+    free: Bools
 
 
 def cutting_runs(motions: Motions) -> list[Integers]:
@@ -46,8 +53,9 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
     ----------
     motions : n moves
     normals : surface normals (n, 3) or one (3,) for all; None: the tool axis
-    moves : moves to take, ascending; None: all runs of :func:`cutting_runs`. One run at a time gives a path without
-        joins; the segment that joins two runs is no motion of the tool, and its feed is NaN.
+    moves : moves to take, ascending; None: those that mill sideways (:mod:`machining.toolpaths.engagement`), each run
+        with the move before it; where there are none, as in a file that only drills, all runs of :func:`cutting_runs`.
+        The segment that joins two runs is no cut, and its feed is NaN.
 
     Points nearer than ``REPEATED`` to the one before are one point: it keeps the feed that leads to it and takes the
     tool axis of the last of them, so a turn on the spot is in the axis of the point behind it.
@@ -61,9 +69,12 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
         cutting = motions.cutting
         if not cutting.any():
             raise InputError("tool path", value="no move at feed", remedy="check RAPID or G0 in the program")
+        milled = mills(motions.points, motions.axes, cutting)
+        cutting = milled if milled.any() else cutting
         # Each run with the move before it, as in cutting_runs.
         chosen = np.flatnonzero(cutting | np.append(cutting[1:], False))
     else:
+        cutting = np.ones(motions.n, dtype=np.bool_)
         chosen = np.asarray(moves, dtype=np.int64)
         if chosen.ndim != 1 or not len(chosen) or chosen.min() < 0 or chosen.max() >= motions.n:
             raise InputError("moves of the path", allowed=f"indices (k,) from 0 to {motions.n - 1}, k at least 1")
@@ -74,13 +85,13 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
     last = np.append(first[1:], len(chosen)) - 1
     feed = motions.feed[chosen[first]].copy()
     # The move that ends here must also start at the point before it in the path.
-    joined = np.append(True, np.diff(chosen)[first[1:] - 1] > 1)
+    joined = np.append(True, (np.diff(chosen)[first[1:] - 1] > 1) | ~cutting[chosen[first[1:]]])
     feed[joined] = np.nan
     ends = chosen[last]
     path = ToolPath(motions.points[chosen[first]], normal[ends], motions.axes[ends], feed)
     points = np.full(motions.n, -1, dtype=np.int64)
     points[chosen] = np.searchsorted(first, np.arange(len(chosen)), side="right") - 1
-    return CuttingPath(path, ends, points)
+    return CuttingPath(path, ends, points, joined[1:])
 
 
 def _first_of_repeated(points: Array) -> Integers:
@@ -97,8 +108,8 @@ def _first_of_repeated(points: Array) -> Integers:
 class GivenPath:
     """A path and where it comes from.
 
-    ``free`` (n - 1,): rapid moves between its runs; ``moves`` (n,) of the source that end at its points, ``count`` of
-    them in all; ``notes``: what was odd about the file.
+    ``free`` (n - 1,): segments between its cuts: rapid moves, plunges, ramps; ``moves`` (n,) of the source that end at
+    its points, ``count`` of them in all; ``notes``: what was odd about the file; ``drilled``: nothing mills sideways.
     """
 
     path: ToolPath
@@ -106,24 +117,91 @@ class GivenPath:
     moves: Integers
     count: int
     notes: tuple[Note, ...] = ()
+    drilled: bool = False
+
+    def acting(self, force: CuttingForce) -> CuttingForce:
+        """A cutting force along this path, cut by cut; errors as :meth:`drilling`."""
+        return ByRuns(force, self.free) if self.free.any() and not self.drilled else self.drilling(force)
+
+    def drilling(self, force: CuttingForce) -> CuttingForce:
+        """A cutting force, of the end teeth where the tool only plunges and drills.
+
+        Raises
+        ------
+        InputError
+            A milling force without coefficients for plunging, where nothing is milled sideways.
+        """
+        return Thrust(force) if self.drilled and isinstance(force, MillingForce) else force
 
 
-def read_given_path(file: Path, *, kind: str | None = None, options: ReadOptions | None = None) -> GivenPath:
-    """A path from CSV with its surface normals, or the cutting moves of another tool path file.
+def read_given_path(
+    file: Path,
+    *,
+    kind: str | None = None,
+    options: ReadOptions | None = None,
+    operations: Sequence[str] = (),
+    tool_numbers: Sequence[int] = (),
+) -> GivenPath:
+    """A path from CSV with its surface normals, or the moves of another tool path file that mill.
 
     Without normals in the file the tool axes stand for them. ``kind``, ``options`` as in
-    :func:`machining.toolpaths.read_toolpath`.
+    :func:`machining.toolpaths.read_toolpath`, ``operations``, ``tool_numbers`` as in
+    :func:`machining.toolpaths.selection.select`.
 
     Raises
     ------
     InputError
-        As :func:`machining.read_path`, :func:`machining.toolpaths.read_toolpath` and
-        :func:`machining.toolpaths.to_tool_path`.
+        As :func:`machining.read_path`, :func:`machining.toolpaths.read_toolpath`,
+        :func:`machining.toolpaths.selection.select`, :func:`one_tool` and :func:`machining.toolpaths.to_tool_path`.
     """
     is_table = kind == "csv" or (kind is None and file.suffix.lower() == ".csv")
     if is_table and not content(file).startswith(MARK.encode()):
-        path = read_path(file)
-        return GivenPath(path, np.zeros(path.n - 1, dtype=np.bool_), np.arange(path.n), path.n)
+        if operations or tool_numbers:
+            raise InputError(f"{file.name} has neither operations nor tools", remedy="leave out the choice of them")
+        return _milled_rows(read_path(file))
     motions = read_toolpath(file, kind=kind, options=options)
-    cutting = to_tool_path(motions)
-    return GivenPath(cutting.path, np.diff(cutting.moves) > 1, cutting.moves, motions.n, motions.notes)
+    motions = select(motions, operations=operations, tool_numbers=tool_numbers)
+    one_tool(motions)
+    cutting, milled = to_tool_path(motions), mills(motions.points, motions.axes, motions.cutting)
+    notes = (*motions.notes, *_left_out(int((motions.cutting & ~milled).sum()), bool(milled.any())))
+    return GivenPath(cutting.path, cutting.free, cutting.moves, motions.n, notes, drilled=not milled.any())
+
+
+def _left_out(count: int, any_milled: bool) -> tuple[Note, ...]:
+    """A note of moves at feed that are not looked at."""
+    text = f"{count} moves at feed plunge, drill, retract or ramp into a cut: no stiffness or error is judged there"
+    return (Note(0, text),) if count and any_milled else ()
+
+
+def _milled_rows(path: ToolPath) -> GivenPath:
+    """The points of a table between which the tool mills sideways; all of them where it never does."""
+    milled = mills(path.points, path.axes, np.arange(path.n) > 0)
+    whole = not milled.any() or bool(milled[1:].all())
+    rows = np.arange(path.n) if whole else np.flatnonzero(milled | np.append(milled[1:], False))
+    free = np.zeros(path.n - 1, dtype=np.bool_) if whole else ~milled[rows[1:]]
+    if not whole:
+        feed = np.where(milled, path.feed, np.nan)[rows]
+        path = ToolPath(path.points[rows], path.normals[rows], path.axes[rows], feed)
+    drilled = len(milled) > 1 and not milled.any()
+    return GivenPath(
+        path, free, rows, len(milled), _left_out(int((~milled[1:]).sum()), not drilled and not whole), drilled
+    )
+
+
+def one_tool(motions: Motions) -> None:
+    """Raise InputError for a tool path of several tools, where a cell has one on the flange."""
+    used = np.unique(motions.tool)
+    if len(used) > 1:
+        said = [tool.name or str(tool.number) for tool in (motions.tools[i] for i in used)]
+        named = [f"{motions.tools[i].number}: {_names_of(motions, int(i))}" for i in used]
+        raise InputError(
+            f"tool path {motions.source} uses {len(used)} tools",
+            value=listed(said),
+            allowed=f"one at a time: a cell has one tool on the flange (tool number: operations) {listed(named)}",
+            remedy="choose with --tool-number or --operation",
+        )
+
+
+def _names_of(motions: Motions, tool: int) -> str:
+    """Names of the operations that a tool is used in."""
+    return listed([repr(motions.operations[i]) for i in np.unique(motions.operation[motions.tool == tool])])

@@ -73,7 +73,7 @@ def _kind(path: Path) -> str:
         )
     apt, gcode = (sum(pattern.match(line) is not None for line in head) for pattern in (_APT, _GCODE))
     by_content = "apt" if apt > gcode else "gcode" if gcode > apt else None
-    remedy = "pass kind='apt', 'gcode' or 'csv'"
+    remedy = "say it: --kind apt, gcode or csv (kind= in Python)"
     if by_content is None and by_name is None:
         raise InputError(f"{path.name}: kind of tool path not clear", allowed=", ".join(KINDS), remedy=remedy)
     if by_content and by_name and by_content != by_name:

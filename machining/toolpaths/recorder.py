@@ -89,7 +89,7 @@ class Recorder:
             raise InputError(
                 f"{self.source}: number of moves",
                 allowed=f"up to {self.max_moves}",
-                remedy="split the file, take a larger chord_tolerance for its arcs, or raise max_moves",
+                remedy="split it, or allow more: --read max_moves=N, or coarser chords: --read chord_tolerance_um=10",
             )
 
     def dwell(self, line: int, seconds: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -124,7 +124,9 @@ def posture(
         require_springs(arm, "posture")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         expect(Path(path), PATH)
-        task = setup.task(read_given_path(Path(path)).path)
+        given = read_given_path(Path(path))
+        task = setup.task(given.path)
+        cut = None if cut is None else replace(cut, force=given.acting(cut.force))
         request = PostureRequest(
             task,
             Objective(quantity, None if cut is None else cut.force.along(task).force, aim),
@@ -192,7 +194,7 @@ def place(
             model=arm.model,
             space=space_of(described),
             path=given.path,
-            goal=Goal(aim, cut.force),
+            goal=Goal(aim, given.drilling(cut.force)),
             gamma=GammaRange.of_degrees(*gamma_deg),
             drive=Drive(speed=described.joint_speed),
             scene=scene,

@@ -20,6 +20,10 @@ from robots.arrays import Array
 from stiffarm.session.console import say
 from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector, parse_word
 
+SingularOpt = Annotated[
+    float,
+    typer.Option("--singular", help="Least distance to keep from singularities, 0 to 1.", min=0.0, max=1.0),
+]
 CellOpt = Annotated[
     Path | None,
     typer.Option(

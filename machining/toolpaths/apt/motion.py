@@ -80,7 +80,12 @@ class AptMotion(AptState):
                 limit=self.options.max_moves,
             )
         except ArcError as fault:
-            self._fault(fault.what, fault.value, fault.allowed, "post once more with more decimals, or arc_tolerance")
+            self._fault(
+                fault.what,
+                fault.value,
+                fault.allowed,
+                "post once more with more decimals, or allow more: --read arc_tolerance_um=50",
+            )
             self.here = end
             return
         if self.dirty:

@@ -190,7 +190,10 @@ class _Reader(AptMotion):
 
     def _lost(self, s: Statement) -> None:
         if self.options.unknown_motion == "error":
-            remedy = "post the program without it, or pass unknown_motion='report' to go on without this motion"
+            remedy = (
+                "post the program without it, or go on without this motion: --read unknown_motion=report "
+                "(unknown_motion= in Python)"
+            )
             self._fault(f"{s.word} sounds like a motion and is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
         else:
             self.recorder.event(

@@ -19,6 +19,8 @@ from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
 
+# What to do about motion in more than one frame.
+FRAMES = "say which coordinates are wanted: --read frames=written or frames=absolute (frames= in Python)"
 Handler = Callable[[Statement], None]
 
 # Numbers of each word; MCSYS has words between them.
@@ -63,7 +65,7 @@ class Frames:
             parts, word = _mcsys(parts), "MSYS"
         values = numbers(parts, (COUNTS[word],))
         if self.mode == "absolute" and word == "CSYS":
-            raise StatementError("CSYS cannot be applied: vendors differ in its direction", "frames='written'")
+            raise StatementError("CSYS cannot be applied: vendors differ in its direction", "--read frames=written")
         self.words = {key: v for key, v in self.words.items() if key != word}
         if word == "MSYS":
             x, y = np.array(values[3:6]), np.array(values[6:9])
@@ -163,7 +165,7 @@ class AptState:
     def _commit(self) -> None:
         fault = self.frames.use()
         if fault:
-            self._fault("motion in a second frame", fault, "one frame", "pass frames='written' or frames='absolute'")
+            self._fault("motion in a second frame", fault, "one frame", FRAMES)
         sign = self.spindle.signed
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False

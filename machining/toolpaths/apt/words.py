@@ -225,6 +225,11 @@ def length_unit(path: Path, options: ReadOptions, recorder: Recorder) -> float:
                 recorder.note(number, f"no UNITS in the file: taken as {unit} from the feed unit {found[0]}")
                 scale = UNITS[unit]
     if scale is None:
-        recorder.error(0, "no unit of length", allowed="UNITS/MM or UNITS/INCHES", remedy="pass units='mm' or 'inch'")
+        recorder.error(
+            0,
+            "no unit of length",
+            allowed="UNITS/MM or UNITS/INCHES",
+            remedy="say it: --units mm or inch (units= in Python)",
+        )
         return UNITS["mm"]
     return scale

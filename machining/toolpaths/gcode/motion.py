@@ -59,7 +59,9 @@ class GcodeMotion(Modes):
             self.here = target
             missing = ", ".join(letter for letter, v in zip("XYZ", target, strict=True) if v is None)
             raise StatementError(
-                f"a move at feed while {missing} is not known", "X, Y, Z given before", "pass start=(...)"
+                f"a move at feed while {missing} is not known",
+                "X, Y, Z given before",
+                "say where the tool stands first, in mm: --read start=X,Y,Z (start= in Python)",
             )
         return x, y, z
 
@@ -95,7 +97,8 @@ class GcodeMotion(Modes):
             )
         except ArcError as fault:
             remedy = (
-                "check G90.1 and G91.1, pass arc_absolute=True or a larger arc_tolerance, or post with more decimals"
+                "check G90.1 and G91.1; say that centres are coordinates: --read arc_absolute=yes; allow more: "
+                "--read arc_tolerance_um=50; or post with more decimals"
             )
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
@@ -117,13 +120,13 @@ class GcodeMotion(Modes):
         if wrong and any(angles.values()):
             remedy = "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)"
             raise StatementError(
-                f"rotary axis {', '.join(wrong)} with rotary='{rotary}'", "axes of the machine", remedy
+                f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy
             )
         if any(angles.values()) and not self.tcp:
             raise StatementError(
                 "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
                 "G43.4, G234 or TRAORI before it",
-                "post with tool centre point control, or pass tcp=True if X, Y, Z are the tip in the part frame",
+                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python)",
             )
         return (0.0, 0.0, 1.0) if rotary == "none" else tool_axis(rotary, angles)
 

@@ -37,6 +37,13 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     return reader.recorder.motions()
 
 
+# What to do about motion that is not read.
+WITHOUT = (
+    "post the program without it, or go on without this motion: --read unknown_motion=report "
+    "(unknown_motion= in Python)"
+)
+
+
 class _Reader(GcodeMotion):
     over = False
 
@@ -55,7 +62,7 @@ class _Reader(GcodeMotion):
                 if self.options.skip_deleted:
                     self.recorder.event(number, "/", readable(raw))
                     continue
-                self.recorder.note(number, "a block that '/' may delete is read; skip_deleted leaves it out")
+                self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
             try:
                 self._block(words)
             except StatementError as fault:
@@ -112,7 +119,7 @@ class _Reader(GcodeMotion):
                 continue
             what = REFUSED.get(code, "not known, with coordinates")
             if self.options.unknown_motion == "error":
-                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", "post without it")
+                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT)
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
             self.lose(b)
             b.words.clear()
@@ -123,7 +130,9 @@ class _Reader(GcodeMotion):
             self.tcp = head == "TRAORI"
         elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
-                raise StatementError(f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3")
+                raise StatementError(
+                    f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3", WITHOUT
+                )
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
             self.lose(b)
             b.words.clear()
@@ -141,7 +150,7 @@ class _Reader(GcodeMotion):
                 if whole and self.options.dwell_unit == "ms":
                     value *= 1e-3
                 elif whole and value >= 100.0:
-                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; dwell_unit='ms'?")
+                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?")
                 self.recorder.dwell(self.line, value)
                 return
         raise StatementError("a dwell without its time", "P, X, U or F with a number")

@@ -106,7 +106,7 @@ class Modes:
                 self.line,
                 "coordinates before a unit of length",
                 allowed="G20 or G21",
-                remedy="pass units='mm' or 'inch'",
+                remedy="say it: --units mm or inch (units= in Python)",
             )
             self.unit = UNITS["mm"]
         return self.unit
@@ -272,6 +272,10 @@ class Modes:
             if missing:
                 self.used_offset = self.offset
                 what = f"motion in {self.offset or 'no offset'} behind motion in another work offset"
-                remedy = f"pass offsets for {', '.join(missing)}, or frames='written'"
+                named = " ".join(f"--read {name}=X,Y,Z" for name in missing if name)
+                remedy = (
+                    f"say where each has its origin, in mm: {named or '--read G54=X,Y,Z'} (offsets= in Python), "
+                    "or take coordinates as written: --read frames=written"
+                )
                 raise StatementError(what, "one work offset", remedy)
         self.used_offset = self.offset

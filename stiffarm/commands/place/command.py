@@ -27,10 +27,21 @@ from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
+from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
 from stiffarm.session.softness import require_springs
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import GammaOpt, parse_gammas
-from stiffarm.session.task_setup import MillingOpt, parse_speed, read_cut
+from stiffarm.session.task_setup import (
+    KindOpt,
+    MillingOpt,
+    RotaryOpt,
+    SingularOpt,
+    TcpOpt,
+    UnitsOpt,
+    parse_speed,
+    read_cut,
+    say_notes,
+)
 
 
 def place(
@@ -144,6 +155,14 @@ def place(
     collisions: Annotated[
         bool, typer.Option("--collisions/--no-collisions", help="Keep the arm clear of the cell and its surroundings.")
     ] = True,
+    singular: SingularOpt = Drive.singular_least,
+    kind: KindOpt = None,
+    units: UnitsOpt = None,
+    rotary: RotaryOpt = "none",
+    tcp: TcpOpt = False,
+    read: ReadOpt = None,
+    operation: OperationOpt = None,
+    tool_number: ToolNumberOpt = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -161,9 +180,12 @@ def place(
         given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True)
         require_springs(given, "placement")
         described = read_cell(cell)
-        drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))
+        drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)), singular_least=singular)
         expect(path, PATH, model=model)
-        given_path = read_given_path(path)
+        told = reading(kind, units, rotary, tcp, read, operation, tool_number)
+        given_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
+        say_notes(given_path.notes, path)
+        cutting = given_path.drilling(cutting)
         goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
         how = _how(mode, anywhere, cost, gamma_course)
         scene, notes = scene_for(described, model, given.description) if collisions else (None, ())

@@ -14,12 +14,14 @@ from machining import Drive, Objective
 from machining.cell import Cell
 from machining.cutting import stiffness_uncertainty
 from machining.placement import Placement, read_placement
+from machining.programs.compensation import RAMP
 from machining.programs.formats import FORMATS, read_options
 from machining.programs.posting import PostSettings
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
 from machining.programs.run import PostRequest, PostRun, run_post
 from machining.programs.write_options import WriteOptions
-from machining.toolpaths import Motions, ReadOptions, read_toolpath
+from machining.toolpaths import Motions, read_toolpath
+from machining.toolpaths.selection import select
 from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.post import report as post_report
@@ -28,6 +30,7 @@ from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import parse_numbers, parse_word
+from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
@@ -37,6 +40,7 @@ from stiffarm.session.task_setup import (
     KindOpt,
     MillingOpt,
     RotaryOpt,
+    SingularOpt,
     TcpOpt,
     UnitsOpt,
     effects_left_out,
@@ -103,6 +107,14 @@ def post(
         bool, typer.Option("--compensate", help="Correct the path for the deflection under --force or --milling.")
     ] = False,
     cap: Annotated[float, typer.Option("--cap-um", help="Maximum correction of a point, in um.", min=0.1)] = 1000.0,
+    ramp: Annotated[
+        float,
+        typer.Option(
+            "--ramp-mm",
+            help="Length of path beside a cut over which its correction fades in and out, in mm; 0 for one step.",
+            min=0.0,
+        ),
+    ] = RAMP * 1e3,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
     milling: MillingOpt = None,
@@ -125,6 +137,10 @@ def post(
     units: UnitsOpt = None,
     rotary: RotaryOpt = "none",
     tcp: TcpOpt = False,
+    read: ReadOpt = None,
+    operation: OperationOpt = None,
+    tool_number: ToolNumberOpt = None,
+    singular: SingularOpt = Drive.singular_least,
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -149,7 +165,8 @@ def post(
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
         expect(path, PATH, model=model)
-        motions = read_toolpath(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
+        told = reading(kind, units, rotary, tcp, read, operation, tool_number)
+        motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
         say_notes(motions.notes, path)
         alone = {"--travel": travel, "--gamma": gamma}
         followed = None if placement is None else _followed(placement, setup.cell, motions, alone)
@@ -157,7 +174,7 @@ def post(
         settings = PostSettings(
             gamma=parse_gammas("0" if gamma is None else gamma),
             objective=Objective(),
-            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed)), clear=False),
+            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed), singular_least=singular), clear=False),
             travel=_travel(setup.cell, travel),
             table=float(np.radians(table)),
             tolerance=tolerance * 1e-6,
@@ -183,6 +200,7 @@ def post(
             templates,
             cut if compensate else None,
             cap * 1e-6,
+            ramp * 1e-3,
             stiffness_uncertainty(given.model, given.description, given.own),
         )
         frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)

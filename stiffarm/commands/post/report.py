@@ -34,7 +34,7 @@ def payload(run: PostRun) -> dict[str, Any]:
     """Figures of the run, keys with units."""
     program, request = run.posted.program, run.request
     objective = shown(request.settings.objective.quantity)
-    course = run.posted.course
+    posted = run.posted
     out: dict[str, Any] = {
         "schema": SCHEMA,
         "robot": run.model.robot.name,
@@ -47,8 +47,8 @@ def payload(run: PostRun) -> dict[str, Any]:
         "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
-        f"mean_{objective.column}": number(course.mean * objective.factor) if run.drawn else None,
-        f"worst_{objective.column}": number(course.worst * objective.factor) if run.drawn else None,
+        f"mean_{objective.column}": number(posted.mean * objective.factor) if run.drawn else None,
+        f"worst_{objective.column}": number(posted.worst * objective.factor) if run.drawn else None,
         **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "commands": dict(Counter(event.kind for event in ordered(program.motions) if event.kind)),
@@ -95,10 +95,10 @@ def uncertainty_words(run: PostRun) -> list[str]:
 
 def _compensation(found: Compensated) -> dict[str, Any]:
     length = np.linalg.norm(found.moved, axis=1) * 1e6
-    left = np.linalg.norm(found.left, axis=1) * 1e6
+    left, milled = np.linalg.norm(found.left, axis=1) * 1e6, length[found.engaged]
     return {
         "largest_um": number(float(length.max())),
-        "mean_um": number(float(length[length > 0.0].mean()) if length.any() else 0.0),
+        "mean_um": number(float(milled.mean()) if len(milled) else 0.0),
         "error_sd_um": number(float(found.error.sd.max()) * 1e6),
         "capped_moves": int(found.capped.sum()),
         "left_um": number(float(left.max())),
@@ -156,7 +156,7 @@ def _way(run: PostRun) -> Array:
 
 def _key(run: PostRun) -> list[KeyFigure]:
     it = shown(run.request.settings.objective.quantity)
-    course = run.posted.course
+    posted = run.posted
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
     span = None if run.drawn is None else run.drawn.estimated(lambda v: v.mean(axis=-1))
     least = np.max if run.request.settings.objective.minimised else np.min
@@ -166,8 +166,8 @@ def _key(run: PostRun) -> list[KeyFigure]:
         return "" if found is None else f"95 %: {ranged(found.low * it.factor, found.high * it.factor, it.unit, 3)}"
 
     stiffness = [
-        KeyFigure(f"{course.worst * it.factor:.4g} {it.unit}", f"{it.quantity}, worst point", within(softest)),
-        KeyFigure(f"{course.mean * it.factor:.4g} {it.unit}", f"{it.quantity}, mean", within(span)),
+        KeyFigure(f"{posted.worst * it.factor:.4g} {it.unit}", f"{it.quantity}, worst point", within(softest)),
+        KeyFigure(f"{posted.mean * it.factor:.4g} {it.unit}", f"{it.quantity}, mean", within(span)),
     ]
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from machining.cutting import stiffness_uncertainty
 from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
 from machining.setup import Setup
 from machining.stiffness.objective import DISPLACEMENTS
-from machining.toolpaths import ReadOptions, read_given_path
+from machining.toolpaths import read_given_path
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import columns_text
@@ -26,6 +27,7 @@ from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
+from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
 from stiffarm.session.softness import require_springs
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import (
@@ -42,6 +44,7 @@ from stiffarm.session.task_setup import (
     KindOpt,
     MillingOpt,
     RotaryOpt,
+    SingularOpt,
     TcpOpt,
     UnitsOpt,
     effects_left_out,
@@ -111,6 +114,7 @@ def posture(
         float,
         typer.Option("--limit-margin", metavar="DEG", help="Distance to keep from the joint limits, in deg.", min=0.0),
     ] = 0.5,
+    singular: SingularOpt = Drive.singular_least,
     motion: Annotated[
         float,
         typer.Option(
@@ -123,6 +127,9 @@ def posture(
     units: UnitsOpt = None,
     rotary: RotaryOpt = "none",
     tcp: TcpOpt = False,
+    read: ReadOpt = None,
+    operation: OperationOpt = None,
+    tool_number: ToolNumberOpt = None,
     seed: Seed = 0,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -142,13 +149,16 @@ def posture(
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
         expect(path, PATH, model=model)
-        tool_path = read_given_path(path, kind=kind, options=ReadOptions(units=units, rotary=rotary, tcp=tcp))
+        told = reading(kind, units, rotary, tcp, read, operation, tool_number)
+        tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(tool_path.notes, path)
         task = setup.task(tool_path.path, parse_reference(reference))
+        cut = None if cut is None else replace(cut, force=tool_path.acting(cut.force))
         drive = Drive(
             speed=parse_speed(given.robot, speed),
             jump=float(np.radians(jump)),
             motion=motion,
+            singular_least=singular,
             limit_least=float(np.radians(limit_margin)),
             gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
         )

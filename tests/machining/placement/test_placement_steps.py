@@ -14,6 +14,7 @@ from posture_cases import dome, part
 
 import fem
 from machining.cell import Body, Fixture, arm_of, box, clearance, scene_of
+from machining.cutting.force import ByRuns
 from machining.placement import (
     How,
     Placement,
@@ -24,7 +25,6 @@ from machining.placement import (
     read_placement,
 )
 from machining.placement.following import between, check_rates, smoothed
-from machining.placement.problem import ByRuns
 from machining.placement.steps import Pieces, Table, best_by_slopes, best_pieces
 from machining.posture.drive import Drive, limit_distance
 from machining.posture.points import GammaRange

@@ -105,10 +105,19 @@ def test_rapid_moves_plunges_and_their_like_carry_no_force(kr60: fem.ArmModel) -
     # Feed along x: the cross-feed is tool axis x feed = y.
     halfway = force[at[3]]
     np.testing.assert_allclose(halfway, [10.0, 20.0, 0.0], atol=1e-12)
-    found = compensate(kr60, posted, ConstantForce([10.0, 20.0, 0.0], "process"))
+    force = ConstantForce([10.0, 20.0, 0.0], "process")
+    found = compensate(kr60, posted, force, ramp=0.0)
     idle = ~(np.linalg.norm(found.deflection, axis=1) > 0.0)
     np.testing.assert_array_equal(found.posted.program.motions.points[idle], posted.program.motions.points[idle])
+    np.testing.assert_array_equal(idle, ~found.engaged)
     assert 0 < idle.sum() < posted.program.n
+    # With a ramp the point that the cut begins at is corrected as its first one, and farther than 5 mm away nothing is.
+    ramped = compensate(kr60, posted, force, ramp=5e-3)
+    first = int(np.argmax(ramped.engaged))
+    np.testing.assert_allclose(ramped.moved[first - 1], ramped.moved[first], atol=1e-15)
+    far = np.linalg.norm(posted.program.motions.points - points[2], axis=1) > 5e-3
+    assert not ramped.moved[: first - 1][far[: first - 1]].any()
+    assert np.abs(ramped.left).max() < 2e-8
 
 
 def test_each_cut_has_its_own_feed_direction(kr60: fem.ArmModel) -> None:

@@ -220,7 +220,7 @@ def test_frames(tmp_path: Path) -> None:
     text = "GOTO/1,2,3,1,0,0\n" + turned + "GOTO/1,2,3\n"
     with pytest.raises(InputErrors, match="second frame") as info:
         apt(tmp_path, text)
-    assert "frames='written'" in str(info.value)
+    assert "frames=written" in str(info.value)
     np.testing.assert_allclose(apt(tmp_path, text, frames="written").points * 1e3, [[1, 2, 3]] * 2)
     m = apt(tmp_path, text, frames="absolute")
     # x axis of the system along y, y axis along -x.

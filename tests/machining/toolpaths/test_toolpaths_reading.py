@@ -274,8 +274,10 @@ def test_conversion_takes_the_cutting_moves_and_their_starts(tmp_path: Path) -> 
     assert first.moves.tolist() == [0, 1, 3, 4]
     assert first.points.tolist() == [0, 1, 2, 2, 3, -1, -1, -1, -1]
     both = to_tool_path(m)
-    np.testing.assert_allclose(both.path.feed, [np.nan, 0.01, 0.01, 0.01, np.nan, 0.01, 0.01])
-    assert both.points.tolist() == [0, 1, 2, 2, 3, -1, 4, 5, 6]
+    # Only what mills: the plunge along z is left out; later the tool lies along y, so z is sideways.
+    np.testing.assert_allclose(both.path.feed, [np.nan, 0.01, 0.01, np.nan, 0.01, 0.01])
+    assert both.points.tolist() == [-1, 0, 1, 1, 2, -1, 3, 4, 5]
+    assert both.free.tolist() == [False, False, True, False, False]
     np.testing.assert_allclose(to_tool_path(m, [0, 1, 1]).path.normals[0], [0, math.sqrt(0.5), math.sqrt(0.5)])
     # Moves that do not follow each other are joined by no feed.
     np.testing.assert_allclose(to_tool_path(m, moves=[1, 2, 4]).path.feed, [np.nan, 0.01, np.nan])
