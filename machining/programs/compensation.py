@@ -97,7 +97,7 @@ def compensate(
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
     acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
-    engaged = acting.found.force.any(axis=1)[place]
+    engaged: Bools = np.asarray(acting.found.force.any(axis=1))[place]
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
     for rounds in range(1, ROUNDS + 1):

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Controller(Format):
     part: ClassVar[str] = ""
     orientation: ClassVar[Orientation] = ABC
     speed_unit: ClassVar[float | None] = None
-    terminals = "names"
+    terminals: ClassVar[tuple[int, int] | Literal["names", "any"]] = "names"
     scaled: ClassVar[bool] = True
     own_stop: ClassVar[bool] = True
     actions: ClassVar[tuple[Pattern, ...]] = ()

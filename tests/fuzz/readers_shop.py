@@ -38,7 +38,8 @@ from program_cases import PLAIN, busy, program_of
 SAMPLES = ROOT / "tests" / "machining" / "toolpath_samples"
 EXAMPLES = ROOT / "docs" / "examples"
 READ = ReadOptions(units="mm", unknown_motion="report", frames="written", rotary="table-AC", max_moves=200_000)
-_MISSING = frozenset({"feed", "spindle", "diameter", "corner_radius", "length", "limits"})
+# NaN stands for "not given" there; of an event, for "has none".
+_MISSING = frozenset({"feed", "spindle", "diameter", "corner_radius", "length", "limits", "value"})
 
 CELL = b"""schema = "stiffarm-cell/1"
 name = "milling cell"
@@ -79,6 +80,13 @@ point_mm = [1500, 0, 0]
 axis = [0, 0, 1]
 endless = true
 speed_deg_s = 90
+[commands]
+spindle_clockwise = 12
+spindle_speed = "aoSpeed"
+spindle_full_rpm = 24000
+coolant_flood = "doFlood"
+optional_stop = 3
+tool_change = "CHANGE_TOOL"
 """
 MILLING = b"""schema = "stiffarm-milling/1"
 [mill]
@@ -97,6 +105,10 @@ rc_N_per_mm2 = 300
 re_N_per_mm = 10
 source = "shop"
 relative_sd = 0.1
+[plunge]
+chip_N_per_mm2 = 900
+edge_N_per_mm = 20
+source = "shop"
 """
 OPTIONS = b"""schema = "stiffarm-post/1"
 name = "wing"
