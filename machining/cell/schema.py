@@ -35,7 +35,7 @@ Pair = tuple[float, float]
 
 
 def _a_direction(direction: Triple) -> Triple:
-    if not np.linalg.norm(direction) > 1e-9:
+    if not max(map(abs, direction)) > 1e-9:
         raise ValueError("the direction must not have length zero")
     return direction
 

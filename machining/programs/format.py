@@ -191,7 +191,12 @@ class Neutral(Format):
 
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:
         """See :class:`Format`."""
-        return Written((ProgramFile(f"{options.name}.{self.name}", lambda: self.pieces(program)),), ())
+        file = ProgramFile(f"{options.name}.{self.name}", lambda: self.pieces(program))
+        return Written((file,), self.left_out(program))
+
+    def left_out(self, program: JointProgram) -> tuple[str, ...]:
+        """What a program has and this format does not hold, in words."""
+        return ()
 
     def round_trip(
         self, program: JointProgram, files: Mapping[str, str], kind: Kind, options: WriteOptions

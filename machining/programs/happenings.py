@@ -52,8 +52,10 @@ class Undefined:
     @property
     def sentence(self) -> str:
         """What is missing where, and what stands in the program instead."""
-        where = f"needed {self.count} times, first in line {self.line}"
-        what = f"[commands] of the cell file has no {self.what}" if self.what in KEYS else f"missing: {self.what}"
+        where = f"needed {self.count} times, first in" if self.count > 1 else "needed in"
+        where += f" line {self.line}"
+        is_key = self.what.replace(",", " ").split()[0] in KEYS
+        what = f"[commands] of the cell file has no {self.what}" if is_key else f"missing: {self.what}"
         if self.what in SPEEDS:
             return f"{what}, {where}: the spindle is switched on at the speed that it has"
         return f"{what}, {where}: written as a comment only"

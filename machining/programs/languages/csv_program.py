@@ -16,6 +16,7 @@ from machining.programs.format import Neutral
 from machining.programs.neutral import BLOCK, SCHEMA, columns, joints_of, program_of, rows, table_of
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
+from machining.toolpaths.events import ordered
 from robots import InputError, Robot
 from robots.files.csv_text import rows_text
 from robots.inverse.branches import BRANCH_NAMES
@@ -48,6 +49,12 @@ class Csv(Neutral):
                 row[inserted], row[rapid] = int(row[inserted] is True), int(row[rapid] is True)
                 cells.append(row)
             yield rows_text(cells, "\r\n")
+
+    def left_out(self, program: JointProgram) -> tuple[str, ...]:
+        """See :class:`Neutral`."""
+        count = sum(bool(event.kind) for event in ordered(program.motions))
+        said = f"the CSV program holds none of {count} commands to spindle, coolant and tool changer; JSON does"
+        return (said,) if count else ()
 
     def program(self, text: str, robot: Robot, cell: Cell, where: str = "program") -> JointProgram:
         """See :class:`Neutral`; branches are told from the joints.

@@ -213,6 +213,25 @@ def test_tables_of_commands_that_are_not_right(table: str) -> None:
         parse_cell(f'schema = "stiffarm-cell/1"\n[commands]\n{table}', "cell.toml", Path())
 
 
+def test_the_neutral_programs_hold_the_commands_or_say_that_they_do_not(tmp_path: Path) -> None:
+    given = program(read(tmp_path), "")
+    assert write_program(given, "json").notes == ()
+    (said,) = write_program(given, "csv").notes
+    assert "holds none of" in said
+    text = write_program(given, "json").texts()
+    assert round_trip(given, text, "json", "joint").commands is None
+    for old, new, how in (
+        ('"kind": "coolant"', '"kind": ""', "another"),
+        ('"spindle_rpm": 0.0', '"spindle_rpm": 5.0', ""),
+    ):
+        changed = {name: body.replace(old, new, 1) for name, body in text.items()}
+        assert changed != text
+        found = round_trip(given, changed, "json", "joint").difference()
+        assert found is not None
+        assert how in str(found)
+    assert write_program(program_of(n=3), "csv").notes == ()
+
+
 def test_a_stop_is_at_rest_and_a_command_in_a_cut_too(tmp_path: Path) -> None:
     """Controllers run ahead of a blended move: a command behind one would come too early."""
     texts = write_program(program(read(tmp_path), TABLES["rapid"]), "rapid", "cartesian", options()).texts()
