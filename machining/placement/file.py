@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
 from robots.files.reading import parse_json, read_text
 
 SCHEMA = "stiffarm-placement/1"
@@ -41,23 +41,33 @@ class Placement:
     moves: Integers
     count: int
 
-    def at_moves(self) -> Array:
+    def at_moves(self, rapid: Bools | None = None) -> Array:
         """Travels (count, k) m at each move of the source, as :class:`machining.programs.posting.PostSettings` takes.
 
-        Moves that are not in the path (rapid moves) share what the axes have to go between the cuts evenly.
+        What the axes have to go between two cuts the moves between them share evenly; the rapid ones alone where
+        ``rapid`` (count,) says which these are and there is one: a plunge or a retract at feed is no time to travel.
         """
-        number = np.arange(self.count)
-        columns = [np.interp(number, self.moves, column) for column in self.travel.T]
-        return np.stack(columns, axis=1) if columns else np.zeros((self.count, 0))
+        return self._spread(self.travel, rapid)
 
-    def gamma_at_moves(self) -> Array:
+    def gamma_at_moves(self, rapid: Bools | None = None) -> Array:
         """Angle gamma (count,) rad at each move of the source, likewise."""
-        return np.asarray(np.interp(np.arange(self.count), self.moves, np.unwrap(self.gamma)))
+        return self._spread(np.unwrap(self.gamma)[:, None], rapid)[:, 0]
 
-    def joints_at_moves(self) -> Array:
+    def joints_at_moves(self, rapid: Bools | None = None) -> Array:
         """Joint angles (count, dof) rad at each move of the source, likewise: which branch and turns are meant."""
-        number = np.arange(self.count)
-        return np.stack([np.interp(number, self.moves, column) for column in self.q.T], axis=1)
+        return self._spread(self.q, rapid)
+
+    def _spread(self, values: Array, rapid: Bools | None) -> Array:
+        """Values (n, k) at the path's points carried over to all moves, (count, k)."""
+        # The moves from one point of the path to the next; those that take a share of the way between them.
+        piece = np.searchsorted(self.moves, np.arange(self.count))
+        takes = np.ones(self.count, dtype=np.bool_)
+        if rapid is not None:
+            has = np.bincount(piece, weights=rapid, minlength=len(self.moves) + 1) > 0.0
+            takes = np.where(has[piece], rapid, True)
+        clock = np.cumsum(takes)
+        columns = [np.interp(clock, clock[self.moves], column) for column in values.T]
+        return np.stack(columns, axis=1) if columns else np.zeros((self.count, 0))
 
 
 def placement_content(placement: Placement) -> dict[str, Any]:

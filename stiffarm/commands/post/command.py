@@ -185,10 +185,10 @@ def post(
         if followed is not None:
             settings = replace(
                 settings,
-                gamma=followed.gamma_at_moves(),
-                travel=followed.at_moves(),
+                gamma=followed.gamma_at_moves(motions.rapid),
+                travel=followed.at_moves(motions.rapid),
                 table=followed.table,
-                near=followed.joints_at_moves(),
+                near=followed.joints_at_moves(motions.rapid),
             )
         settings = replace(settings, clearance=setup.clearance(settings.table))
         request = PostRequest(
