@@ -23,6 +23,9 @@ from robots import InputError
 from robots.arrays import Array, Bools, Integers
 from robots.errors import listed
 
+# Tools of a file that a message names.
+MOST_NAMED = 12
+
 
 @dataclass(frozen=True, eq=False)
 class CuttingPath:
@@ -193,15 +196,18 @@ def one_tool(motions: Motions) -> None:
     used = np.unique(motions.tool)
     if len(used) > 1:
         said = [tool.name or str(tool.number) for tool in (motions.tools[i] for i in used)]
-        named = [f"{motions.tools[i].number}: {_names_of(motions, int(i))}" for i in used]
+        named = [_named(motions, int(i)) for i in used]
         raise InputError(
             f"tool path {motions.source} uses {len(used)} tools",
             value=listed(said),
-            allowed=f"one at a time: a cell has one tool on the flange (tool number: operations) {listed(named)}",
-            remedy="choose with --tool-number or --operation",
+            allowed=f"one at a time, for a cell has one tool on the flange: {'; '.join(named[:MOST_NAMED])}",
+            remedy="choose with --tool-number or --operation (tool_numbers=, operations= in Python)",
         )
 
 
-def _names_of(motions: Motions, tool: int) -> str:
-    """Names of the operations that a tool is used in."""
-    return listed([repr(motions.operations[i]) for i in np.unique(motions.operation[motions.tool == tool])])
+def _named(motions: Motions, tool: int) -> str:
+    """A tool by its number, and the operations that it is used in, as far as the file names them."""
+    number = motions.tools[tool].number
+    names = [motions.operations[i] for i in np.unique(motions.operation[motions.tool == tool])]
+    said = listed([repr(name) for name in names if name.strip()])
+    return ("no number" if number is None else f"tool number {number}") + (f" for {said}" if said else "")

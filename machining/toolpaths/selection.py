@@ -37,7 +37,7 @@ def select(motions: Motions, *, operations: Sequence[str] = (), tool_numbers: Se
         raise InputError(
             f"tool path {motions.source}: no move has both the operation and the tool",
             allowed=f"operations {_operations(motions)}; tools {_numbers(motions)}",
-            remedy="leave out --operation or --tool-number",
+            remedy="leave out --operation or --tool-number (operations=, tool_numbers= in Python)",
         )
     starts = np.flatnonzero(keep & ~np.append(False, keep[:-1]))
     entered = starts[(starts > 0) & ~motions.rapid[starts]] - 1

@@ -96,6 +96,8 @@ def post(
     coordinates: Literal["cartesian", "joint", "both"] = "both",
     gamma_deg: float | Range = 0.0,
     tolerance_um: float = 100.0,
+    operations: Sequence[str] = (),
+    tool_numbers: Sequence[int] = (),
     seed: int = 0,
 ) -> Program:
     """Write robot programs from a tool path, read them back and compare.
@@ -110,6 +112,7 @@ def post(
     coordinates : "cartesian", "joint" or "both"
     gamma_deg : one angle about the tool axis, or first and last angle and step to choose the stiffest from
     tolerance_um : allowed deviation of joint motion from a straight line between points
+    operations, tool_numbers : of the tool path, take these only; default: all
     seed : of the random numbers
 
     Raises
@@ -123,6 +126,7 @@ def post(
     from machining.programs.run import PostRequest, run_post
     from machining.programs.write_options import WriteOptions
     from machining.toolpaths import read_toolpath
+    from machining.toolpaths.selection import select
     from stiffarm.commands.post.targets import parse_targets
 
     place = Path(folder)
@@ -131,7 +135,8 @@ def post(
     with called():
         targets = parse_targets(",".join(formats), coordinates)
         expect(Path(path), PATH)
-        setup, motions = setup_of(arm, cell), read_toolpath(Path(path))
+        setup = setup_of(arm, cell)
+        motions = select(read_toolpath(Path(path)), operations=operations, tool_numbers=tool_numbers)
         axes = len(setup.cell.linear_axes)
         settings = PostSettings(
             gamma=float(np.radians(gamma_deg))

@@ -94,6 +94,8 @@ def posture(
     aim: Literal["mean", "worst"] = "mean",
     force_N: Sequence[float] | None = None,
     milling: str | Path | None = None,
+    operations: Sequence[str] = (),
+    tool_numbers: Sequence[int] = (),
     seed: int = 0,
 ) -> Posture:
     """Find the stiffest posture along a tool path that can be driven: gamma, branch and turns of the joints.
@@ -107,6 +109,7 @@ def posture(
     quantity : index to optimise
     aim : the mean over the points, or the worst point
     force_N : on the tool, base axes; ``milling``: a milling file instead
+    operations, tool_numbers : of the tool path, take these only; default: all
 
     Raises
     ------
@@ -124,7 +127,7 @@ def posture(
         require_springs(arm, "posture")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         expect(Path(path), PATH)
-        given = read_given_path(Path(path))
+        given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
         task = setup.task(given.path)
         cut = None if cut is None else replace(cut, force=given.acting(cut.force))
         request = PostureRequest(
@@ -154,6 +157,8 @@ def place(
     mode: Mode = "fixed",
     gamma_deg: Range = (-180.0, 180.0, 10.0),
     collisions: bool = True,
+    operations: Sequence[str] = (),
+    tool_numbers: Sequence[int] = (),
 ) -> Placement:
     """Find where the base should stand, or how it should move, on the cell's linear axes for the stiffest cut.
 
@@ -167,6 +172,7 @@ def place(
     mode : "fixed", "steps" or "moving"
     gamma_deg : first and last angle about the tool axis, and step
     collisions : keep the arm clear of the cell
+    operations, tool_numbers : of the tool path, take these only; default: all
 
     Raises
     ------
@@ -188,7 +194,7 @@ def place(
             raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
         described = read_cell(Path(cell))
         expect(Path(path), PATH)
-        given = read_given_path(Path(path))
+        given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
         scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
         problem = Problem(
             model=arm.model,

@@ -120,7 +120,9 @@ def test_a_choice_that_the_file_does_not_have(file: Path, choice: dict, message:
 
 
 def test_several_tools_and_no_choice_names_the_options(file: Path) -> None:
-    with pytest.raises(InputError, match=r"1: 'ROUGH', 'FINISH'.*2: 'HOLES'.*--tool-number or --operation"):
+    with pytest.raises(
+        InputError, match=r"tool number 1 for 'ROUGH', 'FINISH'; tool number 2 for 'HOLES'.*--tool-number or"
+    ):
         read_given_path(file)
     table = file.with_name("path.csv")
     table.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n1,0,0,0,0,1\n", encoding="utf-8")

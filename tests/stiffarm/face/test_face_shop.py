@@ -117,3 +117,19 @@ def test_a_placement_is_that_of_the_command_line_and_draws_itself(tmp_path: Path
     picture = found.plot(tmp_path / "placement.png").png
     assert picture.startswith(PNG)
     assert (tmp_path / "placement.png").read_bytes() == picture
+
+
+@pytest.mark.parametrize("call", ["posture", "place", "post"])
+def test_a_file_with_several_tools_names_the_arguments_that_choose(tmp_path: Path, call: str) -> None:
+    path, cell = tmp_path / "part.nc", PART / "cell.toml"
+    path.write_text("G21 G90\nT1 M6\nG0 X0 Y0 Z9\nG1 X9 F60\nT2 M6\nG0 Z10\nG1 X0\nM30\n")
+    arm = sa.load("kr60-3", links="rigid")
+    calls = {
+        "posture": lambda **more: sa.posture(arm, path, cell=cell, **more),
+        "place": lambda **more: sa.place(arm, path, cell, force_N=(1, 0, 0), **more),
+        "post": lambda **more: sa.post(arm, path, tmp_path / "programs", cell=cell, **more),
+    }
+    with pytest.raises(sa.InputError, match=r"tool number 1; tool number 2.*tool_numbers="):
+        calls[call]()
+    with pytest.raises(sa.InputError, match="tool number of the tool path"):
+        calls[call](tool_numbers=[3])
