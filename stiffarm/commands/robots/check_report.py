@@ -44,7 +44,7 @@ def write_report(
         "unexplained": "No usual slip, up to three at once, explains this.",
     }[content["verdict"]]
     told = words.told_in_paragraphs(content)
-    todo = f"`{changes[0]['remedy']}`" if changes and content["verdict"] == "explained" else ""
+    todo = words.todo(content)
     distances = {
         "as it stands": {one["pose"]: one["distance_mm"] for one in content["by_pose"]},
         **({"with that put right": {one["pose"]: one["then_mm"] for one in content["by_pose"]}} if changes else {}),

@@ -11,9 +11,10 @@ import numpy as np
 from doe.tables.columns import Columns, RawTable, drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
 from machining.programs.orientation import SPOKEN, Spoken
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
-from robots.pendant.check import PendantReadings
+from robots.pendant.explanations import PendantReadings
 from stiffarm.session.table_kinds import PENDANT, expect
 
 POSITION = ("x_mm", "y_mm", "z_mm")
@@ -69,8 +70,25 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     remarks += [f"{path.name}: joint columns missing, taken as 0: {', '.join(absent)}"] if absent else []
     remarks += [f"{path.name}: rows without a position skipped: {line_ranges(unread)}"] if unread else []
     remarks += [f"{path.name}: {note}" for note in table.notes]
-    rotation = None if spoken is None or turned is None else spoken.orientation.read(turned)
-    return PendantReadings(q, position, rotation, labels), None if spoken is None else spoken.code, remarks
+    if spoken is None or turned is None:
+        return PendantReadings(q, position, None, labels), None, remarks
+    rotation = spoken.orientation.read(turned)
+    return PendantReadings(q, position, rotation, labels, _others(spoken, turned)), spoken.code, remarks
+
+
+def _others(spoken: Spoken, turned: Array) -> dict[str, Array]:
+    """The same numbers as each other convention has them, by the columns that they should be in then."""
+    if spoken.code == "abb":
+        last = spoken.orientation.read(np.roll(turned, 1, axis=1))
+        return {"a quaternion, scalar last: the columns in the order qx, qy, qz, qw": last}
+    degrees = [one for one in SPOKEN if one.columns[0].endswith("_deg") and one.code != "rpy"]
+    if spoken not in degrees and spoken.code != "rpy":
+        return {}
+    out: dict[str, Array] = {}
+    for one in degrees:
+        if one.orientation is not spoken.orientation:
+            out[f"{one.words}: columns {', '.join(one.columns)}"] = one.orientation.read(turned)
+    return out
 
 
 def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
