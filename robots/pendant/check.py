@@ -10,7 +10,6 @@ import numpy as np
 
 from robots.arrays import Array
 from robots.errors import InputError
-from robots.kinematics import forward_kinematics
 from robots.pendant.explanations import Explanation, PendantReadings
 from robots.pendant.orientations import Turned, orientations, orientations_explained
 from robots.pendant.slips import Frame, Slip, fitted, slips
@@ -23,6 +22,8 @@ MOST_SLIPS = 3
 # Of the pairs, those that lead on to three.
 LEADERS = 12
 FEWEST_POSES = 3
+# Where no slip explains all poses, and as large a share agrees as it stands, the others were read wrong.
+MOST_AGREE = 0.7
 # A joint that moves less over the poses says nothing of its sign, rad.
 STILL_rad = float(np.radians(0.5))
 # What x_mm, y_mm, z_mm may hold instead: mm in one of it; and how far spans may be off for it to be noticed.
@@ -37,7 +38,7 @@ class PendantCheck:
 
     ``agrees``: no slip is needed. ``best``: the closest where none explains the readings. ``still``: joints that
     hardly move over the poses. ``orientation``: how orientations compare with the first explanation (or the best),
-    None where none were read.
+    None where none were read. ``misread``: the few poses that alone disagree where no slip explains them.
     """
 
     readings: PendantReadings
@@ -47,6 +48,7 @@ class PendantCheck:
     best: Explanation
     still: tuple[str, ...]
     orientation: Turned | None
+    misread: tuple[str, ...] = ()
 
     @property
     def distance(self) -> Array:
@@ -86,17 +88,26 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
     explained = [e for e in found if e.fit.worst <= tolerance]
     orientation = None
     if readings.rotation is not None and explained:
-        both = orientations_explained(robot, readings, explained, dict(bases), tolerance)
+        both = orientations_explained(robot, readings, readings.rotation, explained, dict(bases), tolerance)
         explained, orientation = [e for e, _ in both], both[0][1]
     best = explained[0] if explained else min(found, key=lambda e: e.fit.worst)
+    misread = () if explained else _misread(robot, readings, places[0][1], tolerance)
     if readings.rotation is not None and orientation is None:
-        orientation = orientations(robot, readings, best, dict(bases))
+        orientation = orientations(robot, readings.rotation, best, dict(bases))
     # As the model stands: in the frame that the best explanation is in, where that needs nothing else.
     at = dict(places)[best.base_known] if best.things == 0 else places[0][1]
     first = fitted(robot, readings.q, at, (), ())
     spread = np.ptp(readings.q, axis=0)
     still = tuple(name for name, s in zip(robot.joint_names, spread, strict=True) if s < STILL_rad)
-    return PendantCheck(readings, tolerance, first.left, tuple(explained), best, still, orientation)
+    return PendantCheck(readings, tolerance, first.left, tuple(explained), best, still, orientation, misread)
+
+
+def _misread(robot: Robot, readings: PendantReadings, position: Array, tolerance: float) -> tuple[str, ...]:
+    """Labels of the poses that disagree where most others agree as the model stands."""
+    off = np.linalg.norm(fitted(robot, readings.q, position, (), ()).left, axis=1) > tolerance
+    if (~off).sum() < max(FEWEST_POSES, MOST_AGREE * len(off)):
+        return ()
+    return tuple(label for label, wrong in zip(readings.labels, off.tolist(), strict=True) if wrong)
 
 
 def _refuse_other_units(robot: Robot, readings: PendantReadings) -> None:

@@ -42,21 +42,21 @@ class Turned:
 
 
 def orientations_explained(
-    robot: Robot, readings: PendantReadings, explained: list[Explanation], bases: dict[bool, Array], tolerance: float
-) -> list[tuple[Explanation, Turned]]:
+    robot: Robot, readings: PendantReadings, rotation: Array, explained: list[Explanation], bases: dict[bool, Array],
+    tolerance: float,
+) -> list[tuple[Explanation, Turned]]:  # fmt: skip
     """Those explanations of the positions that explain the orientations best, each with how these compare.
 
     In the convention that the columns are named after; where that explains nothing, in another, or with one more slip
-    that the positions do not show. ``bases``: the controller's robot frame in the base frame, (4, 4), by whether the
-    model file has it; ``tolerance``: of positions, m. The readings must have orientations.
+    that the positions do not show. ``rotation`` (n, 3, 3): of the readings; ``bases``: the controller's robot frame in
+    the base frame, (4, 4), by whether the model file has it; ``tolerance``: of positions, m.
     """
-    as_named = _compared(robot, readings, explained, bases)
+    as_named = _compared(robot, rotation, explained, bases)
     if not as_named or as_named[0][1].disagreement < 2:
         return as_named
-    readings_of = [(None, readings), *((name, replace(readings, rotation=rotation))
-                                       for name, rotation in readings.other_rotations.items())]  # fmt: skip
+    readable = {None: rotation, **readings.other_rotations}
     for candidates in (explained, list(_with_one_more(robot, readings, explained, bases, tolerance))):
-        tried = [(name, _compared(robot, one, candidates, bases)) for name, one in readings_of]
+        tried = [(name, _compared(robot, one, candidates, bases)) for name, one in readable.items()]
         for wanted in (0, 1):
             for name, found in tried:
                 if found and found[0][1].disagreement == wanted:
@@ -65,11 +65,11 @@ def orientations_explained(
 
 
 def _compared(
-    robot: Robot, readings: PendantReadings, explained: list[Explanation], bases: dict[bool, Array]
+    robot: Robot, rotation: Array, explained: list[Explanation], bases: dict[bool, Array]
 ) -> list[tuple[Explanation, Turned]]:
     """Those explanations under which orientations agree best."""
     # Flipping the wrist and turning it half way round lead to the same place, not to the same orientation.
-    found = [(e, orientations(robot, readings, e, bases)) for e in explained]
+    found = [(e, orientations(robot, rotation, e, bases)) for e in explained]
     least = min((turned.disagreement for _, turned in found), default=0)
     return [(e, turned) for e, turned in found if turned.disagreement == least]
 
@@ -89,13 +89,12 @@ def _with_one_more(
                 yield Explanation(chosen, first.frames, fit, first.base_known)
 
 
-def orientations(robot: Robot, readings: PendantReadings, best: Explanation, bases: dict[bool, Array]) -> Turned:
-    """Angles between orientations read and the model's with an explanation; the readings must have orientations."""
-    assert readings.rotation is not None
+def orientations(robot: Robot, rotation: Array, best: Explanation, bases: dict[bool, Array]) -> Turned:
+    """How orientations read, (n, 3, 3) in the controller's robot frame, compare with the model's and an explanation."""
     turn = best.fit.shift.get("turned-base")
     R_turn = np.eye(3) if turn is None else _rotation(turn[:3])
     flange = R_turn @ forward_kinematics(robot, best.fit.q).R_flange
-    tool = np.swapaxes(flange, 1, 2) @ (bases[best.base_known][:3, :3] @ readings.rotation)
+    tool = np.swapaxes(flange, 1, 2) @ (bases[best.base_known][:3, :3] @ rotation)
     turned = _angle(shown_tool(robot)[:3, :3].T @ tool)
     if turned.max() <= SAME_TURN_rad:
         return Turned(turned, None)

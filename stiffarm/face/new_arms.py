@@ -167,7 +167,8 @@ def check_kinematics(arm: Arm, pendant: str | Path, *, tolerance_mm: float = 1.0
         readings, convention, _ = read_pendant(Path(pendant), arm.robot, arm.name)
         found = check_pendant(arm.robot, readings, 1e-3 * tolerance_mm)
         content = check_payload(arm.description, arm.robot, found, convention)
-    named = (content["explanations"] or [content["closest"]])[0]["changes"]
+    first = (content["explanations"] or [content["closest"]])[0]
+    named = [] if first is None else first["changes"]
     return KinematicsCheck(
         content["verdict"], content["largest_mm"], {one["words"]: one["remedy"] for one in named}, content, arm.robot,
         found, arm.description,

@@ -23,6 +23,8 @@ COLUMNS = ("joint", *FIGURES, "theta_deg", *LIMITS, "sign")
 FLANGE = "flange"
 # No arm has more from one joint to the next.
 LONGEST_mm = 10_000.0
+# No arm is shorter in all.
+SHORTEST_mm = 20.0
 # More is no angle of a table; limits may be several turns.
 WIDEST_deg = {"alpha_deg": 360.0, "theta_deg": 360.0, "limits": 3600.0}
 # Right angles and half turns in rad, which nobody has in deg.
@@ -74,7 +76,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
     filled = zip(*(texts(table, columns.known[name]) for name in FIGURES), strict=True)
     empty = [name for name, row in zip(names, filled, strict=True) if not any(row)]
     if empty:
-        faults.add(table.lines[names.index(empty[0])], f"{', '.join(FIGURES)} are empty of {listed(empty)}",
+        faults.add(table.lines[names.index(empty[0])], f"{', '.join(FIGURES)} are empty for {listed(empty)}",
                    allowed="a number in each, 0 too", remedy="fill them in, or remove that row")  # fmt: skip
         return []
     cells = (table, columns)
@@ -95,6 +97,10 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
             if abs(angle) > WIDEST_deg[name]:
                 faults.add(table.lines[i], f"column {name}", value=f"{angle:g}",
                            allowed=f"up to {WIDEST_deg[name]:g} deg in size", remedy="give degrees")  # fmt: skip
+    in_all = float(np.abs(figures[:, 1:]).sum())
+    if not faults and 0.0 < in_all < SHORTEST_mm:
+        faults.add(table.lines[0], "columns a_mm, d_mm", value=f"{in_all:.4g} mm in all",
+                   allowed=f"{SHORTEST_mm:g} mm or more", remedy="these look like metres: give mm")  # fmt: skip
     if joint.any() and not faults and np.abs(limits[joint]).max() < _NARROW_deg:
         faults.add(table.lines[0], "columns lower_deg, upper_deg", value=f"{limits[0, 0]:g} to {limits[0, 1]:g}",
                    allowed="degrees", remedy="these look like radians: convert all angles to degrees")  # fmt: skip

@@ -49,10 +49,11 @@ def answer_check(frame: Frame, description: ModelDescription, model: str, table:
 def check_payload(
     description: ModelDescription, robot: Robot, found: PendantCheck, convention: str | None
 ) -> dict[str, Any]:
-    """The whole answer; ``verdict``: agrees, explained, orientation or unexplained."""
+    """The whole answer; ``verdict``: agrees, explained, orientation, misread or unexplained."""
     told = found.explanations[:MOST_TOLD]
     positions_agree = bool(told) and told[0].things == 0
     verdict = "agrees" if found.agrees else "orientation" if positions_agree else "explained" if told else "unexplained"
+    verdict = "misread" if found.misread else verdict
     turned = None
     if (compared := found.orientation) is not None:
         turn = None if compared.tool_turn is None else _plain_rpy(compared.tool_turn)
@@ -71,10 +72,11 @@ def check_payload(
         "largest_mm": number(float(1e3 * found.distance.max())),
         "by_pose": _by_pose(robot, found),
         "still_joints": list(found.still),
+        "misread_poses": list(found.misread),
         "orientation": turned,
         "explanations": [_explanation(robot, e) for e in told],
         "more_explanations": len(found.explanations) - len(told),
-        "closest": None if told else _explanation(robot, found.best),
+        "closest": None if told or found.misread else _explanation(robot, found.best),
     }
 
 
@@ -88,7 +90,7 @@ def _plain_rpy(R: Array) -> Array:
 
 def _by_pose(robot: Robot, found: PendantCheck) -> list[dict[str, Any]]:
     """Each pose: angles, what the controller shows, readings less model, and what the first explanation leaves."""
-    then = np.linalg.norm(found.best.fit.left, axis=1)
+    then = np.linalg.norm(found.left if found.misread else found.best.fit.left, axis=1)
     given = found.readings
     return [
         {

@@ -39,6 +39,11 @@ def _xyz(values: list[float]) -> str:
 def told(content: dict[str, Any]) -> list[str]:
     """What is wrong and what to write in the model, line by line."""
     out: list[str] = []
+    if content["misread_poses"]:
+        out += [
+            f"all other poses agree: {', '.join(content['misread_poses'])} read or typed wrong",
+            "  to fix it: read these poses again; mind signs and the order of the columns",
+        ]
     for i, one in enumerate(content["explanations"]):
         out += explained("what is wrong" if i == 0 else "or, which the table cannot tell apart", one)
     if content["more_explanations"]:
@@ -48,7 +53,7 @@ def told(content: dict[str, Any]) -> list[str]:
                    "this")  # fmt: skip
         out += explained("the closest is", content["closest"])
         out.append("check that positions are in mm, in the robot's own frame and of the point that the model's tool is")
-    out += orientation(content["orientation"])
+    out += [] if content["misread_poses"] else orientation(content["orientation"])
     if content["still_joints"]:
         out.append(f"not checked, because they hardly move over the poses: {', '.join(content['still_joints'])}")
     return out
@@ -76,7 +81,7 @@ def todo(content: dict[str, Any]) -> str:
     """What to do first, in a paragraph; empty where nothing is to be done or known."""
     if content["verdict"] == "explained":
         return remedied(content["explanations"][0]["changes"][0]["remedy"])
-    lines = orientation(content["orientation"]) if content["verdict"] == "orientation" else []
+    lines = told(content) if content["verdict"] in ("orientation", "misread") else []
     return next((remedied(line.removeprefix("  to fix it: ")) for line in lines if line.startswith("  to fix")), "")
 
 

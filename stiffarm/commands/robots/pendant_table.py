@@ -20,6 +20,8 @@ from stiffarm.session.table_kinds import PENDANT, expect
 POSITION = ("x_mm", "y_mm", "z_mm")
 # No tool is farther from its robot frame.
 FARTHEST_m = 100.0
+# No joint turns farther, deg.
+WIDEST_deg = 3600.0
 # Quaternions from a pendant have four decimals or so.
 UNIT_LENGTH = 0.02
 
@@ -51,6 +53,9 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     spoken = _convention(set(columns.known), faults)
     table, unread = _read_rows(drop_ragged(table, faults), columns)
     q = joint_angles(table, columns, robot, faults)
+    for row in np.flatnonzero((np.abs(q) > np.radians(WIDEST_deg)).any(axis=1)):
+        faults.add(table.lines[row], "joint angles", value=str(np.degrees(q[row]).round(3).tolist()),
+                   allowed=f"up to {WIDEST_deg:g} deg in size", remedy="give degrees, as the controller shows them")  # fmt: skip
     position = numbers(table, columns, POSITION, faults)
     for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
         faults.add(table.lines[row], f"columns {', '.join(POSITION)}", value=str((1e3 * position[row]).tolist()),
