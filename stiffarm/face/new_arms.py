@@ -101,8 +101,9 @@ def new_arm(
 class KinematicsCheck(Shown):
     """A model's kinematics beside positions read at the controller.
 
-    ``verdict``: "agrees", "explained", "orientation" (only that is off) or "unexplained"; ``largest_mm``: difference as
-    the model stands; ``remedies``: what to write in the model, by what is wrong. ``content`` has everything else.
+    ``verdict``: "agrees", "explained", "orientation" (only that is off), "misread" (a few poses, which are named) or
+    "unexplained"; ``largest_mm``: difference as the model stands; ``remedies``: what to write in the model, by what is
+    wrong. ``content`` has everything else.
     """
 
     verdict: str

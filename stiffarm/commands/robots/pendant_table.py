@@ -55,7 +55,8 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     q = joint_angles(table, columns, robot, faults)
     for row in np.flatnonzero((np.abs(q) > np.radians(WIDEST_deg)).any(axis=1)):
         faults.add(table.lines[row], "joint angles", value=str(np.degrees(q[row]).round(3).tolist()),
-                   allowed=f"up to {WIDEST_deg:g} deg in size", remedy="give degrees, as the controller shows them")  # fmt: skip
+                   allowed=f"up to {WIDEST_deg:g} deg in size",
+                   remedy="give degrees, as the controller shows them")  # fmt: skip
     position = numbers(table, columns, POSITION, faults)
     for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
         faults.add(table.lines[row], f"columns {', '.join(POSITION)}", value=str((1e3 * position[row]).tolist()),

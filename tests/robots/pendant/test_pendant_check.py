@@ -193,4 +193,5 @@ def test_positions_in_other_units_are_refused(size: float, unit: str) -> None:
     with pytest.raises(InputError, match=unit):
         check_pendant(ARM, replace(readings, position=size * readings.position))
     # A frame elsewhere is no unit.
-    assert codes(check_pendant(ARM, replace(readings, position=readings.position + [3.0, 0.0, 0.0])))[0] == ("base",)
+    shifted = replace(readings, position=readings.position + np.array([3.0, 0.0, 0.0]))
+    assert codes(check_pendant(ARM, shifted))[0] == ("base",)
