@@ -54,9 +54,9 @@ def orientations_explained(
     as_named = _compared(robot, rotation, explained, bases)
     if not as_named or as_named[0][1].disagreement < 2:
         return as_named
-    readable = {None: rotation, **readings.other_rotations}
+    readable: list[tuple[str | None, Array]] = [(None, rotation), *readings.other_rotations.items()]
     for candidates in (explained, list(_with_one_more(robot, readings, explained, bases, tolerance))):
-        tried = [(name, _compared(robot, one, candidates, bases)) for name, one in readable.items()]
+        tried = [(name, _compared(robot, one, candidates, bases)) for name, one in readable]
         for wanted in (0, 1):
             for name, found in tried:
                 if found and found[0][1].disagreement == wanted:
