@@ -40,9 +40,10 @@ def told(content: dict[str, Any]) -> list[str]:
     """What is wrong and what to write in the model, line by line."""
     out: list[str] = []
     if content["misread_poses"]:
+        poses = ", ".join(content["misread_poses"])
         out += [
-            f"all other poses agree: {', '.join(content['misread_poses'])} read or typed wrong",
-            "  to fix it: read these poses again; mind signs and the order of the columns",
+            f"read or typed wrong: {poses} (all other poses agree)",
+            f"  to fix it: read {poses} again; mind signs and the order of the columns",
         ]
     for i, one in enumerate(content["explanations"]):
         out += explained("what is wrong" if i == 0 else "or, which the table cannot tell apart", one)
@@ -82,7 +83,8 @@ def todo(content: dict[str, Any]) -> str:
     if content["verdict"] == "explained":
         return remedied(content["explanations"][0]["changes"][0]["remedy"])
     lines = told(content) if content["verdict"] in ("orientation", "misread") else []
-    return next((remedied(line.removeprefix("  to fix it: ")) for line in lines if line.startswith("  to fix")), "")
+    remedy = next((line.removeprefix("  to fix it: ") for line in lines if line.startswith("  to fix")), "")
+    return remedied(remedy[0].upper() + remedy[1:]) if remedy else ""
 
 
 def explained(opening: str, explanation: dict[str, Any]) -> list[str]:
@@ -105,7 +107,7 @@ def orientation(turned: dict[str, Any] | None) -> list[str]:
         out += [
             "orientations are not in the convention that their columns are named after: they agree as "
             + turned["agrees_as"].partition(":")[0],
-            f"  to fix it: name them so in the table: {turned['agrees_as'].partition(': ')[2]}",
+            f"  to fix it: name the table's orientation so: {turned['agrees_as'].partition(': ')[2]}",
         ]
     if turned["largest_deg"] <= SAME_deg:
         return out or [f"orientations agree, largest difference {turned['largest_deg']:.2g} deg"]
