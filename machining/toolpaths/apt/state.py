@@ -194,7 +194,9 @@ class AptState:
     def _coolnt(self, s: Statement) -> None:
         kind = words.coolant(s.parts)
         if kind is None:
-            raise StatementError(f"coolant {s.rest.strip()!r}", "ON, FLOOD, MIST, THRU or OFF")
+            text = f"COOLNT/{readable(s.rest).strip()} is no command here: ON, FLOOD, MIST, THRU or OFF are"
+            self.recorder.event(self.line, "COOLNT", readable(s.rest), note=text)
+            return
         self.recorder.command(self.line, "coolant", text=kind, word="COOLNT")
 
     def _stop(self, s: Statement) -> None:

@@ -277,6 +277,15 @@ def test_commands_of_apt_stay_where_they_stood(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_a_coolant_that_is_not_known_is_said_and_is_no_command(tmp_path: Path) -> None:
+    motions = read(tmp_path, APT.replace("COOLNT/ON", "COOLNT/AIR"), "air.apt")
+    assert any("COOLNT/AIR is no command" in note.text for note in motions.notes)
+    assert [e.text for e in motions.events if e.word == "COOLNT" and e.kind] == ["off"]
+    for word, kind in (("MIST", "mist"), ("ON,THRU", "through"), ("FLOOD,ON", "flood"), ("ON", "flood")):
+        found = read(tmp_path, APT.replace("COOLNT/ON", f"COOLNT/{word}"), "some.apt")
+        assert [e.text for e in found.events if e.kind == "coolant"] == [kind, "off"]
+
+
 def test_the_end_of_a_program_stops_spindle_and_coolant(tmp_path: Path) -> None:
     for text, name in ((APT.replace("SPINDL/OFF\nCOOLNT/OFF\n", ""), "a.apt"), (SOURCE, "b.nc")):
         motions = read(tmp_path, text, name)
