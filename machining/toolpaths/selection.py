@@ -35,7 +35,7 @@ def select(motions: Motions, *, operations: Sequence[str] = (), tool_numbers: Se
     keep = _named(motions, operations) & _numbered(motions, tool_numbers)
     if not keep.any():
         raise InputError(
-            f"tool path {motions.source}: no move has both the operation and the tool",
+            f"tool path {motions.source}: the operations and tools chosen have no move",
             allowed=f"operations {_operations(motions)}; tools {_numbers(motions)}",
             remedy="leave out --operation or --tool-number (operations=, tool_numbers= in Python)",
         )

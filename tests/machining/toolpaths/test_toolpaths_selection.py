@@ -111,7 +111,7 @@ def test_a_tools_operations_and_the_way_into_one_that_begins_at_feed(file: Path)
     [
         ({"operations": ["MILL"]}, "'ROUGH', 'HOLES'"),
         ({"tool_numbers": [7]}, "allowed: 1, 2|1, 2"),
-        ({"operations": ["HOLES"], "tool_numbers": [1]}, "both"),
+        ({"operations": ["HOLES"], "tool_numbers": [1]}, "have no move"),
     ],
 )
 def test_a_choice_that_the_file_does_not_have(file: Path, choice: dict, message: str) -> None:
