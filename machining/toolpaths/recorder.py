@@ -144,6 +144,8 @@ class Recorder:
 
     def _begins(self, operation: int | None) -> None:
         """Which of the operations named since the last state has the moves to come."""
+        if not self._begun:
+            return
         names, last = list(self.operations), self._begun[-1:]
         for place in self._begun:
             event = self.events[place]
