@@ -1,0 +1,204 @@
+"""Deflections as differences: readings after the load minus those before it, with the variance of both.
+
+Two layouts: both readings in one row (x before, x after), or rows without a load beside rows with one at the same pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from doe.instruments.meanings import AXES
+from doe.instruments.values import Key, Read
+from doe.tables.columns import LOADS, SAME_ANGLE_rad
+from robots import InputError
+from robots.arrays import Array, Bools
+from robots.errors import line_ranges, listed
+from robots.faults import Faults
+from robots.frames import rotation_rpy
+
+MOVED = ("dx", "dy", "dz", "rx", "ry", "rz")
+SIGMA = ("sigma", "", "")
+
+
+@dataclass(frozen=True)
+class Deflections:
+    """Rows of deflections: ``moved`` by component (mm, mrad), ``sigma`` (n,) mm, the rows' other columns, remarks."""
+
+    read: Read
+    moved: dict[str, Array]
+    sigma: Array
+    notes: tuple[str, ...]
+
+
+def loads_of(read: Read) -> Array:
+    """Loads (n, 6) in N, N m; what is hung pulls down."""
+    out = np.zeros((read.n, 6))
+    for key, values in read.numbers.items():
+        name = "fz_N" if key[0] == "hung" else f"{key[0]}_N" if key[0].startswith("f") else f"{key[0]}_Nm"
+        if key[0] == "hung" or name in LOADS:
+            out[:, LOADS.index(name)] += values
+    return out
+
+
+def deflections(read: Read, axes: str | None, sigma_mm: float | None) -> Deflections:
+    """Deflections of all rows.
+
+    ``axes``: of an instrument whose positions are subtracted: "base", or its orientation a,b,c deg in the base frame;
+    ``sigma_mm``: standard deviation of one reading of a coordinate, where the file has none.
+
+    Raises
+    ------
+    InputError
+        Readings before the load without those after it, rows with a load without any that has none, or positions
+        whose axes are not said.
+    """
+    if not loads_of(read).any():
+        raise InputError(f"{read.name}: no load among its columns", allowed="loads, as fz in N or a mass hung on the tool",
+                         remedy='say which it is, as in --column "NAME=hung kg", or give --fill "hung=20 kg"; absolute '
+                         "positions without loads: --kind positions")  # fmt: skip
+    _check_pairs(read)
+    first = {key: values for key, values in read.numbers.items() if key[1] == "before"}
+    if any(key[0] in (*AXES, *MOVED) for key in first):
+        return _of_pairs(read, axes, sigma_mm)
+    unloaded = np.asarray(~loads_of(read).any(axis=1), dtype=np.bool_)
+    if unloaded.any() or any((axis, "", "") in read.numbers for axis in AXES):
+        return _of_rows(read, unloaded, axes, sigma_mm)
+    moved = {name: read.numbers[name, "", ""] for name in MOVED if (name, "", "") in read.numbers}
+    return Deflections(read, moved, _sigma(read, sigma_mm), ())
+
+
+def _check_pairs(read: Read) -> None:
+    for what, when, target in read.numbers:
+        if when and what in (*AXES, *MOVED):
+            other = "after" if when == "before" else "before"
+            if (what, other, target) not in read.numbers:
+                raise InputError(f"{read.name}: {what} was read {when} the load, and no column holds it {other}",
+                                 allowed="both, or one column of deflections",
+                                 remedy=f'say which it is, as in --column "NAME={what} mm {other}"')  # fmt: skip
+            if (what, "", target) in read.numbers:
+                raise InputError(f"{read.name}: {what} {when} the load, and {what} without before or after",
+                                 allowed="one or the other", remedy="leave one out, as in --column \"NAME=keep\"")  # fmt: skip
+        double = f"d{what}" if what in AXES else ""
+        if any(key[0] == double for key in read.numbers):
+            raise InputError(f"{read.name}: positions {what} and deflections {double} both",
+                             allowed="one of them", remedy='keep the other, as in --column "NAME=keep"')  # fmt: skip
+
+
+def _sigma(read: Read, sigma_mm: float | None, when: str = "") -> Array:
+    for key in (("sigma", when, ""), SIGMA):
+        if key in read.numbers:
+            return read.numbers[key]
+    return np.full(read.n, np.nan if sigma_mm is None else sigma_mm)
+
+
+def _of_pairs(read: Read, axes: str | None, sigma_mm: float | None) -> Deflections:
+    """Before and after in one row."""
+
+    def difference(what: str) -> Array | None:
+        keys = (what, "after", ""), (what, "before", "")
+        return read.numbers[keys[0]] - read.numbers[keys[1]] if keys[0] in read.numbers else None
+
+    moved = {name: values for name in MOVED if (values := difference(name)) is not None}
+    moved |= {name: read.numbers[name, "", ""] for name in MOVED if (name, "", "") in read.numbers}
+    along = {axis: values for axis in AXES if (values := difference(axis)) is not None}
+    sigma = np.hypot(_sigma(read, sigma_mm, "before"), _sigma(read, sigma_mm, "after"))
+    note = f"deflections are {', '.join((*along, *moved))} after minus before"
+    return Deflections(read, moved | _turned(read, along, axes), sigma, (note,))
+
+
+def _of_rows(read: Read, unloaded: Bools, axes: str | None, sigma_mm: float | None) -> Deflections:
+    """Rows with a load minus the mean of those without at the same pose, target and session."""
+    if not unloaded.any():
+        raise InputError(f"{read.name}: all rows have a load, and their positions nothing to be compared with",
+                         allowed="rows with load 0 at the same poses, or positions before and after the load",
+                         remedy="add them; for positions under payloads that the flange carries: --kind positions, "
+                         'with the mass as payload (--column "NAME=payload kg")')  # fmt: skip
+    names = [name for name in (*AXES, *MOVED) if (name, "", "") in read.numbers]
+    values = np.column_stack([read.numbers[name, "", ""] for name in names])
+    own = _sigma(read, sigma_mm)
+    phase = np.array(read.words.get("phase", ("",) * read.n))
+    groups: dict[object, list[int]] = {}
+    for k, key in enumerate(_set_ups(read)):
+        groups.setdefault(key, []).append(k)
+    faults, idle = Faults(read.name), list[int]()
+    out, variance = np.full_like(values, np.nan), np.full(read.n, np.nan)
+    for rows in map(np.array, groups.values()):
+        at = rows[unloaded[rows] & (phase[rows] != "unloading")]
+        at = at if len(at) else rows[unloaded[rows]]
+        loaded = rows[~unloaded[rows]]
+        if not len(at):
+            for k in loaded:
+                faults.say(read.places[k][1], f"{read.places[k][0]}, row {read.places[k][1]}: this set-up has no row "
+                           "without a load", allowed="a row with load 0 at each pose (same label, target, session)",
+                           remedy="add it, or label the rows of one set-up alike (pose)")  # fmt: skip
+            continue
+        if not len(loaded):
+            idle += [read.places[k][1] for k in rows]
+        counts = np.isfinite(values[at]).sum(axis=0)
+        sums = np.nansum(values[at], axis=0)
+        reference = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+        out[loaded] = values[loaded] - reference
+        variance[loaded] = own[loaded] ** 2 + np.sum(own[at] ** 2) / len(at) ** 2
+    faults.raise_if_any("readings")
+    moved = dict(zip(names, out.T, strict=True))
+    keep = ~unloaded
+    kept = taken(read, keep)
+    along = {axis: moved[axis][keep] for axis in AXES if axis in moved}
+    rest = {name: moved[name][keep] for name in MOVED if name in moved}
+    notes = [f"{int(unloaded.sum())} rows without a load are what the others are compared with, pose by pose"]
+    if idle:
+        notes.append(f"rows without a loaded one at their pose, not used: {line_ranges(sorted(idle))}")
+    return Deflections(kept, rest | _turned(kept, along, axes), np.sqrt(variance[keep]), tuple(notes))
+
+
+def _set_ups(read: Read) -> list[object]:
+    """What tells the set-ups of rows apart: label or joint angles, target, session, repeat."""
+    q = np.column_stack([read.numbers[name, "", ""] for name in read.joints])
+    # Angles of one pose as a controller shows them: to a hundredth of a degree.
+    angles = [tuple(row) for row in np.round(q / np.degrees(SAME_ANGLE_rad)).tolist()]
+    labels = read.words.get("pose")
+    more = [read.words[name] for name in ("target", "session", "repeat") if name in read.words]
+    return [(labels[k] if labels else angles[k], *(words[k] for words in more)) for k in range(read.n)]
+
+
+def _turned(read: Read, along: dict[str, Array], axes: str | None) -> dict[str, Array]:
+    """Differences of positions in base axes."""
+    if not along:
+        return {}
+    if axes is None:
+        raise InputError(f"{read.name}: deflections from positions need the axes of the instrument",
+                         allowed="--axes base (its axes are those of the robot's base), or --axes A,B,C (its orientation "
+                         "in the base frame, deg about fixed x, then y, then z)",
+                         remedy="say which with --axes")  # fmt: skip
+    if axes == "base":
+        return {f"d{axis}": values for axis, values in along.items()}
+    try:
+        turn = np.array([float(part) for part in axes.split(",")])
+    except ValueError:
+        turn = np.full(3, np.nan)
+    if turn.shape != (3,) or not np.isfinite(turn).all():
+        raise InputError("--axes", value=axes, allowed="base, or three angles A,B,C in deg", remedy="give one of these")
+    if missing := [axis for axis in AXES if axis not in along]:
+        raise InputError(f"--axes {axes}: no {listed(missing)} was read", allowed="all of x, y, z",
+                         remedy="only with --axes base can axes be missing")  # fmt: skip
+    base = np.column_stack([along[axis] for axis in AXES]) @ rotation_rpy(np.radians(turn)).T
+    return {f"d{axis}": base[:, k] for k, axis in enumerate(AXES)}
+
+
+def taken(read: Read, keep: Bools) -> Read:
+    """Some of the rows."""
+    at = np.flatnonzero(keep)
+    return replace(
+        read,
+        numbers={key: values[at] for key, values in read.numbers.items()},
+        words={name: tuple(cells[k] for k in at) for name, cells in read.words.items()},
+        kept={name: tuple(cells[k] for k in at) for name, cells in read.kept.items()},
+        places=tuple(read.places[k] for k in at),
+    )
+
+
+def key_of(name: str) -> Key:
+    """The key of a number that is read once and has no target."""
+    return name, "", ""
