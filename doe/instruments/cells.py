@@ -19,7 +19,9 @@ from robots.files.reading import read_bytes
 SEPARATORS: Final = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": "  ", "blank": " "}
 # Lines that a separator is found by.
 _LOOKED_AT: Final = 400
-_COMMENT: Final = re.compile(r"\s*(//|#|%|!)+")
+_COMMENT: Final = re.compile(r"\s*(?://|#(?!\d)|%|!)[/#%! ]*")
+# What spreadsheets write in front of a CSV file.
+_SEP: Final = re.compile(r"sep=(.)\s*", re.I)
 # A word, with the unit in brackets behind it; or several words with single blanks between them.
 _WORD: Final = re.compile(r'"([^"]*)"|(\S+(?: [\[(][^\])\s]*[\])])?)')
 _WORDS: Final = re.compile(r'"([^"]*)"|(\S+(?: \S+)*)')
@@ -31,7 +33,7 @@ class Grid:
     """Rows of cells with their line numbers, from one file or sheet.
 
     ``comments``: lines set apart, with their numbers; ``how``: what was found or asked (encoding, separator, sheet);
-    ``split``: the separator, None in a workbook.
+    ``split``: the separator, None in a workbook; ``merged``: areas of merged cells, with their last line.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Grid:
     comments: tuple[tuple[int, str], ...]
     how: tuple[str, ...]
     split: str | None
+    merged: tuple[tuple[int, str], ...] = ()
 
     def between(self, first: int, last: int) -> Grid:
         """The same with the rows of some lines only."""
@@ -77,8 +80,20 @@ def _sheet(data: bytes, where: str, file: str, name: str) -> Grid:
     rows = [list(row) for row in sheet.rows]
     for area in sheet.merged:
         _spread(rows, area)
-    return Grid(f"{file}, sheet {name}", tuple(map(tuple, rows)), tuple(range(1, len(rows) + 1)), (),
-                (f"sheet {name}", *sheet.notes), None)  # fmt: skip
+    return Grid(
+        f"{file}, sheet {name}",
+        tuple(map(tuple, rows)),
+        tuple(range(1, len(rows) + 1)),
+        (),
+        (f"sheet {name}", *sheet.notes),
+        None,
+        tuple((_last_line(area), area) for area in sheet.merged),
+    )
+
+
+def _last_line(area: str) -> int:
+    found = _AREA.fullmatch(area)
+    return int(found[4]) if found else 0
 
 
 def _spread(rows: list[list[str]], area: str) -> None:
@@ -102,6 +117,9 @@ def _text_grid(text: str, where: str, file: str, encoding: str, separator: str |
     comments = tuple((k, _COMMENT.sub("", line).strip()) for k, line in enumerate(lines, 1) if _COMMENT.match(line))
     for k, _ in comments:
         lines[k - 1] = ""
+    if separator is None and (sep := _SEP.fullmatch(lines[0])):
+        separator = next((name for name, mark in SEPARATORS.items() if mark == sep[1]), None)
+        lines[0] = ""
     if not any(line.strip() for line in lines):
         raise InputError(f"{where} has no line of readings", remedy="export it again, or check its encoding")
     asked, told = separator, "as asked"

@@ -31,15 +31,24 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
                          allowed=_columns_of(other[0]),
                          remedy='say what they hold, as in --column "NAME=q1 deg"')  # fmt: skip
     if not readings:
-        raise InputError(f"{parts[0].name}: no readings among its columns", allowed=_columns_of(parts[0]),
-                         remedy='say what they hold, as in --column "NAME=dz mm", or give the file with them too')  # fmt: skip
+        raise InputError(
+            f"{parts[0].name}: no readings among its columns",
+            allowed=_columns_of(parts[0]),
+            remedy='say what they hold, as in --column "NAME=dz mm", or give the file with them too',
+        )
     bare = [part for part in readings if not part.joints]
     if bare and not angles:
-        raise InputError(f"{bare[0].name}: no joint angles among its columns", allowed=_columns_of(bare[0]),
-                         remedy='say what they hold, as in --column "NAME=q1 deg", or give the file with them too')  # fmt: skip
+        raise InputError(
+            f"{bare[0].name}: no joint angles among its columns",
+            allowed=_columns_of(bare[0]),
+            remedy='say what they hold, as in --column "NAME=q1 deg", or give the file with them too',
+        )
     if angles and len(bare) < len(readings):
-        raise InputError(f"{angles[0].name} has joint angles alone, and other files have theirs",
-                         allowed="one file of angles for files without any", remedy="convert these files one by one")  # fmt: skip
+        raise InputError(
+            f"{angles[0].name} has joint angles alone, and other files have theirs",
+            allowed="one file of angles for files without any",
+            remedy="convert these files one by one",
+        )
     if len(angles) > 1:
         raise InputError("files with joint angles alone", value=", ".join(part.name for part in angles),
                          allowed="one", remedy="convert the campaigns one by one")  # fmt: skip
@@ -64,8 +73,11 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
     for key in keys:
         without = [part.name for part in parts if key not in part.numbers]
         if without and (Read("", {key: np.zeros(0)}, {}, {}, (), ()).joints or key[0] in ("x", "y", "z")):
-            raise InputError(f"{without[0]} has no column {key[0]}, other files have", allowed="the same joints and axes",
-                             remedy="convert these files one by one")  # fmt: skip
+            raise InputError(
+                f"{without[0]} has no column {key[0]}, other files have",
+                allowed="the same joints and axes",
+                remedy="convert these files one by one",
+            )
     numbers = {key: np.concatenate([part.numbers.get(key, np.full(part.n, np.nan)) for part in parts]) for key in keys}
     for key, values in numbers.items():
         if key[0] in ("fx", "fy", "fz", "mx", "my", "mz", "hung", "rail"):
@@ -75,10 +87,15 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
         found = dict.fromkeys(word for part in parts for word in getattr(part, name))
         return {w: tuple(t for part in parts for t in getattr(part, name).get(w, ("",) * part.n)) for w in found}
 
+    without = [part.name for part in parts if "target" not in part.words]
+    if without and len(without) < len(parts):
+        raise InputError(f"{without[0]} has no column of targets, other files have", allowed="targets in all, or none",
+                         remedy="convert it by itself, with --fill target=NAME")  # fmt: skip
     words = texts("words")
-    if "session" not in words:
-        words["session"] = tuple(_session(part.name) for part in parts for _ in range(part.n))
-        notes.append("no file has a session: each is one, named after the file")
+    named = [part.words.get("session", (_session(part.name),) * part.n) for part in parts]
+    if bare := [part.name for part in parts if "session" not in part.words]:
+        notes.append(f"without a session, so each is one, named after the file: {listed(bare)}")
+    words["session"] = tuple(word for words in named for word in words)
     places = tuple(place for part in parts for place in part.places)
     columns = tuple(column for part in parts for column in part.columns)
     return Read(" + ".join(part.name for part in parts), numbers, words, texts("kept"), places, columns)

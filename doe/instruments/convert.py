@@ -29,6 +29,8 @@ from robots.faults import Faults
 
 # Names by which other commands know their own tables (a column that is kept must not make ours look like one).
 _OTHERS: Final = frozenset((*PENDANT, "reflector", "joint", "nx", "ny", "nz", "alpha_deg", "a_mm", "d_mm"))
+# Cells of a column that tell numbers from words.
+_LOOKED_AT: Final = 2000
 
 
 @dataclass(frozen=True)
@@ -96,9 +98,17 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     joints = robot.angle_names if robot else ()
     found = [_recognised(table, asked, units, joints) for table in tables]
     known = {name for table in tables for name in table.header}
-    faults = [InputError(f'--column "{name}=..."', value=name, allowed=listed(sorted(known), 40),
-                         remedy="use a name of the files' columns, or another mapping file")
-              for name in asked.columns if name not in known]  # fmt: skip
+    known |= {f"{table.name.partition(', sheet ')[0]}:{name}" for table in tables for name in table.header}
+    faults = [
+        InputError(
+            f'--column "{name}=..."',
+            value=name,
+            allowed=listed(dict.fromkeys(n for t in tables for n in t.header), 40),
+            remedy="use a name of the files' columns, or another mapping file",
+        )
+        for name in asked.columns
+        if name not in known
+    ]
     faults += [q.error(table.name) for table, one in zip(tables, found, strict=True) for q in one.questions]
     faults += _of_other_joints(found, robot)
     raise_any("columns that are not sure", faults)
@@ -160,11 +170,17 @@ def _recognised(table: Table, asked: Settings, units: Sequence[str], joints: Seq
     columns = [
         [row[k] for row in table.rows if row[k].strip().lower() not in NOT_READ] for k in range(len(table.header))
     ]
-    kinds = [
-        "number" if 2 * sum(map(is_number, cells)) > len(cells) else time_form(cells) or "text" for cells in columns
-    ]
-    given = {name: meaning for name, meaning in asked.columns.items() if name in table.header}
+    kinds = [_kind(cells) for cells in columns]
+    file = table.name.partition(", sheet ")[0]
+    given = {name: asked.columns[name] for name in table.header if name in asked.columns}
+    given |= {name: asked.columns[f"{file}:{name}"] for name in table.header if f"{file}:{name}" in asked.columns}
     return recognise(table.header, table.units, kinds, given=given, stated=table.stated, said=units, joints=joints)
+
+
+def _kind(cells: Sequence[str]) -> str:
+    """What the cells of a column are: number, text, or a form of time. The first ones tell a number."""
+    first = cells[:_LOOKED_AT]
+    return "number" if 2 * sum(map(is_number, first)) > len(first) else time_form(cells) or "text"
 
 
 def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[InputError]:
@@ -173,12 +189,15 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
         return []
     known = set(_joint_columns(robot))
     return [
-        InputError(f"column {name!r} is taken as joint {meaning.what}, which {robot.name} has not",
-                   allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in sorted(known)),
-                   remedy="say which of its joints it is, or keep: an angle of another convention must be converted first")
-        for one in found for name, meaning in one.meanings.items()
+        InputError(
+            f"column {name!r} is taken as joint {meaning.what}, which {robot.name} has not",
+            allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in sorted(known)),
+            remedy="say which of its joints it is, or keep: an angle of another convention must be converted first",
+        )
+        for one in found
+        for name, meaning in one.meanings.items()
         if meaning.kind == "joint" and meaning.what not in known
-    ]  # fmt: skip
+    ]
 
 
 def _joint_columns(robot: Robot | None) -> dict[str, str]:
@@ -207,7 +226,12 @@ def _made(
         if name in read.kept and (name in _OTHERS or (kind == POSITIONS and name in (*NUMBERS, *WORDS, *KEPT))):
             out[f"original {name}"] = out.pop(name)
             more.append(f"column {name} is kept as 'original {name}'")
-    columns = {name: meaning for one in found for name, meaning in one.meanings.items()}
+    columns: dict[str, Meaning] = {}
+    for table, one in zip(tables, found, strict=True):
+        for name, meaning in one.meanings.items():
+            same_name = columns.setdefault(name, meaning)
+            if same_name != meaning:
+                columns[f"{table.name.partition(', sheet ')[0]}:{name}"] = meaning
     same = {mark for mark, _ in marks}
     settings = replace(
         asked, columns=columns, decimal=next(iter(same)) if len(same) == 1 else None, rows=None, kind=kind
@@ -222,9 +246,11 @@ def _made(
 def _check_words(made: Converted) -> None:
     """Words that the readers of tables do not take."""
     faults = Faults(made.source)
-    for name, good, allowed in (("repeat", re.compile(r"\d{0,9}", re.ASCII), "whole numbers, or empty cells"),
-                                ("phase", re.compile(f"(?:{'|'.join(PHASES)})?"), f"{', '.join(PHASES)}, or empty cells"),
-                                ("pose", re.compile(r"(?s).+"), "a label in each row")):  # fmt: skip
+    for name, good, allowed in (
+        ("repeat", re.compile(r"\d{0,9}", re.ASCII), "whole numbers, or empty cells"),
+        ("phase", re.compile(f"(?:{'|'.join(PHASES)})?"), f"{', '.join(PHASES)}, or empty cells"),
+        ("pose", re.compile(r"(?s).+"), "a label in each row"),
+    ):
         if name not in made.header or (made.kind == POSITIONS and name != "phase"):
             continue
         k = made.header.index(name)

@@ -55,18 +55,34 @@ def deflections(read: Read, axes: str | None, sigma_mm: float | None) -> Deflect
         whose axes are not said.
     """
     if not loads_of(read).any():
-        raise InputError(f"{read.name}: no load among its columns", allowed="loads, as fz in N or a mass hung on the tool",
-                         remedy='say which it is, as in --column "NAME=hung kg", or give --fill "hung=20 kg"; absolute '
-                         "positions without loads: --kind positions")  # fmt: skip
+        raise InputError(
+            f"{read.name}: no load among its columns",
+            allowed="loads, as fz in N or a mass hung on the tool",
+            remedy='say which it is, as in --column "NAME=hung kg", or give --fill "hung=20 kg"; absolute '
+            "positions without loads: --kind positions",
+        )
     _check_pairs(read)
-    first = {key: values for key, values in read.numbers.items() if key[1] == "before"}
-    if any(key[0] in (*AXES, *MOVED) for key in first):
+    if any(key[1] == "before" and key[0] in (*AXES, *MOVED) for key in read.numbers):
+        _refuse_unloaded(read)
         return _of_pairs(read, axes, sigma_mm)
     unloaded = np.asarray(~loads_of(read).any(axis=1), dtype=np.bool_)
     if unloaded.any() or any((axis, "", "") in read.numbers for axis in AXES):
         return _of_rows(read, unloaded, axes, sigma_mm)
     moved = {name: read.numbers[name, "", ""] for name in MOVED if (name, "", "") in read.numbers}
     return Deflections(read, moved, _sigma(read, sigma_mm), ())
+
+
+def _refuse_unloaded(read: Read) -> None:
+    faults = Faults(read.name)
+    for k in np.flatnonzero(~loads_of(read).any(axis=1)):
+        file, line = read.places[k]
+        faults.say(
+            line,
+            f"{file}, row {line}: the load is 0, and the row has readings before and after it",
+            allowed="a load other than 0",
+            remedy="give the load, or leave the line out with --rows",
+        )
+    faults.raise_if_any("readings")
 
 
 def _check_pairs(read: Read) -> None:
@@ -78,8 +94,11 @@ def _check_pairs(read: Read) -> None:
                                  allowed="both, or one column of deflections",
                                  remedy=f'say which it is, as in --column "NAME={what} mm {other}"')  # fmt: skip
             if (what, "", target) in read.numbers:
-                raise InputError(f"{read.name}: {what} {when} the load, and {what} without before or after",
-                                 allowed="one or the other", remedy="leave one out, as in --column \"NAME=keep\"")  # fmt: skip
+                raise InputError(
+                    f"{read.name}: {what} {when} the load, and {what} without before or after",
+                    allowed="one or the other",
+                    remedy='leave one out, as in --column "NAME=keep"',
+                )
         double = f"d{what}" if what in AXES else ""
         if any(key[0] == double for key in read.numbers):
             raise InputError(f"{read.name}: positions {what} and deflections {double} both",
@@ -145,7 +164,7 @@ def _of_rows(read: Read, unloaded: Bools, axes: str | None, sigma_mm: float | No
     moved = dict(zip(names, out.T, strict=True))
     keep = ~unloaded
     kept = taken(read, keep)
-    along = {axis: moved[axis][keep] for axis in AXES if axis in moved}
+    along: dict[str, Array] = {axis: moved[axis][keep] for axis in AXES if axis in moved}
     rest = {name: moved[name][keep] for name in MOVED if name in moved}
     notes = [f"{int(unloaded.sum())} rows without a load are what the others are compared with, pose by pose"]
     if idle:
@@ -168,10 +187,12 @@ def _turned(read: Read, along: dict[str, Array], axes: str | None) -> dict[str, 
     if not along:
         return {}
     if axes is None:
-        raise InputError(f"{read.name}: deflections from positions need the axes of the instrument",
-                         allowed="--axes base (its axes are those of the robot's base), or --axes A,B,C (its orientation "
-                         "in the base frame, deg about fixed x, then y, then z)",
-                         remedy="say which with --axes")  # fmt: skip
+        raise InputError(
+            f"{read.name}: deflections from positions need the axes of the instrument",
+            allowed="--axes base (its axes are those of the robot's base), or --axes A,B,C (its orientation "
+            "in the base frame, deg about fixed x, then y, then z)",
+            remedy="say which with --axes",
+        )
     if axes == "base":
         return {f"d{axis}": values for axis, values in along.items()}
     try:

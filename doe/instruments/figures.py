@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal
 
 from doe.tables.columns import LARGEST_NUMBER
@@ -28,7 +27,10 @@ _GROUPED: Final = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{re.escape(mark)}\d
 
 def cleaned(cell: str) -> str:
     """A cell's text with a plain minus and without blanks between thousands."""
-    text = _MINUS.sub("-", cell.strip())
+    text = cell.strip()
+    if text.isascii() and " " not in text and "'" not in text:
+        return text
+    text = _MINUS.sub("-", text)
     return _SPACES.sub("", text) if text[:1] in "+-0123456789" else text
 
 
@@ -38,38 +40,32 @@ def is_number(cell: str) -> bool:
     return isinstance(cell, Figure) or (len(cell) < 60 and _LOOSE.fullmatch(cleaned(cell)) is not None)
 
 
-@dataclass(frozen=True)
-class Evidence:
-    """Cells (line, text) that have only one reading: with a decimal point, with a comma; and such as have two."""
+def evidence(cells: Iterable[tuple[int, str]]) -> dict[str, tuple[int, str]]:
+    """What the number cells of a table (line, text) say of its decimal mark: the first of each kind.
 
-    point: tuple[int, str] | None
-    comma: tuple[int, str] | None
-    either: tuple[int, str] | None
-
-
-def evidence(cells: Iterable[tuple[int, str]]) -> Evidence:
-    """What the number cells of a table (line, text) say of its decimal mark: the first of each kind."""
+    Kinds: "point" and "comma", the decimal mark beyond doubt; "1,234" and "1.234", which may be thousands or decimals;
+    "point, thousands" and "comma, thousands", where the other mark is seen to stand between thousands.
+    """
     found: dict[str, tuple[int, str]] = {}
     for line, cell in cells:
         if isinstance(cell, Figure) or not ("," in cell or "." in cell) or not is_number(cell):
             continue
         text = cleaned(cell)
-        kind = _kind(text)
-        if kind:
+        for kind in _kinds(text):
             found.setdefault(kind, (line, text))
-    return Evidence(found.get("point"), found.get("comma"), found.get("either"))
+    return found
 
 
-def _kind(text: str) -> str:
-    """Which mark a number's text shows to be the decimal one; "either" where a comma may stand for thousands."""
+def _kinds(text: str) -> tuple[str, ...]:
     if "," in text and "." in text:
-        return "comma" if text.rindex(",") > text.rindex(".") else "point"
-    if "," in text:
-        if text.count(",") > 1:
-            return "point"
-        return "either" if _GROUPED[","].fullmatch(text) else "comma"
-    # One point is a decimal point, as everywhere in this program, unless other cells say otherwise.
-    return "comma" if text.count(".") > 1 else "" if _GROUPED["."].fullmatch(text) else "point"
+        mark = "comma" if text.rindex(",") > text.rindex(".") else "point"
+        return mark, f"{mark}, thousands"
+    for other, mine, theirs in ((",", "comma", "point"), (".", "point", "comma")):
+        if other in text:
+            if text.count(other) > 1:
+                return theirs, f"{theirs}, thousands"
+            return (f"1{other}234",) if _GROUPED[other].fullmatch(text) else (mine,)
+    return ()
 
 
 def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None) -> tuple[Mark, str]:
@@ -86,23 +82,25 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
                 return mark, "as asked"
         raise InputError("--decimal", value=asked, allowed=", ".join(MARKS), remedy="choose one of them")
     found = evidence(cells)
-    if found.point and found.comma:
-        (a, point), (b, comma) = found.point, found.comma
+    if "point" in found and "comma" in found:
+        (a, point), (b, comma) = found["point"], found["comma"]
         raise InputError(f"{where}: {point} in line {a} has a decimal point, {comma} in line {b} a decimal comma",
                          allowed="one decimal mark in a file",
                          remedy="correct one of them, or leave its lines out with --rows")  # fmt: skip
-    if found.comma:
-        return "comma", f"{found.comma[1]} in line {found.comma[0]}"
-    if found.either and not found.point:
-        line, text = found.either
+    mark: Mark = "comma" if "comma" in found else "point"
+    other = "1.234" if mark == "comma" else "1,234"
+    # One point alone is a decimal point, as everywhere in this program: 1.234 is in doubt only beside decimal commas.
+    if other in found and f"{mark}, thousands" not in found:
+        line, text = found[other]
         raise InputError(
-            f"{where}: {text} in line {line} may be {text.replace(',', '.')} (decimal comma) or "
-            f"{text.replace(',', '')} (thousands), and no other number settles it",
-            allowed="--decimal comma or --decimal point", remedy="say which with --decimal",
+            f"{where}: {text} in line {line} may be {text.replace(',', '.')} or "
+            f"{text.replace(',', '').replace('.', '')} (thousands), and no other number settles it",
+            allowed="--decimal comma or --decimal point", remedy="say which with --decimal, or correct the cell",
         )  # fmt: skip
-    if found.point:
-        return "point", f"{found.point[1]} in line {found.point[0]}"
-    return "point", "no decimal comma anywhere"
+    if mark in found:
+        line, text = found[mark]
+        return mark, f"{text} in line {line}"
+    return mark, "no decimal comma anywhere"
 
 
 def figure(cell: str, mark: Mark) -> float:

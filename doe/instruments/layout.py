@@ -15,6 +15,8 @@ from robots import InputError
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
 
+# Rows among which the readings begin.
+_LOOKED_AT: Final = 2000
 _BRACKETS: Final = re.compile(r"^[\[(]\s*(.*?)\s*[\])]$")
 # "Units: mm", "Length unit = inch", "Einheit mm": what a file says of its lengths and angles above the table.
 _STATED: Final = re.compile(r"\b(?:units?|einheit(?:en)?)\b[^:=;,\t]*[:=;,\t ]+\s*([\w\u00b0\u00b5\u03bc,; /]+)", re.I)
@@ -57,8 +59,12 @@ def find_table(
     first = _first_reading(inside)
     if first is None:
         return None
-    start = inside.lines[first]
+    start = inside.lines[first] if header is None or rows is not None else _below(inside)
     body = inside.between(start, inside.lines[-1])
+    if merged := [area for line, area in grid.merged if body.lines[0] <= line <= body.lines[-1]]:
+        raise InputError(f"{grid.name}: merged cells {listed(merged)} among the readings: all but the first of each "
+                         "would count as empty", allowed="one value in each cell",
+                         remedy="unmerge them and write the value into each cell")  # fmt: skip
     above = [(k, row) for k, row in zip(grid.lines, grid.rows, strict=True) if k < start and any(row)]
     width = max(len(_trimmed(row)) for row in body.rows[:1])
     units: tuple[str, ...] = ()
@@ -73,18 +79,28 @@ def find_table(
     names, at = found or (tuple(columns), None)
     table = _checked(grid, body, names, units)
     head = [" ".join(row) for k, row in above if k != at] + [text for k, text in grid.comments if k < start]
+    if out := [k for k, _ in grid.comments if k > start]:
+        table = replace(table, how=(*table.how, f"comments left out: line {line_ranges(out)}"))
     how = (*grid.how, f"names in line {at}" if at else "names as given", f"readings from line {start} on")
     return replace(table, stated=_stated(head), how=(*how, *table.how))
 
 
 def _first_reading(grid: Grid) -> int | None:
-    counts = [sum(map(is_number, row)) for row in grid.rows]
+    counts = [sum(map(is_number, row)) for row in grid.rows[:_LOOKED_AT]]
     most = max(counts, default=0)
     if most < 2:
         return None
     # Rows have half of the numbers of the fullest one, or more: some cells were not read.
     enough = max(2, (most + 1) // 2)
     return next(k for k, count in enumerate(counts) if count >= enough)
+
+
+def _below(grid: Grid) -> int:
+    """The first line below the names that is neither blank nor one of units."""
+    for line, row in zip(grid.lines, grid.rows, strict=True):
+        if _trimmed(row) and not _units_line([(0, ()), (line, row)])[1]:
+            return line
+    return grid.lines[0]
 
 
 def _units_line(above: list[tuple[int, tuple[str, ...]]]) -> tuple[list[tuple[int, tuple[str, ...]]], tuple[str, ...]]:
@@ -117,7 +133,7 @@ def _names(
         if grid.split is not None:
             (_, cells), *_ = split_cells(text, grid.split, grid.name)
             if len(cells) == width > 1 and not any(map(is_number, cells)):
-                return tuple(cell.strip() for cell in cells), line
+                return (cells[0].strip() or "#", *(cell.strip() for cell in cells[1:])), line
     return None
 
 

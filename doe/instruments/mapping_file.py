@@ -130,7 +130,7 @@ def mapping_text(settings: Settings, source: str) -> str:
     lines = [
         f"# How {source.encode('unicode_escape').decode()} was read. Another file of this layout:",
         "# stiffarm readings FILE --mapping THIS --out table.csv",
-        f"# A column: MEANING [UNIT] [before|after] [negated] [of TARGET], keep or ignore.",
+        "# A column: MEANING [UNIT] [before|after] [negated] [of TARGET], keep or ignore.",
         f'schema = "{SCHEMA}"',
     ]
     for key in (*_TEXTS, "header", "sigma_mm"):

@@ -34,7 +34,7 @@ LEFT: Final = ("keep", "ignore")
 TWICE: Final = frozenset((*AXES, *(f"d{axis}" for axis in AXES), *(f"r{axis}" for axis in AXES), "sigma", "temperature",
                           "time"))  # fmt: skip
 # Of what a load is hung: a mass, or the force that a scale shows.
-_DIMENSIONS: Final = {"hung": ("mass", "force"), "turn": ("angle",), "joint": ("angle", "length")}
+_DIMENSIONS: Final = {"hung": ("mass", "force"), "turn": ("angle",), "joint": ("angle",)}
 _JOINT: Final = re.compile(r"q[1-9]\d*[a-z]*")
 FORM: Final = "MEANING [UNIT] [before|after] [negated] [of TARGET]"
 
@@ -91,7 +91,7 @@ def meaning_of(text: str, where: str) -> Meaning:
             made = replace(made, when="before" if word == "before" else "after")
         elif word == "negated" and made.kind:
             made = replace(made, negated=True)
-        elif unit := unit_of(word):
+        elif made.unit is None and (unit := unit_of(word)):
             made = with_unit(made, unit, where)
         else:
             allowed = ", ".join((*units_for(made), *(("before", "after") if what in TWICE else ()), "negated"))

@@ -15,7 +15,7 @@ from doe.instruments.units import TABLE_UNITS
 from doe.instruments.values import Read
 from doe.tables.columns import LOADS, SAME_ANGLE_rad, likely_ours
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
 
@@ -52,7 +52,9 @@ def kind_of(read: Read, asked: str | None) -> str:
 
 
 def table_of(read: Read, kind: str, settings: Settings, joint_columns: Mapping[str, str]) -> Made:
-    """Columns of the table as text, remarks, and where each row stands in its file. ``joint_columns``: the name of a joint's column, as q3 -> q3real_deg.
+    """Columns of the table as text, remarks, and where each row stands in its file.
+
+    ``joint_columns``: the name of a joint's column, as q3 -> q3real_deg.
 
     Raises
     ------
@@ -64,9 +66,11 @@ def table_of(read: Read, kind: str, settings: Settings, joint_columns: Mapping[s
     if kind == POSITIONS:
         return _positions(read, settings, joint_columns)
     if targets := _targets(read):
-        raise InputError(f"{read.name}: several targets ({listed(targets)}), and a deflection is that of the loaded point",
-                         allowed="--target NAME, the one at the loaded point",
-                         remedy="choose it; for absolute positions: --kind positions")  # fmt: skip
+        raise InputError(
+            f"{read.name}: several targets ({listed(targets)}), and a deflection is that of the loaded point",
+            allowed="--target NAME, the one at the loaded point",
+            remedy="choose it; for absolute positions: --kind positions",
+        )
     return _deflections(deflections(read, settings.axes, settings.sigma_mm), joint_columns)
 
 
@@ -83,14 +87,22 @@ def _of_target(read: Read, target: str) -> Read:
         return replace(read, numbers=numbers, words={**read.words, "target": (target,) * read.n})
     words = read.words.get("target", ())
     if target not in words:
-        raise InputError("--target", value=target, allowed=listed(named or sorted(set(words))) or "none: no column of targets",
-                         remedy="choose one of them")  # fmt: skip
+        raise InputError(
+            "--target",
+            value=target,
+            allowed=listed(named or sorted(set(words))) or "none: no column of targets",
+            remedy="choose one of them",
+        )
     return taken(read, np.array([word == target for word in words], dtype=np.bool_))
 
 
 def _text(values: Array) -> tuple[str, ...]:
     # No instrument reads twelve digits; more would show the round-off of a change of units.
     return tuple("" if np.isnan(v) else f"{v:.12g}" for v in (values + 0.0).tolist())
+
+
+def _lines(read: Read, some: Bools) -> str:
+    return line_ranges(sorted({read.places[k][1] for k in np.flatnonzero(some)}))
 
 
 def _joint_cells(read: Read, joint_columns: Mapping[str, str]) -> Cells:
@@ -134,8 +146,11 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
         raise InputError(f"{read.name}: positions before and after a load", allowed="--kind deflections",
                          remedy="leave --kind out, or keep one of the two")  # fmt: skip
     if loads_of(read).any():
-        raise InputError(f"{read.name}: positions under a load that is hung, which a table of positions cannot hold",
-                         allowed="masses that the flange carries", remedy='say so, as in --column "NAME=payload kg"')  # fmt: skip
+        raise InputError(
+            f"{read.name}: positions under a load that is hung, which a table of positions cannot hold",
+            allowed="masses that the flange carries",
+            remedy='say so, as in --column "NAME=payload kg"',
+        )
     read = _one_row_a_target(read, notes)
     if missing := [axis for axis in AXES if (axis, "", "") not in read.numbers]:
         raise InputError(f"{read.name}: no {listed(missing)} among its columns", allowed="x, y and z of a target",
@@ -150,9 +165,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
     faults.raise_if_any("readings")
     unread = np.asarray(~there.any(axis=1), dtype=np.bool_)
     if unread.any():
-        notes.append(
-            f"rows without a position left out: {line_ranges(sorted({read.places[k][1] for k in np.flatnonzero(unread)}))}"
-        )
+        notes.append(f"rows without a position left out: {_lines(read, unread)}")
         read = taken(read, ~unread)
     if not read.n:
         raise InputError(f"{read.name}: no row has a position", remedy="export it again")
@@ -188,8 +201,10 @@ def _one_row_a_target(read: Read, notes: list[str]) -> Read:
     notes.append(f"{len(targets)} targets of a row become rows of their own: {listed(targets)}")
     keys = list(dict.fromkeys(key for part in parts for key in part.numbers))
     gone = [np.full(read.n, np.nan) for _ in parts]
-    numbers = {key: np.column_stack([part.numbers.get(key, none) for part, none in zip(parts, gone, strict=True)]).ravel()
-               for key in keys}  # fmt: skip
+    numbers = {
+        key: np.column_stack([part.numbers.get(key, none) for part, none in zip(parts, gone, strict=True)]).ravel()
+        for key in keys
+    }
 
     def spread(words: Mapping[str, Sequence[str]]) -> Cells:
         return {name: tuple(cell for cell in cells for _ in targets) for name, cells in words.items()}
@@ -204,9 +219,7 @@ def _deflections(found: Deflections, joint_columns: Mapping[str, str]) -> Made:
     moved = np.column_stack([found.moved[name] for name in MOVED if name in found.moved])
     unread = np.asarray(~np.isfinite(moved).any(axis=1), dtype=np.bool_)
     if unread.any():
-        notes.append(
-            f"rows without any reading left out: {line_ranges(sorted({read.places[k][1] for k in np.flatnonzero(unread)}))}"
-        )
+        notes.append(f"rows without any reading left out: {_lines(read, unread)}")
     keep = ~unread
     read = _same_angles(taken(read, keep), notes)
     if not read.n:
@@ -240,9 +253,13 @@ def _same_angles(read: Read, notes: list[str]) -> Read:
         # Readings of ten digits differ in the last one.
         if apart > np.degrees(SAME_ANGLE_rad) * (1 + 1e-9):
             file, line = read.places[k]
-            faults.say(line, f"{file}, row {line}, pose {label}: its joint angles differ by {apart:.3g} deg from those of "
-                       f"row {read.places[at][1]}", allowed=f"up to {np.degrees(SAME_ANGLE_rad):g} deg for one label",
-                       remedy='correct them, or keep the label as words: --column "NAME=keep"')  # fmt: skip
+            faults.say(
+                line,
+                f"{file}, row {line}, pose {label}: its joint angles differ by {apart:.3g} deg from those of "
+                f"row {read.places[at][1]}",
+                allowed=f"up to {np.degrees(SAME_ANGLE_rad):g} deg for one label",
+                remedy='correct them, or keep the label as words: --column "NAME=keep"',
+            )
         off = max(off, apart)
         q[k] = q[at]
     faults.raise_if_any("readings")

@@ -13,55 +13,27 @@ from typing import Final
 
 from doe.instruments.meanings import AXES, Meaning, When, meaning_of, takes, units_for, with_unit
 from doe.instruments.units import dimension, unit_of
+from doe.instruments.vocabulary import (
+    AFTER,
+    BEFORE,
+    GAUGES,
+    MEANINGS,
+    MEASURED,
+    NO_JOINT,
+    NOMINAL,
+    UNDIRECTED,
+    WORDS,
+)
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT
 from robots import InputError
 
 _UNIT: Final = re.compile(r"^(.*?)\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|[/,]\s*([^\s/,]+)|_([^_\s]+))\s*$")
-_BEFORE: Final = frozenset(("before", "unloaded", "zero", "initial", "start", "vor", "vorher", "unbelastet", "leer"))
-_AFTER: Final = frozenset(("after", "loaded", "final", "end", "nach", "nachher", "belastet"))
-_MEASURED: Final = frozenset(("actual", "act", "measured", "meas", "ist", "gemessen", "coordinate", "coord", "pos",
-                              "position", "koordinate", "tracker", "wert", "value"))  # fmt: skip
-# Coordinates that nobody has measured, differences from these, and what a tracker works out of its own readings.
-_NOMINAL: Final = frozenset(("nominal", "nom", "soll", "target", "design", "deviation", "dev", "abweichung", "error",
-                             "residual", "command", "commanded", "programmed"))  # fmt: skip
-_NO_JOINT: Final = frozenset(("hz", "v", "azimuth", "elevation", "zenith", "horizontal", "vertical", "az", "el", "h",
-                              "roll", "pitch", "yaw", "rotation", "tilt", "inclination", "neigung"))  # fmt: skip
 _JOINT: Final = re.compile(r"(q|j|joint|axis|achse|gelenk|theta|a)\s*(\d+)([a-z]*)")
 _TARGET: Final = re.compile(
     r"(?:(?:(?:target|smr|reflector|reflektor|ziel|nest)\s*(\w+?)|[tn]\s*(\d+))\s+)([xyz])|([xyz])\s*(\d+)"
 )
+_OWN: Final = re.compile(r"q[1-9]\d*[a-z]*_(deg|rad)")
 _AXIS_BEHIND: Final = re.compile(r"[\s_.-]*[xyz]\s*$", re.I)
-_WORDS: Final = {
-    "pose": ("pose", "pose no", "pose id", "pose number", "point", "point id", "point name", "point no", "punkt",
-             "punktnummer", "messpunkt", "stellung", "pos nr"),
-    "repeat": ("repeat", "repetition", "rep", "wiederholung"), "phase": ("phase",),
-    "step": ("step", "order", "reihenfolge", "schritt"), "session": ("session", "station", "sitzung", "day"),
-    "target": ("target", "target name", "reflector", "reflektor", "smr", "ziel", "nest"),
-    "operator": ("operator", "user", "inspector", "measured by", "bediener", "pr\u00fcfer"),
-    "instrument": ("instrument", "device", "tracker", "ger\u00e4t", "messger\u00e4t"),
-    "approach": ("approach", "anfahrt"),
-}  # fmt: skip
-_QUANTITIES: Final = {
-    "temperature": ("temperature", "temp", "air temperature", "air temp", "temperatur", "lufttemperatur"),
-    "time": ("time", "timestamp", "time stamp", "date time", "datetime", "zeit", "uhrzeit", "zeitstempel"),
-    "date": ("date", "datum"),
-    "sigma": ("sigma", "std", "std dev", "standard deviation", "stddev", "standardabweichung"),
-    "payload": ("payload", "payload mass", "nutzlast"), "rail": ("rail", "rail position", "schiene", "fahrachse"),
-    "hung": ("hung", "hung mass", "hanging mass", "mass hung", "hanging weight", "weight hung", "hung load", "load hung",
-             "angeh\u00e4ngt", "angeh\u00e4ngte masse", "angeh\u00e4ngte last"),
-    **{f"d{a}": (f"d{a}", f"d {a}", f"delta {a}", f"deflection {a}", f"{a} deflection", f"durchbiegung {a}",
-                 f"verformung {a}", f"gauge {a}", f"dial {a}", f"messuhr {a}", f"{a} gauge", f"indicator {a}")
-       for a in AXES},
-    **{f"f{a}": (f"f{a}", f"f {a}", f"force {a}", f"load {a}", f"kraft {a}", f"{a} force") for a in AXES},
-    **{f"m{a}": (f"m{a}", f"m {a}", f"moment {a}", f"torque {a}", f"{a} moment") for a in AXES},
-    **{f"r{a}": (f"r{a}", f"rot {a}") for a in AXES},
-    **{f"p{a}": (f"p{a}",) for a in AXES}, **{f"payload_{a}": (f"payload {a}",) for a in AXES},
-}  # fmt: skip
-_MEANINGS: Final = {word: what for table in (_WORDS, _QUANTITIES) for what, words in table.items() for word in words}
-# Names of which the direction, or the sort of load, is left open.
-_GAUGES: Final = frozenset(("gauge", "dial", "dial gauge", "indicator", "reading", "deflection", "messuhr", "anzeige",
-                            "durchbiegung", "verformung"))  # fmt: skip
-_LOADS: Final = frozenset(("load", "force", "f", "last", "kraft", "mass", "masse", "m", "weight", "gewicht"))
 
 
 @dataclass(frozen=True)
@@ -103,7 +75,7 @@ def recognise(
     """
     run = _joint_run(header)
     targets = _target_names(header)
-    nominal = any(_words(name) & _NOMINAL for name in header)
+    nominal = any(_words(name) & NOMINAL for name in header)
     out, why, questions = dict[str, Meaning](), dict[str, str](), list[Question]()
     for name, below, kind in zip(header, units, kinds, strict=True):
         if name in given:
@@ -145,12 +117,12 @@ def _recognised(
                         *(f"{stem[0].lower()} mm of {stem[-1]}", f"{stem[0].lower()} mm before",
                           f"{stem[0].lower()} mm after"))  # fmt: skip
         return _with(Meaning(found[0], target=found[1], when=when), unit, name)
-    if set(words.split()) & _NOMINAL and any(axis in words.split() for axis in AXES):
+    if set(words.split()) & NOMINAL and any(axis in words.split() for axis in AXES):
         return Meaning("keep")
     if (axis := _axis(rest)) is not None:
         return _with(Meaning(axis, when=when), unit, name)
-    if rest in _MEANINGS:
-        what = _MEANINGS[rest]
+    if rest in MEANINGS:
+        what = MEANINGS[rest]
         if nominal and what in ("dx", "dy", "dz") and "gauge" not in rest and not when:
             return Meaning("keep")  # beside nominal coordinates it is the deviation from these
         if what in ("time", "date") and unit is None and kind != "number":
@@ -162,10 +134,10 @@ def _recognised(
 def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool) -> Meaning | Question:
     """A column whose name says too little: a question where it may matter, else it is kept."""
     tail = f" {when}" if when else ""
-    if rest in _GAUGES:
+    if rest in GAUGES:
         return _ask(name, "the direction that the gauge reads is not said",
                     *(f"d{axis} {unit or 'mm'}{tail}" for axis in "zyx"), "keep")  # fmt: skip
-    if rest in _LOADS or (unit and dimension(unit) == "force"):
+    if rest in UNDIRECTED or (unit and dimension(unit) == "force"):
         if unit and dimension(unit) == "mass":
             return _ask(name, "it may be a mass hung on the tool, or a payload that the flange carries",
                         f"hung {unit}", f"payload {unit}")  # fmt: skip
@@ -176,9 +148,10 @@ def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool)
         )
     found = _JOINT.fullmatch(rest)
     if found or rest in ("e1", "e 1", "track"):
-        number = found[2] if found else "7"
-        return _ask(name, "it may be a joint", f"q{number} {unit or 'deg'}", f"rail {unit or 'mm'}", "keep")
-    if has_numbers and unit and dimension(unit) == "angle" and not set(rest.split()) & _NO_JOINT:
+        number, size = found[2] if found else "7", dimension(unit) if unit else ""
+        meanings = [f"q{number} {unit or 'deg'}"] * (size != "length") + [f"rail {unit or 'mm'}"] * (size != "angle")
+        return _ask(name, "it may be a joint", *meanings, "keep")
+    if has_numbers and unit and dimension(unit) == "angle" and not set(rest.split()) & NO_JOINT:
         return _ask(name, "an angle whose name is not known may be a joint", f"q1 {unit}", "keep")
     return Meaning("keep")
 
@@ -201,10 +174,25 @@ def split_unit(name: str) -> tuple[str, str | None]:
 def _exact(name: str, joints: Sequence[str]) -> Meaning | None:
     """The meaning of a name of the measurement table itself."""
     stem, _, unit = name.rpartition("_")
-    if name in (*LOADS, *POINT, *DISPLACEMENTS, "x_mm", "y_mm", "z_mm", "sigma_mm", "payload_kg", "rail_mm",
-                "payload_x_mm", "payload_y_mm", "payload_z_mm", "temperature_C", "time_s", *joints):  # fmt: skip
+    if name in (
+        *LOADS,
+        *POINT,
+        *DISPLACEMENTS,
+        "x_mm",
+        "y_mm",
+        "z_mm",
+        "sigma_mm",
+        "payload_kg",
+        "rail_mm",
+        "payload_x_mm",
+        "payload_y_mm",
+        "payload_z_mm",
+        "temperature_C",
+        "time_s",
+        *joints,
+    ) or _OWN.fullmatch(name):
         return meaning_of(f"{stem} {unit}", name)
-    return Meaning(name) if name in _WORDS else None
+    return Meaning(name) if name in WORDS else None
 
 
 def _plain(text: str) -> str:
@@ -220,7 +208,7 @@ def _when(words: str) -> tuple[When, str]:
     parts = words.split()
     if len(parts) < 2:
         return "", words
-    for when, known in (("before", _BEFORE), ("after", _AFTER)):
+    for when, known in (("before", BEFORE), ("after", AFTER)):
         if set(parts) & known:
             rest = " ".join(part for part in parts if part not in known)
             return ("before" if when == "before" else "after"), rest
@@ -229,7 +217,7 @@ def _when(words: str) -> tuple[When, str]:
 
 def _axis(rest: str) -> str | None:
     """The axis of a coordinate that was measured."""
-    parts = [part for part in rest.split() if part not in _MEASURED]
+    parts = [part for part in rest.split() if part not in MEASURED]
     return parts[0] if len(parts) == 1 and parts[0] in AXES else None
 
 
@@ -282,8 +270,9 @@ def _time(name: str, what: str = "time") -> Question:
 
 def _unit_question(name: str, meaning: Meaning) -> Question:
     if meaning.kind == "time":
-        return _ask(name, "the unit of the clock is not said", *(f"{meaning.what} {u}" for u in ("s", "min", "h", "ms")),
-                    "keep")  # fmt: skip
+        return _ask(
+            name, "the unit of the clock is not said", *(f"{meaning.what} {u}" for u in ("s", "min", "h", "ms")), "keep"
+        )
     units = units_for(meaning)
     usual = {"length": "mm", "joint": "deg", "turn": "mrad", "temperature": "C"}.get(meaning.kind, units[0])
     options = tuple(f'--column "{name}={replace(meaning, unit=unit)}"' for unit in (usual, *units) if unit)

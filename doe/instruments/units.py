@@ -41,8 +41,16 @@ _WORDS: Final = {
 }  # fmt: skip
 _NAMES: Final = {unit: dimension for dimension, units in UNITS.items() for unit in units}
 # What a table's columns are in, by dimension, with its factor to SI.
-TABLE_UNITS: Final = {"length": ("mm", 1e-3), "angle": ("deg", math.pi / 180), "force": ("N", 1.0), "moment": ("Nm", 1.0),
-                      "mass": ("kg", 1.0), "temperature": ("C", 1.0), "time": ("s", 1.0), "turn": ("mrad", 1e-3)}  # fmt: skip
+TABLE_UNITS: Final = {
+    "length": ("mm", 1e-3),
+    "angle": ("deg", math.pi / 180),
+    "force": ("N", 1.0),
+    "moment": ("Nm", 1.0),
+    "mass": ("kg", 1.0),
+    "temperature": ("C", 1.0),
+    "time": ("s", 1.0),
+    "turn": ("mrad", 1e-3),
+}
 
 
 def unit_of(word: str) -> str | None:

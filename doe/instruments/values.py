@@ -93,6 +93,11 @@ def read_values(table: Table, meanings: Mapping[str, Meaning], why: Mapping[str,
             numbers[key] = values
         elif meaning.what in WORDS:
             words[meaning.what] = tuple(cell.strip() for cell in cells)
+            if meaning.what in ("session", "target") and any(words[meaning.what]):
+                for line, cell in zip(table.lines, words[meaning.what], strict=True):
+                    if not cell:
+                        faults.add(line, f"column {name} is empty", allowed=f"a {meaning.what} in each row, or in none",
+                                   remedy="fill it in, or leave the line out with --rows FIRST-LAST")  # fmt: skip
         elif meaning.what == "keep":
             kept[name] = tuple(cell.strip() for cell in cells)
         there = values[np.isfinite(values)]
@@ -124,6 +129,9 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
             faults.add(table.lines[i], f"column {name}", value=cell, allowed=allowed, remedy=str(error))
             continue
         out[i] = in_table_unit(value, meaning)
+        if meaning.kind == "hung" and value < 0.0:
+            faults.add(table.lines[i], f"column {name}", value=cell, allowed="0 or more: what hangs pulls down",
+                       remedy="correct it, or give the load as a force (fz)")  # fmt: skip
         if meaning.what == "sigma" and not out[i] > 0.0:
             faults.add(table.lines[i], f"column {name}", value=cell, allowed="a number above 0, or an empty cell",
                        remedy="a standard deviation of 0 is none: clear the cell")  # fmt: skip

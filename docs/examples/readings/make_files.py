@@ -71,10 +71,18 @@ def faro() -> None:
     q = poses(20, 3)
     head = ["Pose", *(f"J{k} (deg)" for k in range(1, 7)), "Actual X", "Actual Y", "Actual Z", "Device", "User", "Time"]
     rows = [
-        "\t".join([f"M{k:03d}", *(f"{a:.2f}" for a in angles), *(f"{v / INCH_mm:.6f}" for v in xyz), "Tracker 2", "Bert",
-                   f"05/14/2026 02:{20 + k}:00 PM"])
+        "\t".join(
+            [
+                f"M{k:03d}",
+                *(f"{a:.2f}" for a in angles),
+                *(f"{v / INCH_mm:.6f}" for v in xyz),
+                "Tracker 2",
+                "Bert",
+                f"05/14/2026 02:{20 + k}:00 PM",
+            ]
+        )
         for k, (angles, xyz) in enumerate(zip(q, seen(q, "SMR1", 4), strict=True), 1)
-    ]  # fmt: skip
+    ]
     write(
         "faro.txt", ["Report of measurements", "Units: inch", "Coordinate system: tracker", "", "\t".join(head), *rows]
     )
@@ -122,8 +130,15 @@ def polyworks() -> None:
     flange = 1e3 * forward_kinematics(ROBOT, np.radians(q)).p_flange
     before = flange + rng.normal(0.0, 0.01, flange.shape)
     after = flange + moved + rng.normal(0.0, 0.01, flange.shape)
-    head = ["Point", *(f"J{k} [deg]" for k in range(1, 7)), "Mass hung [kg]", *(f"Nominal {a} [mm]" for a in "XYZ"),
-            *(f"Measured {a} before [mm]" for a in "XYZ"), *(f"Measured {a} after [mm]" for a in "XYZ"), "Comment"]  # fmt: skip
+    head = [
+        "Point",
+        *(f"J{k} [deg]" for k in range(1, 7)),
+        "Mass hung [kg]",
+        *(f"Nominal {a} [mm]" for a in "XYZ"),
+        *(f"Measured {a} before [mm]" for a in "XYZ"),
+        *(f"Measured {a} after [mm]" for a in "XYZ"),
+        "Comment",
+    ]
     rows = [
         "|".join([f"F{k + 1}", *(f"{a:.2f}" for a in q[k]), f"{kg[k]:g}", *(f"{v:.3f}" for v in np.round(flange[k])),
                   *(f"{v:.3f}" for v in before[k]), *(f"{v:.3f}" for v in after[k]), "ok"])
@@ -153,8 +168,18 @@ def dial_gauge() -> None:
     sheet = book.create_sheet("Messblatt")
     sheet.append(["Nachgiebigkeit am Flansch"])
     sheet.append([])
-    sheet.append(["Stellung", *(f"A{k}" for k in range(1, 7)), "Angeh\u00e4ngte Masse", "Messuhr Z vor", "Messuhr Z nach", "Bediener",
-                  "Temperatur", "Bemerkung"])  # fmt: skip
+    sheet.append(
+        [
+            "Stellung",
+            *(f"A{k}" for k in range(1, 7)),
+            "Angeh\u00e4ngte Masse",
+            "Messuhr Z vor",
+            "Messuhr Z nach",
+            "Bediener",
+            "Temperatur",
+            "Bemerkung",
+        ]
+    )
     sheet.append(["-", *["\u00b0"] * 6, "kg", "\u00b5m", "\u00b5m", "-", "\u00b0C", "-"])
     for k in range(len(q)):
         # Typed by hand: the angles as text with decimal commas.

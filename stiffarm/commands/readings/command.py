@@ -34,7 +34,7 @@ def readings(
     mapping: Annotated[
         Path | None,
         typer.Option(
-            "--mapping", help="Mapping file (TOML) that an earlier run wrote beside its table. Default: find everything."
+            "--mapping", help="Mapping file (TOML) that an earlier run wrote beside its table. Default: none."
         ),
     ] = None,
     kind: Annotated[

@@ -124,8 +124,11 @@ def _checked(out: Path | None, mapping: Path | None, files: Sequence[Path], *, r
                          remedy="choose another name")  # fmt: skip
     old = [path for path in (out, mapping) if path is not None and os.path.lexists(path)]
     if old and not replace:
-        raise InputError(f"{' and '.join(map(str, old))}: it exists already", allowed="a new file",
-                         remedy="choose another name with --out, or give --replace: the old one is then kept in previous/")  # fmt: skip
+        raise InputError(
+            f"{' and '.join(map(str, old))}: it exists already",
+            allowed="a new file",
+            remedy="choose another name with --out, or give --replace: the old one is then kept in previous/",
+        )
     return old
 
 
