@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -71,7 +72,7 @@ class Converted:
                 values = [float(cell) for cell in cells if cell]
             except ValueError:
                 continue
-            if values:
+            if values and all(map(math.isfinite, values)):
                 out[name] = (min(values), max(values))
         return out
 

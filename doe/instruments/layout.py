@@ -59,7 +59,8 @@ def find_table(
     first = _first_reading(inside)
     if first is None:
         return None
-    start = inside.lines[first] if header is None or rows is not None else _below(inside)
+    # Where lines were named no row among them is passed over.
+    start = inside.lines[first] if header is None and rows is None else _below(inside)
     body = inside.between(start, inside.lines[-1])
     if merged := [area for line, area in grid.merged if body.lines[0] <= line <= body.lines[-1]]:
         raise InputError(f"{grid.name}: merged cells {listed(merged)} among the readings: all but the first of each "
@@ -73,8 +74,8 @@ def find_table(
     if found is None and not columns:
         raise InputError(
             f"{grid.name}: its {width} columns have no names",
-            allowed='names above the readings, or --names "pose,x_mm,y_mm,z_mm"',
-            remedy=f"name all {width} columns with --names, separated by commas",
+            allowed='names above the readings (--header LINE), or --names "pose,x_mm,y_mm,z_mm"',
+            remedy=f"name the line that holds them, or all {width} columns separated by commas",
         )
     names, at = found or (tuple(columns), None)
     table = _checked(grid, body, names, units)
@@ -130,8 +131,7 @@ def _names(
         if len(names) > 1 and not any(map(is_number, names)):
             return _with_groups(names, above[:-1]), line
     for line, text in reversed(grid.comments):
-        if grid.split is not None:
-            (_, cells), *_ = split_cells(text, grid.split, grid.name)
+        for _, cells in split_cells(text, grid.split or ",", grid.name):
             if len(cells) == width > 1 and not any(map(is_number, cells)):
                 return (cells[0].strip() or "#", *(cell.strip() for cell in cells[1:])), line
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from robots.files.reading import parse_toml, read_text
 
 SCHEMA: Final = "stiffarm-readings/1"
 _TEXTS: Final = ("encoding", "separator", "decimal", "kind", "join", "axes", "target")
-_KNOWN: Final = ("schema", *_TEXTS, "sheets", "header", "rows", "names", "units", "sigma_mm", "fill", "columns")
+_KNOWN: Final = ("schema", *_TEXTS, "sheets", "header", "names", "units", "sigma_mm", "fill", "columns")
 _LIST: Final = ("sheets", "names", "units")
 
 
@@ -81,12 +82,13 @@ def read_mapping(path: Path) -> Settings:
                 faults.append(InputError(f"{where}: {key}", value=str(value), allowed="a list of texts"))
     _take(made, data, "header", int, "a line number", faults, where)
     _take(made, data, "sigma_mm", float, "a number", faults, where)
-    if "rows" in data:
-        value = data["rows"]
-        if isinstance(value, list) and len(value) == 2 and all(type(item) is int for item in value):
-            made["rows"] = (value[0], value[1])
-        else:
-            faults.append(InputError(f"{where}: rows", value=str(value), allowed="first and last line, as [8, 40]"))
+    for key, least in (("header", 1), ("sigma_mm", 0.0)):
+        if key in made and not least <= made[key] < math.inf:
+            faults.append(InputError(f"{where}: {key}", value=made[key], allowed=f"{least:g} or more"))
+    if made.get("sigma_mm") == 0.0:
+        faults.append(
+            InputError(f"{where}: sigma_mm", value=0, allowed="above 0", remedy="remove it if it is not known")
+        )
     for key in ("fill", "columns"):
         table = data.get(key, {})
         if not isinstance(table, dict) or not all(isinstance(item, str) for item in table.values()):
@@ -140,8 +142,6 @@ def mapping_text(settings: Settings, source: str) -> str:
     for key in _LIST:
         if values := getattr(settings, key):
             lines.append(f"{key} = [{', '.join(map(_quoted, values))}]")
-    if settings.rows:
-        lines.append(f"rows = [{settings.rows[0]}, {settings.rows[1]}]")
     if settings.fill:
         lines += ["", "[fill]", *(f"{_quoted(k)} = {_quoted(v)}" for k, v in settings.fill.items())]
     lines += ["", "[columns]", *(f"{_quoted(k)} = {_quoted(str(v))}" for k, v in settings.columns.items())]

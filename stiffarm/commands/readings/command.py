@@ -147,15 +147,19 @@ def readings(
     the option that settles it.
     """
     with command(as_json=as_json, debug=debug) as frame:
-        from stiffarm.commands.readings.step import arm_of, payload, settings_of, write
+        from doe.instruments.convert import convert
+        from stiffarm.commands.readings import step
         from stiffarm.commands.readings.words import show
 
-        asked = settings_of(
-            mapping, column or (), fill or (), kind=kind, units=units, sigma_mm=sigma_mm, axes=axes, target=target,
-            join=join, names=names, header=header, rows=rows, sheets=sheet or (), encoding=encoding,
-            separator=separator, decimal=decimal,
+        asked = step.settings_of(
+            mapping, step.pairs(column, "--column"), step.pairs(fill, "--fill"), kind=kind,
+            units=step.words_of(units, "--units"), sigma_mm=sigma_mm, axes=axes, target=target, join=join,
+            names=step.words_of(names, "--names"), header=header, rows=step.lines_of(rows), sheets=tuple(sheet or ()),
+            encoding=encoding, separator=separator, decimal=decimal,
         )  # fmt: skip
-        robot = arm_of(model)
-        made = write(files, asked, robot, out, first=mapping is None, replace=replace)
-        content = payload(made)
-        frame.answer(content, lambda: show(made, model))
+        if out is not None:  # before any work
+            step.check_place(out, files, first=mapping is None, replace=replace)
+        made = step.Written(convert(files, asked, step.arm_of(model)), None, None, None)
+        if out is not None:
+            made = step.save(made.converted, out, first=mapping is None, replace=replace)
+        frame.answer(step.payload(made), lambda: show(made, model))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from doe.instruments.convert import Converted, convert
+from doe.instruments.convert import Converted
 from doe.instruments.mapping_file import Settings, mapping_text, read_mapping
 from doe.instruments.meanings import meaning_of
 from robots import InputError, Robot, require_positive
@@ -33,32 +33,32 @@ class Written:
     previous: Path | None
 
 
-def settings_of(mapping: Path | None, columns: Sequence[str], fill: Sequence[str], *, units: str | None,
-                names: str | None, rows: str | None, sheets: Sequence[str], **given: Any) -> Settings:  # fmt: skip
-    """Settings of a mapping file, with what options say in front of it.
+def settings_of(
+    mapping: Path | None, columns: Mapping[str, str], fill: Mapping[str, str], *, sigma_mm: float | None, **given: Any
+) -> Settings:
+    """Settings of a mapping file, with what the user says in front of it; ``columns``: meanings as text, by name.
 
     Raises
     ------
     InputError
-        An option that cannot be read; the mapping file's faults.
+        A meaning that is none; the mapping file's faults.
     """
-    require_positive("--sigma-mm", given["sigma_mm"], "mm")
-    own = Settings(
-        columns={name: meaning_of(text, f"--column {name}") for name, text in _pairs(columns, "--column").items()},
-        fill=_pairs(fill, "--fill"),
-        units=_listed(units, "--units"),
-        names=_listed(names, "--names"),
-        rows=_lines(rows),
-        sheets=tuple(sheets),
-        **given,
-    )
+    require_positive("--sigma-mm", sigma_mm, "mm")
+    meanings = {name: meaning_of(text, f"--column {name}") for name, text in columns.items()}
+    own = Settings(columns=meanings, fill=dict(fill), sigma_mm=sigma_mm, **given)
     return own if mapping is None else own.over(read_mapping(mapping))
 
 
-def _pairs(texts: Sequence[str], option: str) -> dict[str, str]:
-    """``NAME=VALUE`` by name; a name may have an equals sign in it, a value never has."""
+def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
+    """``NAME=VALUE`` by name; a name may have an equals sign in it, a value never has.
+
+    Raises
+    ------
+    InputError
+        No equals sign, nothing before or behind it, or a name twice.
+    """
     out: dict[str, str] = {}
-    for text in texts:
+    for text in texts or ():
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip() or not value.strip():
             raise InputError(option, value=text, allowed="NAME=VALUE", remedy="put it in quotes where it has blanks")
@@ -68,16 +68,32 @@ def _pairs(texts: Sequence[str], option: str) -> dict[str, str]:
     return out
 
 
-def _listed(text: str | None, option: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in (text or "").split(",")) if text is not None else ()
-    if text is not None and not all(names):
+def words_of(text: str | None, option: str) -> tuple[str, ...]:
+    """Words between commas.
+
+    Raises
+    ------
+    InputError
+        Nothing between two of them.
+    """
+    if text is None:
+        return ()
+    words = tuple(part.strip() for part in text.split(","))
+    if not all(words):
         raise InputError(
             option, value=text, allowed="words separated by commas", remedy="leave no place between them empty"
         )
-    return names
+    return words
 
 
-def _lines(text: str | None) -> tuple[int, int] | None:
+def lines_of(text: str | None) -> tuple[int, int] | None:
+    """First and last line, as in 8-40.
+
+    Raises
+    ------
+    InputError
+        It is no such pair.
+    """
     if text is None:
         return None
     found = re.fullmatch(r"\s*(\d{1,9})\s*-\s*(\d{1,9})\s*", text, re.ASCII)
@@ -91,20 +107,16 @@ def arm_of(model: str | None) -> Robot | None:
     return None if model is None else robot_from(described(model))
 
 
-def write(files: Sequence[Path], asked: Settings, robot: Robot | None, out: Path | None, *, first: bool,
-          replace: bool) -> Written:  # fmt: skip
-    """Convert files, and write the table where one is asked for; with ``first`` the mapping file beside it too.
+def save(made: Converted, out: Path, *, first: bool, replace: bool) -> Written:
+    """Write the table; with ``first`` the mapping file beside it too.
 
     Raises
     ------
     InputError
-        As :func:`doe.instruments.convert.convert`; or a table that may not be written there. Nothing is written then.
+        It may not or cannot be written there; then nothing is.
     """
-    mapping = out.with_name(out.stem + MAPPING) if out is not None and first else None
-    old = _checked(out, mapping, files, replace=replace)
-    made = convert(files, asked, robot)
-    if out is None:
-        return Written(made, None, None, None)
+    old = check_place(out, (), first=first, replace=replace)
+    mapping = out.with_name(out.stem + MAPPING) if first else None
     try:
         return Written(made, out, mapping, _write(made, out, mapping, old))
     except OSError as error:
@@ -112,13 +124,18 @@ def write(files: Sequence[Path], asked: Settings, robot: Robot | None, out: Path
                          remedy="choose another place with --out") from error  # fmt: skip
 
 
-def _checked(out: Path | None, mapping: Path | None, files: Sequence[Path], *, replace: bool) -> list[Path]:
-    """Files that are in the way and may be moved; checked before any work."""
-    if out is None:
-        return []
+def check_place(out: Path, files: Sequence[Path], *, first: bool, replace: bool) -> list[Path]:
+    """Files that stand where a table of ``files`` is to be written, and may be moved.
+
+    Raises
+    ------
+    InputError
+        They may not, or it is no place for a table.
+    """
     if out.suffix.lower() != ".csv" or out.is_dir() or not out.parent.is_dir():
         raise InputError("--out", value=str(out), allowed="a file ending in .csv, in an existing folder",
                          remedy="choose another name, or make the folder")  # fmt: skip
+    mapping = out.with_name(out.stem + MAPPING) if first else None
     if any(file.exists() and out.exists() and os.path.samefile(file, out) for file in files):
         raise InputError("--out", value=str(out), allowed="a file other than those that are read",
                          remedy="choose another name")  # fmt: skip

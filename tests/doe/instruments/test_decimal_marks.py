@@ -81,7 +81,7 @@ def test_figures(cell: str, decimal: str, value: float) -> None:
     ],
 )
 def test_what_is_no_number_is_refused(cell: str, decimal: str) -> None:
-    with pytest.raises(ValueError, match="."):
+    with pytest.raises(ValueError, match=r"."):
         figure(cell, decimal)  # type: ignore[arg-type]
 
 

@@ -26,7 +26,7 @@ def test_an_encoding_that_is_asked_for_is_taken() -> None:
     text = "\u0442\u043e\u0447\u043a\u0430;1\n"
     assert decoded(text.encode("cp1251"), "f", "windows-1251") == (text, "windows-1251")
     for given in ("ebcdic", "utf-8"):
-        with pytest.raises(InputError, match="--encoding|not text in utf-8"):
+        with pytest.raises(InputError, match=r"--encoding|not text in utf-8"):
             decoded(text.encode("cp1251"), "f", given)
 
 
@@ -77,7 +77,7 @@ def test_the_first_line_of_a_spreadsheet_names_the_separator(tmp_path: Path) -> 
 def test_a_file_without_readings_is_refused(tmp_path: Path, content: str) -> None:
     file = tmp_path / "f.txt"
     file.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match="empty|no line|no separator"):
+    with pytest.raises(InputError, match=r"empty|no line|no separator"):
         read_grids(file)
 
 
