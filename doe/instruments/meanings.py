@@ -128,8 +128,8 @@ def with_unit(meaning: Meaning, unit: str, where: str) -> Meaning:
 def takes(meaning: Meaning, unit: str) -> bool:
     """Whether a unit that is stated for the whole file is that of this column.
 
-    Lengths and angles of joints only: a mass may hang or be carried, and a file's unit says nothing of clocks.
+    Not of small rotations and standard deviations, which are often in others, nor of masses, which may hang or be
+    carried, nor of clocks.
     """
-    stated = {"length": "length", "joint": "angle", "turn": "angle", "force": "force", "moment": "moment",
-              "temperature": "temperature"}.get(meaning.kind)  # fmt: skip
-    return stated == dimension(unit)
+    stated = {"length": "length", "joint": "angle", "force": "force", "moment": "moment", "temperature": "temperature"}
+    return meaning.what != "sigma" and stated.get(meaning.kind) == dimension(unit)

@@ -17,11 +17,13 @@ from doe.instruments.vocabulary import (
     AFTER,
     BEFORE,
     GAUGES,
+    JOINT_WORDS,
     MEANINGS,
     MEASURED,
     NO_JOINT,
     NOMINAL,
     UNDIRECTED,
+    URDF_JOINTS,
     WORDS,
 )
 from doe.tables.columns import DISPLACEMENTS, LOADS, POINT
@@ -32,6 +34,10 @@ _JOINT: Final = re.compile(r"(q|j|joint|axis|achse|gelenk|theta|a)\s*(\d+)([a-z]
 _TARGET: Final = re.compile(
     r"(?:(?:(?:target|smr|reflector|reflektor|ziel|nest)\s*(\w+?)|[tn]\s*(\d+))\s+)([xyz])|([xyz])\s*(\d+)"
 )
+# Units that are offered, the usual one first; others are taken too.
+_USUAL: Final = {"length": ("mm", "inch", "um", "m"), "joint": ("deg", "rad"), "turn": ("mrad", "deg", "rad")}
+# Behind an underscore these are letters of a name as a rule: x_t is no x in tons.
+_LETTERS: Final = ("t", "g", "h")
 _OWN: Final = re.compile(r"q[1-9]\d*[a-z]*_(deg|rad)")
 _AXIS_BEHIND: Final = re.compile(r"[\s_.-]*[xyz]\s*$", re.I)
 
@@ -121,6 +127,8 @@ def _recognised(
         return Meaning("keep")
     if (axis := _axis(rest)) is not None:
         return _with(Meaning(axis, when=when), unit, name)
+    if rest not in MEANINGS:
+        rest = " ".join(word for word in rest.split() if word not in MEASURED) or rest
     if rest in MEANINGS:
         what = MEANINGS[rest]
         if nominal and what in ("dx", "dy", "dz") and "gauge" not in rest and not when:
@@ -151,6 +159,8 @@ def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool)
         number, size = found[2] if found else "7", dimension(unit) if unit else ""
         meanings = [f"q{number} {unit or 'deg'}"] * (size != "length") + [f"rail {unit or 'mm'}"] * (size != "angle")
         return _ask(name, "it may be a joint", *meanings, "keep")
+    if has_numbers and JOINT_WORDS & set(rest.split()):
+        return _ask(name, "it may be a joint", f"q1 {unit or 'deg'}", "keep")
     if has_numbers and unit and dimension(unit) == "angle" and not set(rest.split()) & NO_JOINT:
         return _ask(name, "an angle whose name is not known may be a joint", f"q1 {unit}", "keep")
     return Meaning("keep")
@@ -161,7 +171,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
     found = _UNIT.match(name)
     if found and found[1]:
         unit = unit_of(next(part for part in found.groups()[1:] if part is not None))
-        if unit:
+        if unit and not (found[4] and unit in _LETTERS):
             return found[1], unit
         if found[2] is not None:
             return found[1] if found[2] in ("", "-", "1") else f"{found[1]} {found[2]}", None
@@ -230,7 +240,12 @@ def _joint_run(header: Sequence[str]) -> dict[str, str]:
             runs.setdefault(found[1], {}).setdefault(int(found[2]), []).append((name, f"q{found[2]}{found[3]}"))
     whole = [run for run in runs.values() if sorted(run) == list(range(1, len(run) + 1)) and len(run) > 2]
     whole = [run for run in whole if all(len(columns) == 1 for columns in run.values())]
-    return dict(column for columns in whole[0].values() for column in columns) if len(whole) == 1 else {}
+    if len(whole) == 1:
+        return dict(column for columns in whole[0].values() for column in columns)
+    named = {re.sub(r"\bjoint\b", " ", _plain(split_unit(name)[0])).strip(): name for name in header}
+    if not whole and all(word in named for word in URDF_JOINTS):
+        return {named[word]: f"q{k}" for k, word in enumerate(URDF_JOINTS, 1)}
+    return {}
 
 
 def _target_names(header: Sequence[str]) -> dict[str, tuple[str, str] | None]:
@@ -259,7 +274,12 @@ def _with(meaning: Meaning, unit: str | None, name: str) -> Meaning | Question:
             return _ask(name, f"{unit} is a force, and a payload is a mass", f"hung {unit}", "keep")
         if not meaning.kind:
             return Meaning("keep")
-        return _ask(name, f"{unit} is no unit of it", *(f"{meaning.what} {one}" for one in units_for(meaning)), "keep")
+        return _ask(
+            name,
+            f"{unit} is no unit of it",
+            *(f"{meaning.what} {one}" for one in _USUAL.get(meaning.kind, units_for(meaning))),
+            "keep",
+        )
     return with_unit(meaning, unit, f"column {name}")
 
 
@@ -274,8 +294,8 @@ def _unit_question(name: str, meaning: Meaning) -> Question:
             name, "the unit of the clock is not said", *(f"{meaning.what} {u}" for u in ("s", "min", "h", "ms")), "keep"
         )
     units = units_for(meaning)
-    usual = {"length": "mm", "joint": "deg", "turn": "mrad", "temperature": "C"}.get(meaning.kind, units[0])
-    options = tuple(f'--column "{name}={replace(meaning, unit=unit)}"' for unit in (usual, *units) if unit)
+    usual, *others = _USUAL.get(meaning.kind, units)
+    options = tuple(f'--column "{name}={replace(meaning, unit=unit)}"' for unit in (usual, *others))
     whole = f"--units {usual}, for all columns without one"
     return Question(name, f"it is taken as {meaning}, and its unit is not said", (
         *((whole,) if takes(meaning, usual) else ()), *dict.fromkeys(options)))  # fmt: skip

@@ -21,6 +21,8 @@ from robots.faults import Faults
 
 # A number of a reading: what it is, "before", "after" or "", and its target ("" where none is named).
 Key = tuple[str, str, str]
+# No joint turns farther: such an angle is in another unit.
+WIDEST_deg: Final = 3600.0
 # What may be missing in a row: readings, and what is known of them.
 _MAY_BE_EMPTY: Final = ("x", "y", "z", "dx", "dy", "dz", "rx", "ry", "rz", "sigma", "temperature", "time", "date", "px",
                         "py", "pz", "payload", "payload_x", "payload_y", "payload_z")  # fmt: skip
@@ -129,6 +131,9 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
             faults.add(table.lines[i], f"column {name}", value=cell, allowed=allowed, remedy=str(error))
             continue
         out[i] = in_table_unit(value, meaning)
+        if meaning.kind == "joint" and abs(out[i]) > WIDEST_deg:
+            faults.add(table.lines[i], f"column {name}", value=cell, allowed=f"up to ten turns, {WIDEST_deg:g} deg",
+                       remedy=f"check its unit, which is {unit}")  # fmt: skip
         if meaning.kind == "hung" and value < 0.0:
             faults.add(table.lines[i], f"column {name}", value=cell, allowed="0 or more: what hangs pulls down",
                        remedy="correct it, or give the load as a force (fz)")  # fmt: skip

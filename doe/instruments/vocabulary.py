@@ -9,12 +9,16 @@ from doe.instruments.meanings import AXES
 BEFORE: Final = frozenset(("before", "unloaded", "zero", "initial", "start", "vor", "vorher", "unbelastet", "leer"))
 AFTER: Final = frozenset(("after", "loaded", "final", "end", "nach", "nachher", "belastet"))
 MEASURED: Final = frozenset(("actual", "act", "measured", "meas", "ist", "gemessen", "coordinate", "coord", "pos",
-                              "position", "koordinate", "tracker", "wert", "value"))  # fmt: skip
+                              "position", "koordinate", "tracker", "wert", "value", "measurement"))  # fmt: skip
 # Coordinates that nobody has measured, differences from these, and what a tracker works out of its own readings.
 NOMINAL: Final = frozenset(("nominal", "nom", "soll", "target", "design", "deviation", "dev", "abweichung", "error",
-                             "residual", "command", "commanded", "programmed"))  # fmt: skip
+                             "residual", "command", "commanded", "programmed", "goal", "planned"))  # fmt: skip
 NO_JOINT: Final = frozenset(("hz", "v", "azimuth", "elevation", "zenith", "horizontal", "vertical", "az", "el", "h",
                               "roll", "pitch", "yaw", "rotation", "tilt", "inclination", "neigung"))  # fmt: skip
+# Words of which a column of numbers may be a joint.
+JOINT_WORDS: Final = frozenset(("joint", "axis", "achse", "gelenk", "elbow", "wrist", "shoulder", "theta", "winkel"))
+# Joints of Universal Robots by the names of their public URDF, from the base on.
+URDF_JOINTS: Final = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 WORDS: Final = {
     "pose": ("pose", "pose no", "pose id", "pose number", "point", "point id", "point name", "point no", "punkt",
              "punktnummer", "messpunkt", "stellung", "pos nr"),

@@ -120,6 +120,18 @@ def test_joints_counted_from_one_are_joints(names: tuple[str, ...]) -> None:
     assert [made.meanings[name].what for name in names] == ["q1", "q2", "q3"]
 
 
+def test_joints_of_a_urdf_by_name() -> None:
+    names = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+    assert [m.what for m in found(*names, said=("rad",)).meanings.values()] == [f"q{k}" for k in range(1, 7)]
+    assert len(found(*names).questions) == 6
+    assert found(*names[1:], said=("rad",)).questions, "one is missing: what the others are is not sure"
+
+
+def test_letters_behind_an_underscore_are_no_tons() -> None:
+    assert str(found("x_t").meanings["x_t"]) == "keep"
+    assert str(found("measurement_x", said=("mm",)).meanings["measurement_x"]) == "x mm"
+
+
 def test_joints_with_a_gap_or_without_units_are_asked_about() -> None:
     assert len(found("J1 [deg]", "J2 [deg]", "J4 [deg]").questions) == 3
     assert len(found("J1", "J2", "J3").questions) == 3
@@ -146,6 +158,10 @@ def test_units_that_are_given_go_before_units_that_the_file_states() -> None:
     assert found("X [um]", stated=("inch",), said=("mm",)).meanings["X [um]"].unit == "um"
     assert found("X", stated=("inch", "mm")).questions
     assert found("Load [kg]", "X", said=("kg", "mm")).questions[0].column == "Load [kg]"
+
+
+def test_units_of_all_columns_are_not_those_of_small_rotations_and_deviations() -> None:
+    assert [q.column for q in found("J1", "J2", "J3", "Rx", "Sigma", said=("rad", "mm")).questions] == ["Rx", "Sigma"]
 
 
 def test_deviations_beside_nominal_coordinates_are_no_deflections() -> None:

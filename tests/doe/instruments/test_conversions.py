@@ -227,6 +227,7 @@ def test_columns_that_are_kept_take_no_name_of_ours(tmp_path: Path) -> None:
         (f"{Q}\n1;2;3\n4;5;6\n", {}, "no readings"),
         (f"q1_deg;q9_deg;{Q[14:]};fz_N;dz_mm\n1;2;3;-100;-0.2\n", {}, "q9"),
         (sheet("fz_N;dz_mm", "-100;-0.2").replace("0;-90", "0;-900"), {}, "q2_deg = -900"),
+        (sheet("fz_N;dz_mm", "-100;-0.2").replace("_deg", "_rad"), {}, "ten turns"),
         (sheet("fz_N;dz_mm", "-100;-0.2"), {"kind": "angles"}, "deflections, positions"),
         (sheet("fz_N;dz_mm", "-100;-0.2"), {"units": ("furlong",)}, "--units"),
         (sheet("x_mm;y_mm;z_mm;Time", "1;2;3;31.02.2026"), {}, "31.05.2026"),
