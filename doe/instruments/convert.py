@@ -94,6 +94,9 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     asked = settings or Settings()
     if not files:
         raise InputError("files of readings", value="none", allowed="one or more", remedy="name them")
+    resolved = [file.resolve() for file in files]
+    if again := [str(file) for k, file in enumerate(files) if resolved[k] in resolved[:k]]:
+        raise InputError("files of readings", value=again[0], allowed="each file once", remedy="leave it out")
     units = _units(asked)
     tables = [table for file in files for table in _tables(file, asked, several=len(files) > 1)]
     joints = robot.angle_names if robot else ()

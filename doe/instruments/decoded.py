@@ -39,6 +39,9 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
     try:
         text = data.decode(ENCODINGS[name]).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
+        if encoding is None:
+            raise InputError(f"{where} is not text (byte {error.start})", allowed="text, or a workbook (XLSX)",
+                             remedy="export it from the instrument's program as text or CSV") from error  # fmt: skip
         raise InputError(f"{where} is not text in {name} (byte {error.start})", allowed=", ".join(ENCODINGS),
                          remedy="name its encoding with --encoding, or save it as CSV (UTF-8)") from error  # fmt: skip
     if found := _CONTROL.search(text):
