@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from doe.instruments.meanings import Meaning
 from doe.instruments.values import Read
 from robots import InputError
 from robots.arrays import Indices
@@ -72,7 +73,7 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
     keys = dict.fromkeys(key for part in parts for key in part.numbers)
     for key in keys:
         without = [part.name for part in parts if key not in part.numbers]
-        if without and (Read("", {key: np.zeros(0)}, {}, {}, (), ()).joints or key[0] in ("x", "y", "z")):
+        if without and (Meaning(key[0]).kind == "joint" or key[0] in ("x", "y", "z")):
             raise InputError(
                 f"{without[0]} has no column {key[0]}, other files have",
                 allowed="the same joints and axes",

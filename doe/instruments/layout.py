@@ -193,5 +193,10 @@ def _trimmed(row: Sequence[str]) -> tuple[str, ...]:
 
 def _stated(head: Sequence[str]) -> tuple[str, ...]:
     """Units that lines above the table state."""
-    found = [word for line in head for said in _STATED.findall(line) for word in re.split(r"[,;/ ]+", said)]
-    return tuple(dict.fromkeys(unit for word in found if word and (unit := unit_of(word))))
+    out = list[str]()
+    for said in (said for line in head for said in _STATED.findall(line)):
+        units = [unit_of(word) for word in re.split(r"[,;/ ]+", said) if word]
+        # "Unit no. 3 in cell 4" states nothing.
+        if units and all(units):
+            out += [unit for unit in units if unit]
+    return tuple(dict.fromkeys(out))

@@ -156,7 +156,7 @@ def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool)
         )
     found = _JOINT.fullmatch(rest)
     if found or rest in ("e1", "e 1", "track"):
-        number, size = found[2] if found else "7", dimension(unit) if unit else ""
+        number, size = (found[2] if found and int(found[2]) else "1") if found else "7", dimension(unit) if unit else ""
         meanings = [f"q{number} {unit or 'deg'}"] * (size != "length") + [f"rail {unit or 'mm'}"] * (size != "angle")
         return _ask(name, "it may be a joint", *meanings, "keep")
     if has_numbers and JOINT_WORDS & set(rest.split()):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from doe.instruments.convert import meaning_words
-from doe.instruments.output import POSITIONS
 from doe.instruments.times import FORMS
 from doe.instruments.values import Column
 from stiffarm.commands.readings.step import Written
@@ -19,10 +18,9 @@ def show(made: Written, model: str | None) -> None:
         say(f"{name}: {'; '.join(how)}")
     rows = [[c.name, meaning_words(c.meaning), c.why, f"{c.empty}" if c.empty else "", _range(c)]
             for c in converted.columns]  # fmt: skip
-    show_table("columns", ["column", "taken as", "why", "empty", "range"], rows)
+    show_table("columns", ["column", "taken as", "why", "empty", "range in the table"], rows)
     say_notes(converted.notes)
-    kind = "positions" if converted.kind == POSITIONS else "deflections"
-    say(f"{len(converted.rows)} readings: a table of {kind} with {len(converted.header)} columns")
+    say(f"{len(converted.rows)} readings: a table of {converted.kind} with {len(converted.header)} columns")
     if made.table is None:
         say("nothing was written; --out table.csv writes it")
         return
@@ -30,9 +28,7 @@ def show(made: Written, model: str | None) -> None:
         say(f"what stood there before is in {made.previous}")
     also = f", and {made.mapping} for the next file of this layout (--mapping)" if made.mapping else ""
     say(f"written: {made.table}{also}")
-    arm = model or "MODEL"
-    free = " --free zeros" if converted.kind == POSITIONS else ""
-    say(f"next: stiffarm calibrate {arm} {made.table}{free} --out calibrated")
+    say(f"next: stiffarm calibrate {model or 'MODEL'} {made.table} --out calibrated")
 
 
 def _range(column: Column) -> str:

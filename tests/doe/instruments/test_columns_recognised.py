@@ -82,6 +82,7 @@ ASKED = {
     "Fz [kg]": "fz kgf",
     "elbow [deg]": "q1 deg",
     "E1 [mm]": "rail mm",
+    "q0": "q1 deg",
     "J3 [deg]": "q3 deg",
     "A2": "q2 deg",
     "X [kg]": "x mm",

@@ -27,6 +27,24 @@ def test_lines_above_the_table_and_units_below_its_names(tmp_path: Path) -> None
     assert (made.lines, made.stated) == ((6, 7), ("mm",))
 
 
+@pytest.mark.parametrize(
+    ("line", "units"),
+    [
+        ("Units: mm, deg", ("mm", "deg")),
+        ("Length unit = Millimeters", ("mm",)),
+        ("Einheit mm", ("mm",)),
+        ("Unit no: 3 in cell 4", ()),
+        ("Units: mm Angle: deg", ()),
+        ("no unit at all", ()),
+        ("Units: inch (decimal)", ("inch",)),
+    ],
+)
+def test_units_that_a_file_states(tmp_path: Path, line: str, units: tuple[str, ...]) -> None:
+    made = table(tmp_path, f'"{line}"\n\nPose;X;Y\nP1;1.5;2\nP2;2.5;3\n')
+    assert made is not None
+    assert made.stated == units
+
+
 def test_headings_tell_names_apart_that_stand_there_twice(tmp_path: Path) -> None:
     made = table(tmp_path, "Test;;;;\n;before;;after;\nPose;X;Y;X;Y\nP1;1;2;3;4\nP2;1;2;3;4\n")
     assert made is not None
