@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from doe.instruments.figures import NOT_READ, Mark, decimal_mark, is_number
 from doe.instruments.layout import Table, find_table
 from doe.instruments.mapping_file import Settings
 from doe.instruments.meanings import QUANTITIES, Meaning
-from doe.instruments.output import DEFLECTIONS, POSITIONS, Cells, kind_of, table_of
+from doe.instruments.output import DEFLECTIONS, POSITIONS, Cells, joint_columns_of, kind_of, table_of
 from doe.instruments.recognised import Recognised, recognise
 from doe.instruments.times import time_form
 from doe.instruments.units import unit_of
@@ -94,7 +95,7 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     asked = settings or Settings()
     if not files:
         raise InputError("files of readings", value="none", allowed="one or more", remedy="name them")
-    resolved = [file.resolve() for file in files]
+    resolved = [os.path.abspath(file) for file in files]
     if again := [str(file) for k, file in enumerate(files) if resolved[k] in resolved[:k]]:
         raise InputError("files of readings", value=again[0], allowed="each file once", remedy="leave it out")
     units = _units(asked)
@@ -121,7 +122,7 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
              for table, one, (mark, _) in zip(tables, found, marks, strict=True)]  # fmt: skip
     whole, notes = combined(reads, asked.join)
     kind = kind_of(whole, asked.kind)
-    cells, more, places = table_of(whole, kind, asked, _joint_columns(robot))
+    cells, more, places = table_of(whole, kind, asked, robot)
     made = _made(kind, cells, whole, asked, tables, found, marks, (*notes, *more), places)
     _check_words(made)
     return replace(made, notes=(*made.notes, *_read_back(made, robot)))
@@ -191,7 +192,7 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
     """Columns of joints that the model does not have."""
     if robot is None:
         return []
-    known = set(_joint_columns(robot))
+    known = set(joint_columns_of(robot))
     return [
         InputError(
             f"column {name!r} is taken as joint {meaning.what}, which {robot.name} has not",
@@ -202,10 +203,6 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
         for name, meaning in one.meanings.items()
         if meaning.kind == "joint" and meaning.what not in known
     ]
-
-
-def _joint_columns(robot: Robot | None) -> dict[str, str]:
-    return {name.rpartition("_")[0]: name for name in robot.angle_names} if robot else {}
 
 
 def _mark(table: Table, found: Recognised, asked: Settings) -> tuple[Mark, str]:

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.instruments.axes import Axes, sessions_of, turned
 from doe.instruments.meanings import AXES
-from doe.instruments.values import Key, Read
+from doe.instruments.values import Read
 from doe.tables.columns import LOADS, SAME_ANGLE_rad
 from robots import InputError
 from robots.arrays import Array, Bools
-from robots.errors import line_ranges, listed
+from robots.errors import line_ranges
 from robots.faults import Faults
-from robots.frames import rotation_rpy
 
 MOVED = ("dx", "dy", "dz", "rx", "ry", "rz")
 SIGMA = ("sigma", "", "")
@@ -42,11 +42,11 @@ def loads_of(read: Read) -> Array:
     return out
 
 
-def deflections(read: Read, axes: str | None, sigma_mm: float | None) -> Deflections:
+def deflections(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
     """Deflections of all rows.
 
-    ``axes``: of an instrument whose positions are subtracted: "base", or its orientation a,b,c deg in the base frame;
-    ``sigma_mm``: standard deviation of one reading of a coordinate, where the file has none.
+    ``axes``: of an instrument whose positions are subtracted; ``sigma_mm``: standard deviation of one reading of a
+    coordinate, where the file has none.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _sigma(read: Read, sigma_mm: float | None, when: str = "") -> Array:
     return np.full(read.n, np.nan if sigma_mm is None else sigma_mm)
 
 
-def _of_pairs(read: Read, axes: str | None, sigma_mm: float | None) -> Deflections:
+def _of_pairs(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
     """Before and after in one row."""
 
     def difference(what: str) -> Array | None:
@@ -124,10 +124,12 @@ def _of_pairs(read: Read, axes: str | None, sigma_mm: float | None) -> Deflectio
     along = {axis: values for axis in AXES if (values := difference(axis)) is not None}
     sigma = np.hypot(_sigma(read, sigma_mm, "before"), _sigma(read, sigma_mm, "after"))
     note = f"deflections are {', '.join((*along, *moved))} after minus before"
-    return Deflections(read, moved | _turned(read, along, axes), sigma, (note,))
+    every = np.ones(read.n, dtype=np.bool_)
+    base, notes = turned(along, axes, read, "before", every, sessions_of(read), read.name)
+    return Deflections(read, moved | base, sigma, (note, *notes))
 
 
-def _of_rows(read: Read, unloaded: Bools, axes: str | None, sigma_mm: float | None) -> Deflections:
+def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) -> Deflections:
     """Rows with a load minus the mean of those without at the same pose, target and session."""
     if not unloaded.any():
         raise InputError(f"{read.name}: all rows have a load, and their positions nothing to be compared with",
@@ -169,7 +171,8 @@ def _of_rows(read: Read, unloaded: Bools, axes: str | None, sigma_mm: float | No
     notes = [f"{int(unloaded.sum())} rows without a load are what the others are compared with, pose by pose"]
     if idle:
         notes.append(f"rows without a loaded one at their pose, not used: {line_ranges(sorted(idle))}")
-    return Deflections(kept, rest | _turned(kept, along, axes), np.sqrt(variance[keep]), tuple(notes))
+    base, found = turned(along, axes, read, "", unloaded, sessions_of(kept), read.name)
+    return Deflections(kept, rest | base, np.sqrt(variance[keep]), (*notes, *found))
 
 
 def _set_ups(read: Read) -> list[object]:
@@ -182,32 +185,6 @@ def _set_ups(read: Read) -> list[object]:
     return [(labels[k] if labels else angles[k], *(words[k] for words in more)) for k in range(read.n)]
 
 
-def _turned(read: Read, along: dict[str, Array], axes: str | None) -> dict[str, Array]:
-    """Differences of positions in base axes."""
-    if not along:
-        return {}
-    if axes is None:
-        raise InputError(
-            f"{read.name}: deflections from positions need the axes of the instrument",
-            allowed="--axes base (its axes are those of the robot's base), or --axes A,B,C (its orientation "
-            "in the base frame, deg about fixed x, then y, then z)",
-            remedy="say which with --axes",
-        )
-    if axes == "base":
-        return {f"d{axis}": values for axis, values in along.items()}
-    try:
-        turn = np.array([float(part) for part in axes.split(",")])
-    except ValueError:
-        turn = np.full(3, np.nan)
-    if turn.shape != (3,) or not np.isfinite(turn).all():
-        raise InputError("--axes", value=axes, allowed="base, or three angles A,B,C in deg", remedy="give one of these")
-    if missing := [axis for axis in AXES if axis not in along]:
-        raise InputError(f"--axes {axes}: no {listed(missing)} was read", allowed="all of x, y, z",
-                         remedy="only with --axes base can axes be missing")  # fmt: skip
-    base = np.column_stack([along[axis] for axis in AXES]) @ rotation_rpy(np.radians(turn)).T
-    return {f"d{axis}": base[:, k] for k, axis in enumerate(AXES)}
-
-
 def taken(read: Read, keep: Bools) -> Read:
     """Some of the rows."""
     at = np.flatnonzero(keep)
@@ -218,8 +195,3 @@ def taken(read: Read, keep: Bools) -> Read:
         kept={name: tuple(cells[k] for k in at) for name, cells in read.kept.items()},
         places=tuple(read.places[k] for k in at),
     )
-
-
-def key_of(name: str) -> Key:
-    """The key of a number that is read once and has no target."""
-    return name, "", ""

@@ -77,9 +77,9 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
         They contradict one another, or 1,234 may be a thousand or a little more than one: ``--decimal`` says which.
     """
     if asked is not None:
-        for mark in MARKS:
-            if asked == mark:
-                return mark, "as asked"
+        for known in MARKS:
+            if asked == known:
+                return known, "as asked"
         raise InputError("--decimal", value=asked, allowed=", ".join(MARKS), remedy="choose one of them")
     found = evidence(cells)
     if "point" in found and "comma" in found:

@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from doe.instruments.axes import Axes, as_text, joint_cells
 from doe.instruments.deflections import MOVED, Deflections, deflections, loads_of, taken
 from doe.instruments.mapping_file import Settings
 from doe.instruments.meanings import AXES, QUANTITIES
 from doe.instruments.units import TABLE_UNITS
 from doe.instruments.values import Read
 from doe.tables.columns import LOADS, SAME_ANGLE_rad, likely_ours
-from robots import InputError
-from robots.arrays import Array, Bools
+from robots import InputError, Robot
+from robots.arrays import Bools
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
 
@@ -51,16 +52,17 @@ def kind_of(read: Read, asked: str | None) -> str:
     return DEFLECTIONS
 
 
-def table_of(read: Read, kind: str, settings: Settings, joint_columns: Mapping[str, str]) -> Made:
+def table_of(read: Read, kind: str, settings: Settings, robot: Robot | None) -> Made:
     """Columns of the table as text, remarks, and where each row stands in its file.
 
-    ``joint_columns``: the name of a joint's column, as q3 -> q3real_deg.
+    ``robot``: names the joint columns; None: q1_deg, q2_deg ...
 
     Raises
     ------
     InputError
         Rows that make no table of this kind.
     """
+    joint_columns = joint_columns_of(robot)
     if settings.target is not None:
         read = _of_target(read, settings.target)
     if kind == POSITIONS:
@@ -71,7 +73,12 @@ def table_of(read: Read, kind: str, settings: Settings, joint_columns: Mapping[s
             allowed="--target NAME, the one at the loaded point",
             remedy="choose it; for absolute positions: --kind positions",
         )
-    return _deflections(deflections(read, settings.axes, settings.sigma_mm), joint_columns)
+    return _deflections(deflections(read, Axes(settings.axes, robot, joint_columns), settings.sigma_mm), joint_columns)
+
+
+def joint_columns_of(robot: Robot | None) -> dict[str, str]:
+    """The name of each joint's column, as q3 -> q3real_deg."""
+    return {name.rpartition("_")[0]: name for name in robot.angle_names} if robot else {}
 
 
 def _targets(read: Read) -> list[str]:
@@ -96,18 +103,8 @@ def _of_target(read: Read, target: str) -> Read:
     return taken(read, np.array([word == target for word in words], dtype=np.bool_))
 
 
-def _text(values: Array) -> tuple[str, ...]:
-    # No instrument reads twelve digits; more would show the round-off of a change of units.
-    return tuple("" if np.isnan(v) else f"{v:.12g}" for v in (values + 0.0).tolist())
-
-
 def _lines(read: Read, some: Bools) -> str:
     return line_ranges(sorted({read.places[k][1] for k in np.flatnonzero(some)}))
-
-
-def _joint_cells(read: Read, joint_columns: Mapping[str, str]) -> Cells:
-    names = sorted(read.joints, key=lambda name: int("".join(c for c in name if c.isdigit())))
-    return {joint_columns.get(name, f"{name}_deg"): _text(read.numbers[name, "", ""]) for name in names}
 
 
 def _common(read: Read, notes: list[str]) -> Cells:
@@ -115,14 +112,14 @@ def _common(read: Read, notes: list[str]) -> Cells:
     out: Cells = {}
     for name in _PLAIN:
         if (name, "", "") in read.numbers:
-            out[QUANTITIES[name][1]] = _text(read.numbers[name, "", ""])
+            out[QUANTITIES[name][1]] = as_text(read.numbers[name, "", ""])
     for name, column in (("temperature", "temperature_C"), ("time", "time_s")):
         if (name, "after", "") in read.numbers:  # of two readings the one under load counts
-            out[column] = _text(read.numbers[name, "after", ""])
+            out[column] = as_text(read.numbers[name, "after", ""])
             notes.append(f"{column} is that of the reading after the load")
     time = read.numbers.get(("time", "", ""), read.numbers.get(("time", "after", "")))
     if time is not None and np.isfinite(time).any():
-        out["time_s"] = _text(time - np.nanmin(time))
+        out["time_s"] = as_text(time - np.nanmin(time))
         if not read.dated:
             notes.append("clock times have no date: all count as of one day")
     return out
@@ -173,11 +170,11 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
     for name in ("pose", "session", "target"):
         if name in read.words:
             cells[name] = read.words[name]
-    cells |= _joint_cells(read, joint_columns)
-    cells |= {f"{axis}_mm": _text(read.numbers[axis, "", ""]) for axis in AXES}
+    cells |= joint_cells(read, joint_columns)
+    cells |= {f"{axis}_mm": as_text(read.numbers[axis, "", ""]) for axis in AXES}
     for axis in AXES:  # rotations of a target: in deg, as a table of positions has them
         if (f"r{axis}", "", "") in read.numbers:
-            cells[f"r{axis}_deg"] = _text(
+            cells[f"r{axis}_deg"] = as_text(
                 read.numbers[f"r{axis}", "", ""] * TABLE_UNITS["turn"][1] / TABLE_UNITS["angle"][1]
             )
     cells |= _common(read, notes)
@@ -185,7 +182,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
         ("sigma", "", ""), np.full(read.n, np.nan if settings.sigma_mm is None else settings.sigma_mm)
     )
     if np.isfinite(sigma).any():
-        cells["sigma_mm"] = _text(sigma)
+        cells["sigma_mm"] = as_text(sigma)
     return _with_kept(cells, read, notes), notes, read.places
 
 
@@ -225,12 +222,12 @@ def _deflections(found: Deflections, joint_columns: Mapping[str, str]) -> Made:
     if not read.n:
         raise InputError(f"{read.name}: no row has a reading under load", remedy="export it again")
     cells: Cells = {name: read.words[name] for name in ("pose", "session") if name in read.words}
-    cells |= _joint_cells(read, joint_columns)
+    cells |= joint_cells(read, joint_columns)
     loads = loads_of(read)
-    cells |= {name: _text(loads[:, k]) for k, name in enumerate(LOADS) if loads[:, k].any()}
-    cells |= {QUANTITIES[name][1]: _text(values[keep]) for name, values in found.moved.items()}
+    cells |= {name: as_text(loads[:, k]) for k, name in enumerate(LOADS) if loads[:, k].any()}
+    cells |= {QUANTITIES[name][1]: as_text(values[keep]) for name, values in found.moved.items()}
     if np.isfinite(found.sigma[keep]).any():
-        cells["sigma_mm"] = _text(found.sigma[keep])
+        cells["sigma_mm"] = as_text(found.sigma[keep])
     cells |= _common(read, notes)
     if "repeat" not in read.words:
         numbers = _repeats(cells, read)

@@ -97,7 +97,8 @@ def convert_readings(
     units : of columns that name none, as ["mm", "deg"]
     fill : values for all rows that no file holds, as {"session": "day 1", "hung": "20 kg"}
     sigma_mm : standard deviation of one reading of a coordinate
-    axes : of an instrument whose positions are subtracted: "base", or "A,B,C", its orientation in the base frame, deg
+    axes : of an instrument whose positions are subtracted: "base", "A,B,C", its orientation in the base frame, deg, or
+        "found", from the positions without a load, with ``arm``
     target : the one whose readings are used
     join : how joint angles find the readings of another file
     names, header, rows : names of columns without any; line of the names; first and last line of the readings

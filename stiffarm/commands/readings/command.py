@@ -80,8 +80,8 @@ def readings(
         str | None,
         typer.Option(
             "--axes",
-            help="Axes of an instrument whose positions are subtracted: base, or their orientation A,B,C in the base "
-            "frame, in deg about fixed x, then y, then z.",
+            help="Axes of an instrument whose positions are subtracted: base, their orientation A,B,C in the base "
+            "frame, in deg about fixed x, then y, then z, or found (from the positions without a load, with --model).",
             rich_help_panel=_COLUMNS,
         ),
     ] = None,

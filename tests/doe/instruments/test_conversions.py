@@ -12,6 +12,7 @@ from doe.instruments.mapping_file import Settings
 from doe.instruments.meanings import meaning_of
 from robots import InputError, load_robot
 from robots.frames import rotation_rpy
+from robots.kinematics import forward_kinematics
 
 ROBOT = load_robot("kr60-3")
 Q = "q1_deg;q2_deg;q3_deg"
@@ -244,3 +245,39 @@ def test_all_questions_are_asked_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         made(tmp_path, "J1;J2;J3;Load [kg];Gauge [mm]\n1;2;3;4;5\n6;7;8;9;1\n")
     assert all(f"'{name}'" in str(refused.value) for name in ("J1", "J2", "J3", "Load [kg]", "Gauge [mm]"))
+
+
+def seen_by_a_tracker(rng: np.random.Generator) -> tuple[list[str], np.ndarray]:
+    """Rows of twelve poses, positions before and after in turned axes; and the deflections in base axes."""
+    q = rng.uniform([-60, -110, -20, -90, -80, -90], [60, -40, 60, 90, 80, 90], (12, 6))
+    frames = forward_kinematics(ROBOT, np.radians(q))
+    at = 1e3 * (frames.p_flange + frames.R_flange @ np.array([0.05, -0.02, 0.1]))
+    moved = rng.uniform(-1.0, 1.0, (12, 3))
+    R = rotation_rpy(np.radians([5.0, -8.0, 140.0]))
+    before, after = ((p @ R + [500.0, -800.0, 300.0]).tolist() for p in (at, at + moved))
+    cells = [[*angles, -500.0, *b, *a] for angles, b, a in zip(q.tolist(), before, after, strict=True)]
+    return [";".join(f"{v:.9f}" for v in row) for row in cells], moved
+
+
+TRACKED = (
+    ";".join(f"q{k}_deg" for k in range(1, 7))
+    + ";fz_N;"
+    + ";".join(f"{a} {when} [mm]" for when in ("before", "after") for a in "XYZ")
+)
+
+
+def test_a_trackers_axes_are_found_from_its_positions(tmp_path: Path) -> None:
+    rows, moved = seen_by_a_tracker(np.random.default_rng(3))
+    table = made(tmp_path, "\n".join([TRACKED, *rows]), axes="found")
+    # Nine decimals are written in the file; the arm is exactly the model.
+    assert np.column_stack([column(table, f"d{a}_mm") for a in "xyz"]) == pytest.approx(moved, abs=1e-6)
+    assert any("axes found" in note for note in table.notes)
+    with pytest.raises(InputError, match=r"--model"):
+        convert([tmp_path / "file1.csv"], Settings(axes="found"))
+    with pytest.raises(InputError, match="or more"):
+        made(tmp_path, "\n".join([TRACKED, *rows[:4]]), axes="found")
+    # A second joint counted the other way brings no frame that half of the readings meet.
+    cells = [row.split(";") for row in rows]
+    wrong = [";".join([first, str(-150.0 - float(second)), *rest]) for first, second, *rest in cells]
+    with pytest.raises(InputError):
+        made(tmp_path, "\n".join([TRACKED, *wrong]), axes="found")
