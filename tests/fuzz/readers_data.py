@@ -252,9 +252,13 @@ def _instruments(suffix: str) -> list[Sample]:
         ("api.csv", "faro.txt", "polyworks.txt") if suffix == ".csv" else ("dial_gauge.xlsx",))]  # fmt: skip
 
 
-def _converted(path: Path) -> object:
+def _axes_found(path: Path) -> object:
+    return _converted(path, "found")
+
+
+def _converted(path: Path, axes: str = "base") -> object:
     """The table has a number wherever it says so, and the readers of tables take it."""
-    made = convert([path], Settings(axes="base", sigma_mm=0.01), ROBOT)
+    made = convert([path], Settings(axes=axes, sigma_mm=0.01), ROBOT)
     require(bool(made.rows) and len(made.places) == len(made.rows), "conversion: rows")
     require(all(len(row) == len(made.header) for row in made.rows), "conversion: ragged rows")
     require(len(set(made.header)) == len(made.header), "conversion: a name twice")
@@ -308,6 +312,9 @@ READERS: dict[str, Reader] = {
     "measurement file: pendant": Reader(_pendant_tables, _pendant, TABLE),
     "measurement file: positions": Reader(_positions, _absolute, TABLE),
     "readings file": Reader(lambda: _instruments(".csv"), _converted, TABLE, cost=6.0),
+    "readings file: axes found": Reader(
+        lambda: [s for s in _instruments(".csv") if b"before" in s.data], _axes_found, TABLE, cost=12.0
+    ),
     "readings file: workbook": Reader(lambda: _instruments(".xlsx"), _converted, WORKBOOK, cost=12.0),
     "mapping file": Reader(lambda: [Sample(".toml", MAPPING)], _mapping, (TOML,)),
     "measurement file: joint twists": Reader(
