@@ -277,5 +277,6 @@ def meaning_words(meaning: Meaning) -> str:
         return "kept as it is"
     if meaning.what == "ignore":
         return "left out"
-    name = QUANTITIES[meaning.what][1] if meaning.what in QUANTITIES else meaning.what
-    return f"{meaning} -> {name}" if name != str(meaning) else name
+    if meaning.when or meaning.what not in QUANTITIES:
+        return str(meaning)
+    return f"{meaning} -> {QUANTITIES[meaning.what][1]}"

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from doe.instruments.meanings import Meaning, meaning_of
 from robots import InputError
-from robots.errors import raise_any
+from robots.errors import one_line, raise_any
 from robots.files.reading import parse_toml, read_text
 
 SCHEMA: Final = "stiffarm-readings/1"
@@ -130,7 +130,7 @@ def _take(
 def mapping_text(settings: Settings, source: str) -> str:
     """The TOML of settings; ``source``: the files that it was made from, for its first line."""
     lines = [
-        f"# How {source.encode('unicode_escape').decode()} was read. Another file of this layout:",
+        f"# How {one_line(source)} was read. Another file of this layout:",
         "# stiffarm readings FILE --mapping THIS --out table.csv",
         "# A column: MEANING [UNIT] [before|after] [negated] [of TARGET], keep or ignore.",
         f'schema = "{SCHEMA}"',
