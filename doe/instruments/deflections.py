@@ -18,6 +18,8 @@ from robots.arrays import Array, Bools
 from robots.errors import line_ranges
 from robots.faults import Faults
 
+# Angles about three axes subtract as a rotation does to as many parts of itself as they have rad: to 2 %.
+LARGEST_TURN_mrad = 20.0
 MOVED = ("dx", "dy", "dz", "rx", "ry", "rz")
 SIGMA = ("sigma", "", "")
 
@@ -62,14 +64,37 @@ def deflections(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
             "positions without loads: --kind positions",
         )
     _check_pairs(read)
+    if axes.said is not None and not any(key[0] in AXES for key in read.numbers):
+        raise InputError(f"--axes {axes.said}: no positions are subtracted here", allowed="with columns x, y and z",
+                         remedy="leave it out: gauges read along axes of the base")  # fmt: skip
     if any(key[1] == "before" and key[0] in (*AXES, *MOVED) for key in read.numbers):
         _refuse_unloaded(read)
+        _check_turns(read, axes)
         return _of_pairs(read, axes, sigma_mm)
     unloaded = np.asarray(~loads_of(read).any(axis=1), dtype=np.bool_)
     if unloaded.any() or any((axis, "", "") in read.numbers for axis in AXES):
+        _check_turns(read, axes)
         return _of_rows(read, unloaded, axes, sigma_mm)
     moved = {name: read.numbers[name, "", ""] for name in MOVED if (name, "", "") in read.numbers}
     return Deflections(read, moved, _sigma(read, sigma_mm), ())
+
+
+def _check_turns(read: Read, axes: Axes) -> None:
+    """Refuse orientations: differences of angles about axes are a rotation only where all of them are small."""
+    for (what, when, _), values in read.numbers.items():
+        if what not in ("rx", "ry", "rz"):
+            continue
+        if axes.said not in (None, "base"):
+            raise InputError(
+                f"{read.name}: {what} about axes of an instrument",
+                allowed="rotations about the base's axes",
+                remedy='keep it, as in --column "NAME=keep"',
+            )
+        largest = float(np.nanmax(np.abs(values), initial=0.0))
+        if largest > LARGEST_TURN_mrad:
+            raise InputError(f"{read.name}: {what} {when}".rstrip(), value=f"{largest:g} mrad",
+                             allowed=f"up to {LARGEST_TURN_mrad:g} mrad: differences of larger angles are no rotation",
+                             remedy='keep it, as in --column "NAME=keep"')  # fmt: skip
 
 
 def _refuse_unloaded(read: Read) -> None:
@@ -151,9 +176,12 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
         loaded = rows[~unloaded[rows]]
         if not len(at):
             for k in loaded:
-                faults.say(read.places[k][1], f"{read.places[k][0]}, row {read.places[k][1]}: this set-up has no row "
-                           "without a load", allowed="a row with load 0 at each pose (same label, target, session)",
-                           remedy="add it, or label the rows of one set-up alike (pose)")  # fmt: skip
+                faults.say(
+                    read.places[k][1],
+                    f"{read.places[k][0]}, row {read.places[k][1]}: this set-up has no row without a load",
+                    allowed="a row with load 0 at each pose (same label, target, session, repeat)",
+                    remedy="add it, or label the rows of one set-up alike (pose)",
+                )
             continue
         if not len(loaded):
             idle += [read.places[k][1] for k in rows]
@@ -161,7 +189,9 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
         sums = np.nansum(values[at], axis=0)
         reference = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
         out[loaded] = values[loaded] - reference
-        variance[loaded] = own[loaded] ** 2 + np.sum(own[at] ** 2) / len(at) ** 2
+        # Of components that were not read in all of these rows the mean is that of fewer.
+        fewer = len(at) / max(int(counts[counts > 0].min(initial=len(at))), 1)
+        variance[loaded] = own[loaded] ** 2 + fewer * np.sum(own[at] ** 2) / len(at) ** 2
     faults.raise_if_any("readings")
     moved = dict(zip(names, out.T, strict=True))
     keep = ~unloaded

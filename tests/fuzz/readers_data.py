@@ -258,7 +258,8 @@ def _axes_found(path: Path) -> object:
 
 def _converted(path: Path, axes: str = "base") -> object:
     """The table has a number wherever it says so, and the readers of tables take it."""
-    made = convert([path], Settings(axes=axes, sigma_mm=0.01), ROBOT)
+    said = axes if b"before [mm]" in path.read_bytes() else None
+    made = convert([path], Settings(axes=said, sigma_mm=0.01), ROBOT)
     require(bool(made.rows) and len(made.places) == len(made.rows), "conversion: rows")
     require(all(len(row) == len(made.header) for row in made.rows), "conversion: ragged rows")
     require(len(set(made.header)) == len(made.header), "conversion: a name twice")
