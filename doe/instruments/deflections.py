@@ -157,10 +157,12 @@ def _of_pairs(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
 def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) -> Deflections:
     """Rows with a load minus the mean of those without at the same pose, target and session."""
     if not unloaded.any():
-        raise InputError(f"{read.name}: all rows have a load, and their positions nothing to be compared with",
-                         allowed="rows with load 0 at the same poses, or positions before and after the load",
-                         remedy="add them; for positions under payloads that the flange carries: --kind positions, "
-                         'with the mass as payload (--column "NAME=payload kg")')  # fmt: skip
+        raise InputError(
+            f"{read.name}: all rows have a load, and their positions nothing to be compared with",
+            allowed="rows with load 0 at the same poses, or positions before and after the load",
+            remedy='add them; if these are deflections say so, as in --column "NAME=dz mm"; for positions under '
+            'payloads that the flange carries: --kind positions, --column "NAME=payload kg"',
+        )
     names = [name for name in (*AXES, *MOVED) if (name, "", "") in read.numbers]
     values = np.column_stack([read.numbers[name, "", ""] for name in names])
     own = _sigma(read, sigma_mm)
