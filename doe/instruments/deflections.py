@@ -5,6 +5,7 @@ Two layouts: both readings in one row (x before, x after), or rows without a loa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +14,9 @@ from doe.instruments.axes import Axes, sessions_of, turned
 from doe.instruments.meanings import AXES
 from doe.instruments.values import Read
 from doe.tables.columns import LOADS, SAME_ANGLE_rad
+from doe.tables.measurements import rows_of
 from robots import InputError
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, Indices
 from robots.errors import line_ranges
 from robots.faults import Faults
 
@@ -166,55 +168,74 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
     names = [name for name in (*AXES, *MOVED) if (name, "", "") in read.numbers]
     values = np.column_stack([read.numbers[name, "", ""] for name in names])
     own = _sigma(read, sigma_mm)
-    phase = np.array(read.words.get("phase", ("",) * read.n))
-    groups: dict[object, list[int]] = {}
-    for k, key in enumerate(_set_ups(read)):
-        groups.setdefault(key, []).append(k)
-    faults, idle = Faults(read.name), list[int]()
-    out, variance = np.full_like(values, np.nan), np.full(read.n, np.nan)
-    for rows in map(np.array, groups.values()):
-        at = rows[unloaded[rows] & (phase[rows] != "unloading")]
-        at = at if len(at) else rows[unloaded[rows]]
-        loaded = rows[~unloaded[rows]]
-        if not len(at):
-            for k in loaded:
-                faults.say(
-                    read.places[k][1],
-                    f"{read.places[k][0]}, row {read.places[k][1]}: this set-up has no row without a load",
-                    allowed="a row with load 0 at each pose (same label, target, session, repeat)",
-                    remedy="add it, or label the rows of one set-up alike (pose)",
-                )
-            continue
+    out, variance, idle = np.full_like(values, np.nan), np.full(read.n, np.nan), list[int]()
+    for at, loaded in _cycles(read, unloaded):
         if not len(loaded):
-            idle += [read.places[k][1] for k in rows]
+            idle += [read.places[k][1] for k in at]
         counts = np.isfinite(values[at]).sum(axis=0)
-        sums = np.nansum(values[at], axis=0)
-        reference = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-        out[loaded] = values[loaded] - reference
+        mean = np.nansum(values[at], axis=0) / np.maximum(counts, 1)
+        out[loaded] = values[loaded] - np.where(counts > 0, mean, np.nan)
         # Of components that were not read in all of these rows the mean is that of fewer.
         fewer = len(at) / max(int(counts[counts > 0].min(initial=len(at))), 1)
         variance[loaded] = own[loaded] ** 2 + fewer * np.sum(own[at] ** 2) / len(at) ** 2
-    faults.raise_if_any("readings")
-    moved = dict(zip(names, out.T, strict=True))
-    keep = ~unloaded
-    kept = taken(read, keep)
-    along: dict[str, Array] = {axis: moved[axis][keep] for axis in AXES if axis in moved}
-    rest = {name: moved[name][keep] for name in MOVED if name in moved}
+    moved = dict(zip(names, out[~unloaded].T, strict=True))
+    kept = taken(read, ~unloaded)
+    along: dict[str, Array] = {axis: moved[axis] for axis in AXES if axis in moved}
+    rest = {name: moved[name] for name in MOVED if name in moved}
     notes = [f"{int(unloaded.sum())} rows without a load are what the others are compared with, pose by pose"]
     if idle:
         notes.append(f"rows without a loaded one at their pose, not used: {line_ranges(sorted(idle))}")
     base, found = turned(along, axes, read, "", unloaded, sessions_of(kept), read.name)
-    return Deflections(kept, rest | base, np.sqrt(variance[keep]), (*notes, *found))
+    return Deflections(kept, rest | base, np.sqrt(variance[~unloaded]), (*notes, *found))
 
 
-def _set_ups(read: Read) -> list[object]:
+def _cycles(read: Read, unloaded: Bools) -> list[tuple[Indices, Indices]]:
+    """Rows of each set-up: those without a load that the others are compared with, and those with one.
+
+    Raises
+    ------
+    InputErrors
+        Set-ups without a row that has no load, each row named.
+    """
+    phase = np.array(read.words.get("phase", ("",) * read.n))
+    faults, out = Faults(read.name), list[tuple[Indices, Indices]]()
+    for rows in rows_of(_set_ups(read)).values():
+        at = rows[unloaded[rows] & (phase[rows] != "unloading")]
+        at = at if len(at) else rows[unloaded[rows]]
+        loaded = rows[~unloaded[rows]]
+        if len(at):
+            out.append((at, loaded))
+            continue
+        for k in loaded:
+            file, line = read.places[k]
+            faults.say(line, f"{file}, row {line}: this set-up has no row without a load",
+                       allowed="a row with load 0 at each pose (same label, target, session, repeat)",
+                       remedy="add it, or label the rows of one set-up alike (pose)")  # fmt: skip
+    faults.raise_if_any("readings")
+    return out
+
+
+def _set_ups(read: Read) -> list[tuple[object, ...]]:
     """What tells the set-ups of rows apart: label or joint angles, target, session, repeat."""
-    q = np.column_stack([read.numbers[name, "", ""] for name in read.joints])
-    # Angles of one pose as a controller shows them: to a hundredth of a degree.
-    angles = [tuple(row) for row in np.round(q / np.degrees(SAME_ANGLE_rad)).tolist()]
-    labels = read.words.get("pose")
     more = [read.words[name] for name in ("target", "session", "repeat") if name in read.words]
-    return [(labels[k] if labels else angles[k], *(words[k] for words in more)) for k in range(read.n)]
+    poses: Sequence[object] = read.words["pose"] if "pose" in read.words else _poses(read)
+    return list(zip(poses, *more, strict=True))
+
+
+def _poses(read: Read) -> list[int]:
+    """Numbers (n,) of poses whose angles agree as a controller shows them twice: to a hundredth of a degree."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    q = np.column_stack([read.numbers[name, "", ""] for name in read.joints])
+    # Repeats with the very same angles would be pairs by the square of their number.
+    different, which = np.unique(q, axis=0, return_inverse=True)
+    reach = np.degrees(SAME_ANGLE_rad) * (1 + 1e-9)
+    a, b = cKDTree(different).query_pairs(reach, p=np.inf, output_type="ndarray").T
+    near = coo_array((np.ones(len(a)), (a, b)), shape=(len(different), len(different)))
+    _, number = connected_components(near, directed=False)
+    return [int(k) for k in number[which.reshape(-1)]]
 
 
 def taken(read: Read, keep: Bools) -> Read:

@@ -246,10 +246,22 @@ def _absolute(path: Path) -> object:
     return data
 
 
+# Rows without a load beside rows with one.
+CYCLES = """Units: deg\nBy hand\n\nJ1\tJ2\tJ3\tMass hung [kg]\tGauge z [um]\tSigma [um]\tPhase\tTemp [\u00b0F]\tTime
+10\t-60\t30\t0\t1002\t3\tloading\t70\t12.05.2026 09:00
+10\t-60\t30\t20\t801\t3\tloading\t70\t12.05.2026 09:01
+10\t-60\t30\t0\t998\t\tunloading\t70.5\t12.05.2026 09:02
+20.001\t-70\t40\t20\t-\t3\tloading\t71\t12.05.2026 09:05
+20\t-70\t40\t0\t5\t3\tloading\t71\t12.05.2026 09:06
+20\t-70\t40\t10\t\u22122\t4\tloading\t71\t12.05.2026 09:07
+"""
+
+
 def _instruments(suffix: str) -> list[Sample]:
     folder = ROOT / "docs/examples/readings"
-    return [Sample(suffix, file.read_bytes()) for file in sorted(folder.glob("*")) if file.name in (
-        ("api.csv", "faro.txt", "polyworks.txt") if suffix == ".csv" else ("dial_gauge.xlsx",))]  # fmt: skip
+    names = ("api.csv", "faro.txt", "polyworks.txt") if suffix == ".csv" else ("dial_gauge.xlsx",)
+    own = [Sample(suffix, CYCLES.encode("utf-16"))] if suffix == ".csv" else []
+    return [*(Sample(suffix, (folder / name).read_bytes()) for name in names), *own]
 
 
 def _axes_found(path: Path) -> object:

@@ -111,6 +111,14 @@ def test_rows_without_a_load_are_what_others_are_compared_with(tmp_path: Path) -
         made(tmp_path, "\n".join([f"pose;{Q};fz_N;z_mm", *rows[:3], rows[4]]), axes="base")
 
 
+def test_rows_of_one_pose_are_found_by_angles_that_agree_to_a_hundredth_of_a_degree(tmp_path: Path) -> None:
+    rows = ["0.0049;-90;30;0;1.0", "0.0051;-90;30;-500;0.5", "10;-90;30;-500;0.5", "10.0099;-90;30;0;0.8"]
+    table = made(tmp_path, "\n".join([f"{Q};fz_N;dz_mm", *rows]))
+    assert column(table, "dz_mm") == pytest.approx([-0.5, -0.3], rel=1e-11)
+    with pytest.raises(InputError, match="no row without a load"):
+        made(tmp_path, "\n".join([f"{Q};fz_N;dz_mm", *rows]).replace("10.0099", "10.0101"))
+
+
 def test_a_load_that_was_taken_off_again_is_no_reference_beside_one_before(tmp_path: Path) -> None:
     rows = ["0;-90;30;0;1.0;loading", "0;-90;30;-500;0.0;loading", "0;-90;30;0;0.9;unloading"]
     table = made(tmp_path, "\n".join([f"{Q};fz_N;dz_mm;phase", *rows]))
