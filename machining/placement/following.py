@@ -30,6 +30,9 @@ SMOOTHING = (0.0, 0.3, 3.0, 30.0, 300.0, 1e4)
 COURSE_KNOTS = 60
 # A speed or acceleration on its limit must not fail by rounding.
 ROUNDING = 1.0 + 1e-6
+# Time (s) in which an axis is up to its speed where a cut begins, and at rest where it ends: what controllers blend
+# corners over, and a verification with as much smoothing asks for.
+START = 0.1
 # Every placement is judged for the same drawn arms.
 SEED = 0
 # Shares of the motion about its mean position that are tried at each.
@@ -156,7 +159,8 @@ def smoothed(values: Array, weight: float) -> Array:
 def axis_rates(problem: Problem, x: Array) -> tuple[Array, Array]:
     """Speeds (n - 1, d) m/s and accelerations (n - 2, d) m/s^2 of the axes at the path's feed; NaN without one.
 
-    Rapid moves set their own pace: an axis starts from rest after one and comes to rest before one.
+    What lies between two cuts sets its own pace: an axis starts from rest behind it and comes to rest before it, within
+    :data:`START`, for where a cut begins behind a plunge nothing waits for the axis.
     """
     times = problem.path.times.copy()
     free = np.zeros(len(times), dtype=np.bool_) if problem.free is None else problem.free
@@ -165,6 +169,7 @@ def axis_rates(problem: Problem, x: Array) -> tuple[Array, Array]:
     known = np.where(free[:, None], 0.0, speed)
     pairs = np.where(np.stack([free[1:], free[:-1]]), 0.0, np.stack([times[1:], times[:-1]]))
     half = 0.5 * pairs.sum(axis=0)
+    half = np.where(free[1:] != free[:-1], np.minimum(half, START), half)
     return speed, np.diff(known, axis=0) / np.where(half > 0.0, half, np.nan)[:, None]
 
 

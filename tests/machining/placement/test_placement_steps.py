@@ -259,6 +259,17 @@ def test_between_knots_nothing_overshoots(kr60: fem.ArmModel) -> None:
     assert found.max() <= 1.0
 
 
+def test_an_axis_is_soon_up_to_speed_where_a_cut_begins(kr60: fem.ArmModel) -> None:
+    """Points 0.5 s apart, the fifth segment between two cuts: from rest to 0.04 m/s in 0.1 s, not in 0.25 s."""
+    path = tool_path(np.stack([0.025 * np.arange(10), np.zeros(10), np.zeros(10)], axis=1), [0.0, 0.0, 1.0], feed=0.05)
+    free = np.zeros(9, dtype=np.bool_)
+    free[4] = True
+    problem = problem_of(kr60, cell_of(rail(speed=0.5)), path, free=free)
+    travel = 0.02 * np.arange(10)[:, None]
+    _, acceleration = axis_rates(problem, travel)
+    np.testing.assert_allclose(acceleration[:, 0], [0, 0, 0, -0.4, 0.4, 0, 0, 0], atol=1e-9)
+
+
 def test_rapid_moves_are_no_feed(kr60: fem.ArmModel) -> None:
     """Two parallel lines with a rapid move across: the feed at their ends is along the lines."""
     a = np.stack([np.linspace(0.0, 0.1, 5), np.zeros(5), np.zeros(5)], axis=1)
