@@ -8,7 +8,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from machining.placement.confirming import confirmed
+from machining.placement.confirming import confirmed, finely
 from machining.placement.following import Along, Found, along, follow, merit_of
 from machining.placement.holding import held
 from machining.placement.moving import find_moving
@@ -135,6 +135,10 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     e, table = start_of(problem.space)
     before, why_no_before = _or_why(lambda: follow(problem, e, table, 0.0))
     staying, why_no_staying = _or_why(lambda: find_staying(problem, e, table))
+    if staying is None and isinstance(problem.gamma, GammaRange):
+        # Angles between those of the range may be free where these are not.
+        staying, _ = _or_why(lambda: find_staying(finely(problem), e, table))
+        why_no_staying = why_no_staying if staying is None else None
     criterion = problem.goal.criterion or _comparable(problem, chosen)
 
     def told(one: _Choice) -> Along:

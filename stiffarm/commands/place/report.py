@@ -80,7 +80,7 @@ def lede(step: PlacedStep) -> str:
     if placed.staying is not None:
         out += f" {_against(placed.after, placed.staying)}"
     elif placed.why_no_staying is not None:
-        out += " From where it stands now no gamma reaches the whole path."
+        out += " From where it stands now no gamma takes the whole path."
     path = step.given.path
     return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
 
