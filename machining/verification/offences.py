@@ -16,7 +16,7 @@ from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
 from robots.arrays import Array, Bools, Integers
 
-# Rates that exceed their limits by less are rounding.
+# Values that exceed their limits by a smaller share are equal to them: rounding.
 RATE_TOLERANCE = 1e-6
 # A move nearer to the tool axis than this cosine (18 deg) draws the tool out.
 RETRACT = 0.95
@@ -312,8 +312,10 @@ def _limits(reported: Reported, move: int, at: float, values: Array) -> Iterator
 def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Iterator[Offence]:
     """Singularities, branch jumps and deviations."""
     courses, each = reported.courses, reported.each
-    counted, tolerance, turn = counts(courses), demands.tolerance, demands.axis_tolerance
-    near = counted & (path.singular < demands.singular_least)
+    counted = counts(courses)
+    # A value equal to its limit is no offence, whichever way the last digit falls.
+    tolerance, turn = demands.tolerance * (1.0 + RATE_TOLERANCE), demands.axis_tolerance * (1.0 + RATE_TOLERANCE)
+    near = counted & (path.singular < demands.singular_least * (1.0 - RATE_TOLERANCE))
     yield from each(Kind.SINGULARITY, near, path.singular_at, path.singular, demands.singular_least, "")
     for move in _where(path.changed.any(axis=1) | path.jumped):
         yield _branch_jump(reported, move, path, demands, bool(counted[move]))
