@@ -65,8 +65,11 @@ class Case:
 
 CASES = (
     Case("as `identify` does it", "the fullest law that seven angles can tell, mean of loading and unloading"),
-    Case("two harmonics in the truth", "as `identify` does it, stiffnesses that vary twice a turn by 12 % as well",
-         second=0.12),
+    Case(
+        "two harmonics in the truth",
+        "as `identify` does it, stiffnesses that vary twice a turn by 12 % as well",
+        second=0.12,
+    ),
     Case("order one, two harmonics", "order one asked for where the truth has two harmonics", "fourier-1", second=0.12),
     Case("order one asked for", "every stiffness with a Fourier series of order one, as the truth has", "fourier-1"),
     Case("constants asked for", "every stiffness constant over the angle, which the truth is not", "constant"),
