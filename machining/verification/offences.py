@@ -314,23 +314,24 @@ def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Ite
     courses, each = reported.courses, reported.each
     counted = counts(courses)
     # A value equal to its limit is no offence, whichever way the last digit falls.
-    tolerance, turn = demands.tolerance * (1.0 + RATE_TOLERANCE), demands.axis_tolerance * (1.0 + RATE_TOLERANCE)
+    tolerance, turn = demands.tolerance, demands.axis_tolerance
+    most, most_turn = tolerance * (1.0 + RATE_TOLERANCE), turn * (1.0 + RATE_TOLERANCE)
     near = counted & (path.singular < demands.singular_least * (1.0 - RATE_TOLERANCE))
     yield from each(Kind.SINGULARITY, near, path.singular_at, path.singular, demands.singular_least, "")
     for move in _where(path.changed.any(axis=1) | path.jumped):
         yield _branch_jump(reported, move, path, demands, bool(counted[move]))
-    off = path.point > tolerance
+    off = path.point > most
     text = "the point reached is another"
     yield from each(Kind.DEVIATION, off, 1.0, path.point, tolerance, "m", text=text)
     text = "the tool stands otherwise at the point"
-    yield from each(Kind.DEVIATION, ~off & (path.point_turn > turn), 1.0, path.point_turn, turn, "rad", text=text)
+    yield from each(Kind.DEVIATION, ~off & (path.point_turn > most_turn), 1.0, path.point_turn, turn, "rad", text=text)
     # Where points are off, so is the line between them; that is said once.
     known = np.maximum(path.point, np.append(0.0, path.point[:-1]))
     known[:1] = 0.0
-    left = path.run_line > tolerance + np.where(known > tolerance, known, 0.0)
+    left = path.run_line > most + np.where(known > most, known, 0.0)
     text = "between points the tip leaves the straight line"
     yield from each(Kind.DEVIATION, left, 0.5, path.run_line, tolerance, "m", text=text)
-    turned = ~left & ~courses.straight & (path.line_turn > turn)
+    turned = ~left & ~courses.straight & (path.line_turn > most_turn)
     text = "between points the tool turns otherwise"
     yield from each(Kind.DEVIATION, turned, 0.5, path.line_turn, turn, "rad", text=text)
 
