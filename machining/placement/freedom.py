@@ -134,7 +134,7 @@ class _Asked:
             return
         # Where one angle of a branch is stopped its neighbours are as a rule, by the same point: all are asked for it.
         others = np.flatnonzero(np.isfinite(self.runs.worth[self.site, :, branch, run]))
-        others = np.array([i for i in others if (i, branch, run) not in self.known], dtype=np.int64)
+        others = np.array([i for i in others.tolist() if (i, branch, run) not in self.known], dtype=np.int64)
         if len(others):
             for i, rank in zip(others, stopped(self.problem, q[others, a + pose], e, table), strict=True):
                 if rank != _FREE:

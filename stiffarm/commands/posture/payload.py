@@ -186,8 +186,6 @@ def remarks(posed: Posed) -> list[str]:
                 f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
                 'given: for the error itself ask for --quantity "normal displacement".'
             )
-    if posed.milling is not None and posed.milling.comparison is not None:
-        out += posed.milling.comparison.against
     out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
     out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])
     if moves.branch_changes:

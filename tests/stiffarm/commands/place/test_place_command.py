@@ -86,6 +86,17 @@ def test_the_table_holds_what_the_arm_gives(cli: Command, small: tuple[Path, Pat
     # Weights and results are written with six digits.
     assert best["K_sf"] == pytest.approx(expected, rel=2e-5)
     assert best["mean_stiffness_N_per_mm"] == pytest.approx(k.mean(), rel=6e-6)
+    with (out / "positions.csv").open(encoding="utf-8") as stream:
+        places = list(csv.DictReader(stream))
+    assert len(places) == 121
+    # Each position has a worth, or what stops it and where.
+    for place in places:
+        taken = place["gamma_deg"] != ""
+        assert taken == (place["softest_point_N_per_mm"] != "") == (place["stopped_by"] == "")
+        assert taken == (place["nearest_posture"] == "")
+    far = [place["nearest_posture"] for place in places if place["stopped_by"] == "out of reach"]
+    assert far
+    assert all(" mm out of reach" in words for words in far)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Collisions were not looked at" in page
     assert 'src="http' not in page
