@@ -15,7 +15,7 @@ from machining.placement.following import Found, check_rates, follow, merit_of
 from machining.placement.freedom import run_starts
 from machining.placement.problem import Problem
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.progress import Progress, report_progress
 
 # Where an axis is tried at rest: shares of the way it makes over a run, from its lowest to its highest place there.
@@ -54,7 +54,7 @@ def _moves(problem: Problem, x: Array, axis: int) -> bool:
     return any(np.ptp(run) > STILL for run in np.split(x[:, axis], _cuts(problem)))
 
 
-def _cuts(problem: Problem) -> Array:
+def _cuts(problem: Problem) -> Integers:
     return run_starts(problem, np.arange(problem.path.n))[1:]
 
 
