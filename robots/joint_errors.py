@@ -8,7 +8,7 @@ calibrated arm, and programs that are corrected for it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,7 +29,7 @@ class JointErrors:
     and y; ``zero`` (dof,) rad: the part of the robot's offsets that is no design but an error; ``turn`` (dof, dof): by
     how much more joints turn, ratios on the diagonal and couplings beside it; ``sin``, ``cos`` (dof, orders) rad: error
     curves over the coordinates; ``read``: by joint, ranges (rad) of its coordinate where its curve is identified, None
-    without a curve.
+    without a curve; ``parameters`` (p,) and ``covariance`` (p, p) SI: how sure they are.
     """
 
     frames: Array
@@ -38,6 +38,8 @@ class JointErrors:
     sin: Array
     cos: Array
     read: tuple[tuple[tuple[float, float], ...] | None, ...]
+    parameters: tuple[str, ...] = ()
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def turned(self, q: Array) -> Array:
         """What joints turn (n, dof) rad where their coordinates read q (n, dof) rad; zeros are the robot's own."""
@@ -81,7 +83,11 @@ def joint_errors(description: ModelDescription) -> JointErrors | None:
             own = np.array([curve.sin_mrad, curve.cos_mrad]) * MRAD
             waves[:, j, : own.shape[1]] = own
     zero = np.array([0.0 if joint.zero_error is None else joint.zero_error.si for joint in joints])
-    return JointErrors(frames, zero, turn, waves[0], waves[1], tuple(_read(_curve(joint)) for joint in joints))
+    of = description.positions
+    known = () if of is None else of.parameters
+    V = np.array(of.covariance).reshape(len(known), len(known)) if of is not None else np.zeros((0, 0))
+    read = tuple(_read(_curve(joint)) for joint in joints)
+    return JointErrors(frames, zero, turn, waves[0], waves[1], read, known, V)
 
 
 def _curve(joint: Joint) -> ErrorCurve | None:

@@ -224,7 +224,7 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
         joint = robot.joint_names.index(name.removesuffix(".periodic"))
         return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
     members = (one for group in (payload, rail) for one in group(robot, data))
-    if one := _single(robot, name) or next((member for member in members if member.name == name), None):
+    if one := single(robot, name) or next((member for member in members if member.name == name), None):
         return (one,)
     raise InputError(
         "parameter of absolute readings",
@@ -234,7 +234,8 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
     )
 
 
-def _single(robot: Robot, name: str) -> Unknown | None:
+def single(robot: Robot, name: str) -> Unknown | None:
+    """The unknown of a joint or the base with this name; None where there is none."""
     place, _, rest = name.partition(".")
     if place == "base" and rest in ROWS:
         return spring("base", -1, ROWS.index(rest))

@@ -36,6 +36,7 @@ SOURCE = "positions"
 NOT_AN_ARM = "check units, signs and zeros of the table and the model: errors this large are of another arm"
 RIGID_LINKS = "links count as rigid: what they give way is in the joints' springs"
 NOT_HERE = ("payload", "rail")
+IN_MODEL = ("frame", "zero", "ratio", "coupling", "spring")
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,10 @@ def _description(c: Positions, before: ModelDescription, made: Written) -> Model
     for j in sorted({i[0] for _, i in made.fit.moving.of("periodic")}):
         _put_curve(data["joint"][j], made.fit, j, turned[data["joint"][j]["name"]], source)
     data["sources"] = {**data["sources"], source: text}
+    sure = [k for k, one in enumerate(freed) if one.kind in IN_MODEL and one.name not in made.silent]
+    half = c.found.half[sure]
     data["positions"] = PositionsTable(
+        parameters=tuple(freed[k].name for k in sure), covariance=tuple(map(tuple, (half @ half.T).tolist())),
         data=c.found.data.source, data_sha256=c.found.data.sha256, before_rms_mm=_rms_mm(c.distances()["before"]),
         rms_mm=_rms_mm(np.linalg.norm(made.fit.residual[c.right], axis=1)),
         left_out_rms_mm=_rms_mm(c.distances()["left out"]), notes=made.notes,

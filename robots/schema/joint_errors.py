@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from robots.schema.quantities import Angle, Length, Number, Ratio, Strict
@@ -79,7 +80,8 @@ class JointError(Strict):
 class Positions(Strict):
     """Where errors of the geometry came from: positions of targets, and how far off the arm was before and after.
 
-    RMS of distances; ``left_out_rms_mm``: at readings predicted by the others.
+    RMS of distances; ``left_out_rms_mm``: at readings predicted by the others. ``covariance`` of the ``parameters``
+    beside curves, in SI (stiffnesses as compliances): what their doubt makes of a position.
     """
 
     data: str
@@ -88,3 +90,19 @@ class Positions(Strict):
     rms_mm: float
     left_out_rms_mm: float
     notes: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    covariance: tuple[tuple[Number, ...], ...] = ()
+
+    @model_validator(mode="after")
+    def _a_covariance(self) -> Self:
+        p = len(self.parameters)
+        if len(self.covariance) != p or any(len(row) != p for row in self.covariance):
+            raise ValueError("covariance needs a row and a column for each of the parameters")
+        V = np.array(self.covariance).reshape(p, p)
+        size = np.sqrt(np.maximum(np.diag(V), 1e-300))
+        if (
+            not np.allclose(V, V.T, rtol=1e-6, atol=0.0)
+            or np.linalg.eigvalsh(V / np.outer(size, size)).min(initial=0.0) < -1e-6
+        ):
+            raise ValueError("covariance must be symmetric, without negative variances")
+        return self

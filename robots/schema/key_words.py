@@ -88,6 +88,8 @@ KEY_WORDS: Final = MappingProxyType(
             "data": "The readings.", "data_sha256": "Hash of the readings.",
             "before_rms_mm": "RMS distance with the arm as described.", "rms_mm": "RMS distance, calibrated.",
             "left_out_rms_mm": "RMS distance at readings that were predicted by the others.", "notes": "Remarks.",
+            "parameters": "Parameters beside error curves.",
+            "covariance": "Their covariance, in SI; stiffnesses as compliances.",
         },
         "DHRow": {
             "alpha": "Angle from the axis before to this one, about the x axis before (alpha_{i-1}).",

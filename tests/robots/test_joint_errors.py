@@ -72,3 +72,21 @@ def test_a_model_without_errors_keeps_its_hash_and_has_none() -> None:
 def test_what_is_no_error_of_an_arm_is_refused(error: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         parse_description(text(error), "kr60-3")
+
+
+@pytest.mark.parametrize(
+    ("covariance", "words"),
+    [
+        ([[1e-6, 0.0]], "a row and a column"),
+        ([[1e-6, 0.0], [0.0]], "a row and a column"),
+        ([[1e-6, 1e-7], [0.0, 1e-6]], "symmetric"),
+        ([[1e-6, 2e-6], [2e-6, 1e-6]], "negative variances"),
+        ([[-1e-6, 0.0], [0.0, 1e-6]], "negative variances"),
+    ],
+)
+def test_what_is_no_covariance_is_refused(covariance: list[list[float]], words: str) -> None:
+    data = tomllib.loads(to_toml(load_description("kr60-3")))
+    data["positions"] = {"data": "x", "data_sha256": "0", "before_rms_mm": 1.0, "rms_mm": 0.1, "left_out_rms_mm": 0.1,
+                         "parameters": ["j2.zero", "j3.zero"], "covariance": covariance}  # fmt: skip
+    with pytest.raises(InputError, match=words):
+        parse_description(tomlkit.dumps(data), "kr60-3")
