@@ -22,7 +22,7 @@ from machining.programs.write_options import WriteOptions
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputError
 from robots.arrays import Array
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.corrected import not_corrected, payload_of, remarks, words
 from stiffarm.commands.post.targets import parse_targets

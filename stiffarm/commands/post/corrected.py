@@ -10,7 +10,7 @@ from doe.absolute.readings import Payload
 from machining.programs.calibrated_arm import Corrected
 from machining.programs.run import PostRun
 from robots import InputError, ModelDescription
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.report import Bullets, Picture, Section, Table, Text

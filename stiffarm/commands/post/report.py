@@ -15,7 +15,7 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from robots.arrays import Array
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
