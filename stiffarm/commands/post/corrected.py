@@ -110,10 +110,11 @@ def words(found: Corrected, positions: Positions) -> str:
 def remarks(run: PostRun, found: Corrected) -> tuple[str, ...]:
     """What must be known before the program runs."""
     out = [CONTROLLER]
-    for joint, count in found.unread.items():
+    if found.unread:
+        where = ", ".join(f"{joint} at {count}" for joint, count in found.unread.items())
         out.append(
-            f"at {count} of {run.posted.program.n} targets {joint} stands where its error curve is not identified: "
-            "there the correction lacks it"
+            f"of {run.posted.program.n} targets, error curves of joints are not identified for {where}: there the "
+            "correction lacks them; another gamma or branch may stand where the arm was read"
         )
     if not found.turns:
         out.append(
@@ -134,7 +135,7 @@ def section(run: PostRun, found: Corrected, positions: Positions, pictures: Pict
         for k, (name, values) in enumerate(lines.items()):
             ax.plot(x, values * 1e6, color=SERIES[k % len(SERIES)], linestyle=LINES[k % len(LINES)], label=name)
         ax.set(xlabel="move", ylabel="off, um")
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, 1.25e6 * max(float(values.max(initial=1e-6)) for values in lines.values()))
         ax.legend(loc="upper right", ncols=4)
     picture: Picture = pictures.add(
         figure, "correction", "By the calibrated model, at the targets as designed; compensation takes it off."
