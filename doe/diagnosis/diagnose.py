@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
+import numpy as np
+
 from doe.diagnosis import checks as checking
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
@@ -47,6 +49,8 @@ MOST = 3
 FURTHER = 0.01
 # And this many times what its law may be off by, as a share of what it explained.
 BENT_OFF = 5.5
+# A further effect with which poses left out are predicted worse by more than this is none that a model should have.
+WORSE = 1.05
 # What names leave to the unknown may be this share of what there was to explain; more, surely there, is something else.
 LEFT_OVER, SURE = 0.1, 0.9
 # What is left to the unknown with more than this probability makes names provisional.
@@ -280,8 +284,10 @@ def diagnose(
         gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence
         if _as_noise(gain, s) < max(FURTHER * _as_noise(total, s), _bent_off(found, s)):
             break
-        total = max(total, gain)
-        here = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
+        there = refit(accept(here, d.hypothesis), d.hypothesis.noise, weight).setting
+        if found and _spoils(here, there, d.hypothesis.noise, weight):
+            break
+        total, here = max(total, gain), there
         found.append(_Pick(d.hypothesis, gain, d.kind, d.reason))
         # What was sure beside all others at once needs no second look.
         if len(found) == 2 and found[0].kind not in ("named", "learned"):
@@ -362,6 +368,14 @@ def _bent_off(found: Sequence[_Pick], s: Setting) -> float:
     """Log evidence that laws which are not quite right may leave to a further effect."""
     laws = ((pick.gain, pick.hypothesis.signature) for pick in found)
     return BENT_OFF * max((_as_noise(x, s) * c.effect.law_doubt**2 for x, c in laws if c is not None), default=0.0)
+
+
+def _spoils(here: Setting, there: Setting, noise: Noise, weight: Array) -> bool:
+    """Whether poses left out are predicted worse with what is newly accepted there."""
+    pose = here.data.pose
+    before, after = (leave_one_pose_out(base_of(s), covariance(s, noise, weight), pose).error for s in (here, there))
+    good = weight >= ODD
+    return bool(np.sum(after[good] ** 2) > WORSE**2 * np.sum(before[good] ** 2))
 
 
 def _words(r: Ranking) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from doe.diagnosis.candidates import VAGUE, Tried, candidates_of, hidden_among, tried
+from doe.diagnosis.coarsening import coarsened
 from doe.diagnosis.evidence import Base, LeftOut, Whitened, leave_one_pose_out
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Options, Ranking, log_priors
 from doe.diagnosis.known import base_of, free_columns
@@ -189,10 +190,8 @@ def _ranked(
     alone |= {frozenset({code}): _mean([row.best[code].worth for row in rows], count) for code, rows in of.items()}
     # Smooth and rough count half each. Where a smooth one was not worked out, at poor noises, it adds nothing.
     alone[frozenset({UNKNOWN})] = float(np.logaddexp(logsumexp(by_process), _mean(rough, count))) - math.log(2.0)
-    several = _several(g, table, prior, by_process) if codes else {}
-    worth = {code: alone[frozenset({code} - {NONE})] for code in (NONE, *codes, UNKNOWN)} | _main_of(
-        alone | several, prior
-    )
+    every = coarsened(alone | (_several(g, table, prior, by_process) if codes else {}), s.known)
+    worth = {code: every[frozenset({code} - {NONE})] for code in (NONE, *codes, UNKNOWN)} | _main_of(every, prior)
 
     row = max(table, key=lambda row: row.none)
     bic = max(row.none_bic for row in table)
@@ -216,7 +215,7 @@ def _ranked(
             )
         )
     lines.append(_line_of_unknown(g, smooth, by_process, worth[UNKNOWN]))
-    sets = {key: value + _set_prior(key, prior) for key, value in (alone | several).items()}
+    sets = {key: value + _set_prior(key, prior) for key, value in every.items()}
     return Ranking(_by_probability(lines, prior, options), hidden, g.base, _most_probable(sets))
 
 

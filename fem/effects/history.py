@@ -142,27 +142,32 @@ class History:
         out[stay, step] = events
         return out
 
-    def ratchet(self, x: Array, limit: float, *, lasting: bool) -> Array:
+    def ratchet(self, x: Array, limit: float, *, lasting: bool, zeroed_once: bool = False) -> Array:
         """What x (n,) at its largest has exceeded a limit by, less at the cycle's start; it never goes back.
 
         ``lasting``: what slipped in one cycle has slipped for all that come after, by the clock if there is one.
+        ``zeroed_once``: less at the start of the stay, for that is where the gauge was zeroed.
         """
         beyond = np.maximum(x - limit, 0.0)
         if not lasting:
+            if zeroed_once:
+                more = np.append(beyond, 0.0)
+                return self.follow_on(lambda now, last: np.maximum(more[now], last), zeroed=False)
             return self.follow(lambda now, last: np.maximum(beyond[now], last))
         row = self._in_time
         most = np.maximum.accumulate(beyond[row])
-        starts = self._starts(row)
-        before = np.concatenate([[0.0], most[:-1]])[starts][np.cumsum(starts) - 1]
+        zeroed = self._zeroed(row, once=zeroed_once)
+        before = np.concatenate([[0.0], most[:-1]])[zeroed][np.cumsum(zeroed) - 1]
         out = np.empty(len(x))
         out[row] = most - before
         return out
 
-    def lag(self, x: Array, seconds: float) -> Array:
+    def lag(self, x: Array, seconds: float, *, zeroed_once: bool = False) -> Array:
         """Solution y (n,) of ``T dy/dt = x - y``, less its value at the start of the cycle; T in s.
 
         A load is put on half way between two readings, and nothing hangs between cycles. Without times readings are
-        taken ``BETWEEN`` seconds apart, and what lags has recovered before the next cycle.
+        taken ``BETWEEN`` seconds apart, and what lags has recovered before the next cycle. ``zeroed_once``: less its
+        value at the start of the stay, for that is where the gauge was zeroed.
         """
         row, half, rest = self._pauses
         if not len(row):
@@ -174,9 +179,10 @@ class History:
         last = np.where(starts, 0.0, np.concatenate([[0.0], aim[:-1]]))
         b = (1.0 - held) * (aim + held * last)
         y = solve_banded((1, 0), np.stack([np.ones(len(a)), np.append(-a[1:], 0.0)]), b)
-        zero = (off * np.concatenate([[0.0], y[:-1]]))[starts]
+        zeroed = self._zeroed(row, once=zeroed_once)
+        zero = (off * np.concatenate([[0.0], y[:-1]]))[zeroed]
         out = np.empty(len(x))
-        out[row] = y - zero[np.cumsum(starts) - 1]
+        out[row] = y - zero[np.cumsum(zeroed) - 1]
         return out
 
     def warmth(self, settling: float) -> Array:
@@ -256,6 +262,11 @@ class History:
     def _starts(self, row: Indices) -> Bools:
         """Whether readings in the order of time are a cycle's first."""
         return np.asarray(np.diff(self.cycle[row], prepend=-1) != 0)
+
+    def _zeroed(self, row: Indices, *, once: bool) -> Bools:
+        """Whether the gauge was zeroed before readings in the order of time: at each cycle, or each stay's first."""
+        starts = self._starts(row)
+        return np.asarray(starts & (np.diff(self.stay[row], prepend=-1) != 0)) if once else starts
 
     @cached_property
     def _pauses(self) -> tuple[Indices, Array, Array]:

@@ -248,6 +248,14 @@ def carried() -> EffectParameter:
     )  # fmt: skip
 
 
+def zeroed() -> EffectParameter:
+    """The shape that says when the gauge was zeroed, for laws that remember by themselves."""
+    return EffectParameter(
+        "zeroed", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=0.0,
+        meaning="0: the gauge is zeroed before each load cycle; 1: once, before the first one of a stay", of_stays=True,
+    )  # fmt: skip
+
+
 def carried_over(value: float) -> Carried:
     """The shape's value."""
     return 0 if value < 0.5 else 1 if value < 1.5 else 2

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
-from fem.effects.joint_laws import LAG, carried, carried_over, share, torque_shape
+from fem.effects.joint_laws import LAG, carried, carried_over, share, torque_shape, zeroed
 from fem.effects.situation import Situation
 from fem.effects.sizes import Usual
 from fem.effects.structure import ASSUMED
@@ -19,6 +19,8 @@ from robots.arrays import Array
 
 # Seconds in which greased, rubber-sealed or plastic-bushed joints creep, and in which test benches wait for them.
 CREEPS = (30.0, 3600.0)
+# Decades to either side of its middle time over which a creep may be spread, and elements that stand for these.
+SPECTRUM, ELEMENTS = 1.5, 7
 # Gears warm up in 10 min to 3 h; shares of a campaign. 0: as warm as was read.
 SETTLES = (0.1, 0.4, 2.0, 0.0)
 # A slip that stays over cycles is known by its first time only, and stick-slip by its jumps: both fit outliers too.
@@ -39,20 +41,28 @@ def _creep(joint: JointPart) -> Effect:
     """``theta = c (tau + a x)``, ``T dx/dt = tau - x``: a Kelvin-Voigt element in series with the spring.
 
     Under a steady torque the turn grows by the share a of the spring's own, with the time constant T, and goes back
-    likewise (Flugge 1975, Viscoelasticity, doi:10.1007/978-3-662-02276-4, section 1.3).
+    likewise (Flugge 1975, Viscoelasticity, doi:10.1007/978-3-662-02276-4, section 1.3). Most materials have a spectrum
+    of times: with a ``spread`` of n decades x is the mean of elements whose times are even in the logarithm, n decades
+    to either side of T, which creep with the logarithm of time (ibid., section 6.2).
     """
 
     def law(_: object, s: Situation, v: Array) -> Array:
-        late = s.history.lag(s.torque(joint.name), float(v[1]))
+        torque = s.torque(joint.name)
+        times = float(v[1]) * 10.0 ** np.linspace(-v[2], v[2], 1 if v[2] == 0.0 else ELEMENTS)
+        once = v[3] >= 0.5
+        late = np.mean([s.history.lag(torque, t, zeroed_once=once) for t in times.tolist()], axis=0)
         return s.turned(joint.name, v[0] * s.compliance(joint.name) * late)
 
     tried = tuple(float(x) for x in np.geomspace(60.0, 1800.0, 4))
     time = EffectParameter("time", "time", "min", *CREEPS, ASSUMED, role="shape", grid=tried,
                            meaning="after this time 63 % of the creep is there", fine=True)  # fmt: skip
+    spread = EffectParameter("spread", "ratio", "1", 0.0, 2.0, ASSUMED, role="shape", grid=(0.0, SPECTRUM), default=0.0,
+                             meaning="decades to either side of that time that it is spread over; 0: none")  # fmt: skip
     crept = share("share", 0.03, 0.4, "share of the spring's turn that comes with time", signed=False)
     return Effect(
-        f"creep:{joint.name}", f"joint {joint.name} creeps under load", "arm", (crept, time), law, "creep",
-        needs_history=True, slot=LAG,
+        f"creep:{joint.name}", f"joint {joint.name} creeps under load", "arm",
+        (crept, time, spread, zeroed()), law, "creep", needs_history=True, slot=LAG,
+        differs=lambda v: v[2] == 0.0 or v[1] == tried[1],
     )  # fmt: skip
 
 
@@ -117,12 +127,14 @@ def _slip(joint: JointPart, torque: float) -> Effect:
 
     def law(_: object, s: Situation, v: Array) -> Array:
         tau, limit = s.torque(joint.name), float(v[1])
-        gone = [s.history.ratchet(way * tau, limit, lasting=v[2] >= 0.5) for way in (1.0, -1.0)]
+        gone = [
+            s.history.ratchet(way * tau, limit, lasting=v[2] >= 0.5, zeroed_once=v[3] >= 0.5) for way in (1.0, -1.0)
+        ]
         return s.turned(joint.name, v[0] / limit * (gone[0] - gone[1]))
 
     angle = EffectParameter("angle", "angle", "mrad", 0.03e-3, 1e-3, ASSUMED, meaning="slip at twice the torque named")
     limit = torque_shape("torque", torque, (0.1, 0.8), 4, "torque beyond which it slips")
     return Effect(
-        f"slip:{joint.name}", f"joint {joint.name} slips and stays there", "arm", (angle, limit, stays_slipped()), law,
-        "slip", needs_history=True, slot=LAG, chance=SELDOM,
+        f"slip:{joint.name}", f"joint {joint.name} slips and stays there", "arm",
+        (angle, limit, stays_slipped(), zeroed()), law, "slip", needs_history=True, slot=LAG, chance=SELDOM,
     )  # fmt: skip

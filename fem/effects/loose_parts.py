@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fem.effects.base import ASSUMED_LAW, Effect, EffectParameter
-from fem.effects.joint_laws import share, torque_shape
+from fem.effects.joint_laws import share, torque_shape, zeroed
 from fem.effects.lagging_laws import SELDOM, stays_slipped
 from fem.effects.situation import Situation
 from fem.effects.sizes import Usual
@@ -63,7 +63,7 @@ def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> 
 
     def law(_: object, s: Situation, v: Array) -> Array:
         much, way = _heading(s.carried(place, rows))
-        gone = s.history.ratchet(much, float(v[1]), lasting=v[2] >= 0.5)
+        gone = s.history.ratchet(much, float(v[1]), lasting=v[2] >= 0.5, zeroed_once=v[3] >= 0.5)
         return s.moved(place, rows, (v[0] / v[1] * gone)[:, None] * way)
 
     if rows == FORCE:
@@ -81,8 +81,8 @@ def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> 
         )
         limit = torque_shape("moment", size, (0.15, 0.8), 4, "moment beyond which it slips")
     return Effect(
-        f"slip:{place}", words, "arm", (amount, limit, stays_slipped()), law, "slip", needs_history=True,
-        depends_on="load", chance=SELDOM,
+        f"slip:{place}", words, "arm", (amount, limit, stays_slipped(), zeroed()), law, "slip",
+        needs_history=True, depends_on="load", chance=SELDOM,
     )  # fmt: skip
 
 

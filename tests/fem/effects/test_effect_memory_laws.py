@@ -62,6 +62,42 @@ def test_creep_recovers_between_cycles_and_is_zeroed_with_the_gauge(lever: ArmMo
     np.testing.assert_allclose(plain, np.tile(full * (1.0 - np.exp(-np.array([0.5, 1.5]) * BETWEEN / 300.0)), 2))
 
 
+def test_creep_over_a_spectrum_of_times_goes_with_the_logarithm(lever: ArmModel) -> None:
+    seconds = np.concatenate([[0.0], np.geomspace(20.0, 2000.0, 9)])
+    at = lever_loads(0.0, *np.full(10, 300.0))
+    crept = {
+        spread: angle_of(
+            extra(lever, at, of(lever, "creep:j1", share=0.3, time=200.0, spread=spread), at_times(seconds, [0] * 10)),
+            at,
+        )
+        for spread in (0.0, 1.5)
+    }
+    # Once the load has hung for a while equal steps of the logarithm creep by equal amounts, within a third (a few
+    # elements stand for a spectrum); a single time does most of it in one decade.
+    steps = {spread: np.diff(turned[4:]) for spread, turned in crept.items()}
+    assert steps[1.5].max() < 1.33 * steps[1.5].min()
+    assert steps[0.0].max() > 4.0 * steps[0.0].min()
+
+
+def test_a_gauge_that_is_zeroed_once_sees_what_creeps_and_slips_from_cycle_to_cycle(lever: ArmModel) -> None:
+    at = lever_loads(0.0, 400.0, 400.0, 400.0)
+    then = replace(at_times([0.0, 40.0, 200.0], [0, 0, 1]), stay=np.zeros(3, dtype=np.intp))
+    each, once = (
+        angle_of(extra(lever, at, of(lever, "creep:j1", share=0.2, time=300.0, zeroed=k), then), at) for k in (0.0, 1.0)
+    )
+    assert once[:2] == pytest.approx(each[:2])
+    assert once[2] > 1.5 * each[2]
+    limit = 0.5 * torque(at)[0]
+    for lasting in (0.0, 1.0):
+        slipped = angle_of(
+            extra(lever, at, of(lever, "slip:j1", angle=1e-4, torque=limit, lasting=lasting, zeroed=1.0), then), at
+        )
+        np.testing.assert_allclose(slipped, 1e-4, atol=1e-18)
+    moved = replace(then, stay=np.array([0, 0, 1]))
+    apart = angle_of(extra(lever, at, of(lever, "creep:j1", share=0.2, time=300.0, zeroed=1.0), moved), at)
+    np.testing.assert_allclose(apart, each, atol=1e-18)
+
+
 def test_what_has_slipped_stays(lever: ArmModel) -> None:
     at = lever_loads(0.0, 100.0, 400.0, 100.0, 400.0, 100.0)
     tau = torque(at)
@@ -83,7 +119,7 @@ def test_what_has_slipped_stays(lever: ArmModel) -> None:
 def test_a_fixture_slips_the_way_it_is_pulled(place: str, xr701: tuple[ArmModel, ModelDescription]) -> None:
     model, description = xr701
     effect = catalogue(model, description)[f"slip:{place}"]
-    amount, limit, _ = effect.parameters
+    amount, limit, *_ = effect.parameters
     at = LoadedPoses(np.tile(STANDING, (3, 1)), np.zeros((3, 6)), np.tile(model.robot.T_flange_tool[:3, 3], (3, 1)))
     load = 4.0 * limit.upper
     at.wrench[:, 2] = [-0.01 * load, -load, -0.01 * load]
