@@ -14,8 +14,8 @@ from robots.schema.joint_errors import Positions
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.report import Bullets, Picture, Section, Table, Text
+from stiffarm.session.carried import parse_payload
 from stiffarm.session.json_text import number
-from stiffarm.session.parsing import parse_numbers
 
 CONTROLLER: Final = (
     "Joint and Cartesian targets are both moved, for a controller that computes with the arm as designed. Where its "
@@ -24,8 +24,6 @@ CONTROLLER: Final = (
     "are in the targets alone; between targets the controller goes straight, or joint by joint, as it always does."
 )
 PARTS: Final = ("geometry", "weight", "force")
-HEAVIEST_kg: Final = 5000.0
-WIDEST_mm: Final = 5000.0
 
 
 def payload_of(description: ModelDescription, text: str | None, *, compensate: bool) -> Payload | None:
@@ -44,20 +42,7 @@ def payload_of(description: ModelDescription, text: str | None, *, compensate: b
             "--payload", value=text, allowed="with --compensate, and a model that positions have calibrated",
             remedy="leave it out, or run `stiffarm calibrate` on a table of positions and take its model.toml",
         )  # fmt: skip
-    values = parse_numbers(text)
-    good = values is not None and len(values) in (1, 4) and np.isfinite(values).all()
-    if (
-        not good
-        or values is None
-        or not 0.0 <= values[0] <= HEAVIEST_kg
-        or max(map(abs, values[1:]), default=0) > WIDEST_mm
-    ):
-        raise InputError(
-            "--payload", value=text, allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within "
-            f"{WIDEST_mm:g} mm of the flange", remedy="give the mass of spindle and tool, as in 25,0,0,120",
-        )  # fmt: skip
-    centre = np.array(values[1:] or (0.0, 0.0, 0.0)) * 1e-3
-    return Payload(float(values[0]), centre)
+    return parse_payload(text)
 
 
 def not_corrected(description: ModelDescription, *, compensate: bool) -> tuple[str, ...]:
