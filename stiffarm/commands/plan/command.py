@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from doe import Measurements, bundled_data
+from doe.absolute.campaign import Wanted
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS
 from doe.planning.zones import Zone
@@ -219,7 +220,7 @@ def plan(
             others = {"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--pose": pose,
                       "--rated-N": rated, "--vary": vary, "--hold": hold, "--unloading": unloading or None}  # fmt: skip
             parsing.refuse_given(others, "no option of --positions", "leave it out")
-            asked = positions_plan.Wanted(
+            asked = Wanted(
                 positions, positions_plan.parse_targets(target or ()), positions_plan.parse_tracker(tracker),
                 free=parsing.parse_names(free, None, "--free"), sigma=_gauges(gauge, gauge_turn)[0],
                 candidates=candidates, payload=None if carried is None else parse_payload(carried), zone=zone,

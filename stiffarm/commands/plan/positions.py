@@ -170,8 +170,10 @@ def _table(p: PlannedCampaign) -> Table:
 def _figures(e: Expected) -> tuple[str, str, str]:
     if e.unit.startswith("1/"):
         # A stiffness: what is left open of its compliance shows stiffnesses up to this.
-        return (*(f"up to {1.0 / (NORMAL_95 * sd):.3g}" for sd in (e.sd, e.random_sd)), e.unit[3:-1])
-    return (*(f"+-{NORMAL_95 * sd:.2g}" for sd in (e.sd, e.random_sd)), e.unit)
+        here, chance = (f"up to {1.0 / (NORMAL_95 * sd):.3g}" for sd in (e.sd, e.random_sd))
+        return here, chance, e.unit[3:-1]
+    here, chance = (f"+-{NORMAL_95 * sd:.2g}" for sd in (e.sd, e.random_sd))
+    return here, chance, e.unit
 
 
 def places_figure(given: Arm, p: PlannedCampaign) -> Figure:
