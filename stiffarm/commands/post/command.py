@@ -211,7 +211,7 @@ def post(
             templates,
             cut if compensate else None,
             None if cap is None else cap * 1e-6,
-            stiffness_uncertainty(given.model, given.description, given.own),
+            stiffness_uncertainty(given.model.as_designed, given.description, given.own),
             carried,
         )
         frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)
