@@ -94,6 +94,7 @@ def test_corrections_say_what_has_no_place(found: Outcome, folder: Path) -> None
     assert json.loads((folder / "out" / "controller.json").read_text(encoding="utf-8"))["controllers"] == [one]
 
 
+@pytest.mark.slow
 def test_the_calibrated_model_is_where_the_next_calibration_starts(found: Outcome, folder: Path) -> None:
     again = run_here("calibrate", folder / "out" / "model.toml", UR5 / "random.csv", "--free", "zeros", "--json")
     assert again.code == 0, again.err

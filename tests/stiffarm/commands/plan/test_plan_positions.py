@@ -10,7 +10,7 @@ from cli_runs import Outcome, run_here
 from doe.absolute.table import read_absolute
 from robots import load_robot
 
-COMMON = ("--tracker", "3000,1000,1000", "--candidates", "200")
+COMMON = ("--tracker", "3000,1000,1000", "--candidates", "60")
 TARGETS = ("--target", "a:100,0,50", "--target", "b:-100,100,50,0,0,1")
 
 
