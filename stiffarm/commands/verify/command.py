@@ -13,6 +13,7 @@ from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
+from robots.joint_errors import designed
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import REMEDIES, distance_words, offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
@@ -93,7 +94,8 @@ def verify_command(
         )
         # Springs and effects move nothing here: the model as a whole is needed to name its parameters only.
         description = frame.model(model, sets=sets).description if sets else described(model)
-        arm = arm_of(model, description)
+        # Programs are the controller's, which computes with the arm as designed.
+        arm = arm_of(model, designed(description))
         expect(program, PROGRAM, model=model)
         checked = read_program(program, arm.robot, read_cell_or_frames(arm.robot, cell, tool, part))
         frame.files |= {"model": content_hash(description), "program": program}
