@@ -10,11 +10,12 @@ import numpy as np
 from doe.absolute.fit import Fit, fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open, unread_words
+from doe.absolute.known import known
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
-from doe.absolute.unknowns import USUAL, Layout, known_springs, unknowns
+from doe.absolute.unknowns import USUAL, Layout, unknowns
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -96,10 +97,9 @@ def calibrate_positions(
     InputError
         An unknown name, springs asked for without any weight, or too few readings.
     """
-    names = list(USUAL if free is None else free)
     weighs = bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
-    if not weighs and free is None:
-        names.remove("springs")
+    usual = USUAL if weighs else without_weight(USUAL)
+    names = list(usual if free is None else free)
     begin = started(model.robot, data, seed)
     layout = Layout(unknowns(model.robot, data, names))
     if not weighs and layout.of("spring"):
@@ -121,13 +121,18 @@ def calibrate_positions(
     )  # fmt: skip
 
 
+def without_weight(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of groups but for springs, of which an arm without masses tells nothing."""
+    return tuple(name for name in names if name != "springs")
+
+
 def _fitted(
     model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, robust: bool, progress: Progress | None
 ) -> Fit:
-    """The estimate, with springs that the model has and that are not free held at what they are."""
-    known = known_springs(model, layout.unknowns)
-    held = np.array([*(np.nan for _ in layout.unknowns), *known.values()])
-    whole = Layout((*layout.unknowns, *known))
+    """The estimate, with what the model knows and what is not free held at what it is."""
+    there = known(model, layout.unknowns)
+    held = np.array([*(np.nan for _ in layout.unknowns), *there.values()])
+    whole = Layout((*layout.unknowns, *there))
     return fit(model, data, whole, begin, held=held, robust=robust, progress=progress)
 
 

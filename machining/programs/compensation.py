@@ -58,12 +58,13 @@ class Compensated:
 
 
 @dataclass(frozen=True, eq=False)
-class _Acting:
+class Acting:
     """A force worked out on the nominal path, that a path moved by micrometres shall not change."""
 
     found: ForceAlong
 
     def along(self, task: Task) -> ForceAlong:
+        """The force as it was found, whatever the task."""
         return self.found
 
 
@@ -96,7 +97,7 @@ def compensate(
     require_at_least("ramp of the compensation", ramp, 0.0, "m")
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
-    acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
+    acting = Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
     engaged: Bools = np.asarray(acting.found.force.any(axis=1))[place]
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
