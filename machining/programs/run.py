@@ -48,12 +48,12 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class PostRequest:
-    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that, None for the usual one;
-    ``ramp`` m of the moves beside a cut over which it comes and goes.
+    """What is asked.
 
-    ``payload``: what the flange carries, where geometry and weight are taken off too, which needs an arm that positions
-    have calibrated; None: neither. ``stiffness``: how
-    uncertain the arm is, None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
+    ``cut``: taken off the path where it is given; ``cap`` m of that, None for the usual one; ``ramp`` m of the moves
+    beside a cut over which it comes and goes. ``payload``: what the flange carries, where geometry and weight are taken
+    off too, which needs an arm that positions have calibrated; None: neither. ``stiffness``: how uncertain the arm is,
+    None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
     """
 
     motions: Motions
