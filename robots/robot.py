@@ -10,6 +10,7 @@ from robots.arrays import Array, Bools
 from robots.controller import ArmController, arm_controller
 from robots.errors import InputError, require_one_of
 from robots.frames import framed, rotation_rpy
+from robots.joint_errors import JointErrors, joint_errors
 from robots.schema.description import Joint, ModelDescription, Placed
 
 # A pose on a limit must not fail by the rounding of deg -> rad -> sums of coordinates.
@@ -47,7 +48,8 @@ class Robot:
     Body 0 is the base, body i moves with joint i (1-based). ``T_body[i] = T_body[i-1] @ T_pre[i]
     @ Rot_z(theta_i) @ T_post[i]`` with ``theta = sign * q + offset``; each joint turns about the z axis
     of its joint frame ``T_body[i-1] @ T_pre[i]``. ``T_post`` is a pure rotation. ``controller``: the angles that its
-    controller shows, where these are others than q.
+    controller shows, where these are others than q. ``errors``: what positions have told of its joints, which
+    kinematics leave out but for their zeros (:mod:`robots.joint_errors`).
     """
 
     name: str
@@ -63,6 +65,7 @@ class Robot:
     T_flange_tool: Array
     parallelogram: Parallelogram | None
     controller: ArmController | None = None
+    errors: JointErrors | None = None
 
     @property
     def dof(self) -> int:
@@ -167,6 +170,7 @@ def robot_from(description: ModelDescription) -> Robot:
         T_flange_tool=np.eye(4) if description.tool is None else _transform(description.tool),
         parallelogram=_parallelogram(description),
         controller=arm_controller(description.controller, [joint.coordinate for joint in joints], description.name),
+        errors=joint_errors(description),
     )
     _check_parallelogram(robot)
     return robot
@@ -181,6 +185,13 @@ def _offset(joint: Joint) -> float:
 def with_zero_errors(robot: Robot, more: Array) -> Robot:
     """The robot with ``more`` (dof,) rad added to its joints' zero errors."""
     return replace(robot, offset=robot.offset + robot.sign * more)
+
+
+def as_designed(robot: Robot) -> Robot:
+    """The robot without errors of zeros and geometry: what its controller computes with."""
+    if robot.errors is None:
+        return robot
+    return replace(robot, offset=robot.offset - robot.sign * robot.errors.zero, errors=None)
 
 
 def _rotation_z_to(axis: Array) -> Array:

@@ -236,6 +236,7 @@ def _arm(name: str, file: _Robot) -> Robot:
         couplings=(),
         parallelogram=None,
         controller=None,
+        errors=None,
         **arrays,
     )
 

@@ -10,11 +10,12 @@ import numpy as np
 from doe.absolute.fit import Fit, fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open, unread_words
+from doe.absolute.known import known
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
-from doe.absolute.unknowns import USUAL, Layout, known_springs, unknowns
+from doe.absolute.unknowns import USUAL, Layout, unknowns
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -124,10 +125,10 @@ def calibrate_positions(
 def _fitted(
     model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, robust: bool, progress: Progress | None
 ) -> Fit:
-    """The estimate, with springs that the model has and that are not free held at what they are."""
-    known = known_springs(model, layout.unknowns)
-    held = np.array([*(np.nan for _ in layout.unknowns), *known.values()])
-    whole = Layout((*layout.unknowns, *known))
+    """The estimate, with what the model knows and what is not free held at what it is."""
+    there = known(model, layout.unknowns)
+    held = np.array([*(np.nan for _ in layout.unknowns), *there.values()])
+    whole = Layout((*layout.unknowns, *there))
     return fit(model, data, whole, begin, held=held, robust=robust, progress=progress)
 
 

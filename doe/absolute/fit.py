@@ -18,7 +18,7 @@ from scipy.special import gammaln
 from doe.absolute.chain import Sample, evaluate, loaded, samples
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.reduced import FRAME, Frame, Reduced, block_rows, frame_columns, reduce_sessions, upper
-from doe.absolute.shrinkage import Posterior, Variances, likeliest, posterior, starting
+from doe.absolute.shrinkage import Posterior, Variances, likeliest, posterior, starting, step_with
 from doe.absolute.start import Start
 from doe.absolute.unknowns import Layout
 from doe.estimation.least_squares import bounded_step
@@ -271,10 +271,8 @@ def bounded_mode(free: Posterior, u: Array, layout: Layout) -> Array:
     other = np.setdiff1d(np.arange(len(u)), limited)
     R = upper(np.column_stack([free.root[:, other], free.root[:, limited], free.root @ free.step]))
     k, p = len(other), len(u)
-    step = np.zeros(p)
-    step[limited] = bounded_step(R[k:p, k:p], R[k:p, p], (low - u)[limited], (high - u)[limited])
-    step[other] = np.linalg.solve(R[:k, :k], R[:k, p] - R[:k, k:p] @ step[limited])
-    return step
+    inside = bounded_step(R[k:p, k:p], R[k:p, p], (low - u)[limited], (high - u)[limited])
+    return step_with(free, limited, inside)
 
 
 def _weights(

@@ -48,7 +48,7 @@ class Finding:
 def findings(found: Fit) -> tuple[Finding, ...]:
     """Of every free unknown but periodic errors of high orders, which are told as a curve."""
     sd, before = found.sd, found.prior_sd
-    highest = max((index[1] for _, index in found.layout.of("periodic")), default=0)
+    highest = max((index[1] for _, index in found.moving.of("periodic")), default=0)
     out = []
     for k in found.free:
         one = found.layout.unknowns[k]
@@ -137,9 +137,8 @@ class Curve:
 
 def curves(found: Fit) -> tuple[Curve, ...]:
     """Error curves of the joints whose periodic errors were free, over a whole turn about the angles read."""
-    of = found.layout.of("periodic")
     out = []
-    for j in sorted({i[0] for _, i in of if found.layout.unknowns[_].law}):
+    for j in sorted({i[0] for _, i in found.moving.of("periodic")}):
         read = found.data.q[:, j]
         centre = 0.5 * (read.min() + read.max())
         half_range = max(np.pi, 0.5 * float(np.ptp(read)))

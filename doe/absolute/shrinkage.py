@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from doe.absolute.reduced import Reduced, upper
 from doe.absolute.unknowns import Unknown
-from robots.arrays import Array
+from robots.arrays import Array, Indices
 
 # A curve's size (rad) and the order beyond which it falls off, at first; bows and turns of rails.
 START = {"periodic": (2e-4, 10.0), "rail.bow": (2e-4, 3.0), "rail.turn": (1e-4, 3.0)}
@@ -64,6 +64,17 @@ class Posterior:
     def half(self) -> Array:
         """H (p, p) with covariance H H^T."""
         return np.asarray(solve_triangular(self.root, np.eye(len(self.root))))
+
+
+def step_with(free: Posterior, places: Indices, step: Array) -> Array:
+    """The likeliest step (p,) of all variables where some, at ``places``, take a step that is given."""
+    p = len(free.step)
+    other, out = np.setdiff1d(np.arange(p), places), np.zeros(p)
+    R = upper(np.column_stack([free.root[:, other], free.root[:, places], free.root @ free.step]))
+    k = len(other)
+    out[places] = step
+    out[other] = solve_triangular(R[:k, :k], R[:k, p] - R[:k, k:p] @ step)
+    return out
 
 
 def posterior(of: Reduced, u: Array, start: Array, sd: Array, sigma: float) -> tuple[Posterior, float]:

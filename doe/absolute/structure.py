@@ -41,9 +41,9 @@ class Twin:
     def words(self) -> str:
         """One sentence."""
         if not self.others:
-            return f"{self.name} moves no target: held at 0"
+            return f"{self.name} moves no target: held as the model has it"
         together = "moves" if len(self.others) == 1 else "move together"
-        return f"{self.name} moves what {_listed(self.others)} {together}: held at 0"
+        return f"{self.name} moves what {_listed(self.others)} {together}: held as the model has it"
 
 
 def _listed(names: Sequence[str]) -> str:

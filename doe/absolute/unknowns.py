@@ -23,9 +23,7 @@ from typing import Literal
 import numpy as np
 
 from doe.absolute.readings import AbsoluteReadings
-from fem import ArmModel
 from fem.free.base import SHIFT, TURN
-from fem.springs import ConstantSpring, SpringLaw
 from fem.statics.ports import ROWS
 from robots import InputError, Robot
 from robots.arrays import Indices
@@ -110,8 +108,13 @@ def coupling(robot: Robot, _: AbsoluteReadings) -> Iterator[Unknown]:
     for j in wrist:
         for k in wrist:
             if k < j:
-                name = f"{robot.joint_names[j]}.per.{robot.joint_names[k]}"
-                yield Unknown(name, "coupling", (j, k), "1", 1.0, COUPLING)
+                yield coupling_error(robot, j, k)
+
+
+def coupling_error(robot: Robot, joint: int, other: int) -> Unknown:
+    """How much a joint turns with another one."""
+    name = f"{robot.joint_names[joint]}.per.{robot.joint_names[other]}"
+    return Unknown(name, "coupling", (joint, other), "1", 1.0, COUPLING)
 
 
 def periodic(order: int) -> Group:
@@ -136,25 +139,6 @@ def spring(place: str, where: int, row: int) -> Unknown:
     unit, softest = ("N/m", SHIFT[0]) if row < 3 else ("N m/rad", TURN[0])
     name = f"{place}.stiffness" if row == 5 and where >= 0 else f"{place}.{ROWS[row]}"
     return Unknown(name, "spring", (where, row), unit, 1.0, SOFT / softest, low=0.0, high=1.0 / softest)
-
-
-def known_springs(model: ArmModel, free: Sequence[Unknown]) -> dict[Unknown, float]:
-    """Springs that the model has and that are not free, with their compliances; those that vary with the pose aside."""
-    taken = {one.index for one in free if one.kind == "spring"}
-    found: dict[Unknown, float] = {}
-    for joint in model.joints:
-        values = [*joint.other, *_constant(joint.axial)]
-        for row, c in enumerate(values):
-            if c > 0.0 and (joint.joint, row) not in taken:
-                found[spring(joint.name, joint.joint, row)] = float(c)
-    for row, c in enumerate(np.diag(model.base)):
-        if c > 0.0 and (-1, row) not in taken:
-            found[spring("base", -1, row)] = float(c)
-    return found
-
-
-def _constant(law: SpringLaw) -> list[float]:
-    return [1.0 / law.stiffness] if isinstance(law, ConstantSpring) else []
 
 
 def springs(robot: Robot, _: AbsoluteReadings) -> Iterator[Unknown]:
@@ -240,7 +224,7 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
         joint = robot.joint_names.index(name.removesuffix(".periodic"))
         return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
     members = (one for group in (payload, rail) for one in group(robot, data))
-    if one := _single(robot, name) or next((member for member in members if member.name == name), None):
+    if one := single(robot, name) or next((member for member in members if member.name == name), None):
         return (one,)
     raise InputError(
         "parameter of absolute readings",
@@ -250,7 +234,8 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
     )
 
 
-def _single(robot: Robot, name: str) -> Unknown | None:
+def single(robot: Robot, name: str) -> Unknown | None:
+    """The unknown of a joint or the base with this name; None where there is none."""
     place, _, rest = name.partition(".")
     if place == "base" and rest in ROWS:
         return spring("base", -1, ROWS.index(rest))
@@ -269,7 +254,7 @@ def _single(robot: Robot, name: str) -> Unknown | None:
     if found := re.fullmatch(r"(sin|cos)([1-9]\d{0,2})", rest):
         return periodic_error(robot, j, int(found[2]), int(found[1] == "cos"))
     if rest.startswith("per.") and rest[4:] in robot.joint_names and rest[4:] != place:
-        return Unknown(name, "coupling", (j, robot.joint_names.index(rest[4:])), "1", 1.0, COUPLING)
+        return coupling_error(robot, j, robot.joint_names.index(rest[4:]))
     return None
 
 

@@ -54,12 +54,13 @@ class Compensated:
 
 
 @dataclass(frozen=True, eq=False)
-class _Acting:
+class Acting:
     """A force worked out on the nominal path, that a path moved by micrometres shall not change."""
 
     found: ForceAlong
 
     def along(self, task: Task) -> ForceAlong:
+        """The force as it was found, whatever the task."""
         return self.found
 
 
@@ -89,7 +90,7 @@ def compensate(
     require_positive("cap of the compensation", cap, "m")
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
-    acting = _Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
+    acting = Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
     posted, moved, last = nominal, np.zeros_like(wanted), np.full_like(wanted, np.inf)
     change = np.inf
     for rounds in range(1, ROUNDS + 1):

@@ -91,7 +91,7 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     known = [] if given is not None else _bundled()
     found = given or next((c for c in known if c.robot == robot.name and language in c.formats), None)
     if found is None and robot.controller is not None and language in robot.controller.formats:
-        found = _of_the_model(robot.controller, robot.name)
+        found = of_the_model(robot.controller, robot.name)
     if found is None:
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
@@ -113,7 +113,7 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     return found
 
 
-def _of_the_model(controller: ArmController, name: str) -> Convention:
+def of_the_model(controller: ArmController, name: str) -> Convention:
     """The [controller] table of a model file as a convention."""
     back, dof = np.linalg.inv(controller.matrix), len(controller.names)
     coupled = bool(controller.coupled) or not np.array_equal(np.abs(back), np.eye(dof))

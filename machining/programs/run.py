@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 
 import fem
+from doe.absolute.readings import Payload
+from doe.absolute.real_arm import RealArm
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.posture.points import GammaRange
+from machining.programs.calibrated_arm import CAP as ARM_CAP
+from machining.programs.calibrated_arm import Corrected, correct
 from machining.programs.compensation import CAP, Compensated, compensate
 from machining.programs.format import RoundTrip, Written
 from machining.programs.formats import FORMATS, round_trip, write_program
@@ -21,7 +25,7 @@ from machining.setup import Setup
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.progress import Progress
-from robots.robot import middle_pose
+from robots.robot import as_designed, middle_pose
 
 # A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
 WRITTEN_TO = 1e-6
@@ -44,9 +48,11 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class PostRequest:
-    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that.
+    """What is asked. ``cut``: taken off the path where it is given; ``cap`` m of that, None for the usual one.
 
-    ``stiffness``: how uncertain the arm is, None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
+    ``payload``: what the flange carries, where geometry and weight are taken off too, which needs an arm that positions
+    have calibrated; None: neither. ``stiffness``: how
+    uncertain the arm is, None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
     """
 
     motions: Motions
@@ -56,16 +62,17 @@ class PostRequest:
     options: WriteOptions
     templates: Path | None = None
     cut: Cut | None = None
-    cap: float = CAP
+    cap: float | None = None
     stiffness: StiffnessUncertainty | None = None
+    payload: Payload | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class PostRun:
     """What came of it; ``written`` and ``trips`` by target.
 
-    ``stiffness``: how uncertain the arm is; ``drawn``: what the course was judged by at some of its moves, for arms
-    drawn from that; both None where nothing gives way.
+    ``corrected``: where geometry and weight are taken off too. ``stiffness``: how uncertain the arm is; ``drawn``: what
+    the course was judged by at some of its moves, for arms drawn from that; both None where nothing gives way.
     """
 
     request: PostRequest
@@ -76,6 +83,7 @@ class PostRun:
     trips: dict[Target, RoundTrip] = field(default_factory=dict)
     stiffness: StiffnessUncertainty | None = None
     drawn: Drawn | None = None
+    corrected: Corrected | None = None
 
 
 def run_post(
@@ -98,17 +106,23 @@ def run_post(
     for target in request.targets:
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         FORMATS[target.name].check(model.robot, externals, request.options)
+    # Controllers compute with the arm as designed.
+    real, model = model, replace(model, robot=as_designed(model.robot))
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
-    found = None
-    if request.cut is not None:
-        found = compensate(
-            model, posted, request.cut.force, tool=request.cut.tool, stiffness=request.stiffness, cap=request.cap
-        )
-    program = (posted if found is None else found.posted).program
+    found, corrected = None, None
+    if request.payload is not None:
+        cap = ARM_CAP if request.cap is None else request.cap
+        arm = RealArm(real, request.payload)
+        corrected = correct(model, arm, posted, cut=request.cut, stiffness=request.stiffness, cap=cap)
+    elif request.cut is not None:
+        cap = CAP if request.cap is None else request.cap
+        force, tool = request.cut.force, request.cut.tool
+        found = compensate(model, posted, force, tool=tool, stiffness=request.stiffness, cap=cap)
+    program = next((one.posted for one in (corrected, found) if one is not None), posted).program
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
-    run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn)
+    run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn, corrected=corrected)
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, place_of)

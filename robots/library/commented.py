@@ -76,7 +76,7 @@ def commented_toml(description: ModelDescription) -> str:
             lines += ["", f"# {top[key]}", f"[{key}]", *_table(key, value, explained=True)]
     lines += ["", "# --- What else a model file can hold ---"]
     for key, words in top.items():
-        if key not in data and key not in plain and key != "calibration":
+        if key not in data and key not in plain and key not in ("calibration", "positions"):
             opening = f"[[{key}]]" if key in _LISTS else f"[{key}]"
             lines += ["", f"# {words}", f"# {opening}", *_table(key, {}, explained=True)]
     return "\n".join(lines) + "\n"

@@ -149,6 +149,11 @@ def content_hash(description: ModelDescription) -> str:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
     if data["load"] is not None and data["load"]["point"] is None:
         del data["load"]["point"]  # and those of the time before points could be off
+    if data["positions"] is None:
+        del data["positions"]  # and those of the time before errors of joints
+    for joint in data["joint"]:
+        if joint["error"] is None:
+            del joint["error"]
     for link in data["link"]:
         for mesh in (link["surface"], link["solid"]):
             if mesh is not None:

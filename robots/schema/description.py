@@ -15,6 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from robots.errors import twice
 from robots.schema.controller import AxisTerm, Controller, ControllerAngle, Placed
 from robots.schema.effects import EffectNumber, EffectTable
+from robots.schema.joint_errors import JointError, Positions
 from robots.schema.links import (
     BoxSection,
     FlangeCoupling,
@@ -161,6 +162,7 @@ class Joint(Strict):
     them with the axis); ``tilt_stiffness`` and ``translational_stiffness`` are short for two or three equal ones.
     ``bearing_laws``: directions across the axis that vary with a joint's angle.
     ``zero_error`` is added to the coordinate: what the joint really turned when the controller says zero.
+    ``error``: what else positions have told of it (:mod:`robots.joint_errors`).
     """
 
     name: str
@@ -176,6 +178,7 @@ class Joint(Strict):
     bearing: PlaceStiffness | None = None
     bearing_laws: BearingLaws | None = None
     zero_error: Angle | None = None
+    error: JointError | None = None
 
     @field_validator("coordinate")
     @classmethod
@@ -293,6 +296,7 @@ class ModelDescription(Strict):
     controller: Controller | None = None
     effect: tuple[EffectTable, ...] = ()
     calibration: Calibration | None = None
+    positions: Positions | None = None
 
     @model_validator(mode="after")
     def _references_hold(self) -> Self:
@@ -330,6 +334,8 @@ def _unknown_names(model: ModelDescription) -> list[str]:
     for joint in model.joint:
         if isinstance(joint.stiffness, LogPolynomialLaw | LogFourierLaw | TableLaw):
             used += [("coordinate", name) for name in joint.stiffness.inputs]
+        if joint.error is not None:
+            used += [("joint", one.joint) for one in joint.error.turns_with]
         if joint.bearing_laws is not None:
             used += [("coordinate", law.input) for _, law in joint.bearing_laws.given]
     p = model.parallelogram

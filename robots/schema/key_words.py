@@ -50,6 +50,7 @@ KEY_WORDS: Final = MappingProxyType(
             "controller": "How the controller counts angles, where its frames are and which programs it reads.",
             "effect": "Further effects, such as backlash, with their figures.",
             "calibration": "Written by calibrate: where calibrated springs come from.",
+            "positions": "Written by calibrate: where errors of the geometry come from.",
         },
         "Joint": {
             "name": "Short name of the joint, as in j2.",
@@ -65,6 +66,30 @@ KEY_WORDS: Final = MappingProxyType(
             "bearing": "The five other directions one by one, in place of tilt_ and translational_stiffness.",
             "bearing_laws": "Directions across the axis whose stiffness varies with a joint's angle.",
             "zero_error": "Added to the coordinate: what the joint really turned when the controller says 0.",
+            "error": "What positions told of the joint beside its zero; written by calibrate.",
+        },
+        "JointError": {
+            **{a: f"The joint's frame is moved along its own {a}." for a in "xy"},
+            "z": "The joint's frame is moved along its axis.",
+            "rx": "The joint's frame is turned about its own x.", "ry": "The joint's frame is turned about its own y.",
+            "ratio": "By how much more the joint turns than it says.",
+            "turns_with": "Other joints that it turns with.",
+            "curve": "Its error over its coordinate.",
+        },
+        "TurnsWith": {"joint": "The other joint.", "factor": "How much this joint turns for each turn of the other."},
+        "ErrorCurve": {
+            "sin_mrad": "Sines, one for each order from 1 on, mrad.",
+            "cos_mrad": "Cosines, one for each order from 1 on, mrad.",
+            "identified_deg": "Ranges of the coordinate where readings tell the curve.",
+            "height_mrad": "Its standard deviation where they do not.",
+            "source": "A key of [sources], or assumed, derived or definition.",
+        },
+        "Positions": {
+            "data": "The readings.", "data_sha256": "Hash of the readings.",
+            "before_rms_mm": "RMS distance with the arm as described.", "rms_mm": "RMS distance, calibrated.",
+            "left_out_rms_mm": "RMS distance at readings that were predicted by the others.", "notes": "Remarks.",
+            "parameters": "Parameters beside error curves.",
+            "covariance": "Their covariance, in SI; stiffnesses as compliances.",
         },
         "DHRow": {
             "alpha": "Angle from the axis before to this one, about the x axis before (alpha_{i-1}).",

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fem import LinkKind
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calibrations import Identified
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
@@ -27,12 +28,14 @@ if TYPE_CHECKING:
 class PositionCalibration(Shown):
     """A finished calibration from positions. ``calibration["j3.zero"]`` is one of its parameters.
 
-    ``before_rms_mm``: RMS of the distances with the arm as described, ``rms_mm``: calibrated; ``left_out_rms_mm``: of
-    readings that took no part; ``holdout_rms_mm``: of readings kept out, None without any; ``wrong``: readings that no
-    scatter explains, in words, which are left aside; ``remarks``: what the reader must know. ``found`` has all else.
+    ``arm``: the calibrated arm, to be saved as a model file; ``before_rms_mm``: RMS of the distances with the arm as
+    described, ``rms_mm``: calibrated; ``left_out_rms_mm``: of readings that took no part; ``holdout_rms_mm``: of
+    readings kept out, None without any; ``wrong``: readings that no scatter explains, in words, which are left aside;
+    ``remarks``: what the reader must know. ``found`` has all else.
     """
 
     name: str
+    arm: Arm
     parameters: tuple[Identified, ...]
     before_rms_mm: float
     rms_mm: float
@@ -83,6 +86,18 @@ class PositionCalibration(Shown):
         known = ", ".join(c.joint for c in self.found.curves)
         raise InputError("joint", value=joint, allowed=known or "none, for periodic was not free")
 
+    def save_urdf(self, file: str | Path) -> Path:
+        """Write the calibrated arm as a URDF: frames and zeros of its joints as they really are; returns the path."""
+        from robots.files.written import write_whole
+        from robots.urdf.writing import urdf_text
+
+        path = Path(file)
+        if path.suffix.lower() != ".urdf":
+            raise InputError("URDF file", value=str(path), allowed="a name ending in .urdf", remedy="add .urdf")
+        comment = f"stiffarm: calibrated from positions {self.found.found.data.source}"
+        write_whole(path, urdf_text(self.arm.robot, comment=comment))
+        return path
+
     def plot(self, file: str | Path | None = None) -> Picture:
         """Draw how many readings are nearer than a distance, before and after; ``file``: a PNG to write."""
         from stiffarm.commands.calibrate.positions.figures import accuracy_figure
@@ -119,15 +134,19 @@ def calibrate_positions(
     """
     from doe.absolute.calibrate import calibrate_positions as calibrated
     from doe.absolute.table import joined
+    from doe.absolute.written import written
 
     several = list(source) if isinstance(source, Sequence) and not isinstance(source, str) else [source]
     with called():
         table = joined([_read(one, k, arm) for k, one in enumerate(several, start=1)])
         kept = None if holdout is None else _read(holdout, len(several) + 1, arm)
         found = calibrated(arm.model, table, free, holdout=kept, robust=robust, seed=seed)
+        model = written(found, arm.description)
+        links: LinkKind = "rigid" if model.fit.moving.of("spring") else arm.model.link_kind
+        made = arm.of(model.description, links, arm.model.load_path, arm.own)
     before, after, out = (_rms_mm(d) for d in found.distances().values())
     return PositionCalibration(
-        arm.name,
+        arm.name, as_face(made),
         tuple(Identified(f.name, f.value, f.unit, f.interval95, f.status) for f in found.findings),
         before, after, out, None if found.holdout is None else 1e3 * found.holdout[1].rms_m,
         tuple(one.words for one in found.gross), found.remarks, found,

@@ -26,6 +26,8 @@ _WHAT: Final = (
     ("model.toml", "the model, for every other command"),
     ("*model.toml", "the model that goes with it"),
     ("models/*.toml", "one of the calibrated models"),
+    ("*.urdf", "the calibrated arm as URDF"),
+    ("controller.json", "what a controller takes: zeros, frames, tool points"),
     ("surrogate.json", "the surrogate, for `query` and `map`"),
     ("*surrogate*.json", "a surrogate, for `query` and `map`"),
     ("*run.json", "command, versions, hashes and timings"),

@@ -90,10 +90,24 @@ parameters.friction = { value = 100, unit = "N m", source = "assumed" }
 code = "base-tilt"
 parameters.stiffness_y = { value = 2e7, unit = "N m/rad", source = "assumed" }
 """
+JOINT_ERROR = """
+error.x = { value = 0.3, unit = "mm", source = "assumed" }
+error.ry = { value = 0.01, unit = "deg", source = "assumed" }
+error.turns_with = [{ joint = "j3", factor = { value = 0.001, unit = "1", source = "assumed" } }]
+error.curve = { sin_mrad = [0.1], cos_mrad = [0.2], identified_deg = [[-9, 40]], height_mrad = 1, source = "assumed" }
+"""
+POSITIONS = """
+[positions]
+data = "read.csv"
+data_sha256 = "0"
+before_rms_mm = 1.0
+rms_mm = 0.1
+left_out_rms_mm = 0.12
+"""
 
 
 def _models() -> list[Sample]:
-    """The bundled robots; one with laws and effects; one as a calibration leaves it, covariance and all."""
+    """The bundled robots; one with laws and effects; as calibrations leave it, covariance and errors of joints."""
     sprung = re.sub(r"\nstiffness = .*", "", (DATA / "kr60-3.toml").read_text(encoding="utf-8"))
     for joint, law in LAWS.items():
         sprung = sprung.replace(f'[[joint]]\nname = "{joint}"', f'[[joint]]\nname = "{joint}"\n{law}')
@@ -101,7 +115,8 @@ def _models() -> list[Sample]:
     data = read_measurements(bundled_data("xr701"), given.robot)
     request = Request(campaign_of("xr701", ("j2.stiffness", "j3.stiffness")))
     calibrated = to_toml(calibrate(given, data, request).description)
-    made = [Sample(".toml", text.encode()) for text in (sprung + EFFECTS, calibrated)]
+    off = calibrated.replace('name = "j2"', f'name = "j2"\n{JOINT_ERROR}', 1) + POSITIONS
+    made = [Sample(".toml", text.encode()) for text in (sprung + EFFECTS, calibrated, off)]
     return [*texts(*sorted(DATA.glob("*.toml"))), *made]
 
 

@@ -22,7 +22,9 @@ from machining.programs.write_options import WriteOptions
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputError
 from robots.arrays import Array
+from robots.schema.description import Positions
 from stiffarm.commands.post import report as post_report
+from stiffarm.commands.post.corrected import not_corrected, payload_of, remarks, words
 from stiffarm.commands.post.targets import parse_targets
 from stiffarm.session.console import progress, say, show_table
 from stiffarm.session.frame import command
@@ -100,9 +102,31 @@ def post(
         str, typer.Option("--rapid", help="Rapid moves: linear, or joint: point-to-point joint interpolation.")
     ] = "linear",
     compensate: Annotated[
-        bool, typer.Option("--compensate", help="Correct the path for the deflection under --force or --milling.")
+        bool,
+        typer.Option(
+            "--compensate",
+            help="Correct the path for the deflection under --force or --milling and, with a model that positions have "
+            "calibrated, for the arm's geometry, joint errors and own weight.",
+        ),
     ] = False,
-    cap: Annotated[float, typer.Option("--cap-um", help="Maximum correction of a point, in um.", min=0.1)] = 1000.0,
+    payload: Annotated[
+        str | None,
+        typer.Option(
+            "--payload",
+            metavar="KG[,X,Y,Z]",
+            help="What the flange carries (spindle and tool), for the arm's sag: mass in kg and its centre in the "
+            "flange frame, in mm. Default: nothing.",
+        ),
+    ] = None,
+    cap: Annotated[
+        float | None,
+        typer.Option(
+            "--cap-um",
+            help="Maximum correction of a point, in um. Default: 1000; 5000 with a calibrated geometry, where more is "
+            "refused.",
+            min=0.1,
+        ),
+    ] = None,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
     milling: MillingOpt = None,
@@ -141,8 +165,12 @@ def post(
         given = frame.model(model, links, load_path, without="the programs", sets=sets, shown=True)
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
-        if compensate and cut is None:
-            raise InputError("--compensate needs a cutting force", remedy="give --force or --milling")
+        carried = payload_of(given.description, payload, compensate=compensate)
+        if compensate and cut is None and carried is None:
+            raise InputError(
+                "--compensate needs a cutting force",
+                remedy="give --force or --milling, or a model that positions have calibrated",
+            )
         if cut is not None and not compensate:
             raise InputError(
                 "--force or --milling without --compensate",
@@ -182,8 +210,9 @@ def post(
             written.model_copy(update={"rapid": settings.rapid}),
             templates,
             cut if compensate else None,
-            cap * 1e-6,
+            None if cap is None else cap * 1e-6,
             stiffness_uncertainty(given.model, given.description, given.own),
+            carried,
         )
         frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)
         with frame.folder() as folder:
@@ -191,10 +220,13 @@ def post(
                 run = run_post(given.model, request, folder.path, bar)
             if followed is not None:
                 _check(run.posted.program, followed)
-            content = post_report.payload(run) | {"effects_left_out": effects_left_out(given)}
+            positions = given.description.positions
+            content = post_report.payload(run, positions) | {"effects_left_out": effects_left_out(given)}
             folder.write_json("post.json", content)
-            post_report.write_report(run, given.description.title.split(" (")[0], folder)
-        frame.answer(content, lambda: _show(run))
+            post_report.write_report(run, given.description.title.split(" (")[0], folder, positions)
+        for note in not_corrected(given.description, compensate=compensate):
+            say(f"note: {note}")
+        frame.answer(content, lambda: _show(run, positions))
 
 
 def _followed(file: Path, cell: Cell, motions: Motions, options: Mapping[str, str | None]) -> Placement:
@@ -245,7 +277,7 @@ def _travel(cell: Cell, text: str | None) -> Array | None:
     return np.array(values) * 1e-3
 
 
-def _show(run: PostRun) -> None:
+def _show(run: PostRun, positions: Positions | None) -> None:
     rows = [
         [target.folder, str(len(run.written[target].files)), f"{trip.tip * 1e6:.2g}", f"{trip.turned * 1e6:.2g}"]
         for target, trip in run.trips.items()
@@ -257,6 +289,10 @@ def _show(run: PostRun) -> None:
         say(f"note: {note}")
     if run.compensated is not None:
         say(post_report.compensation_words(run.compensated))
+    if run.corrected is not None and positions is not None:
+        say(words(run.corrected, positions))
+        for note in remarks(run, run.corrected):
+            say(f"note: {note}")
     for text in post_report.uncertainty_words(run):
         say(text)
     say(f"note: {post_report.UNVERIFIED}")

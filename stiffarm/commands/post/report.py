@@ -15,6 +15,8 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from robots.arrays import Array
+from robots.schema.description import Positions
+from stiffarm.commands.post import corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
@@ -28,8 +30,8 @@ SCHEMA = "stiffarm-post-run/1"
 UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."
 
 
-def payload(run: PostRun) -> dict[str, Any]:
-    """Figures of the run, keys with units."""
+def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
+    """Figures of the run, keys with units; ``positions``: where the geometry of a calibrated arm came from."""
     program, request = run.posted.program, run.request
     objective = shown(request.settings.objective.quantity)
     course = run.posted.course
@@ -62,6 +64,8 @@ def payload(run: PostRun) -> dict[str, Any]:
     }
     if run.compensated is not None:
         out["compensation"] = _compensation(run.compensated)
+    if run.corrected is not None and positions is not None:
+        out["correction"] = corrected.payload(run.corrected, positions)
     return out
 
 
@@ -100,13 +104,15 @@ def _compensation(found: Compensated) -> dict[str, Any]:
     }
 
 
-def write_report(run: PostRun, heading: str, folder: OutputFolder) -> None:
+def write_report(run: PostRun, heading: str, folder: OutputFolder, positions: Positions | None = None) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
     program = run.posted.program
     sections = [_programs(run), _posture(run, pictures)]
     if run.compensated is not None:
         sections.append(_compensated(run.compensated, pictures))
+    if run.corrected is not None and positions is not None:
+        sections.append(corrected.section(run, run.corrected, positions, pictures))
     sections.append(_reading(run))
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
     lede = (

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from doe.absolute.calibrate import Positions
+from doe.absolute.written import Written
 from fem.arm import Arm
+from machining.programs.controller_offsets import ControllerOffsets
+from stiffarm.commands.calibrate.positions import corrections
 from stiffarm.commands.calibrate.positions.figures import accuracy_figure, curves_figure
 from stiffarm.commands.calibrate.positions.tables import accuracy_table, accuracy_words, parameters_table
 from stiffarm.pages.blocks import Pictures
@@ -15,15 +18,18 @@ from stiffarm.session.outputs import OutputFolder
 QUESTION = "where is the tool really, and why?"
 
 
-def write_report(given: Arm, c: Positions, folder: OutputFolder) -> None:
-    """Draw all figures and write report.html."""
+def write_report(
+    given: Arm, c: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], folder: OutputFolder
+) -> None:
+    """Draw all figures and write report.html; ``back``: the calibrated model and what controllers take of it."""
     pictures = Pictures(folder)
     key = [
         KeyFigure(f"{_rms_mm(c, 'before'):.3f} mm", "RMS with the arm as described"),
         KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
         KeyFigure(f"{len(c.gross)}", "wrong readings named" if len(c.gross) != 1 else "wrong reading named"),
     ]
-    sections = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c), _open(c), _readings(c)]
+    told = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c)]
+    sections = [*told, corrections.section(c, *back), _open(c), _readings(c)]
     known = [one for one in c.findings if one.status == "determined"]
     sure = (
         f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their "

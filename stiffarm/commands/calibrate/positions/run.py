@@ -9,12 +9,14 @@ from typing import Any
 from doe.absolute.calibrate import Positions, calibrate_positions
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.table import is_absolute, joined, read_absolute
+from doe.absolute.written import Written, written
 from doe.tables.columns import read_table
 from fem.arm import Arm
+from machining.programs.controller_offsets import ControllerOffsets
 from robots import InputError
-from stiffarm.commands.calibrate.positions import payload, tables
+from stiffarm.commands.calibrate.positions import corrections, payload, tables
 from stiffarm.session import parsing
-from stiffarm.session.console import progress, say_notes
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.table_kinds import PENDANT, kind_of
@@ -66,20 +68,29 @@ def calibrate_tables(
             found = calibrate_positions(
                 given.model, table, names, holdout=kept, robust=robust, seed=seed, progress=bar
             )  # fmt: skip
-        content = payload.positions(given, found)
+        made = written(found, given.description)
+        taken = corrections.offsets(found, made)
+        content = payload.positions(given, found) | {"corrections": corrections.content(found, made, taken)}
         if folder is not None:
-            _write(given, found, content, folder)
+            _write(given, found, (made, taken), content, folder)
     frame.answer(content, lambda: tables.show(found))
+    if frame.out is not None and not frame.as_json:
+        for remark in corrections.remarks(found, made):
+            say(f"note: {remark}")
 
 
-def _write(given: Arm, found: Positions, content: dict[str, Any], folder: OutputFolder) -> None:
-    """positions.json, parameters.csv, curves.csv, errors.csv, pictures and report.html."""
+def _write(
+    given: Arm, found: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], content: dict[str, Any],
+    folder: OutputFolder,
+) -> None:  # fmt: skip
+    """positions.json, the corrections, parameters.csv, curves.csv, errors.csv, pictures and report.html."""
     from stiffarm.commands.calibrate.positions.report import write_report
 
     folder.write_json("positions.json", content)
+    corrections.write(found, *back, folder)
     folder.write_text("parameters.csv", payload.parameters_csv(found))
     folder.write_text("errors.csv", payload.errors_csv(found))
     if found.curves:
         folder.write_text("curves.csv", payload.curves_csv(found))
     with folder.timed("report"):
-        write_report(given, found, folder)
+        write_report(given, found, back, folder)

@@ -9,6 +9,7 @@ import pytest
 from cli_runs import ROOT, Outcome, run_here
 
 import stiffarm as sa
+from robots import load_description
 
 UR5 = ROOT / "docs" / "examples" / "ur5"
 
@@ -60,9 +61,35 @@ def test_no_value_is_given_for_what_is_not_identified(found: Outcome) -> None:
 def test_files_are_written(found: Outcome, folder: Path) -> None:
     out = folder / "out"
     assert json.loads((out / "positions.json").read_text(encoding="utf-8")) == found.json
-    for name in ("report.html", "parameters.csv", "errors.csv", "figures/accuracy.png", "run.json"):
+    names = ("report.html", "parameters.csv", "errors.csv", "figures/accuracy.png", "run.json", "model.toml")
+    for name in (*names, "calibrated.urdf", "controller.json"):
         assert (out / name).is_file(), name
     assert len((out / "errors.csv").read_text(encoding="utf-8").splitlines()) == 64
+
+
+def test_corrections_say_what_has_no_place(found: Outcome, folder: Path) -> None:
+    back = found.json["corrections"]
+    model = load_description(folder / "out" / "model.toml")
+    assert model.positions is not None
+    assert model.positions.rms_mm == pytest.approx(back["model_rms_mm"], rel=1e-4)
+    assert back["found_without_place_in_the_model"] == []
+    silent = {f["name"] for f in found.json["parameters"] if f["name"].endswith("stiffness") and f["value"] is None}
+    assert set(back["springs_without_value"]) == silent
+    (one,) = back["controllers"]
+    zeros = {z["axis"]: z["really_beyond_shown_deg"] for z in one["joint_zeros"]}
+    told = {f["name"]: f["value"] for f in found.json["parameters"]}
+    # Zeros that the readings do not tell have no figure; the first one's and the last one's are twins of frames.
+    assert [zeros["q1_deg"], zeros["q6_deg"]] == [None, None]
+    for joint in ("j2", "j3", "j5"):
+        assert (zeros[f"q{joint[1]}_deg"] is None) == (told[f"{joint}.zero"] is None)
+    assert one["robot_frame"] == "the model's base frame"
+    assert json.loads((folder / "out" / "controller.json").read_text(encoding="utf-8"))["controllers"] == [one]
+
+
+def test_the_calibrated_model_is_where_the_next_calibration_starts(found: Outcome, folder: Path) -> None:
+    again = run_here("calibrate", folder / "out" / "model.toml", UR5 / "random.csv", "--free", "zeros", "--json")
+    assert again.code == 0, again.err
+    assert again.json["before"]["rms_mm"] < 0.12
 
 
 @pytest.mark.parametrize(
