@@ -86,7 +86,9 @@ def checked(code: str, arm: Arm, links: str) -> str:
     """
     known = [NOTHING, *codes(arm, links)]
     if code not in known:
-        raise InputError(
-            "--hide", value=code, allowed=", ".join(known), remedy="--hide any hides one of these in secret"
-        )
+        kind = code.partition(":")[0]
+        places = [one for one in known if one.partition(":")[0] == kind]
+        kinds = dict.fromkeys(one.partition(":")[0] + (":PLACE" if ":" in one else "") for one in known)
+        raise InputError("--hide", value=code, allowed=", ".join(places or kinds),
+                         remedy="--hide any hides one in secret")  # fmt: skip
     return code

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
+    from stiffarm.face.conversions import ConvertedReadings, convert_readings
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
@@ -36,6 +37,7 @@ __all__ = [
     "Calibration",
     "Checked",
     "Comparison",
+    "ConvertedReadings",
     "Diagnosis",
     "Identification",
     "Imported",
@@ -61,6 +63,7 @@ __all__ = [
     "calibrate_positions",
     "check_kinematics",
     "compare",
+    "convert_readings",
     "diagnose",
     "fit",
     "identify",

@@ -39,6 +39,9 @@ COMMANDS: dict[str, Entry] = {
     ),
     "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),
     "export": Entry("export", "export", MODEL, "Write the shell model in one pose for CalculiX."),
+    "readings": Entry(
+        "readings", "readings", MEASURE, "Make a measurement table of what instruments and people write."
+    ),
     "plan": Entry("plan", "plan", MEASURE, "Choose what to measure next and write a sheet to fill in."),
     "sensitivity": Entry("sensitivity", "sensitivity", MEASURE, "Show which parameters matter at which pose."),
     "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),

@@ -24,6 +24,8 @@ from fem.statics.loads import LoadedPoses
 from robots import InputError
 from robots.arrays import Array
 
+# Why a spring is no candidate of its own.
+FITTED_ALREADY = "the joint's spring is fitted already"
 # Without priors amplitudes and springs have standard deviations larger by this.
 VAGUE = 30.0
 # An effect of usual size must raise chi-square by this to be seen at all.
@@ -219,7 +221,7 @@ def impossible(s: Setting, effect: Effect) -> str | None:
     if effect.depends_on == "session" and not s.history.varies("session"):
         return "the readings do not say that there was more than one session: give them a column session"
     if effect.spring in s.free:
-        return "the joint's spring is fitted already"
+        return FITTED_ALREADY
     return None
 
 

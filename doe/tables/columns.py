@@ -34,6 +34,9 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT, "time_s", "temperature_C", "session")
 PHASES: Final = ("loading", "unloading")
 SUFFIXES: Final = (".csv", ".xlsx")
+# What reading files are to users, unless somebody says otherwise; and what to do with one in other words than ours.
+READINGS: Final = "measurement file"
+CONVERT: Final = "; `stiffarm readings FILE --out table.csv` converts what instruments write"
 
 _TO_SI: Final = MappingProxyType(
     {"deg": factor("angle", "deg"), "mrad": factor("angle", "mrad"), "mm": factor("length", "mm")}
@@ -56,7 +59,10 @@ def si_factor(column: str) -> float:
 
 @dataclass(frozen=True)
 class RawTable:
-    """A file as stripped text: header, rows with their line numbers, and remarks on what was left out."""
+    """A file as stripped text: header, rows with their line numbers, and remarks on what was left out.
+
+    ``hint``: what else a user can do about cells and columns that cannot be read.
+    """
 
     name: str
     sha256: str
@@ -64,9 +70,10 @@ class RawTable:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     notes: tuple[str, ...]
+    hint: str = ""
 
 
-def read_table(path: Path, kind: str = "measurement file", row: str = "reading") -> RawTable:
+def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTable:
     """Read a CSV or XLSX (first sheet) file as text; the header is line 1. ``kind``, ``row``: what messages call them.
 
     Raises
@@ -76,15 +83,15 @@ def read_table(path: Path, kind: str = "measurement file", row: str = "reading")
     """
     allowed = f"a file ending in {' or '.join(SUFFIXES)}"
     data = read_bytes(path, "measurement file")
-    suffix = path.suffix.lower()
+    suffix, hint = path.suffix.lower(), CONVERT if kind == READINGS else ""
     if suffix not in SUFFIXES:
-        raise InputError(kind, value=str(path), allowed=allowed, remedy="save it as one of these")
+        raise InputError(kind, value=str(path), allowed=allowed, remedy=f"save it as one of these{hint}")
     remedy = f"the first line holds the column names, each further line one {row}"
     if not data.strip():
         raise InputError(f"{kind} {path} is empty", remedy=remedy)
     where = f"{kind} {path}"
     if suffix == ".csv":
-        numbered, notes = _csv_rows(data, where), list[str]()
+        numbered, notes = _csv_rows(data, where, hint), list[str]()
     else:
         sheet = read_first_sheet(data, where)
         numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
@@ -103,6 +110,7 @@ def read_table(path: Path, kind: str = "measurement file", row: str = "reading")
         rows=tuple(body.values()),
         lines=tuple(body),
         notes=tuple(notes),
+        hint=hint,
     )
 
 
@@ -126,36 +134,51 @@ def table_of_frame(frame: pd.DataFrame, name: str = "DataFrame") -> RawTable:
     return RawTable(name, digest, header, rows, tuple(range(2, len(rows) + 2)), ())
 
 
-def _csv_rows(data: bytes, where: str) -> list[tuple[int, list[str]]]:
-    # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
+def _csv_rows(data: bytes, where: str, hint: str) -> list[tuple[int, list[str]]]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         what = f"{where} is not UTF-8 text (byte {error.start})"
-        raise InputError(what, remedy="save it as 'CSV UTF-8', or a workbook as .xlsx") from error
+        raise InputError(what, remedy=f"save it as 'CSV UTF-8', or a workbook as .xlsx{hint}") from error
     first = re.split(r"[\r\n]", text, maxsplit=1)[0]
-    separator = next((mark for mark in ",;\t" if mark in first), ",")
+    return split_rows(text, next((mark for mark in ",;\t" if mark in first), ","), where)
+
+
+def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[str]]]:
+    """Rows of cells with their line numbers; ``where`` names the file in messages.
+
+    Raises
+    ------
+    InputError
+        A quotation mark that does not end, or more columns and cells than any table of readings has.
+    """
+    # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows, line, cells = list[tuple[int, list[str]]](), 1, 0
     try:
         for row in reader:
             rows.append((line, list(map(as_read, row))))
             cells += len(row)
-            if len(row) > MOST_COLUMNS or cells > MOST_CELLS:
-                what, found = f"{where}, row {line}: columns", str(len(row))
-                if len(row) <= MOST_COLUMNS:
-                    what, found = f"{where}: cells", f"more than {MOST_CELLS} up to row {line}"
-                raise InputError(
-                    what,
-                    value=found,
-                    allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
-                    remedy="split the table, or leave out what is no reading",
-                )
+            check_size(where, line, len(row), cells)
             line = reader.line_num + 1  # a quoted cell may run over several lines
     except csv.Error as error:
         what = f"{where}, row {line} is not valid CSV ({error})"
         raise InputError(what, remedy='check the quotation marks (") from that line on') from error
     return rows
+
+
+def check_size(where: str, line: int, columns: int, cells: int) -> None:
+    """Refuse a row of more columns, or a table of more cells, than any table of readings has."""
+    if columns > MOST_COLUMNS or cells > MOST_CELLS:
+        what, found = f"{where}, row {line}: columns", str(columns)
+        if columns <= MOST_COLUMNS:
+            what, found = f"{where}: cells", f"more than {MOST_CELLS} up to row {line}"
+        raise InputError(
+            what,
+            value=found,
+            allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
+            remedy="split the table, or leave out what is no reading",
+        )
 
 
 @dataclass(frozen=True)
@@ -184,7 +207,7 @@ def find_columns(
                    allowed=", ".join(angles),
                    remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
     groups = {f"joint column of {robot.name}": angles, "load column": LOADS, **needed}
-    _check_groups(groups, {*columns.known, *meant}, faults)
+    _check_groups(groups, {*columns.known, *meant}, faults, table.hint)
     return columns
 
 
@@ -226,11 +249,17 @@ def _right_name(name: str, names: Sequence[str]) -> str | None:
     return None
 
 
-def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults: Faults) -> None:
+def likely_ours(name: str) -> bool:
+    """Whether a column of this name would be taken for one of ours, right or misspelt."""
+    own = (*LOADS, *DISPLACEMENTS, *OPTIONAL)
+    return name in own or _right_name(name, own) is not None or _JOINT_LIKE.fullmatch(name) is not None
+
+
+def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults: Faults, hint: str) -> None:
     for kind, group in needed.items():
         if not present.intersection(group):
             faults.add(1, f"the header has no {kind}", allowed=f"at least one of {', '.join(group)}",
-                       remedy="add those that are not zero throughout, named exactly so")  # fmt: skip
+                       remedy=f"add those that are not zero throughout, named exactly so{hint}")  # fmt: skip
     missing = [name for name in POINT if name not in present]
     if 0 < len(missing) < len(POINT):
         faults.add(1, f"no column {', '.join(missing)}", allowed=f"all of {', '.join(POINT)}, or none",
@@ -289,7 +318,8 @@ def numbers(
                     out[i, k] = parse_number(text, positive=positive) * factor
             except ValueError as error:
                 problem = f"column {name}" + ("" if text else " is empty")
-                faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=str(error))
+                remedy = f"{error}{table.hint if _DECIMAL_COMMA.fullmatch(text) else ''}"
+                faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=remedy)
     return out
 
 
@@ -343,6 +373,6 @@ def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
         if len(row) != width:
             faults.add(line, "the row does not fit the header", value=f"{len(row)} cells",
                        allowed=f"{width} cells",
-                       remedy="look for a missing or extra separator, or a decimal comma")  # fmt: skip
+                       remedy=f"look for a missing or extra separator, or a decimal comma{table.hint}")  # fmt: skip
     whole = tuple(len(row) == width for row in table.rows)
     return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))

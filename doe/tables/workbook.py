@@ -1,4 +1,4 @@
-"""The first sheet of an XLSX workbook as text, read only if each of its cells holds what a person sees in it.
+"""Sheets of an XLSX workbook as text, read only if each of their cells holds what a person sees in it.
 
 A workbook is a ZIP archive of XML files. What openpyxl would expand is measured first (:class:`_Scan`): a small file
 can hold billions of cells. What openpyxl passes over in silence is refused: a formula without a stored value (programs
@@ -11,6 +11,7 @@ import io
 import re
 import zipfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from posixpath import join, normpath
 from typing import Any, Final
@@ -36,10 +37,20 @@ _PACKAGE: Final = f"{_OWN}package/2006/relationships"
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet as text: its rows from the first on, "" where nothing stands; and what is to be said of it."""
+    """A sheet as text: its rows from the first on, "" where nothing stands; and what is to be said of it.
+
+    ``merged``: the areas of cells that are merged into one, as A1:B2.
+    """
 
     rows: list[list[str]]
     notes: tuple[str, ...]
+    merged: tuple[str, ...] = ()
+
+
+class Figure(str):
+    """The text of a cell that holds a number, and no text that looks like one."""
+
+    __slots__ = ()
 
 
 def read_first_sheet(data: bytes, where: str) -> Sheet:
@@ -52,24 +63,79 @@ def read_first_sheet(data: bytes, where: str) -> Sheet:
     InputErrors
         Cells that do not hold what they show, each with its address.
     """
+    with _readable(data, where) as archive:
+        sheets, stale = _sheets(archive, where)
+        name, part, visible = sheets[0]
+        if not visible:
+            raise InputError(
+                f"{where}: the first sheet, {name}, is hidden",
+                allowed="the readings on the first sheet",
+                remedy="show it, or move the sheet with the readings to the front",
+            )
+        sheet = _read(data, archive, where, (0, name, part), stale, heads=False)
+    others = [other for other, _, _ in sheets[1:]]
+    notes = (f"only the first sheet, {name}, is read; left out: {listed(others)}",) if others else ()
+    return Sheet(sheet.rows, (*notes, *sheet.notes))
+
+
+def sheet_names(data: bytes, where: str) -> tuple[str, ...]:
+    """Names of the sheets of a workbook that can be seen, in their order.
+
+    Raises
+    ------
+    InputError
+        It is no workbook, one that would expand beyond all measure, or one without a sheet that can be seen.
+    """
+    with _readable(data, where) as archive:
+        names = tuple(name for name, _, visible in _sheets(archive, where)[0] if visible)
+        if not names:
+            raise InputError(f"{where} has no sheet that can be seen", remedy="show the sheet with the readings")
+        return names
+
+
+def read_sheet(data: bytes, where: str, name: str) -> Sheet:
+    """Cells of the sheet of this name (the first of them), numbers as :class:`Figure`; cells may be merged.
+
+    Raises
+    ------
+    InputError, InputErrors
+        As :func:`read_first_sheet`; or there is no such sheet.
+    """
+    with _readable(data, where) as archive:
+        sheets, stale = _sheets(archive, where)
+        for k, (known, part, _) in enumerate(sheets):
+            if known == name:
+                return _read(data, archive, where, (k, name, part), stale, heads=True)
+        allowed = listed(known for known, _, _ in sheets)
+        raise InputError(f"{where}: sheet", value=name, allowed=allowed, remedy="choose one of them")
+
+
+@contextmanager
+def _readable(data: bytes, where: str) -> Iterator[zipfile.ZipFile]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             _check_archive(archive, where)
-            name, part, others, stale = _first_sheet(archive, where)
-            scan = _Scan(f"{where}, sheet {name}", stale)
-            scan.read(archive, part)
-        scan.raise_if_faulty()
-        rows = _rows(data, scan)
+            yield archive
     except InputError:
         raise
     except Exception as error:  # a broken workbook raises zip, XML, key and value errors alike
         raise InputError(
             f"{where} is not a readable XLSX workbook ({error})", remedy="save it again as XLSX, or as CSV (UTF-8)"
         ) from error
-    notes = [f"only the first sheet, {name}, is read; left out: {listed(others)}"] if others else []
-    if scan.hidden_columns:
-        notes.append(f"hidden columns of sheet {name} are read too: {listed(scan.hidden_columns)}")
-    return Sheet(rows, tuple(notes))
+
+
+def _read(
+    data: bytes, archive: zipfile.ZipFile, where: str, sheet: tuple[int, str, str], stale: bool, *, heads: bool
+) -> Sheet:
+    number, name, part = sheet
+    scan = _Scan(f"{where}, sheet {name}", stale, heads)
+    scan.read(archive, part)
+    scan.raise_if_faulty()
+    rows = _rows(data, scan, number)
+    if not scan.hidden_columns:
+        return Sheet(rows, (), tuple(scan.merged))
+    notes = (f"hidden columns of sheet {name} are read too: {listed(scan.hidden_columns)}",)
+    return Sheet(rows, notes, tuple(scan.merged))
 
 
 def _check_archive(archive: zipfile.ZipFile, where: str) -> None:
@@ -99,26 +165,22 @@ def _refuse_document_type(archive: zipfile.ZipFile, part: zipfile.ZipInfo, where
         parser.ParseFile(file)
 
 
-def _first_sheet(archive: zipfile.ZipFile, where: str) -> tuple[str, str, list[str], bool]:
-    """Name and part of the first sheet, names of the others, and whether formulas wait to be calculated."""
+def _sheets(archive: zipfile.ZipFile, where: str) -> tuple[list[tuple[str, str, bool]], bool]:
+    """Name and part of each sheet and whether it can be seen, and whether formulas wait to be calculated."""
     book = ElementTree.fromstring(archive.read("xl/workbook.xml"))  # noqa: S314 - without a document type
     links = ElementTree.fromstring(archive.read("xl/_rels/workbook.xml.rels"))  # noqa: S314 - as above
     targets = {link.get("Id"): link for link in links.iter(f"{{{_PACKAGE}}}Relationship")}
     sheets = [s for s in book.iter(f"{{{_SHEET}}}sheet") if _is_worksheet(targets.get(s.get(f"{{{_RELATION}}}id")))]
     if not sheets:
         raise InputError(f"{where} has no sheet of cells", remedy=_SAVE)
-    names = [sheet.get("name", "") for sheet in sheets]
-    if sheets[0].get("state", "visible") != "visible":
-        raise InputError(
-            f"{where}: the first sheet, {names[0]}, is hidden",
-            allowed="the readings on the first sheet",
-            remedy="show it, or move the sheet with the readings to the front",
-        )
-    target = targets[sheets[0].get(f"{{{_RELATION}}}id")].get("Target", "")
     calculation = next(book.iter(f"{{{_SHEET}}}calcPr"), None)
     stale = calculation is not None and calculation.get("fullCalcOnLoad", "0") in ("1", "true")
-    part = target.lstrip("/") if target.startswith("/") else normpath(join("xl", target))
-    return names[0], part, names[1:], stale
+    found = []
+    for sheet in sheets:
+        target = targets[sheet.get(f"{{{_RELATION}}}id")].get("Target", "")
+        part = target.lstrip("/") if target.startswith("/") else normpath(join("xl", target))
+        found.append((sheet.get("name", ""), part, sheet.get("state", "visible") == "visible"))
+    return found, stale
 
 
 def _is_worksheet(link: ElementTree.Element | None) -> bool:
@@ -130,18 +192,19 @@ class _Scan:
     """How far a sheet's cells reach, and which of them do not hold what they show.
 
     ``stale``: the program that wrote the workbook left its formulas to whoever opens it next; the values beside them
-    are placeholders (0, for instance).
+    are placeholders (0, for instance). ``heads``: whoever reads the cells knows what merged ones mean.
     """
 
     where: str
     stale: bool
+    heads: bool
     rows: int = 0
     columns: int = 0
     _hidden_columns: list[tuple[int, int]] = field(default_factory=list)
     _hidden_rows: list[int] = field(default_factory=list)
     _formulas: list[str] = field(default_factory=list)
     _errors: list[str] = field(default_factory=list)
-    _merged: list[str] = field(default_factory=list)
+    merged: list[str] = field(default_factory=list)
     _row: int = 0
     _column: int = 0
     _row_hidden: bool = False
@@ -159,7 +222,7 @@ class _Scan:
                 elif tag == "row":
                     element.clear()  # millions of cells are not kept
                 elif tag == "mergeCell":
-                    self._merged.append(element.get("ref", "?"))
+                    self.merged.append(element.get("ref", "?"))
                 elif tag == "col" and _is_hidden(element):
                     self._hidden_columns.append((int(element.get("min", "1")), int(element.get("max", "1"))))
 
@@ -175,7 +238,7 @@ class _Scan:
             for cells, what, remedy in kinds
             if cells
         ]
-        if merged := [area for area in self._merged if self._within(area)]:
+        if merged := [area for area in self.merged if not self.heads and self._within(area)]:
             faults.append(
                 InputError(
                     f"{self.where}: merged cells {listed(merged)}: all but the first of each would count as empty",
@@ -263,13 +326,13 @@ def _column_number(letters: str) -> int:
     return number
 
 
-def _rows(data: bytes, scan: _Scan) -> list[list[str]]:
-    """The cells that the scan has found, as text."""
+def _rows(data: bytes, scan: _Scan, number: int) -> list[list[str]]:
+    """The cells of sheet ``number`` that the scan has found, as text."""
     from openpyxl import load_workbook  # type: ignore[import-untyped]
 
     book = load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
     try:
-        sheet: Any = book.worksheets[0]
+        sheet: Any = book.worksheets[number]
         sheet.reset_dimensions()  # what the file says of them may be wrong
         found: Iterator[tuple[object, ...]] = sheet.iter_rows(
             min_row=1, max_row=scan.rows, max_col=scan.columns, values_only=True
@@ -281,5 +344,7 @@ def _rows(data: bytes, scan: _Scan) -> list[list[str]]:
 
 def _as_text(cell: object) -> str:
     if isinstance(cell, float) and cell.is_integer() and abs(cell) < _EXACT:
-        return str(int(cell))  # some programs write every number as 1.0, counts too
+        return Figure(int(cell))  # some programs write every number as 1.0, counts too
+    if isinstance(cell, int | float) and not isinstance(cell, bool):
+        return Figure(cell)
     return "" if cell is None else str(cell)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robots.arrays import Array
-from robots.controller import shown_tool
 from robots.errors import InputError
-from robots.kinematics import forward_kinematics
-from robots.pendant.slips import Fitted, Frame, Slip, fitted, slips
+from robots.pendant.explanations import Explanation, PendantReadings
+from robots.pendant.orientations import Turned, orientations, orientations_explained
+from robots.pendant.slips import Frame, Slip, fitted, slips
 from robots.robot import Robot
 
 # What a controller and a data sheet differ by without anything being wrong: rounded angles, m at arm's length.
@@ -23,45 +22,14 @@ MOST_SLIPS = 3
 # Of the pairs, those that lead on to three.
 LEADERS = 12
 FEWEST_POSES = 3
+# Where no slip explains all poses, and as large a share agrees as it stands, the others were read wrong.
+MOST_AGREE = 0.7
 # A joint that moves less over the poses says nothing of its sign, rad.
 STILL_rad = float(np.radians(0.5))
-# Orientations agree up to this, rad; controllers show hundredths of a degree.
-SAME_TURN_rad = float(np.radians(0.1))
+# What x_mm, y_mm, z_mm may hold instead: mm in one of it; and how far spans may be off for it to be noticed.
+UNITS_mm = {"metres": 1000.0, "inches": 25.4}
+UNIT_BAND = 2.5
 _FRAMES: tuple[tuple[Frame, ...], ...] = ((), ("base",), ("tool",), ("base", "tool"), ("turned-base",))
-
-
-@dataclass(frozen=True, eq=False)
-class PendantReadings:
-    """Tool positions read at the controller.
-
-    ``q`` (n, dof) rad: coordinates of the model, as the table's angles make them; ``position`` (n, 3) m and
-    ``rotation`` (n, 3, 3) or None: the tool frame in the controller's robot frame; ``labels`` (n,).
-    """
-
-    q: Array
-    position: Array
-    rotation: Array | None
-    labels: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """Slips, and frames that are elsewhere, which explain the positions; ``base_known``: in the controller's frame."""
-
-    chosen: tuple[Slip, ...]
-    frames: tuple[Frame, ...]
-    fit: Fitted
-    base_known: bool
-
-    @property
-    def things(self) -> int:
-        """How many things are wrong."""
-        return len(self.chosen) + len(self.frames)
-
-    @property
-    def codes(self) -> tuple[str, ...]:
-        """Codes of slips and frames."""
-        return (*(slip.code for slip in self.chosen), *self.frames)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +37,8 @@ class PendantCheck:
     """``left`` (n, 3) m: readings less model as they stand, in the base frame; ``explanations``: the fewest slips.
 
     ``agrees``: no slip is needed. ``best``: the closest where none explains the readings. ``still``: joints that
-    hardly move over the poses. ``turned`` (n,) rad between orientations with the first explanation (or the best),
-    None where none were read; ``tool_turn``: a constant turn (3, 3) of the tool that explains them all.
+    hardly move over the poses. ``orientation``: how orientations compare with the first explanation (or the best),
+    None where none were read. ``misread``: the few poses that alone disagree where no slip explains them.
     """
 
     readings: PendantReadings
@@ -79,8 +47,8 @@ class PendantCheck:
     explanations: tuple[Explanation, ...]
     best: Explanation
     still: tuple[str, ...]
-    turned: Array | None
-    tool_turn: Array | None
+    orientation: Turned | None
+    misread: tuple[str, ...] = ()
 
     @property
     def distance(self) -> Array:
@@ -90,8 +58,9 @@ class PendantCheck:
     @property
     def agrees(self) -> bool:
         """Whether positions and orientations agree as they stand."""
-        turned = 0.0 if self.turned is None else float(self.turned.max())
-        return bool(self.explanations) and self.explanations[0].things == 0 and turned <= SAME_TURN_rad
+        turned = self.orientation
+        right = turned is None or (turned.disagreement == 0 and turned.convention is None)
+        return bool(self.explanations) and self.explanations[0].things == 0 and right
 
 
 def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TOLERANCE_m) -> PendantCheck:
@@ -103,7 +72,7 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
     Raises
     ------
     InputError
-        Fewer than three poses, or all of them the same.
+        Fewer than three poses, all of them the same, or positions in metres or inches.
     """
     n = len(readings.q)
     if n < FEWEST_POSES or np.ptp(readings.q, axis=0).max() < STILL_rad:
@@ -112,22 +81,48 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
             allowed=f"{FEWEST_POSES} or more that differ; ten that move every joint tell most",
             remedy="drive to more poses and note angles and position",
         )  # fmt: skip
+    _refuse_other_units(robot, readings)
     bases = _bases(robot)
     places = [(known, _seen(T, readings.position)) for known, T in bases]
     found = _search(robot, readings.q, places, tolerance)
     explained = [e for e in found if e.fit.worst <= tolerance]
-    if readings.rotation is not None:
-        # Flipping the wrist and turning it half way round lead to the same place, not to the same orientation.
-        off = {e: _not_turned(_orientations(robot, readings, e, dict(bases))) for e in explained}
-        explained = [e for e in explained if off[e] == min(off.values())]
+    orientation = None
+    if readings.rotation is not None and explained:
+        both = orientations_explained(robot, readings, readings.rotation, explained, dict(bases), tolerance)
+        explained, orientation = [e for e, _ in both], both[0][1]
     best = explained[0] if explained else min(found, key=lambda e: e.fit.worst)
+    misread = () if explained else _misread(robot, readings, places[0][1], tolerance)
+    if readings.rotation is not None and orientation is None:
+        orientation = orientations(robot, readings.rotation, best, dict(bases))
     # As the model stands: in the frame that the best explanation is in, where that needs nothing else.
     at = dict(places)[best.base_known] if best.things == 0 else places[0][1]
     first = fitted(robot, readings.q, at, (), ())
-    turned, tool_turn = _orientations(robot, readings, best, dict(bases))
     spread = np.ptp(readings.q, axis=0)
     still = tuple(name for name, s in zip(robot.joint_names, spread, strict=True) if s < STILL_rad)
-    return PendantCheck(readings, tolerance, first.left, tuple(explained), best, still, turned, tool_turn)
+    return PendantCheck(readings, tolerance, first.left, tuple(explained), best, still, orientation, misread)
+
+
+def _misread(robot: Robot, readings: PendantReadings, position: Array, tolerance: float) -> tuple[str, ...]:
+    """Labels of the poses that disagree where most others agree as the model stands."""
+    off = np.linalg.norm(fitted(robot, readings.q, position, (), ()).left, axis=1) > tolerance
+    if (~off).sum() < max(FEWEST_POSES, MOST_AGREE * len(off)):
+        return ()
+    return tuple(label for label, wrong in zip(readings.labels, off.tolist(), strict=True) if wrong)
+
+
+def _refuse_other_units(robot: Robot, readings: PendantReadings) -> None:
+    """Positions that vary a thousandth, or a twenty-fifth, of what the tool moves by are metres, or inches."""
+    there = fitted(robot, readings.q, np.zeros((len(readings.q), 3)), (), ()).left
+    moved, read = (float(np.linalg.norm(np.ptp(p, axis=0))) for p in (there, readings.position))
+    if moved < 0.5 * float(np.linalg.norm(there, axis=1).max()):
+        return
+    for unit, size in UNITS_mm.items():
+        if 1.0 / UNIT_BAND < read * size / moved < UNIT_BAND:
+            raise InputError(
+                "pendant table: columns x_mm, y_mm, z_mm",
+                value=f"positions that span {1e3 * read:.3g} mm, where the model's tool spans {1e3 * moved:.4g} mm",
+                allowed="mm", remedy=f"multiply them by {size:g}: they look like {unit}",
+            )  # fmt: skip
 
 
 def _bases(robot: Robot) -> list[tuple[bool, Array]]:
@@ -175,14 +170,6 @@ def _rank(e: Explanation) -> int:
     return slips_ + sum(3 if frame == "turned-base" else 2 for frame in e.frames)
 
 
-def _not_turned(orientations: tuple[Array | None, Array | None]) -> int:
-    """0: orientations agree, 1: but for a constant turn of the tool, 2: they do not."""
-    turned, tool_turn = orientations
-    if turned is None or turned.max() <= SAME_TURN_rad:
-        return 0
-    return 1 if tool_turn is not None else 2
-
-
 def _determined(n: int, chosen: tuple[Slip, ...], frames: tuple[Frame, ...]) -> bool:
     """Whether there are more numbers read than numbers found."""
     unknown = sum(slip.kind != "angles" for slip in chosen) + sum(6 if f == "turned-base" else 3 for f in frames)
@@ -207,32 +194,3 @@ def _combinations(
         for chosen in sets.get(things - len(frames), []):
             if "turned-base" not in frames or not any(slip.kind == "length" for slip in chosen):
                 yield chosen, frames
-
-
-def _orientations(
-    robot: Robot, readings: PendantReadings, best: Explanation, bases: dict[bool, Array]
-) -> tuple[Array | None, Array | None]:
-    """Angles (n,) rad between orientations, and a constant turn of the tool that makes them agree, if one does."""
-    if readings.rotation is None:
-        return None, None
-    turn = best.fit.shift.get("turned-base")
-    R_turn = np.eye(3) if turn is None else _rotation(turn[:3])
-    flange = R_turn @ forward_kinematics(robot, best.fit.q).R_flange
-    tool = np.swapaxes(flange, 1, 2) @ (bases[best.base_known][:3, :3] @ readings.rotation)
-    off = shown_tool(robot)[:3, :3].T @ tool
-    turned = _angle(off)
-    if turned.max() <= SAME_TURN_rad:
-        return turned, None
-    U, _, Vt = np.linalg.svd(tool.sum(axis=0))
-    mean = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    return turned, mean if _angle(mean.T @ tool).max() <= SAME_TURN_rad else None
-
-
-def _angle(R: Array) -> Array:
-    """Angles (n,) rad of rotations (n, 3, 3), exact near 0 too."""
-    w = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
-    return np.asarray(np.arctan2(np.linalg.norm(w, axis=1), np.trace(R, axis1=1, axis2=2) - 1.0))
-
-
-def _rotation(vector: Array) -> Array:
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())

@@ -68,10 +68,12 @@ def _of_joints(robot: Robot) -> Iterator[Slip]:
         before = [j for j in (k - 1, k - 2) if j >= 0]
         for j in [*before, *([k + 1] if k + 1 < robot.dof else [])]:
             for factor in (1.0, -1.0):
-                other = robot.coordinates[j]
+                other = robot.joint_names[j]
+                sum_ = "plus" if factor > 0 else "minus"
                 yield Slip(
-                    f"coupled:{name}:{robot.joint_names[j]}", "angles",
-                    f"{name}'s angle is coupled to {robot.joint_names[j]}: {coordinate} = its own {factor:+g} {other}",
+                    f"coupled:{name}:{other}", "angles",
+                    f"the controller's angle of {name} is coupled to {other}: {coordinate} of the model is the "
+                    f"controller's {name} {sum_} {other}",
                     _coupled_remedy(robot, k, j, factor), k, _changed(k, j, factor),
                 )  # fmt: skip
 

@@ -298,6 +298,13 @@ class ModelDescription(Strict):
     calibration: Calibration | None = None
     positions: Positions | None = None
 
+    @field_validator("name")
+    @classmethod
+    def _name_is_text(cls, name: str) -> str:
+        if not name.strip() or not name.isprintable():
+            raise ValueError("the name must be text that can be printed, as in my-arm")
+        return name
+
     @model_validator(mode="after")
     def _references_hold(self) -> Self:
         faults = [*_names_used_twice(self), *_unknown_names(self), *_unlisted_sources(self)]

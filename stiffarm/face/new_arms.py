@@ -101,8 +101,9 @@ def new_arm(
 class KinematicsCheck(Shown):
     """A model's kinematics beside positions read at the controller.
 
-    ``verdict``: "agrees", "explained", "orientation" (only that is off) or "unexplained"; ``largest_mm``: difference as
-    the model stands; ``remedies``: what to write in the model, by what is wrong. ``content`` has everything else.
+    ``verdict``: "agrees", "explained", "orientation" (only that is off), "misread" (a few poses, which are named) or
+    "unexplained"; ``largest_mm``: difference as the model stands; ``remedies``: what to write in the model, by what is
+    wrong. ``content`` has everything else.
     """
 
     verdict: str
@@ -167,7 +168,8 @@ def check_kinematics(arm: Arm, pendant: str | Path, *, tolerance_mm: float = 1.0
         readings, convention, _ = read_pendant(Path(pendant), arm.robot, arm.name)
         found = check_pendant(arm.robot, readings, 1e-3 * tolerance_mm)
         content = check_payload(arm.description, arm.robot, found, convention)
-    named = (content["explanations"] or [content["closest"]])[0]["changes"]
+    first = (content["explanations"] or [content["closest"]])[0]
+    named = [] if first is None else first["changes"]
     return KinematicsCheck(
         content["verdict"], content["largest_mm"], {one["words"]: one["remedy"] for one in named}, content, arm.robot,
         found, arm.description,

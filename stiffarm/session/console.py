@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 from rich.console import Console
@@ -90,13 +90,20 @@ def emit_json(content: Mapping[str, Any]) -> None:
         raise
 
 
+# Characters of a table's first column that are never broken, in a terminal of 80.
+NAME_WIDTH: Final = 24
+
+
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """A table for people, on stderr. Names and labels come from files: they are no markup."""
     from rich.table import Table
 
     table = Table(title=Text(one_line(title)), title_justify="left", title_style="bold")
+    # A name that is broken in the middle is hard to read: the other columns give way first.
+    whole = columns != [] and max(len(one_line(cell)) for cell in (columns[0], *(row[0] for row in rows))) <= NAME_WIDTH
     for i, column in enumerate(columns):
-        table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold")
+        table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold",
+                         no_wrap=i == 0 and whole)  # fmt: skip
     for row in rows:
         table.add_row(*(Text(one_line(cell)) for cell in row))
     _print(table)

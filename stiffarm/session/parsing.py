@@ -71,6 +71,9 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
     """Read ``name=value,name=value`` with known names and finite numbers; all faults at once."""
     out: dict[str, float] = {}
     faults = []
+    if "=" not in text:
+        some = ",".join(f"{name}={value.strip() or 0}" for name, value in zip(allowed, text.split(","), strict=False))
+        raise InputError(option, value=text, allowed="name=value pairs separated by commas", remedy=f"write {some}")
     for item in text.split(","):
         name, _, number = (part.strip() for part in item.partition("="))
         if name not in allowed:

@@ -13,10 +13,13 @@ import pandas as pd
 from doe import bundled_data, read_measurements, write_measurements
 from doe.absolute.table import read_absolute
 from doe.estimation.campaign import load_campaign
+from doe.instruments.convert import convert
+from doe.instruments.mapping_file import Settings, mapping_text, read_mapping
 from doe.joint_twists import read_twists, write_twists
 from doe.joint_twists.synthetic import Campaign, draw_poses, draw_truth, make_readings
 from fem import ArmModel, build_model
 from robots import forward_kinematics, load_description, load_robot
+from robots.files.csv_text import write_rows
 from robots.library.commented import commented_toml
 from robots.library.dh import description_from_dh
 from robots.library.models import parse_description
@@ -243,6 +246,70 @@ def _absolute(path: Path) -> object:
     return data
 
 
+# Rows without a load beside rows with one.
+CYCLES = """Units: deg\nBy hand\n\nJ1\tJ2\tJ3\tMass hung [kg]\tGauge z [um]\tSigma [um]\tPhase\tTemp [\u00b0F]\tTime
+10\t-60\t30\t0\t1002\t3\tloading\t70\t12.05.2026 09:00
+10\t-60\t30\t20\t801\t3\tloading\t70\t12.05.2026 09:01
+10\t-60\t30\t0\t998\t\tunloading\t70.5\t12.05.2026 09:02
+20.001\t-70\t40\t20\t-\t3\tloading\t71\t12.05.2026 09:05
+20\t-70\t40\t0\t5\t3\tloading\t71\t12.05.2026 09:06
+20\t-70\t40\t10\t\u22122\t4\tloading\t71\t12.05.2026 09:07
+"""
+
+
+def _instruments(suffix: str) -> list[Sample]:
+    folder = ROOT / "docs/examples/readings"
+    names = ("api.csv", "faro.txt", "polyworks.txt") if suffix == ".csv" else ("dial_gauge.xlsx",)
+    own = [Sample(suffix, CYCLES.encode("utf-16"))] if suffix == ".csv" else []
+    return [*(Sample(suffix, (folder / name).read_bytes()) for name in names), *own]
+
+
+def _axes_found(path: Path) -> object:
+    return _converted(path, "found")
+
+
+def _converted(path: Path, axes: str = "base") -> object:
+    """The table has a number wherever it says so, and the readers of tables take it."""
+    said = axes if b"before [mm]" in path.read_bytes() else None
+    made = convert([path], Settings(axes=said, sigma_mm=0.01), ROBOT)
+    require(bool(made.rows) and len(made.places) == len(made.rows), "conversion: rows")
+    require(all(len(row) == len(made.header) for row in made.rows), "conversion: ragged rows")
+    require(len(set(made.header)) == len(made.header), "conversion: a name twice")
+    require_finite(list(made.ranges().values()), "conversion: ranges")
+    copy = path.with_name("copy.csv")
+    with copy.open("w", encoding="utf-8", newline="") as stream:
+        write_rows(stream, [made.header, *made.rows])
+    read = read_measurements(copy, ROBOT).n if made.kind == "deflections" else len(read_absolute(copy, ROBOT))
+    require(read == len(made.rows), "conversion: other rows when read back")
+    mapping = path.with_name("copy.toml")
+    mapping.write_text(mapping_text(made.settings, made.source), encoding="utf-8")
+    again = convert([path], read_mapping(mapping), ROBOT)
+    require((again.header, again.rows) == (made.header, made.rows), "conversion: another table by its mapping")
+    return made
+
+
+MAPPING = b"""schema = "stiffarm-readings/1"
+decimal = "comma"
+sheets = ["A"]
+header = 3
+sigma_mm = 0.02
+axes = "0,0,90"
+[fill]
+session = "day 1"
+[columns]
+"Z vor" = "z mm before"
+X = "x um negated of ball"
+"""
+
+
+def _mapping(path: Path) -> object:
+    found = read_mapping(path)
+    copy = path.with_name("copy.toml")
+    copy.write_text(mapping_text(found, "a file"), encoding="utf-8")
+    require(read_mapping(copy) == found, "mapping file: another one written back")
+    return found
+
+
 def _told(path: Path) -> object:
     """What is no file of ours is left to its reader: nothing is raised."""
     return kind_of(path)
@@ -257,6 +324,12 @@ READERS: dict[str, Reader] = {
     "measurement file: Denavit-Hartenberg": Reader(_dh_tables, _dh_arm, TABLE),
     "measurement file: pendant": Reader(_pendant_tables, _pendant, TABLE),
     "measurement file: positions": Reader(_positions, _absolute, TABLE),
+    "readings file": Reader(lambda: _instruments(".csv"), _converted, TABLE, cost=6.0),
+    "readings file: axes found": Reader(
+        lambda: [s for s in _instruments(".csv") if b"before" in s.data], _axes_found, TABLE, cost=12.0
+    ),
+    "readings file: workbook": Reader(lambda: _instruments(".xlsx"), _converted, WORKBOOK, cost=12.0),
+    "mapping file": Reader(lambda: [Sample(".toml", MAPPING)], _mapping, (TOML,)),
     "measurement file: joint twists": Reader(
         lambda: [Sample(".csv", data) for data in _twist_csv()], _twists, TABLE, cost=2.0
     ),

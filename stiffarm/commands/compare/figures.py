@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.colors import Colormap
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from robots.arrays import Array
@@ -15,6 +17,8 @@ from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 
 # Rows and map quantities in one picture.
 ROWS, QUANTITIES = 40, 4
+# Beyond this ratio of ends a map is drawn on a log scale; a grid has at least one point in so many of its cells.
+DECADE, SPARSEST = 10.0, 6
 # An interval is drawn so far, over the first value.
 WIDEST = 10.0
 
@@ -71,14 +75,14 @@ def map_figure(m: MapPair, q: Quantity) -> Figure:
     most = float(np.nanquantile(np.abs(change), 0.98)) if np.isfinite(change).any() else 1.0
     heading = f"{q.label[0].upper()}{q.label[1:]}{words}"
     with drawing(heading, (11.0, 4.3), 1, 3, sharex=True, sharey=True) as (figure, axes):
-        size = max(4.0, 12_000.0 / max(len(x), 1))
         most = max(most, 1e-12)
-        looks: tuple[tuple[str, Array, Colormap | str, float, float], ...] = (
-            ("first", a, STIFFNESS_COLOURS, low, high), ("second", b, STIFFNESS_COLOURS, low, high),
-            ("difference", change, "PuOr_r", -most, most),
+        scale: Normalize = LogNorm(low, high) if low > 0.0 and high > DECADE * low else Normalize(low, high)
+        looks: tuple[tuple[str, Array, Colormap | str, Normalize], ...] = (
+            ("first", a, STIFFNESS_COLOURS, scale), ("second", b, STIFFNESS_COLOURS, scale),
+            ("difference", change, "PuOr_r", Normalize(-most, most)),
         )  # fmt: skip
-        for ax, (name, values, colours, least, greatest) in zip(axes, looks, strict=True):
-            mesh = ax.scatter(x, y, c=values, s=size, marker="s", linewidths=0, cmap=colours, vmin=least, vmax=greatest)
+        for ax, (name, values, colours, norm) in zip(axes, looks, strict=True):
+            mesh = _coloured(ax, x, y, values, colours, norm)
             ax.set_title(name, loc="left", weight="bold")
             ax.set_xlabel(across[1])
             ax.grid(visible=False)
@@ -87,8 +91,26 @@ def map_figure(m: MapPair, q: Quantity) -> Figure:
             if name != "first":
                 bar = figure.colorbar(mesh, ax=ax, shrink=0.85)
                 bar.set_label(("%" if q.is_share else q.unit) if name == "difference" else q.unit)
+                if isinstance(norm, LogNorm):
+                    log_ticks(bar.ax.yaxis, lambda v: f"{v:g}")
         axes[0].set_ylabel(down[1])
     return figure
+
+
+def _coloured(
+    ax: Axes, x: Array, y: Array, values: Array, colours: Colormap | str, norm: Normalize
+) -> ScalarMappable:  # fmt: skip
+    """Points in colours: as cells without gaps where they lie on a grid, else as squares."""
+    columns, i = np.unique(np.round(x, 3), return_inverse=True)
+    rows, j = np.unique(np.round(y, 3), return_inverse=True)
+    steps = [np.diff(ends) for ends in (columns, rows)]
+    regular = all(s.size and np.ptp(s) <= 0.01 * s.max() for s in steps)
+    if regular and columns.size * rows.size <= SPARSEST * len(x):
+        grid = np.full((rows.size, columns.size), np.nan)
+        grid[j, i] = values
+        return ax.pcolormesh(columns, rows, grid, cmap=colours, norm=norm, shading="nearest", rasterized=True)
+    size = max(4.0, 12_000.0 / max(len(x), 1))
+    return ax.scatter(x, y, c=values, s=size, marker="s", linewidths=0, cmap=colours, norm=norm)
 
 
 def _plane(m: MapPair) -> tuple[tuple[Array, str], tuple[Array, str], Array, str]:

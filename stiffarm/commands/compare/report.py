@@ -85,7 +85,11 @@ def _maps(
     rows = tuple(words.map_row(q) for q in c.maps.quantities)
     blocks.append(Table("Quantities", words.MAP_HEADS, rows, (0, 1)))
     drawn = [
-        pictures.add(map_figure(c.maps, q), q.name, f"{q.label}: both maps on one scale, and what they differ by.")
+        pictures.add(
+            map_figure(c.maps, q),
+            q.name,
+            f"{q.label[0].upper()}{q.label[1:]}: both maps on one scale, and what they differ by.",
+        )
         for q in c.maps.quantities[:QUANTITIES]
     ]
     return [*blocks, *drawn[1:]], drawn[0]

@@ -137,7 +137,7 @@ def remarks(c: Compared) -> list[str]:
         out += [f"{text[0].upper()}{text[1:]}." for text in c.maps.remarks]
         for count, which in ((c.maps.only_a, "first"), (c.maps.only_b, "second")):
             if count:
-                out.append(f"{count} points are reached in the {which} map only.")
+                out.append(f"{count} point{'s are' if count > 1 else ' is'} reached in the {which} map only.")
         if all(q.beyond is None for q in c.maps.quantities):
             out.append(
                 "The maps do not say how sure they are, so nothing is said of noise (those of `stiffarm map` do where "

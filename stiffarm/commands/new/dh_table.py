@@ -23,6 +23,10 @@ COLUMNS = ("joint", *FIGURES, "theta_deg", *LIMITS, "sign")
 FLANGE = "flange"
 # No arm has more from one joint to the next.
 LONGEST_mm = 10_000.0
+# No arm has more joints in a row.
+MOST_JOINTS = 20
+# No arm is shorter in all.
+SHORTEST_mm = 20.0
 # More is no angle of a table; limits may be several turns.
 WIDEST_deg = {"alpha_deg": 360.0, "theta_deg": 360.0, "limits": 3600.0}
 # Right angles and half turns in rad, which nobody has in deg.
@@ -74,7 +78,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
     filled = zip(*(texts(table, columns.known[name]) for name in FIGURES), strict=True)
     empty = [name for name, row in zip(names, filled, strict=True) if not any(row)]
     if empty:
-        faults.add(table.lines[names.index(empty[0])], f"{', '.join(FIGURES)} are empty of {listed(empty)}",
+        faults.add(table.lines[names.index(empty[0])], f"{', '.join(FIGURES)} are empty for {listed(empty)}",
                    allowed="a number in each, 0 too", remedy="fill them in, or remove that row")  # fmt: skip
         return []
     cells = (table, columns)
@@ -95,6 +99,11 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
             if abs(angle) > WIDEST_deg[name]:
                 faults.add(table.lines[i], f"column {name}", value=f"{angle:g}",
                            allowed=f"up to {WIDEST_deg[name]:g} deg in size", remedy="give degrees")  # fmt: skip
+    in_all = float(np.abs(figures[:, 1:]).sum())
+    if not faults and in_all < SHORTEST_mm:
+        faults.add(table.lines[0], "columns a_mm, d_mm", value=f"{in_all:.4g} mm in all",
+                   allowed=f"{SHORTEST_mm:g} mm or more", remedy="these look like metres: give mm" if in_all else
+                   "fill in the lengths of the data sheet")  # fmt: skip
     if joint.any() and not faults and np.abs(limits[joint]).max() < _NARROW_deg:
         faults.add(table.lines[0], "columns lower_deg, upper_deg", value=f"{limits[0, 0]:g} to {limits[0, 1]:g}",
                    allowed="degrees", remedy="these look like radians: convert all angles to degrees")  # fmt: skip
@@ -113,11 +122,15 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
 def _check_names(table: RawTable, names: tuple[str, ...], faults: Faults) -> None:
     for line, name in zip(table.lines, names, strict=True):
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_.-]{0,30}", name) or names.count(name) > 1:
-            faults.add(line, "column joint", value=name, allowed="a name of its own, as in j1 (or flange)",
-                       remedy="name each joint once")  # fmt: skip
+            faults.add(line, "column joint", value=name,
+                       allowed="a name of its own, as in j1 (or flange): up to 31 letters, digits, - _ .",
+                       remedy="name each joint once, beginning with a letter")  # fmt: skip
     if FLANGE in names and names[-1] != FLANGE:
         faults.add(table.lines[names.index(FLANGE)], "column joint", value=FLANGE, allowed="as the last row",
                    remedy="move it to the end: it lies beyond the last joint")  # fmt: skip
+    if len(names) > MOST_JOINTS + 1:
+        faults.add(table.lines[MOST_JOINTS], "rows", value=str(len(names)),
+                   allowed=f"up to {MOST_JOINTS} joints and a flange", remedy="give the joints of one arm")  # fmt: skip
     if not set(names) - {FLANGE}:
         faults.add(table.lines[0], "no joint", allowed="a row for each joint", remedy="add them")
 

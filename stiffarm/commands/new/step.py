@@ -15,7 +15,7 @@ from robots.arm_class import arm_class
 from robots.files.written import sha256_of
 from robots.library.commented import SCHEMA_FILE, commented_toml
 from robots.library.dh import Form, description_from_dh
-from robots.library.models import parse_description
+from robots.library.models import bundled_names, library_names, parse_description
 from robots.robot import robot_from
 from robots.schema.key_words import json_schema
 from robots.schema.quantities import Mass, RotationalStiffness
@@ -34,6 +34,9 @@ def checked_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name) or name.endswith("."):
         raise InputError("NAME", value=name, allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
                          remedy="give a short name, as in my-arm")  # fmt: skip
+    if name in (*bundled_names(), *library_names()):
+        raise InputError("NAME", value=name, allowed="a name that no arm of `stiffarm robots` has",
+                         remedy=f"call it my-{name}, say: commands would take the one for the other")  # fmt: skip
     return name
 
 

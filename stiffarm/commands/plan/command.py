@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import join
 from typing import Annotated, Any
 
 import numpy as np
@@ -192,22 +193,24 @@ def plan(
             zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
         )  # fmt: skip
         table = None if without_data else _readings(frame, given, data, confirm_units)
-        _plan(given, table, wanted, frame)
+        _plan(given, table, data, wanted, frame)
 
 
-def _plan(given: Arm, table: Measurements | None, wanted: Request, frame: Frame) -> None:
+def _plan(given: Arm, table: Measurements | None, data: Path | None, wanted: Request, frame: Frame) -> None:
     with frame.folder_if(wanted.seed) as folder:
         with progress("choosing set-ups") as bar:
             planned = make_plan(given, table, wanted, bar)
         content = plan_results.payload(given, table, planned)
         if folder is not None:
-            _write(given, table, planned, content, folder)
+            before = () if table is None else (str(data or "bundled"),)
+            reads_it = join(["stiffarm", "calibrate", frame.named, *before, str(Path(frame.out or "") / TABLE)])
+            _write(given, table, planned, content, folder, reads_it)
     frame.answer(content, lambda: plan_results.show(given, planned))
 
 
 def _write(
     given: Arm, table: Measurements | None, planned: Planned, content: dict[str, Any],
-    folder: OutputFolder,
+    folder: OutputFolder, calibrate: str,
 ) -> None:  # fmt: skip
     from stiffarm.commands.plan.figures import plan_figure
     from stiffarm.commands.plan.report import write_report
@@ -216,7 +219,7 @@ def _write(
     folder.write_json(RESULT, content)
     _write_sheet(given, plan_results.plan_sheet(given, table, planned), folder)
     save_png(plan_figure(planned.made, planned.found, given.robot.name), folder.path(FIGURE))
-    write_report(given, table, planned, FIGURE, folder)
+    write_report(given, table, planned, FIGURE, folder, calibrate)
 
 
 def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:

@@ -31,8 +31,14 @@ QUESTION = "what to measure next?"
 NAMED = 3
 
 
-def write_report(given: Arm, table: Measurements | None, planned: Planned, figure: str, folder: OutputFolder) -> None:
-    """Write the page; ``figure``: the picture of the plan's intervals, which is in the folder already."""
+def write_report(
+    given: Arm, table: Measurements | None, planned: Planned, figure: str, folder: OutputFolder, calibrate: str
+) -> None:
+    """Write the page.
+
+    ``figure``: the picture of the plan's intervals, which is in the folder already; ``calibrate``: the command line
+    that reads the filled-in sheet.
+    """
     made, protocol = planned.made, planned.made.protocol
     count, each = len(planned.labels), len(protocol.course) * protocol.repeats
     seen = [f for f in made.foresight if f.seen]
@@ -52,10 +58,7 @@ def write_report(given: Arm, table: Measurements | None, planned: Planned, figur
         caption = "Promised with the model's lack of fit; 2 is half as wide."
         bars = ranked_figure("How many times narrower", shrink, "interval before over interval after", 12)
         drawn = pictures.add(bars, "narrower", caption)
-    todo = (
-        "Print measurement_sheet.html, measure in its order, fill in measurement_sheet.csv, and run "
-        f"`stiffarm calibrate {given.robot.name} DATA measurement_sheet.csv`."
-    )
+    todo = f"Print measurement_sheet.html, measure in its order, fill in measurement_sheet.csv, and run `{calibrate}`."
     sure = words.rests_on(planned.start, planned.forecast)
     answer = Answer(f"{sure[0].upper()}{sure[1:]}.", todo, drawn)
     heads = ("set-up", *(f"{c.removesuffix('_deg')} (deg)" for c in given.robot.coordinates), "load")

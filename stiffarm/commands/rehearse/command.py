@@ -158,10 +158,11 @@ def _power(frame: Frame, given: Arm, sheet: Path | None, request: Request) -> No
         say(f"{found.set_ups.source}; noise {found.set_ups.words}")
         for text in power_words.sentences(found):
             say(text)
-        short = [
-            [row[k] for k in power_words.SHORT] for row in (power_words.HEADS, *map(power_words.row, found.judged))
-        ]
-        show_table("Effects of usual size: chances with 95 % intervals", short[0], short[1:])
+        short = [list(row) for row in power_words.short_rows(found)]
+        show_table("Effects of usual size: chances with 95 % intervals", list(power_words.SHORT_HEADS), short)
+        if len(found.prospects) > len(short):
+            rest = "in report.html and power.json" if frame.out is not None else "--out DIR writes them all"
+            say(f"{len(found.prospects) - len(short)} other effects: {rest}")
         springs = [list(power_words.spring_row(s)) for s in found.springs]
         show_table("Springs", list(power_words.SPRING_HEADS), springs)
         if found.additions:

@@ -10,7 +10,8 @@ import numpy as np
 from robots import ModelDescription, Robot, require_positive
 from robots.arrays import Array
 from robots.frames import rpy_of
-from robots.pendant.check import Explanation, PendantCheck, check_pendant
+from robots.pendant.check import PendantCheck, check_pendant
+from robots.pendant.explanations import Explanation
 from robots.pendant.slips import Slip
 from robots.robot import robot_from
 from stiffarm.commands.robots import check_words as words
@@ -23,6 +24,8 @@ from stiffarm.session.json_text import number
 MOST_TOLD = 4
 # An offset this near to a quarter turn is one, rad.
 QUARTER_rad = float(np.radians(0.05))
+# A pitch this near to 90 deg leaves roll and yaw to one another, deg.
+GIMBAL_deg = 0.05
 
 
 def answer_check(frame: Frame, description: ModelDescription, model: str, table: Path, tolerance_mm: float) -> None:
@@ -46,16 +49,18 @@ def answer_check(frame: Frame, description: ModelDescription, model: str, table:
 def check_payload(
     description: ModelDescription, robot: Robot, found: PendantCheck, convention: str | None
 ) -> dict[str, Any]:
-    """The whole answer; ``verdict``: agrees, explained, orientation or unexplained."""
+    """The whole answer; ``verdict``: agrees, explained, orientation, misread or unexplained."""
     told = found.explanations[:MOST_TOLD]
     positions_agree = bool(told) and told[0].things == 0
     verdict = "agrees" if found.agrees else "orientation" if positions_agree else "explained" if told else "unexplained"
+    verdict = "misread" if found.misread else verdict
     turned = None
-    if found.turned is not None:
-        turn = None if found.tool_turn is None else np.degrees(rpy_of(found.tool_turn)).round(3) + 0.0
+    if (compared := found.orientation) is not None:
+        turn = None if compared.tool_turn is None else _plain_rpy(compared.tool_turn)
         turned = {
             "convention": convention,
-            "largest_deg": number(float(np.degrees(found.turned.max()))),
+            "agrees_as": compared.convention,
+            "largest_deg": number(float(np.degrees(compared.angle.max()))),
             "constant_tool_turn_rpy_deg": None if turn is None else turn.tolist(),
         }
     return {
@@ -67,16 +72,25 @@ def check_payload(
         "largest_mm": number(float(1e3 * found.distance.max())),
         "by_pose": _by_pose(robot, found),
         "still_joints": list(found.still),
+        "misread_poses": list(found.misread),
         "orientation": turned,
         "explanations": [_explanation(robot, e) for e in told],
         "more_explanations": len(found.explanations) - len(told),
-        "closest": None if told else _explanation(robot, found.best),
+        "closest": None if told or found.misread else _explanation(robot, found.best),
     }
+
+
+def _plain_rpy(R: Array) -> Array:
+    """Roll, pitch and yaw (3,) deg; near a pitch of 90 deg, where they are shared out at will, with no roll."""
+    roll, pitch, yaw = np.degrees(rpy_of(R))
+    if abs(pitch) > 90.0 - GIMBAL_deg:
+        yaw, roll = (yaw - np.sign(pitch) * roll + 180.0) % 360.0 - 180.0, 0.0
+    return np.asarray(np.round([roll, pitch, yaw], 3) + 0.0)
 
 
 def _by_pose(robot: Robot, found: PendantCheck) -> list[dict[str, Any]]:
     """Each pose: angles, what the controller shows, readings less model, and what the first explanation leaves."""
-    then = np.linalg.norm(found.best.fit.left, axis=1)
+    then = np.linalg.norm(found.left if found.misread else found.best.fit.left, axis=1)
     given = found.readings
     return [
         {

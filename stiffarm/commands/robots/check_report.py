@@ -26,7 +26,8 @@ def write_report(
 ) -> None:
     """Draw the pictures and write report.html."""
     pictures = Pictures(folder)
-    changes = (content["explanations"] or [content["closest"]])[0]["changes"]
+    first = (content["explanations"] or [content["closest"]])[0]
+    changes = [] if first is None else first["changes"]
     picture = pictures.add(
         skeleton_figure(robot, found), "skeleton",
         "The arm in the pose that is farthest off, and the tool of all poses, from the side and from above.",
@@ -41,10 +42,11 @@ def write_report(
         "orientation": "Positions agree; orientations do not.",
         "explained": f"{len(changes)} change{'s' * (len(changes) != 1)} of the model explain"
         f"{'s' * (len(changes) == 1)} all poses: the fewest of signs, zeros, couplings, lengths and frames that do.",
+        "misread": "All other poses agree, and no usual slip of the model explains these.",
         "unexplained": "No usual slip, up to three at once, explains this.",
     }[content["verdict"]]
     told = words.told_in_paragraphs(content)
-    todo = f"`{changes[0]['remedy']}`" if changes and content["verdict"] == "explained" else ""
+    todo = words.todo(content)
     distances = {
         "as it stands": {one["pose"]: one["distance_mm"] for one in content["by_pose"]},
         **({"with that put right": {one["pose"]: one["then_mm"] for one in content["by_pose"]}} if changes else {}),

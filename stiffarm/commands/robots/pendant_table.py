@@ -11,14 +11,17 @@ import numpy as np
 from doe.tables.columns import Columns, RawTable, drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
 from machining.programs.orientation import SPOKEN, Spoken
 from robots import InputError, Robot
+from robots.arrays import Array
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
-from robots.pendant.check import PendantReadings
+from robots.pendant.explanations import PendantReadings
 from stiffarm.session.table_kinds import PENDANT, expect
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 # No tool is farther from its robot frame.
 FARTHEST_m = 100.0
+# No joint turns farther, deg.
+WIDEST_deg = 3600.0
 # Quaternions from a pendant have four decimals or so.
 UNIT_LENGTH = 0.02
 
@@ -50,6 +53,10 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     spoken = _convention(set(columns.known), faults)
     table, unread = _read_rows(drop_ragged(table, faults), columns)
     q = joint_angles(table, columns, robot, faults)
+    for row in np.flatnonzero((np.abs(q) > np.radians(WIDEST_deg)).any(axis=1)):
+        faults.add(table.lines[row], "joint angles", value=str(np.degrees(q[row]).round(3).tolist()),
+                   allowed=f"up to {WIDEST_deg:g} deg in size",
+                   remedy="give degrees, as the controller shows them")  # fmt: skip
     position = numbers(table, columns, POSITION, faults)
     for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
         faults.add(table.lines[row], f"columns {', '.join(POSITION)}", value=str((1e3 * position[row]).tolist()),
@@ -69,8 +76,25 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     remarks += [f"{path.name}: joint columns missing, taken as 0: {', '.join(absent)}"] if absent else []
     remarks += [f"{path.name}: rows without a position skipped: {line_ranges(unread)}"] if unread else []
     remarks += [f"{path.name}: {note}" for note in table.notes]
-    rotation = None if spoken is None or turned is None else spoken.orientation.read(turned)
-    return PendantReadings(q, position, rotation, labels), None if spoken is None else spoken.code, remarks
+    if spoken is None or turned is None:
+        return PendantReadings(q, position, None, labels), None, remarks
+    rotation = spoken.orientation.read(turned)
+    return PendantReadings(q, position, rotation, labels, _others(spoken, turned)), spoken.code, remarks
+
+
+def _others(spoken: Spoken, turned: Array) -> dict[str, Array]:
+    """The same numbers as each other convention has them, by the columns that they should be in then."""
+    if spoken.code == "abb":
+        last = spoken.orientation.read(np.roll(turned, 1, axis=1))
+        return {"a quaternion, scalar last: the columns in the order qx, qy, qz, qw": last}
+    degrees = [one for one in SPOKEN if one.columns[0].endswith("_deg") and one.code != "rpy"]
+    if spoken not in degrees and spoken.code != "rpy":
+        return {}
+    out: dict[str, Array] = {}
+    for one in degrees:
+        if one.orientation is not spoken.orientation:
+            out[f"{one.words}: columns {', '.join(one.columns)}"] = one.orientation.read(turned)
+    return out
 
 
 def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:

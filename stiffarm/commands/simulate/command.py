@@ -108,7 +108,7 @@ def simulate(
                 from stiffarm.pages.report import data_words
 
                 if pose is None:
-                    report.write_table_report(given, result, data_words(table), folder)
+                    report.write_table_report(given, result, data_words(table), folder, model)
                 else:
-                    report.write_pose_report(given, result, q, wrench, folder)
+                    report.write_pose_report(given, result, q, wrench, folder, model)
         frame.answer(result, lambda: simulation.show(result))

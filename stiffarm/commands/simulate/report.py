@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -35,8 +36,13 @@ QUESTION_TABLE = "does the model move as was measured?"
 WORST = 8
 
 
-def write_pose_report(given: Arm, result: Mapping[str, Any], q: Any, wrench: Any, folder: OutputFolder) -> None:
-    """The page of one pose: stiffness along the force, how the tool moves, and what gives most."""
+def write_pose_report(
+    given: Arm, result: Mapping[str, Any], q: Any, wrench: Any, folder: OutputFolder, model: str
+) -> None:
+    """The page of one pose: stiffness along the force, how the tool moves, and what gives most.
+
+    ``model``: the model as it was asked for, for commands.
+    """
     pictures = Pictures(folder)
     d, k = result["displacement"], result["stiffness_N_per_mm"]
     length = float(np.linalg.norm([d[n] for n in DISPLACEMENT_NAMES[:3]]))
@@ -59,13 +65,16 @@ def write_pose_report(given: Arm, result: Mapping[str, Any], q: Any, wrench: Any
     pose = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in result["pose_deg"].items() if v) or "all joints at 0"
     load = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in result["load"].items() if v)
     lede = f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm; {most} gives most."
-    answer = Answer(_sure(given, result), _todo(given), picture)
+    answer = Answer(_sure(given, result), _todo(given, model), picture)
     sections = [Section("What gives way", tuple(blocks)), _model(result)]
     write_page(folder, _title(given), lede, key, sections, QUESTION, "", answer)
 
 
-def write_table_report(given: Arm, result: Mapping[str, Any], made_of: str, folder: OutputFolder) -> None:
-    """The page of a table: RMS difference, the readings that are farthest off, all of them folded."""
+def write_table_report(given: Arm, result: Mapping[str, Any], made_of: str, folder: OutputFolder, model: str) -> None:
+    """The page of a table: RMS difference, the readings that are farthest off, all of them folded.
+
+    ``model``: the model as it was asked for, for commands.
+    """
     pictures, rows = Pictures(folder), result["readings"]
     errors = [_error(row) for row in rows]
     read = [_size(row, "measured") for row in rows]
@@ -98,7 +107,7 @@ def write_table_report(given: Arm, result: Mapping[str, Any], made_of: str, fold
         ),
         _model(result),
     ]
-    answer = Answer(_sure(given, result), _todo(given, from_table=True), picture)
+    answer = Answer(_sure(given, result), _todo(given, model, from_table=True), picture)
     write_page(folder, _title(given), lede, key, sections, QUESTION_TABLE, made_of, answer)
 
 
@@ -159,8 +168,8 @@ def _sure(given: Arm, result: Mapping[str, Any]) -> str:
     return "The interval holds the uncertainty of the calibrated parameters, not what the model lacks."
 
 
-def _todo(given: Arm, *, from_table: bool = False) -> str:
-    name = given.robot.name
+def _todo(given: Arm, model: str, *, from_table: bool = False) -> str:
+    name = shlex.quote(model)
     if given.description.calibration is None:
         return f"Calibrate the model with readings: `stiffarm calibrate {name} DATA --out calibrated`."
     if from_table:

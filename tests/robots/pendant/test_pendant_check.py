@@ -10,7 +10,8 @@ import pytest
 
 from robots import InputError, Robot, forward_kinematics, load_robot
 from robots.arrays import Array
-from robots.pendant.check import PendantCheck, PendantReadings, check_pendant
+from robots.pendant.check import PendantCheck, check_pendant
+from robots.pendant.explanations import PendantReadings
 
 ARM = load_robot("irb6700-200-260")
 POSES = 8
@@ -95,8 +96,9 @@ def test_another_tool_is_named_with_its_place_and_turn() -> None:
     found = check_pendant(ARM, read(replace(ARM, T_flange_tool=tool)))
     assert codes(found) == [("tool",)]
     np.testing.assert_allclose(found.explanations[0].fit.shift["tool"], tool[:3, 3], atol=2e-5)
-    assert found.tool_turn is not None
-    np.testing.assert_allclose(found.tool_turn, tool[:3, :3], atol=1e-6)
+    assert found.orientation is not None
+    assert found.orientation.tool_turn is not None
+    np.testing.assert_allclose(found.orientation.tool_turn, tool[:3, :3], atol=1e-6)
 
 
 def test_a_third_angle_from_the_horizontal_is_a_coupled_joint() -> None:
@@ -142,3 +144,54 @@ def test_too_little_to_compare_is_refused(n: int) -> None:
     readings = read(ARM, n)
     with pytest.raises(InputError, match="pendant table: poses"):
         check_pendant(ARM, readings if n == 2 else replace(readings, q=np.tile(readings.q[0], (n, 1))))
+
+
+def test_another_convention_is_named_where_the_columns_have_the_wrong_name() -> None:
+    readings = read(ARM)
+    assert readings.rotation is not None
+    others = {"a": np.swapaxes(readings.rotation, 1, 2), "b": readings.rotation}
+    found = check_pendant(ARM, replace(readings, rotation=others["a"] @ others["a"], other_rotations=others))
+    assert found.orientation is not None
+    assert (found.orientation.convention, found.orientation.disagreement) == ("b", 0)
+    assert not found.agrees
+    # Of the one that they are named after nothing is asked where that fits.
+    assert check_pendant(ARM, replace(readings, other_rotations=others)).agrees
+
+
+@pytest.mark.parametrize(("change", "code"), [("sign", "sign:j6"), ("gear", "coupled:j6:j5")])
+def test_a_slip_that_positions_do_not_show_is_found_in_the_orientations(change: str, code: str) -> None:
+    # The flange lies on the last axis: its position does not move with that.
+    assert not ARM.T_flange_tool[:2, 3].any()
+    readings = read(ARM)
+    q = readings.q.copy()
+    q[:, 5] = -q[:, 5] if change == "sign" else q[:, 5] - q[:, 4]
+    found = check_pendant(ARM, replace(readings, q=q))
+    assert found.distance.max() < found.tolerance
+    assert codes(found) == [(code,)]
+    assert found.orientation is not None
+    assert found.orientation.disagreement == 0
+    # Without orientations nobody can know.
+    assert check_pendant(ARM, replace(readings, q=q, rotation=None)).agrees
+
+
+def test_a_pose_that_was_typed_wrong_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robots.pendant.check.MOST_SLIPS", 1)  # the search for three takes seconds
+    readings = read(ARM)
+    position = readings.position.copy()
+    position[3, 2] = -position[3, 2]
+    found = check_pendant(ARM, replace(readings, position=position))
+    assert found.misread == ("3",)
+    assert not found.agrees
+    # Three of eight are no slips of the pen.
+    position[:3] = 1.1 * position[:3]
+    assert check_pendant(ARM, replace(readings, position=position)).misread == ()
+
+
+@pytest.mark.parametrize(("size", "unit"), [(1e-3, "metres"), (1.0 / 25.4, "inches")])
+def test_positions_in_other_units_are_refused(size: float, unit: str) -> None:
+    readings = read(ARM)
+    with pytest.raises(InputError, match=unit):
+        check_pendant(ARM, replace(readings, position=size * readings.position))
+    # A frame elsewhere is no unit.
+    shifted = replace(readings, position=readings.position + np.array([3.0, 0.0, 0.0]))
+    assert codes(check_pendant(ARM, shifted))[0] == ("base",)

@@ -25,9 +25,15 @@ FINEST = 5e-7
 
 def middle_springs(given: Arm, world: WorldArm) -> Array:
     """Springs (dof,) N m/rad to plan with: the model's, or the middle of the arm's class where it has none at all."""
-    own = np.array([np.inf if k is None else k for k in world.stiffness])
+    if has_springs(world):
+        return np.array([np.inf if k is None else k for k in world.stiffness])
     size = arm_class(given.description, given.robot)
-    return own if np.isfinite(own).any() else np.sqrt(size.low * size.high)
+    return np.asarray(np.sqrt(size.low * size.high))
+
+
+def has_springs(world: WorldArm) -> bool:
+    """Whether the model has a spring about any joint."""
+    return any(k is not None and np.isfinite(k) for k in world.stiffness)
 
 
 def planned(given: Arm, world: WorldArm, set_ups: SetUps) -> Planned:

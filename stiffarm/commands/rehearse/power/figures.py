@@ -11,15 +11,12 @@ from stiffarm.pages.figure_parts import above, drawing, named_rows
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 # Effects in one picture: more cannot be read.
-DRAWN = 40
+DRAWN = 30
 
 
 def chances_figure(r: Power) -> Figure:
-    """Draw the chances of every effect, most surely named first; of many only every so many."""
-    shown = r.judged
-    if len(shown) > DRAWN:
-        step = len(shown) / DRAWN
-        shown = [shown[int(k * step)] for k in range(DRAWN)]
+    """Draw the chances of every effect, most surely named first; of many the first :data:`DRAWN`."""
+    shown = r.judged[:DRAWN]
     heading = "Would it be found, would it be named? Usual sizes, 95 % intervals"
     with drawing(heading, (10.0, 1.6 + 0.27 * len(shown))) as (
         figure, (ax,),

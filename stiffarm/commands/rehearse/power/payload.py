@@ -29,6 +29,7 @@ def power(r: Power, seed: int) -> dict[str, Any]:
         "mean_named": number(r.mean[1], 4),
         "effects": {p.code: prospect(p) for p in r.prospects},
         "springs": {s.joint: spring(s) for s in r.springs},
+        "springs_assumed": list(r.assumed),
         "one_more": {a.what.removeprefix("one more ").replace("-", ""): addition(a) for a in r.additions},
     }
 

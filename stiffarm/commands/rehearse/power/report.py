@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from doe.power.chances import POWER
 from stiffarm.commands.rehearse.power import words
-from stiffarm.commands.rehearse.power.figures import additions_figure, chances_figure
+from stiffarm.commands.rehearse.power.figures import DRAWN, additions_figure, chances_figure
 from stiffarm.commands.rehearse.power.step import Power
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.numbers import percent
@@ -18,7 +18,10 @@ def write_report(r: Power, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     given = r.given
-    picture = pictures.add(chances_figure(r), "chances", "Chance that each effect of usual size is found, and named.")
+    caption = "Chance that each effect of usual size is found, and named."
+    if len(r.judged) > DRAWN:
+        caption = f"{caption[:-1]}: the {DRAWN} of {len(r.judged)} that are most surely named; the tables have all."
+    picture = pictures.add(chances_figure(r), "chances", caption)
     key = [
         KeyFigure(percent(r.mean[0]), "of effects of usual size would be found, in the mean"),
         KeyFigure(percent(r.mean[1]), "would be named"),
@@ -28,6 +31,7 @@ def write_report(r: Power, folder: OutputFolder) -> None:
     made = (
         f"{r.set_ups.source}; {given.model.link_kind} links, {given.model.load_path} load path; noise {r.set_ups.words}"
     )
+    assumed = words.assumed_springs(r)
     sure = (
         "Linear theory, before anyone measures. The intervals are those in which the shares of twenty campaigns should "
         "lie; in a study of 200 made-up sets 19 of 20 shares did."
@@ -35,21 +39,29 @@ def write_report(r: Power, folder: OutputFolder) -> None:
     sections = [_effects(r), _springs(r), _more(r, pictures), _how(r)]
     title = given.description.title.split(" (")[0]
     todo = words.best(r) or "Compare with another sheet: give it in place of this one."
-    write_page(folder, title, words.headline(r), key, sections, QUESTION, made, Answer(sure, todo, picture))
+    answer = Answer(sure, todo, picture, warnings=(assumed,) if assumed else ())
+    write_page(folder, title, words.headline(r), key, sections, QUESTION, made, answer)
 
 
 def _effects(r: Power) -> Section:
     notes = [text for text in (words.twins(r), words.blind(r)) if text]
     some: list[Block] = [Bullets(tuple(notes))] if notes else []
-    table = Table("Each effect, most surely named first", words.HEADS, tuple(words.rows(r)), (0, 1, 2, 6))
-    some += [table, Text("Found: the diagnosis says that something is missing. Named: it says what, and is right.")]
+    likely, others = words.split_rows(r)
+    texts = (0, 1, 2, 6)
+    if likely:
+        some.append(Table("More likely found than not", words.HEADS, tuple(likely), texts))
+    some.append(Text("Found: the diagnosis says that something is missing. Named: it says what, and is right."))
+    if others:
+        some.append(Table(f"The other {len(others)} effects", words.HEADS, tuple(others), texts, folded=bool(likely)))
     return Section("Effects", tuple(some))
 
 
 def _springs(r: Power) -> Section:
     rows = tuple(words.spring_row(s) for s in r.springs)
     text = Text("By these readings alone, with nothing missing, beside the errors that every arm and table has.")
-    return Section("Springs", (Table("What they would be known to", words.SPRING_HEADS, rows), text))
+    assumed = words.assumed_springs(r)
+    notes = (text, Text(assumed)) if assumed else (text,)
+    return Section("Springs", (Table("What they would be known to", words.SPRING_HEADS, rows), *notes))
 
 
 def _more(r: Power, pictures: Pictures) -> Section:

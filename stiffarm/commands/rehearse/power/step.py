@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from doe.diagnosis.candidates import FITTED_ALREADY
 from doe.power.chances import SPREAD, Chance, chances, smallest
 from doe.power.planned import NORMAL95, Planned
 from fem.arm import Arm
@@ -19,7 +20,7 @@ from rehearsal.effects import DRAWS
 from robots import InputError, require_one_of
 from robots.progress import Progress, report_progress
 from robots.schema.units import factor
-from stiffarm.commands.rehearse.power.changes import by_catalogue, by_world, planned
+from stiffarm.commands.rehearse.power.changes import by_catalogue, by_world, has_springs, planned
 from stiffarm.commands.rehearse.power.more import one_more
 from stiffarm.commands.rehearse.sheet import SetUps
 from stiffarm.commands.rehearse.step import Request, possible, prepared, set_ups_of
@@ -41,7 +42,8 @@ class Prospect:
     ``smallest``: the size of its number ``parameter`` that is found with 80 % (of a stiffness the stiffest), in
     ``unit``, None where none is; ``usual``: the ends of its plausible range; ``found`` and ``named``: chances over
     usual sizes; ``chi2``: median of what a usual size shows; ``accuracy95``: half width of the 95 % interval of a usual
-    size, as a share of it; ``twin``: what it would be mistaken for, if anything; ``why_not``: why nothing can be said.
+    size, as a share of it; ``twin``: what it would be mistaken for, if anything; ``why_not``: why nothing can be said;
+    ``is_fitted``: it is a spring that a calibration fits anyway.
     """
 
     code: str
@@ -58,6 +60,7 @@ class Prospect:
     twin: str
     why_not: str | None
     by_rehearsal: bool
+    is_fitted: bool = False
 
     @property
     def kind(self) -> str:
@@ -89,7 +92,11 @@ class Addition:
 
 @dataclass(frozen=True)
 class Power:
-    """A power analysis. ``mean``: chances to be found and named in the mean over all effects that can be judged."""
+    """A power analysis.
+
+    ``mean``: chances to be found and named in the mean over all effects that can be judged; ``assumed``: joints whose
+    spring is the middle of the arm's class, for want of any in the model.
+    """
 
     given: Arm
     set_ups: SetUps
@@ -98,6 +105,7 @@ class Power:
     springs: tuple[SpringProspect, ...]
     additions: tuple[Addition, ...]
     mean: tuple[float, float]
+    assumed: tuple[str, ...] = ()
 
     @property
     def judged(self) -> list[Prospect]:
@@ -143,8 +151,10 @@ def power(
     judged = [one for one in prospects if one.why_not is None]
     mean = tuple(float(np.mean([getattr(one, name).value for one in judged])) if judged else 0.0
                  for name in ("found", "named"))  # fmt: skip
+    springs = tuple(_springs(p))
+    assumed = () if has_springs(world) else tuple(s.joint for s in springs)
     return Power(
-        given, set_ups, request.draws, tuple(prospects), tuple(_springs(p)), tuple(additions), (mean[0], mean[1])
+        given, set_ups, request.draws, tuple(prospects), springs, tuple(additions), (mean[0], mean[1]), assumed
     )
 
 
@@ -218,7 +228,8 @@ def _none(p: Planned, code: str) -> Prospect:
     why = p.why_not(code) or "no reading moves with it, or the springs take up all that it does"
     nothing = Chance(0.0, 0.0, 0.0)
     effect = p.effects[code]
-    return Prospect(code, effect.words, "", "", None, None, False, nothing, nothing, 0.0, None, "", why, False)
+    fitted = why == FITTED_ALREADY
+    return Prospect(code, effect.words, "", "", None, None, False, nothing, nothing, 0.0, None, "", why, False, fitted)
 
 
 def _springs(p: Planned) -> list[SpringProspect]:

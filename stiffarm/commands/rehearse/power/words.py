@@ -9,8 +9,9 @@ from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, Spr
 from stiffarm.pages.numbers import percent, significant
 
 HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
-# Columns of a terminal, which has 80 characters.
-SHORT = (0, 1, 3, 4, 6)
+# A terminal has 80 characters a line, and no room for what is hardly ever found.
+SHORT_HEADS = ("effect", "smallest found with 80 %", "found (%)", "named (%)")
+MOST_SHORT = 16
 SPRING_HEADS = ("spring", "as planned (N m/rad)", "95 % interval to expect")
 MORE_HEADS = ("with", "readings", "found", "named", "gains most")
 # From this chance on an effect is called sure to be named, below the second unlikely.
@@ -60,6 +61,35 @@ def row(p: Prospect) -> tuple[str, ...]:
     return p.code, size(p), usual(p), chance(p.found), chance(p.named), accuracy, remark(p)
 
 
+def short_rows(r: Power) -> list[tuple[str, ...]]:
+    """Lines for a terminal: what is more likely found than not, most surely named first."""
+    likely = [p for p in r.judged if p.found.value >= UNLIKELY] or r.judged
+    return [(p.code, size(p), _short(p.found), _short(p.named)) for p in likely[:MOST_SHORT]]
+
+
+def _short(c: Chance) -> str:
+    """``72 (41-91)``: a chance in a column of percent."""
+    share = percent(c.value).replace(" %", "").replace("above ", ">").replace("below ", "<")
+    return f"{share} ({100 * c.low:.0f}-{100 * c.high:.0f})"
+
+
+def split_rows(r: Power) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    """Lines of effects that are more likely found than not, and of all others."""
+    all_rows = rows(r)
+    likely = {p.code for p in r.judged if p.found.value >= UNLIKELY}
+    return [one for one in all_rows if one[0] in likely], [one for one in all_rows if one[0] not in likely]
+
+
+def assumed_springs(r: Power) -> str:
+    """Where the springs come from that the model does not have; empty where it has all."""
+    if not r.assumed:
+        return ""
+    return (
+        f"No spring in the model for {', '.join(r.assumed)}: the middle of what arms of this size have is assumed. "
+        "All sizes and chances depend on it."
+    )
+
+
 def rows(r: Power) -> list[tuple[str, ...]]:
     """All effects: those most surely named first, then what these readings cannot judge."""
     return [*(row(p) for p in r.judged), *(row(p) for p in r.prospects if p.why_not is not None)]
@@ -101,12 +131,12 @@ def headline(r: Power) -> str:
 def blind(r: Power) -> str:
     """What stays hidden, in a sentence; empty where nothing does."""
     poor = [p for p in r.judged if p.found.value < UNLIKELY]
-    never = [p for p in r.prospects if p.why_not is not None]
+    never = [p for p in r.prospects if p.why_not is not None and not p.is_fitted]
     parts = []
     if poor:
         parts.append(f"rather not found: {_listed([p.code for p in poor])}")
     if never:
-        parts.append(f"not judged at all: {_listed([p.code for p in never])}")
+        parts.append(f"moves no reading here, or the springs take it up: {_listed([p.code for p in never])}")
     return (". ".join(part[0].upper() + part[1:] for part in parts) + ".") if parts else ""
 
 
@@ -130,7 +160,7 @@ def best(r: Power) -> str:
 
 def sentences(r: Power) -> list[str]:
     """The whole answer."""
-    return [text for text in (headline(r), twins(r), blind(r), best(r)) if text]
+    return [text for text in (headline(r), assumed_springs(r), twins(r), blind(r), best(r)) if text]
 
 
 def _listed(codes: list[str]) -> str:

@@ -114,10 +114,21 @@ def test_a_slip_in_the_table_is_one_message(cli: Command, tmp_path: Path, old: s
     assert len(outcome.err.splitlines()) <= 3
 
 
+def test_a_table_in_metres_is_refused(cli: Command, tmp_path: Path) -> None:
+    head, *rows = MODIFIED
+    cells = [row.split(",") for row in rows]
+    metres = [",".join([*row[:2], f"{float(row[2]) / 1e3:g}", f"{float(row[3]) / 1e3:g}", *row[4:]]) for row in cells]
+    outcome = cli("new", "mine", "--mdh", table(tmp_path / "t.csv", [head, *metres]))
+    assert (outcome.code, Path("mine").exists()) == (2, False)
+    assert "metres" in outcome.err
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
         ("a b", "--like", "gp25"),
+        ("xr701", "--like", "gp25"),
+        ("gp25", "--like", "gp25"),
         ("mine", "--like", "gp2"),
         ("mine", "--like", "gp25", "--urdf", "x.urdf"),
         ("mine", "--like", "gp25", "--payload-kg", "-1"),

@@ -63,7 +63,19 @@ def test_a_flipped_joint_is_named_with_what_to_write(cli: Command, tmp_path: Pat
 def test_the_convention_that_columns_are_named_after_matters(cli: Command, tmp_path: Path) -> None:
     table = pendant(tmp_path / "p.csv", "gp25")
     table.write_text(table.read_text().replace("w_deg,p_deg,r_deg", "rx_deg,ry_deg,rz_deg"), encoding="utf-8")
-    assert cli("robots", "check", "gp25", table, "--json").json["verdict"] == "orientation"
+    answer = cli("robots", "check", "gp25", table, "--json").json
+    assert answer["verdict"] == "orientation"
+    # Yaskawa calls its angles so, and they are FANUC's W P R.
+    assert "w_deg, p_deg, r_deg" in answer["orientation"]["agrees_as"]
+    assert answer["orientation"]["largest_deg"] < 0.1
+    assert "w_deg, p_deg, r_deg" in cli("robots", "check", "gp25", table, "--out", "out").err
+    assert "w_deg, p_deg, r_deg" in Path("out/report.html").read_text(encoding="utf-8")
+
+
+def test_angles_alone_are_no_pose_but_the_line_to_write_is_told(cli: Command) -> None:
+    outcome = cli("robots", "gp25", "--pose", "1,2,3,4,5,6")
+    assert (outcome.code, len(outcome.err.splitlines())) == (2, 1)
+    assert "q1_deg=1,q2_deg=2,q3_deg=3" in outcome.err
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""What instruments and people write, turned into measurement tables: text and workbooks of any layout."""
