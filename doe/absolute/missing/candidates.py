@@ -85,9 +85,8 @@ def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
     for j, name in enumerate(robot.joint_names):
         curve = [(periodic_error(robot, j, n, phase), n) for n in range(1, CURVE + 1) for phase in (0, 1)]
         shapes = tuple(tuple((one, 1.0 / (1.0 + (n / b) ** 2)) for one, n in curve) for b in FALL_OFF)
-        first = tuple((one, 1.0) for one, n in curve if n == 1)
         yield Candidate(
-            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", (first, *shapes),
+            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", shapes,
             f"{name}.periodic",
         )  # fmt: skip
         ratio = ratio_error(robot, j)
