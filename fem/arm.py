@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from fem.effects import Maker, PlacedEffect, build_arm, reading_effects
 from fem.model import ArmModel, LinkKind
 from robots import LoadPath, ModelDescription, Robot
-from robots.robot import robot_from
+from robots.joint_errors import designed
+from robots.robot import as_designed, robot_from
 from robots.schema.description import FlangeCoupling
 
 
@@ -49,6 +51,14 @@ class Arm:
         """Joints that do not give way about their axes; in a bundled robot those that nobody has calibrated."""
         here = self.robot.limits.mean(axis=1)[None]
         return tuple(joint.name for joint in self.model.joints if not joint.axial.compliance(here).any())
+
+    @property
+    def as_designed(self) -> Self:
+        """The arm without errors of zeros and geometry, as its controller has it: what angles of programs belong to."""
+        if self.robot.errors is None:
+            return self
+        description = designed(self.description)
+        return replace(self, description=description, robot=as_designed(self.robot), model=self.model.as_designed)
 
     def with_load_path(self, load_path: LoadPath) -> Arm:
         """The same arm with another load path."""

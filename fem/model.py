@@ -29,7 +29,7 @@ from meshes import (
 from meshes.beams import body_index
 from robots import InputError, LoadPath, ModelDescription, Robot, require_one_of
 from robots.arrays import Array
-from robots.robot import robot_from
+from robots.robot import as_designed, robot_from
 from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
 from robots.schema.quantities import Angles, Position, RotationalStiffness
 
@@ -129,6 +129,11 @@ class ArmModel:
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
     load_point: Array = field(default_factory=lambda: np.zeros(3))
     masses: tuple[BodyMass, ...] = ()
+
+    @property
+    def as_designed(self) -> ArmModel:
+        """The model without errors of zeros and geometry, as the arm's controller has it."""
+        return self if self.robot.errors is None else replace(self, robot=as_designed(self.robot))
 
     def with_joint(self, name: str, **changes: Any) -> ArmModel:
         """Copy with fields of one joint's part changed."""

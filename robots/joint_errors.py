@@ -90,6 +90,15 @@ def joint_errors(description: ModelDescription) -> JointErrors | None:
     return JointErrors(frames, zero, turn, waves[0], waves[1], read, known, V)
 
 
+def designed(description: ModelDescription) -> ModelDescription:
+    """The description without errors of zeros and geometry that positions told: what the arm's controller has."""
+    if description.positions is None:
+        return description
+    plain = {"zero_error": None, "error": None}
+    joints = tuple(joint.model_copy(update=plain) for joint in description.joint)
+    return description.model_copy(update={"joint": joints, "positions": None})
+
+
 def _curve(joint: Joint) -> ErrorCurve | None:
     return None if joint.error is None else joint.error.curve
 

@@ -97,10 +97,9 @@ def calibrate_positions(
     InputError
         An unknown name, springs asked for without any weight, or too few readings.
     """
-    names = list(USUAL if free is None else free)
     weighs = bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
-    if not weighs and free is None:
-        names.remove("springs")
+    usual = USUAL if weighs else without_weight(USUAL)
+    names = list(usual if free is None else free)
     begin = started(model.robot, data, seed)
     layout = Layout(unknowns(model.robot, data, names))
     if not weighs and layout.of("spring"):
@@ -120,6 +119,11 @@ def calibrate_positions(
     return Positions(
         before, found, same, findings(found), left_open(found), curves(found), gross(found), predicted, kept
     )  # fmt: skip
+
+
+def without_weight(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of groups but for springs, of which an arm without masses tells nothing."""
+    return tuple(name for name in names if name != "springs")
 
 
 def fitted(

@@ -12,10 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from doe.absolute.chain import BLOCK, Nominal, Sample, evaluate, samples, turning
+from doe.absolute.chain import BLOCK, Nominal, Sample, evaluate, frame_errors, posed, samples, turning
 from doe.absolute.known import known
 from doe.absolute.readings import AbsoluteReadings, Labels, Payload
 from doe.absolute.unknowns import Layout, Unknown, single, targets
+from doe.absolute.weight import AXIAL
 from fem import ArmModel
 from fem.springs import ConstantSpring
 from robots.arrays import Array, Integers, in_blocks
@@ -48,11 +49,31 @@ class RealArm:
 
     def frames(self, q: Array, T_flange_tool: Array) -> tuple[Array, Array]:
         """Axes (n, 3, 3) and origin (n, 3) m of the tool in the base frame at coordinates q (n, dof) rad."""
+        if self._only_turns:
+            return self._turned(q, T_flange_tool)
         points = _points_of(T_flange_tool)
         P = np.concatenate([self._points(q[rows], points) for rows in in_blocks(len(q), BLOCK)], axis=1)
         A = np.moveaxis((P[1:] - P[0]) / ARM_m, 0, -1)
         # Small displacements turn the axes by first order: the nearest rotation is a step away.
         return np.asarray(1.5 * A - 0.5 * A @ np.swapaxes(A, 1, 2) @ A), P[0]
+
+    @property
+    def _only_turns(self) -> bool:
+        """Whether weight does nothing but turn joints about their axes, so that one pose of the arm says all."""
+        about_axes = all(one.index[1] == AXIAL and one.index[0] >= 0 for one in self._known if one.kind == "spring")
+        return about_axes and self.model.bar is None
+
+    def _turned(self, q: Array, T_flange_tool: Array) -> tuple[Array, Array]:
+        R, p = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        tip = T_flange_tool[None, :3, 3]
+        layout, u = self._layout(tip)
+        errors = frame_errors(layout, self.model.robot.dof, u)
+        for rows in in_blocks(len(q), BLOCK):
+            for s in self._samples(q[rows], tip, layout, u):
+                at = posed(self.model, turning(layout, s, u).angle, errors)
+                flange = np.moveaxis(at.R, -1, 0)
+                R[rows], p[rows] = flange @ T_flange_tool[:3, :3], at.p.T + flange @ tip[0]
+        return R, p
 
     def angles(self, q: Array) -> Array:
         """What joints really turn (n, dof) rad at coordinates q (n, dof) rad, sag and all; zeros are the robot's."""

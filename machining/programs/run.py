@@ -25,7 +25,7 @@ from machining.setup import Setup
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.progress import Progress
-from robots.robot import as_designed, middle_pose
+from robots.robot import middle_pose
 
 # A controller cannot hold the path better than this, m and rad: a program that is farther off is refused.
 WRITTEN_TO = 1e-6
@@ -107,7 +107,7 @@ def run_post(
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         FORMATS[target.name].check(model.robot, externals, request.options)
     # Controllers compute with the arm as designed.
-    real, model = model, replace(model, robot=as_designed(model.robot))
+    real, model = model, model.as_designed
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found, corrected = None, None

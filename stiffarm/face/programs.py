@@ -144,7 +144,7 @@ def post(
             seed=seed,
             clearance=setup.clearance(),
         )
-        stiffness = stiffness_uncertainty(arm.model, arm.description, arm.own)
+        stiffness = stiffness_uncertainty(arm.model.as_designed, arm.description, arm.own)
         request = PostRequest(motions, setup, settings, targets, WriteOptions(), stiffness=stiffness)
         files: list[Path] = []
 
@@ -176,6 +176,6 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
     from machining.verification import Demands, verify
 
     with called():
-        bodies = arm_bodies(arm.description)
+        bodies = arm_bodies(arm.as_designed.description)
         given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
         return Checked(arm.name, verify(given, bodies, Demands()))

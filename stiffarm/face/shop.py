@@ -120,6 +120,7 @@ def posture(
     from stiffarm.session.softness import require_springs
     from stiffarm.session.task_setup import effects_left_out
 
+    arm = arm.as_designed
     with called():
         require_springs(arm, "posture")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
@@ -179,6 +180,7 @@ def place(
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
 
+    arm = arm.as_designed
     with called():
         require_springs(arm, "placement")
         cut = _cut(force_N, force_axes, milling)

@@ -11,9 +11,9 @@ import tomlkit
 from numpy.testing import assert_allclose
 
 from robots import InputError, content_hash, load_description
-from robots.joint_errors import joint_errors
+from robots.joint_errors import designed, joint_errors
 from robots.library.models import parse_description, to_toml
-from robots.robot import robot_from
+from robots.robot import as_designed, robot_from
 from robots.urdf.writing import real_frame
 
 RATIO = {"value": 2e-3, "unit": "1", "source": "assumed"}
@@ -90,3 +90,15 @@ def test_what_is_no_covariance_is_refused(covariance: list[list[float]], words: 
                          "parameters": ["j2.zero", "j3.zero"], "covariance": covariance}  # fmt: skip
     with pytest.raises(InputError, match=words):
         parse_description(tomlkit.dumps(data), "kr60-3")
+
+
+def test_the_arm_as_designed_is_the_described_one_without_what_positions_told() -> None:
+    data = tomllib.loads(to_toml(load_description("kr60-3")))
+    data["positions"] = {"data": "x", "data_sha256": "0", "before_rms_mm": 1.0, "rms_mm": 0.1, "left_out_rms_mm": 0.1}
+    data["joint"][1]["zero_error"] = {"value": 0.5, "unit": "deg", "source": "assumed"}
+    data["joint"][1]["error"] = {"ratio": RATIO}
+    description = parse_description(tomlkit.dumps(data), "kr60-3")
+    plain = designed(description)
+    assert plain == load_description("kr60-3")
+    assert designed(plain) is plain
+    assert_allclose(as_designed(robot_from(description)).offset, robot_from(plain).offset, atol=1e-15)

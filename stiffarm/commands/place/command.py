@@ -158,7 +158,7 @@ def place(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         cutting = _force(force, force_axes, milling)
-        given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True).as_designed
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)))

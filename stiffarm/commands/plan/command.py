@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from doe import Measurements, bundled_data
+from doe.absolute.campaign import Wanted
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS
 from doe.planning.zones import Zone
@@ -17,9 +18,11 @@ from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
+from stiffarm.commands.plan import positions as positions_plan
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
 from stiffarm.session import parsing
+from stiffarm.session.carried import parse_payload
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
@@ -62,6 +65,41 @@ def plan(
         bool,
         typer.Option("--iso9283", help="Instead of --poses: write a sheet for the static compliance test of ISO 9283."),
     ] = False,
+    positions: Annotated[
+        int | None,
+        typer.Option(
+            "--positions",
+            help="Instead of --poses: choose this many poses to read targets at with a tracker, for a calibration from "
+            "positions.",
+            min=4,
+            max=1000,
+        ),
+    ] = None,
+    tracker: Annotated[
+        str | None,
+        typer.Option(
+            "--tracker",
+            metavar="X,Y,Z",
+            help="With --positions: where the tracker stands, in mm, the arm's base frame.",
+        ),
+    ] = None,
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target",
+            metavar="NAME:X,Y,Z[,DX,DY,DZ]",
+            help="With --positions: a target on the flange, in mm, flange frame, and the direction it looks in. "
+            "May be repeated.",
+        ),
+    ] = None,
+    carried: Annotated[
+        str | None,
+        typer.Option(
+            "--payload",
+            metavar="KG[,X,Y,Z]",
+            help="With --positions: what the flange carries: mass in kg and its centre in the flange frame, in mm.",
+        ),
+    ] = None,
     without_data: Annotated[
         bool,
         typer.Option("--without-data", help="Plan from scratch; ignore all existing readings, including bundled ones."),
@@ -173,9 +211,24 @@ def plan(
     Chooses poses, loads and load directions; the filled-in sheet is read back by calibrate and diagnose.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        _check_kind(poses, design_only, iso)
+        _check_kind(poses, design_only, iso, positions)
         given = frame.model(model, links, load_path, without="the plan", sets=sets)
         zone = parse_zone(given.description, floor, keep_out or (), clearance)
+        if positions is None:
+            why = "only with --positions"
+            parsing.refuse_given({"--tracker": tracker, "--target": target, "--payload": carried}, why, "leave it out")
+        else:
+            others = {"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--pose": pose,
+                      "--rated-N": rated, "--vary": vary, "--hold": hold, "--unloading": unloading or None}  # fmt: skip
+            parsing.refuse_given(others, "no option of --positions", "leave it out")
+            asked = Wanted(
+                positions, positions_plan.parse_targets(target or ()), positions_plan.parse_tracker(tracker),
+                free=parsing.parse_names(free, None, "--free"), sigma=_gauges(gauge, gauge_turn)[0],
+                candidates=candidates, payload=None if carried is None else parse_payload(carried), zone=zone,
+                seed=seed,
+            )  # fmt: skip
+            positions_plan.plan_positions(given, asked, frame)
+            return
         if iso:
             _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)
             _iso_sheet(given, pose, rated, zone, frame)
@@ -254,12 +307,14 @@ def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zo
     frame.answer(content, show)
 
 
-def _check_kind(poses: int | None, design_only: int | None, iso: bool) -> None:
-    tasks = {"--poses": poses is not None, "--design-only": design_only is not None, "--iso9283": iso}
+def _check_kind(poses: int | None, design_only: int | None, iso: bool, positions: int | None) -> None:
+    tasks = {"--poses": poses is not None, "--design-only": design_only is not None, "--iso9283": iso,
+             "--positions": positions is not None}  # fmt: skip
     asked = [name for name, there in tasks.items() if there]
     if len(asked) != 1:
         raise InputError(
-            "plan", value=" with ".join(asked) or "no task", allowed="one of --poses N, --design-only N, --iso9283",
+            "plan", value=" with ".join(asked) or "no task",
+            allowed="one of --poses N, --design-only N, --iso9283, --positions N",
             remedy="say how many set-ups to choose, as in --poses 6",
         )  # fmt: skip
 

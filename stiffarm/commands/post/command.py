@@ -22,7 +22,7 @@ from machining.programs.write_options import WriteOptions
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputError
 from robots.arrays import Array
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.corrected import not_corrected, payload_of, remarks, words
 from stiffarm.commands.post.targets import parse_targets
@@ -211,7 +211,7 @@ def post(
             templates,
             cut if compensate else None,
             None if cap is None else cap * 1e-6,
-            stiffness_uncertainty(given.model, given.description, given.own),
+            stiffness_uncertainty(given.model.as_designed, given.description, given.own),
             carried,
         )
         frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)

@@ -10,12 +10,12 @@ from doe.absolute.readings import Payload
 from machining.programs.calibrated_arm import Corrected
 from machining.programs.run import PostRun
 from robots import InputError, ModelDescription
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.report import Bullets, Picture, Section, Table, Text
+from stiffarm.session.carried import parse_payload
 from stiffarm.session.json_text import number
-from stiffarm.session.parsing import parse_numbers
 
 CONTROLLER: Final = (
     "Joint and Cartesian targets are both moved, for a controller that computes with the arm as designed. Where its "
@@ -24,8 +24,6 @@ CONTROLLER: Final = (
     "are in the targets alone; between targets the controller goes straight, or joint by joint, as it always does."
 )
 PARTS: Final = ("geometry", "weight", "force")
-HEAVIEST_kg: Final = 5000.0
-WIDEST_mm: Final = 5000.0
 
 
 def payload_of(description: ModelDescription, text: str | None, *, compensate: bool) -> Payload | None:
@@ -44,20 +42,7 @@ def payload_of(description: ModelDescription, text: str | None, *, compensate: b
             "--payload", value=text, allowed="with --compensate, and a model that positions have calibrated",
             remedy="leave it out, or run `stiffarm calibrate` on a table of positions and take its model.toml",
         )  # fmt: skip
-    values = parse_numbers(text)
-    good = values is not None and len(values) in (1, 4) and np.isfinite(values).all()
-    if (
-        not good
-        or values is None
-        or not 0.0 <= values[0] <= HEAVIEST_kg
-        or max(map(abs, values[1:]), default=0) > WIDEST_mm
-    ):
-        raise InputError(
-            "--payload", value=text, allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within "
-            f"{WIDEST_mm:g} mm of the flange", remedy="give the mass of spindle and tool, as in 25,0,0,120",
-        )  # fmt: skip
-    centre = np.array(values[1:] or (0.0, 0.0, 0.0)) * 1e-3
-    return Payload(float(values[0]), centre)
+    return parse_payload(text)
 
 
 def not_corrected(description: ModelDescription, *, compensate: bool) -> tuple[str, ...]:
@@ -110,10 +95,11 @@ def words(found: Corrected, positions: Positions) -> str:
 def remarks(run: PostRun, found: Corrected) -> tuple[str, ...]:
     """What must be known before the program runs."""
     out = [CONTROLLER]
-    for joint, count in found.unread.items():
+    if found.unread:
+        where = ", ".join(f"{joint} at {count}" for joint, count in found.unread.items())
         out.append(
-            f"at {count} of {run.posted.program.n} targets {joint} stands where its error curve is not identified: "
-            "there the correction lacks it"
+            f"of {run.posted.program.n} targets, error curves of joints are not identified for {where}: there the "
+            "correction lacks them; another gamma or branch may stand where the arm was read"
         )
     if not found.turns:
         out.append(
@@ -134,7 +120,7 @@ def section(run: PostRun, found: Corrected, positions: Positions, pictures: Pict
         for k, (name, values) in enumerate(lines.items()):
             ax.plot(x, values * 1e6, color=SERIES[k % len(SERIES)], linestyle=LINES[k % len(LINES)], label=name)
         ax.set(xlabel="move", ylabel="off, um")
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, 1.25e6 * max(float(values.max(initial=1e-6)) for values in lines.values()))
         ax.legend(loc="upper right", ncols=4)
     picture: Picture = pictures.add(
         figure, "correction", "By the calibrated model, at the targets as designed; compensation takes it off."

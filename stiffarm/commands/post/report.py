@@ -15,7 +15,7 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from robots.arrays import Array
-from robots.schema.description import Positions
+from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
@@ -115,9 +115,10 @@ def write_report(run: PostRun, heading: str, folder: OutputFolder, positions: Po
         sections.append(corrected.section(run, run.corrected, positions, pictures))
     sections.append(_reading(run))
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
+    path = "tool path" if run.corrected is None else "moved targets"
     lede = (
         f"{len(run.trips)} program{'s' if len(run.trips) > 1 else ''} written from {program.motions.source}; read "
-        f"back, none leaves the tool path by more than {max(worst, 1e-3):.2g} um. {run.request.motions.n} moves read, "
+        f"back, none leaves the {path} by more than {max(worst, 1e-3):.2g} um. {run.request.motions.n} moves read, "
         f"{program.n} written: {int(program.inserted.sum())} points put in so that joint motion stays within "
         f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line."
     )

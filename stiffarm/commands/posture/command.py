@@ -137,7 +137,7 @@ def posture(
     report.html, axes.html (the axes map to drag the course in), posture.csv and posture.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True).as_designed
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")

@@ -13,6 +13,7 @@ from doe import bundled_data
 from meshes import RobotMasses, robot_masses
 from robots import InputError, ModelDescription, Robot, bundled_names, load_description
 from robots.arm_class import ArmClass, arm_class
+from robots.joint_errors import designed
 from robots.library.models import library_table
 from robots.robot import robot_from
 from robots.schema.description import Joint
@@ -79,7 +80,7 @@ def show_command(
         if name is not None and pose is not None:
             from stiffarm.commands.robots.pose import answer_pose
 
-            answer_pose(frame, described(name), pose)
+            answer_pose(frame, designed(described(name)), pose)
             return
         if name is not None:
             description = described(name)
@@ -143,7 +144,7 @@ def check_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.robots.check import answer_check
 
-        answer_check(frame, described(model), model, table, tolerance_mm)
+        answer_check(frame, designed(described(model)), model, table, tolerance_mm)
 
 
 def _marked(value: float | None, *, mark: bool = False) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +13,7 @@ from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
-from robots.robot import as_designed
+from robots.joint_errors import designed
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import distance_words, offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
@@ -96,9 +95,8 @@ def verify_command(
         )
         # Springs and effects move nothing here: the model as a whole is needed to name its parameters only.
         description = frame.model(model, sets=sets).description if sets else described(model)
-        arm = arm_of(model, description)
         # Programs are the controller's, which computes with the arm as designed.
-        arm = replace(arm, robot=as_designed(arm.robot))
+        arm = arm_of(model, designed(description))
         expect(program, PROGRAM, model=model)
         checked = read_program(program, arm.robot, read_cell(cell))
         frame.files |= {"model": content_hash(description), "program": program, "cell": cell}

@@ -59,6 +59,16 @@ def test_axes_stay_axes_where_weight_bends_the_arm(name: str) -> None:
     assert np.linalg.norm(p - bare, axis=1).max() > 1e-5
 
 
+def test_arms_whose_joints_turn_alone_need_one_pose(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = with_errors(build_model(load_description("kr60-3"), "rigid"))
+    arm = RealArm(model, Payload(50.0, np.array([0.0, 0.0, 0.2])))
+    short = arm.frames(poses(model), TOOL)
+    monkeypatch.setattr(RealArm, "_only_turns", property(lambda _: False))
+    long = arm.frames(poses(model), TOOL)
+    for one, other in zip(short, long, strict=True):
+        assert_allclose(one, other, atol=1e-12)
+
+
 def moved(model: ArmModel, change: Array) -> ArmModel:
     """The arm with its parameters, as in ``NAMES``, changed."""
     errors = model.robot.errors

@@ -120,11 +120,11 @@ def section(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> S
     """The page's part on what to do with the result."""
     tables = []
     for one in found:
-        who = ", ".join(one.formats) or "no program format; angles as tables of this model have them"
+        who = f"for {', '.join(one.formats)}" if one.formats else "as tables of this model count the angles"
         rows = tuple(
             (name, "-" if np.isnan(v) else f"{v:+.4f}") for name, v in zip(one.axes, one.zeros_deg, strict=True)
         )
-        tables.append(Table(f"Joint zeros for {who}", ("axis", "really beyond shown (deg)"), rows, text_columns=(0,)))
+        tables.append(Table(f"Joint zeros, {who}", ("axis", "really beyond shown (deg)"), rows, text_columns=(0,)))
         tools = tuple((name, *(f"{1e3 * v:.3f}" for v in p)) for name, p in one.tools.items())
         heads = ("target", "x (mm)", "y (mm)", "z (mm)")
         tables.append(Table(f"Targets in the flange frame, {who}", heads, tools, text_columns=(0,)))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from doe.absolute.calibrate import Positions
+from doe.absolute.regions import Regions
 from doe.absolute.written import Written
 from fem.arm import Arm
 from machining.programs.controller_offsets import ControllerOffsets
-from stiffarm.commands.calibrate.positions import corrections
+from stiffarm.commands.calibrate.positions import corrections, region_pages
 from stiffarm.commands.calibrate.positions.figures import accuracy_figure, curves_figure
 from stiffarm.commands.calibrate.positions.tables import accuracy_table, accuracy_words, parameters_table
 from stiffarm.pages.blocks import Pictures
@@ -19,8 +20,9 @@ QUESTION = "where is the tool really, and why?"
 
 
 def write_report(
-    given: Arm, c: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], folder: OutputFolder
-) -> None:
+    given: Arm, c: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], by_region: Regions,
+    folder: OutputFolder,
+) -> None:  # fmt: skip
     """Draw all figures and write report.html; ``back``: the calibrated model and what controllers take of it."""
     pictures = Pictures(folder)
     key = [
@@ -28,7 +30,13 @@ def write_report(
         KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
         KeyFigure(f"{len(c.gross)}", "wrong readings named" if len(c.gross) != 1 else "wrong reading named"),
     ]
-    told = [_accuracy(c, pictures), *_curves(c, pictures), _parameters(c), *_wrong(c)]
+    told = [
+        _accuracy(c, pictures),
+        region_pages.section(by_region, pictures),
+        *_curves(c, pictures),
+        _parameters(c),
+        *_wrong(c),
+    ]
     sections = [*told, corrections.section(c, *back), _open(c), _readings(c)]
     known = [one for one in c.findings if one.status == "determined"]
     sure = (

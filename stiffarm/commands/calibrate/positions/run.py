@@ -8,13 +8,14 @@ from typing import Any
 
 from doe.absolute.calibrate import Positions, calibrate_positions
 from doe.absolute.readings import AbsoluteReadings
+from doe.absolute.regions import Regions, accuracy_regions
 from doe.absolute.table import is_absolute, joined, read_absolute
 from doe.absolute.written import Written, written
 from doe.tables.columns import read_table
 from fem.arm import Arm
 from machining.programs.controller_offsets import ControllerOffsets
 from robots import InputError
-from stiffarm.commands.calibrate.positions import corrections, payload, tables
+from stiffarm.commands.calibrate.positions import corrections, payload, region_pages, tables
 from stiffarm.session import parsing
 from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
@@ -70,18 +71,22 @@ def calibrate_tables(
             )  # fmt: skip
         made = written(found, given.description)
         taken = corrections.offsets(found, made)
-        content = payload.positions(given, found) | {"corrections": corrections.content(found, made, taken)}
+        content = payload.positions(given, found)
+        by_region = accuracy_regions(found, seed=seed)
+        content |= {
+            "regions": region_pages.payload(by_region), "corrections": corrections.content(found, made, taken)
+        }  # fmt: skip
         if folder is not None:
-            _write(given, found, (made, taken), content, folder)
-    frame.answer(content, lambda: tables.show(found))
+            _write(given, found, (made, taken), by_region, content, folder)
+    frame.answer(content, lambda: tables.show(found, by_region))
     if frame.out is not None and not frame.as_json:
         for remark in corrections.remarks(found, made):
             say(f"note: {remark}")
 
 
 def _write(
-    given: Arm, found: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], content: dict[str, Any],
-    folder: OutputFolder,
+    given: Arm, found: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], by_region: Regions,
+    content: dict[str, Any], folder: OutputFolder,
 ) -> None:  # fmt: skip
     """positions.json, the corrections, parameters.csv, curves.csv, errors.csv, pictures and report.html."""
     from stiffarm.commands.calibrate.positions.report import write_report
@@ -89,8 +94,9 @@ def _write(
     folder.write_json("positions.json", content)
     corrections.write(found, *back, folder)
     folder.write_text("parameters.csv", payload.parameters_csv(found))
+    folder.write_text("regions.csv", region_pages.regions_csv(by_region))
     folder.write_text("errors.csv", payload.errors_csv(found))
     if found.curves:
         folder.write_text("curves.csv", payload.curves_csv(found))
     with folder.timed("report"):
-        write_report(given, found, back, folder)
+        write_report(given, found, back, by_region, folder)

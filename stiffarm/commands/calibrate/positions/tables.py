@@ -8,6 +8,7 @@ import numpy as np
 
 from doe.absolute.calibrate import Positions
 from doe.absolute.identified import Finding
+from doe.absolute.regions import Regions
 from robots.arrays import Array
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
@@ -16,7 +17,7 @@ from stiffarm.session.console import say
 SHOWN = 12
 
 
-def show(c: Positions) -> None:
+def show(c: Positions, by_region: Regions) -> None:
     """Accuracy, parameters, and what the reader must know."""
     accuracy_table(c).show()
     parameters_table(c.findings).show()
@@ -24,6 +25,7 @@ def show(c: Positions) -> None:
         say(f"note: {remark}")
     if len(c.remarks) > SHOWN:
         say(f"note: {len(c.remarks) - SHOWN} further remarks: --json or --out has them all")
+    say(f"by region: {by_region.words}")
     say(accuracy_words(c))
 
 

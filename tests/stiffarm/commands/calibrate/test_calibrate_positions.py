@@ -62,9 +62,17 @@ def test_files_are_written(found: Outcome, folder: Path) -> None:
     out = folder / "out"
     assert json.loads((out / "positions.json").read_text(encoding="utf-8")) == found.json
     names = ("report.html", "parameters.csv", "errors.csv", "figures/accuracy.png", "run.json", "model.toml")
-    for name in (*names, "calibrated.urdf", "controller.json"):
+    for name in (*names, "calibrated.urdf", "controller.json", "regions.csv", "figures/regions.png"):
         assert (out / name).is_file(), name
     assert len((out / "errors.csv").read_text(encoding="utf-8").splitlines()) == 64
+
+
+def test_regions_of_the_workspace_are_told(found: Outcome, folder: Path) -> None:
+    regions = found.json["regions"]["regions"]
+    assert sum(r["readings"] for r in regions) == 62  # all but the wrong one
+    assert {"before", "after", "left_out", "low_mm", "high_mm", "verdict"} <= set(regions[0])
+    rows = (folder / "out" / "regions.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == len(regions) + 1
 
 
 def test_corrections_say_what_has_no_place(found: Outcome, folder: Path) -> None:
@@ -86,6 +94,7 @@ def test_corrections_say_what_has_no_place(found: Outcome, folder: Path) -> None
     assert json.loads((folder / "out" / "controller.json").read_text(encoding="utf-8"))["controllers"] == [one]
 
 
+@pytest.mark.slow
 def test_the_calibrated_model_is_where_the_next_calibration_starts(found: Outcome, folder: Path) -> None:
     again = run_here("calibrate", folder / "out" / "model.toml", UR5 / "random.csv", "--free", "zeros", "--json")
     assert again.code == 0, again.err

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import tomlkit
 from cli_runs import Outcome, run_here
+from made_up_positions import Plan, Truth, campaign
 
+from fem import build_model
 from machining.cell import read_cell
 from machining.programs.formats import read_program
 from machining.programs.program import frame_distance
@@ -132,3 +134,32 @@ def test_payload_of_a_model_without_positions_is_refused(shop: Path) -> None:
                        "0,0,10", "--payload", "25", "--out", shop / "bad")  # fmt: skip
     assert outcome.code == 2
     assert "stiffarm calibrate" in outcome.err
+
+
+@pytest.mark.slow
+def test_from_readings_to_a_program_whose_doubt_is_said(shop: Path) -> None:
+    model = build_model(load_description("kr60-3"), "rigid").with_rigid_joints()
+    numbers = {"j2.frame.x": 1e-3, "j3.zero": 1e-3, "j4.frame.rx": -1e-3, "j2.stiffness": 1e-6, "j3.stiffness": 1e-6}
+    places = {"a": (0.1, 0.0, 0.05), "b": (-0.1, 0.1, 0.05), "c": (0.0, -0.15, 0.1)}
+    numbers |= {f"target.{t}.{a}": v for t, p in places.items() for a, v in zip("xyz", p, strict=True)}
+    read = campaign(model, Truth(numbers), Plan(90, targets=3, noise=2e-5), np.random.default_rng(1))
+    head = ",".join((*model.robot.coordinates, "x_mm", "y_mm", "z_mm", "session", "target"))
+    rows = [
+        ",".join([*(f"{v:.9f}" for v in (*np.degrees(q), *(1e3 * p))), "s", "abc"[t]])
+        for q, p, t in zip(read.q, read.position, read.target.number, strict=True)
+    ]
+    (shop / "read.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    calibrated = run_here("calibrate", "kr60-3", shop / "read.csv", "--free", "geometry,springs", "--out", shop / "cal",
+                          "--json")  # fmt: skip
+    assert calibrated.code == 0, calibrated.err
+    made = run_here("post", shop / "cal" / "model.toml", shop / "path.csv", "--cell", shop / "cell.toml", "--gamma",
+                    "90", "--compensate", "--force", "100,0,0", "--tolerance-um", "200", "--out", shop / "made",
+                    "--json")  # fmt: skip
+    assert made.code == 0, made.err
+    c = made.json["correction"]
+    assert 1.0 < c["place_sd_um"] < 100.0
+    assert c["turns_corrected"]
+    assert c["targets_where_a_joint_error_is_not_identified"] == {}
+    # The covariance of the springs serves the force's part.
+    assert c["error_sd_um"] > 0.0
+    assert made.json["stiffness_uncertainty"]
