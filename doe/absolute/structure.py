@@ -16,7 +16,7 @@ from doe.absolute.readings import AbsoluteReadings, Labels
 from doe.absolute.reduced import FRAME, frame_columns
 from doe.absolute.unknowns import Layout, Unknown
 from fem import ArmModel
-from robots.arrays import Array, Indices
+from robots.arrays import Array
 
 # What is left of a column across those before it, as a share of its length, below which it is their twin.
 TWIN = 1e-7
@@ -98,14 +98,10 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
         session=Labels(("",), np.zeros(n, dtype=np.int64)),
         target=Labels(data.target.names, np.arange(n) % len(data.target.names)),
         payload=data.payload[pick], rail=rng.uniform(*span, n), sigma=np.full(n, np.nan),
-        line=np.zeros(n, dtype=np.int64), **_moments(data, pick, rng),
+        line=np.zeros(n, dtype=np.int64),
+        time=rng.uniform(data.time.min(), data.time.max(), n) if len(data.time) else data.time,
+        temperature=data.temperature[pick] if len(data.temperature) else data.temperature,
     )  # fmt: skip
-
-
-def _moments(data: AbsoluteReadings, pick: Indices, rng: np.random.Generator) -> dict[str, Array]:
-    """Times and temperatures at random, where the readings have them."""
-    time = rng.uniform(data.time.min(), data.time.max(), len(pick)) if len(data.time) else data.time
-    return {"time": time, "temperature": data.temperature[pick] if len(data.temperature) else data.temperature}
 
 
 def _dependent(columns: Array, names: Sequence[str]) -> list[Twin]:

@@ -154,14 +154,14 @@ def diagnose_positions(
     before = work.fit(())
     looks, picks = _looks(work, before, some, say)
     after = work.fit(_all_of(picks))
-    effects, provisional = [], []
+    effects, provisional = list[FoundEffect](), list[FoundEffect]()
     for k, pick in enumerate(picks):
         others = [other for i, other in enumerate(picks) if i != k]
         one = _once_more(work, pick, others, some) if len(picks) > 1 else pick
         (effects if one.probability >= NAME else provisional).append(one)
     parts = folds(len(data), len(data) if len(data) < FEW else FOLDS, seed)
     predicted = left_out(before, parts), left_out(after, parts) if picks else left_out(before, parts)
-    kept = None if holdout is None else (holdout, *(carried_over(f, holdout)[0] for f in (before, after)))
+    kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
     out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after, predicted, kept, same,
                   gross(after), has_weight(model, data))  # fmt: skip
     verdict, reason = _verdict(out)

@@ -23,7 +23,7 @@ from doe.absolute.fit import Fit, given_weight
 from doe.absolute.missing.candidates import Candidate, Shape
 from doe.absolute.reduced import FRAME, Reduced, block_rows, frame_columns, reduce_sessions, upper
 from doe.absolute.unknowns import Layout, Unknown
-from robots.arrays import Array, Indices, in_blocks
+from robots.arrays import Array, Bools, Indices, in_blocks
 
 UNKNOWN, NONE = "unknown", "none"
 # Sizes of an effect that are tried: what it does to the readings (RMS), in the scatter that the base leaves.
@@ -228,7 +228,7 @@ class _Columns:
     s: Array
     y: Array
     Vt: Array
-    positive: Array
+    positive: Bools
 
     @staticmethod
     def nothing() -> _Columns:
@@ -236,7 +236,7 @@ class _Columns:
         return _Columns(np.zeros(0), np.zeros(0), np.zeros((0, 0)), np.zeros(0, dtype=np.bool_))
 
     @staticmethod
-    def of(one: _At, columns: Indices, scale: Array, positive: Array | None) -> _Columns:
+    def of(one: _At, columns: Indices, scale: Array, positive: Bools | None) -> _Columns:
         """Of columns that are larger by ``scale``."""
         # The rows are a triangle: further ones hold nothing of these columns.
         rows = int(columns.max()) - one.base + 1
@@ -296,7 +296,7 @@ def _best(at: Sequence[_At], every: Sequence[_Columns], sizes: Array, points: in
 
 def _of_columns(
     at: Sequence[_At], nearest: _At, none: _Found, columns: Indices, scale: Array, points: int,
-    positive: Array | None = None,
+    positive: Bools | None = None,
 ) -> _Found | None:  # fmt: skip
     """The evidence with some columns; None where the base follows them."""
     every = [_Columns.of(one, columns, scale, positive) for one in at]
