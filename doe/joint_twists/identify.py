@@ -26,6 +26,7 @@ from doe.joint_twists.laws import (
     check_law,
     choose_law,
     fit_law,
+    fullest,
 )
 from doe.joint_twists.readings import TwistReadings
 from fem import ArmModel
@@ -88,7 +89,7 @@ def identify(
 
     Parameters
     ----------
-    law : of every direction; None chooses for each the one that predicts angles left out best
+    law : of every direction; None takes for each the fullest that its angles can tell
     branches : "mean" of loading and unloading, or "loading" alone
 
     Raises
@@ -198,7 +199,10 @@ def _direction(
     if law is None:
         return replace(found, scores=scores)
     if is_judged:
-        return replace(found, status="determined", law=law, scores=scores)
+        told = replace(found, status="determined", law=law, scores=scores)
+        # Where rigid is possible at an angle that was measured, there is no upper limit, and it is not determined.
+        limited = bool(np.isfinite(told.stiffness(angle)[2]).all())
+        return told if limited else replace(told, status="one-sided")
     unsure = replace(law, covariance=np.full_like(law.covariance, np.nan))
     return replace(found, status="not judged", law=unsure, scores=scores)
 
@@ -257,7 +261,7 @@ def unjudged(
 
     watched = [j for j in range(len(names)) if (cycles.joint == j).any()]
     for j in watched:
-        for reason in _of_angles(len(angles_of(cycles.angle[cycles.joint == j])[0]), asked):
+        for reason in _of_angles(angles_of(cycles.angle[cycles.joint == j])[0], asked):
             add("how the stiffnesses vary with the angle", names[j], reason)
         for kind, words in enumerate(KINDS):
             if not cycles.noise_known[j, kind]:
@@ -272,13 +276,16 @@ def unjudged(
     return tuple(Unjudged(what, tuple(of), reason) for (what, reason), of in found.items())
 
 
-def _of_angles(count: int, asked: LawKind | None) -> list[str]:
+def _of_angles(angles: Array, asked: LawKind | None) -> list[str]:
+    count = len(angles)
     if count == 1:
         return ["all readings at one angle (whole turns apart is the same angle)"]
     if asked is None and count < FEWEST_FOR_A_LAW:
         return [f"fewer than {FEWEST_FOR_A_LAW} angles; constants are taken"]
     if asked is None and count < FEWEST_FOR_ORDER_TWO:
         return [f"fewer than {FEWEST_FOR_ORDER_TWO} angles show nothing that varies faster than once a turn"]
+    if asked is None and fullest(angles) != "fourier-2":
+        return ["angles over less than half a turn show nothing that varies faster than once a turn"]
     return []
 
 

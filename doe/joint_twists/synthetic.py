@@ -70,8 +70,10 @@ class Campaign:
     unloading: bool = True
 
 
-def draw_truth(model: ArmModel, rng: np.random.Generator, *, swing: float = 0.12) -> Truth:
+def draw_truth(model: ArmModel, rng: np.random.Generator, *, swing: float = 0.12, second: float = 0.0) -> Truth:
     """Stiffnesses of a TX200-like arm with six joints; each varies over its angle by about ``swing``.
+
+    ``second``: a harmonic twice a turn as well, of about that size.
 
     Raises
     ------
@@ -88,6 +90,10 @@ def draw_truth(model: ArmModel, rng: np.random.Generator, *, swing: float = 0.12
             phase, size = rng.uniform(0.0, 2.0 * np.pi), swing * rng.uniform(0.5, 1.0)
             coefficients = np.array([np.log(k), size * np.cos(phase), size * np.sin(phase)])
             springs[j, r] = LawSpring(FourierBasis(j, 1), coefficients)
+            if second > 0.0:
+                phase, size = rng.uniform(0.0, 2.0 * np.pi), second * rng.uniform(0.5, 1.0)
+                more = np.array([size * np.cos(phase), size * np.sin(phase)])
+                springs[j, r] = LawSpring(FourierBasis(j, 2), np.concatenate([coefficients, more]))
     return Truth(springs, np.array([25.0, 25.0, 15.0, 3.0, 3.0, 1.0]))
 
 

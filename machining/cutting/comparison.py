@@ -83,9 +83,21 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """The change of the RMS error, in words, with what it rests on and leaves out."""
+        """The change of the RMS error, in words, with what goes the other way, what it rests on and leaves out."""
         rests = "; ".join(self.notes)
-        return f"{self.changes['rms'].sentence} Static deflection only. Rests on: {rests}."
+        words = " ".join([self.changes["rms"].sentence, *self.against])
+        return f"{words} Static deflection only. Rests on: {rests}."
+
+    @property
+    def against(self) -> tuple[str, ...]:
+        """What gets worse where the RMS error gets better, or better where it gets worse, a sentence each."""
+        verdict = self.changes["rms"].verdict
+        other = {"smaller": "larger", "larger": "smaller"}.get(verdict)
+        return tuple(
+            f"But {change.sentence[0].lower()}{change.sentence[1:]}"
+            for change in self.changes.values()
+            if other is not None and change.verdict == other
+        )
 
 
 def compare(

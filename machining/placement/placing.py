@@ -8,7 +8,9 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from machining.placement.confirming import confirmed, finely
 from machining.placement.following import Along, Found, along, follow, merit_of
+from machining.placement.holding import held
 from machining.placement.moving import find_moving
 from machining.placement.problem import Problem
 from machining.placement.search import FINE_ROWS, Looker, Survey, find_fixed, find_staying, refined, survey
@@ -35,8 +37,9 @@ class How:
     """How the base may move.
 
     ``mode``: "fixed", one position; "steps", at most ``steps`` of them, each move worth ``cost`` of the merit at least,
-    at rapid moves or ``anywhere``; "moving", along the path. ``course``: let gamma follow a course along the path
-    too, where that is better.
+    at rapid moves or ``anywhere``; "moving", along the path, axes held still in each cut where all of that costs no
+    more than the share ``cost`` of the merit. ``course``: let gamma follow a course along the path too, where that is
+    better.
 
     Raises
     ------
@@ -112,6 +115,9 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     if how.mode == "steps":
         check_cuts(problem, how.anywhere)
     surveyed = survey(problem)
+    if all(look.why for look in surveyed.grid):
+        # Angles between those of the range may be free where these are not.
+        surveyed = confirmed(surveyed, _named(said, "position"))
     problem = surveyed.problem
     fixed, why_no_fixed = _or_why(lambda: find_fixed(problem, surveyed, _named(said, "position")), how.mode != "fixed")
     count = len(surveyed.grid) if fixed is None else fixed.evaluations
@@ -123,12 +129,16 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     elif how.mode == "steps":
         chosen, looked = _in_steps(problem, how, fixed, rest, notes, _named(said, "steps"))
     else:
-        chosen, looked = _moving(problem, fixed, rest, notes, _named(said, "motion"))
+        chosen, looked = _moving(problem, how, fixed, rest, notes, _named(said, "motion"))
     if how.course:
         chosen = _with_course(problem, chosen, notes)
     e, table = start_of(problem.space)
     before, why_no_before = _or_why(lambda: follow(problem, e, table, 0.0))
     staying, why_no_staying = _or_why(lambda: find_staying(problem, e, table))
+    if staying is None and isinstance(problem.gamma, GammaRange):
+        # Angles between those of the range may be free where these are not.
+        staying, _ = _or_why(lambda: find_staying(finely(problem), e, table))
+        why_no_staying = why_no_staying if staying is None else None
     criterion = problem.goal.criterion or _comparable(problem, chosen)
 
     def told(one: _Choice) -> Along:
@@ -285,7 +295,7 @@ def _joined(courses: list[Course]) -> Course:
 
 
 def _moving(
-    problem: Problem, fixed: Found | None, rest: _Choice | None, notes: list[str], progress: Progress | None
+    problem: Problem, how: How, fixed: Found | None, rest: _Choice | None, notes: list[str], progress: Progress | None
 ) -> tuple[_Choice, int]:
     resting, also = _resting_table(problem, fixed)
     gamma = None if fixed is None else float(fixed.gamma)
@@ -297,9 +307,17 @@ def _moving(
             raise
         notes.append(f"The base stays at rest, because no motion was found: {error}.")
         return rest, 0
-    if rest is not None and moved.merit <= enough:
-        notes.append("Moving along the path brings nothing here: the base stays at rest.")
+    if rest is not None and moved.merit <= enough + how.cost * abs(enough):
+        notes.append(f"Moving along the path brings no more than {100.0 * how.cost:g} % here: the base stays at rest.")
         return rest, moved.evaluations
+    still, names = held(resting, moved, how.cost, progress)
+    if names and (rest is None or still.merit > enough):
+        given_up = 100.0 * (moved.merit - still.merit) / abs(moved.merit)
+        notes.append(
+            f"Holding still in each cut: {', '.join(names)}. Moving {'it' if len(names) == 1 else 'them'} along would "
+            f"bring {given_up:.2g} % of the aim."
+        )
+        moved = still
     return _standing(resting, moved.x, moved.course), moved.evaluations
 
 

@@ -13,13 +13,12 @@ from itertools import product
 import numpy as np
 
 from machining.placement.following import Found, follow, merit_of
+from machining.placement.freedom import Runs, best_merits, freedom, runs_of, values_with
 from machining.placement.problem import Problem
 from machining.placement.sweeping import (
     Shortfall,
     Sites,
-    blocked,
     lacks,
-    merits,
     shortfalls,
     sweep_sites,
     unreachable,
@@ -48,19 +47,26 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
-# Postures of one position that are asked for collisions before it is given up, the best first. There must be so many:
-# the stiffest may all be of a branch that is nowhere free, as that with the elbow in the floor.
-TRIES = 400
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Stopped:
+    """A pose ``q`` (dof,) rad at path point ``point`` and angle ``gamma`` rad that collides or is singular."""
+
+    point: int
+    gamma: float
+    q: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
     """One position looked at: coordinates x (d,), merit (-inf: none), its angle, or why it has none.
 
-    ``values`` (m,): stiffness N/m or surface error m at the points looked at, None where there is no merit.
-    ``shortfall``: what it lacks where it is out of reach, as far as that is asked for.
+    ``why``: of :data:`machining.placement.freedom.CAUSES`. ``values`` (m,): stiffness N/m or surface error m at the
+    points looked at, None where there is no merit. ``shortfall``: what it lacks where it is out of reach or beyond
+    joint limits, as far as that is asked for; ``stopped``: where it is stopped by something else.
     """
 
     x: Array
@@ -69,6 +75,7 @@ class Look:
     why: str
     shortfall: Shortfall | None = None
     values: Array | None = None
+    stopped: Stopped | None = None
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -81,12 +88,14 @@ class Look:
 class Survey:
     """Looks at a grid of positions, in the order of :meth:`machining.placement.space.Space.grid` with ``counts``.
 
-    ``problem``: with weights of K_sf.
+    ``problem``: with weights of K_sf. ``angles``: how many angles gamma a barred position was looked at with at least;
+    0: it is a coarse survey, not :func:`machining.placement.confirming.confirmed`.
     """
 
     problem: Problem
     grid: tuple[Look, ...]
     counts: tuple[int, ...]
+    angles: int = 0
 
 
 class Looker:
@@ -110,51 +119,52 @@ class Looker:
         if self.progress is not None:
             self.progress(min(self.count, self.total), self.total)
         sites = _with_finer_gamma(self.problem, sites, self.lacking)
-        looks = self._looks(x, sites)
+        looks, best = self._looks(x, sites)
         # Gamma was refined about the best of all postures; where those are in the way, about the best that is free.
-        best = merits(self.problem, sites).max(axis=(1, 2))
-        lesser = [i for i, look in enumerate(looks) if np.isfinite(look.merit) and look.merit < best[i]]
+        lesser = [i for i, look in enumerate(looks) if np.isfinite(look.merit) and look.merit < best[i].max()]
         if lesser and isinstance(self.problem.gamma, GammaRange):
             freed = self._refined_again(x[lesser], sites.at_positions(np.array(lesser)), [looks[i] for i in lesser])
             for i, look in zip(lesser, freed, strict=True):
                 looks[i] = look
-        lost = [i for i, look in enumerate(looks) if look.why == "reach"]
+        lost = [i for i, look in enumerate(looks) if look.why in ("reach", "limit")]
         if lost and self.lacking:
             short = shortfalls(self.problem, sites.at_positions(np.array(lost)))
             for i, lacking in zip(lost, short, strict=True):
                 looks[i] = replace(looks[i], shortfall=lacking)
         return looks
 
-    def _looks(self, x: Array, sites: Sites) -> list[Look]:
-        merit = merits(self.problem, sites)
-        return [self._look(at, sites, merit[i], i) for i, at in enumerate(x)]
+    def _looks(self, x: Array, sites: Sites) -> tuple[list[Look], Array]:
+        """Looks, and merits (p, g) of the angles whatever is in the way."""
+        runs = runs_of(self.problem, sites)
+        merit = best_merits(self.problem, sites, runs)
+        return [look_of(self.problem, at, sites, i, runs, merit[i]) for i, at in enumerate(x)], merit
 
     def _refined_again(self, x: Array, sites: Sites, looks: list[Look]) -> list[Look]:
         """The same positions with gamma refined about the free postures that were found."""
         assert isinstance(self.problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to refine
         half = self.problem.gamma.cell
         for _ in range(FINER):
-            sites = _around(self.problem, sites, np.array([look.gamma for look in looks]), half)
-            looks = [max(pair, key=lambda look: look.merit) for pair in zip(looks, self._looks(x, sites), strict=True)]
+            # The angles before were looked at already.
+            more = _around(self.problem, sites, np.array([look.gamma for look in looks]), half)
+            looks = [
+                max(pair, key=lambda look: look.merit) for pair in zip(looks, self._looks(x, more)[0], strict=True)
+            ]
             half *= 2.0 / AROUND
         return looks
 
-    def _look(self, x: Array, sites: Sites, merit: Array, site: int) -> Look:
-        """Best angle of a position that keeps clear of singularities and of everything in the cell."""
-        order = np.argsort(-merit, axis=None, kind="stable")
-        first, before = "reach", dict[int, list[int]]()
-        for flat in order[np.isfinite(merit.ravel()[order])][:TRIES]:
-            at = (site, *np.unravel_index(flat, merit.shape))
-            # Where one angle of a branch collides its neighbours do as a rule: those poses are asked first.
-            poses = before.setdefault(int(at[2]), [])
-            table = float(sites.table[site])
-            why, pose = blocked(self.problem, sites.q[at], sites.e[site], table, poses)
-            if not why:
-                return Look(x, float(merit[at[1:]]), float(sites.gamma[at[:2]]), "", values=sites.value[at])
-            if pose not in poses:
-                poses.insert(0, pose)
-            first = why if first == "reach" else first
-        return Look(x, -np.inf, np.nan, first)
+
+def look_of(problem: Problem, x: Array, sites: Sites, site: int, runs: Runs, merit: Array) -> Look:
+    """What one position of a sweep comes to; ``merit`` (g,) of its angles, see :func:`machining.placement.freedom`."""
+    found = freedom(problem, sites, site, runs, merit)
+    gamma = np.nan if found.angle < 0 else float(sites.gamma[site, found.angle])
+    if not found.why:
+        values = values_with(sites, runs, site, found.angle, found.branches)
+        return Look(x, found.merit, gamma, "", values=values)
+    if found.row < 0:
+        return Look(x, -np.inf, np.nan, found.why)
+    run = int(np.searchsorted(runs.start, found.row, side="right")) - 1
+    stopped = Stopped(int(sites.rows[found.row]), gamma, sites.q[site, found.angle, found.branches[run], found.row])
+    return Look(x, -np.inf, np.nan, found.why, stopped=stopped)
 
 
 def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
@@ -162,25 +172,25 @@ def _with_finer_gamma(problem: Problem, sites: Sites, lacking: bool) -> Sites:
     if not isinstance(problem.gamma, GammaRange):
         return sites
     half, p = problem.gamma.cell, np.arange(len(sites.e))
-    if not lacking and not np.isfinite(merits(problem, sites)).any():
+    if not lacking and not np.isfinite(best_merits(problem, sites)).any():
         return sites
     for _ in range(FINER):
-        merit = merits(problem, sites).max(axis=2)
+        merit = best_merits(problem, sites)
         lost = ~np.isfinite(merit).any(axis=1)
         if lost.any() and lacking:
             merit[lost] = -lacks(problem, sites.at_positions(np.flatnonzero(lost)))[0].max(axis=3).min(axis=2)
-        sites = _around(problem, sites, sites.gamma[p, merit.argmax(axis=1)], half)
+        sites = with_more_angles(sites, _around(problem, sites, sites.gamma[p, merit.argmax(axis=1)], half))
         half *= 2.0 / AROUND
     return sites
 
 
 def _around(problem: Problem, sites: Sites, centre: Array, half: float) -> Sites:
-    """The sweep, and more angles about one (p,) rad of each position, ``half`` rad to either side."""
+    """Angles about one (p,) rad of each position of a sweep, ``half`` rad to either side."""
     assert isinstance(problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to refine
     # Between the angles that are there already.
     offsets = half * (np.arange(AROUND) + 0.5 - 0.5 * AROUND) * 2.0 / AROUND
     gamma = problem.gamma.inside(centre[:, None] + offsets)
-    return with_more_angles(sites, sweep_sites(problem, sites.e, sites.table, sites.rows, gamma))
+    return sweep_sites(problem, sites.e, sites.table, sites.rows, gamma)
 
 
 def survey(problem: Problem, counts: tuple[int, ...] | None = None) -> Survey:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from machining.cell import Cell, Scene, arm_of, scene_of
+from machining.placement.confirming import confirmed
 from machining.placement.placing import How, Placed, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
@@ -68,5 +69,6 @@ def place_along(
     if mapped and problem.space.d in MAP:
         if said is not None:
             said("map", 0, 1)
-        grid = survey(replace(problem, goal=placed.problem.goal), MAP[problem.space.d])
+        drawn = survey(replace(problem, goal=placed.problem.goal), MAP[problem.space.d])
+        grid = confirmed(drawn, None if said is None else lambda done, total: said("map", done, total))
     return PlacedStep(given, placed, grid, notes)

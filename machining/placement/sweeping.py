@@ -124,26 +124,13 @@ def with_more_angles(a: Sites, b: Sites) -> Sites:
     return _joined((a, b), BY_ANGLE, axis=1)
 
 
-def merits(problem: Problem, sites: Sites) -> Array:
-    """Merit (p, g, b) of each posture kept all along the path, -inf where some point does not allow it."""
-    whole = sites.valid.all(axis=3)
-    out = np.full(whole.shape, -np.inf)
-    if whole.any():
-        share = problem.share_of(sites.rows)
-        out[whole] = problem.goal.merit(sites.value[whole], share, problem.path.n)
-    return out
-
-
 def in_the_way(problem: Problem, q: Array, e: Array, table: float) -> str:
     """Say "singularity" or "collision" if poses q (m, dof) rad come too near, else nothing; e (k,) or (m, k) m."""
     return blocked(problem, q, e, table)[0]
 
 
-def blocked(problem: Problem, q: Array, e: Array, table: float, first: Sequence[int] = ()) -> tuple[str, int]:
-    """What is in the way of poses q (m, dof) rad, as :func:`in_the_way`, and the number of a pose where it is.
-
-    ``first``: poses that are asked for collisions before the others; e (k,) m, or (m, k).
-    """
+def blocked(problem: Problem, q: Array, e: Array, table: float) -> tuple[str, int]:
+    """What is in the way of poses q (m, dof) rad, as :func:`in_the_way`, and the number of a pose where it is."""
     if problem.drive.singular_least > 0.0:
         clear = problem.drive.near_singular(problem.model.robot, q)[1]
         if not clear.all():
@@ -151,9 +138,6 @@ def blocked(problem: Problem, q: Array, e: Array, table: float, first: Sequence[
     if problem.scene is None:
         return "", -1
     base = np.broadcast_to(e, (len(q), np.shape(e)[-1]))
-    for rows in ([row] for row in first):
-        if (distances(problem, q[rows], base[rows], table) < problem.clearance).any():
-            return "collision", rows[0]
     gap = distances(problem, q, base, table)
     nearest = int(gap.argmin())
     return ("collision", nearest) if gap[nearest] < problem.clearance else ("", -1)

@@ -175,8 +175,8 @@ class BestAtPoints:
 class GammaChoice:
     """One gamma (rad) for all points of a region.
 
-    ``column`` into the distribution's gamma; ``score`` (m,) that was compared, in the quantity's unit, NaN where a
-    gamma was not allowed; ``share`` (m,) of the region that each gamma reaches.
+    ``column`` into the distribution's gamma; ``score`` (m,): mean or worst value over what each reaches, in the
+    quantity's unit, NaN where a gamma was not allowed; ``share`` (m,) of the region that each gamma reaches.
     """
 
     column: int
@@ -280,8 +280,10 @@ def best_gamma(
     ----------
     inside : (n,) the region's points, as :func:`machining.stiffness.grid.in_box` and its like give; default all
     aim : the mean over the region or its worst point; default the objective's
-    partly : also allow a gamma that does not reach all of the region, judged by what it does reach. A gamma that loses
-        the soft places then looks better for it
+    partly : also allow a gamma that does not reach all of the region: its value over what it reaches, times the share
+        of the region that it reaches (for a quantity that is to be small, divided by it), decides. A point that is
+        missed counts as one that has no stiffness; so a gamma cannot win by losing the soft places, nor lose the
+        stiff ones to a few points at the rim
 
     Raises
     ------
@@ -303,7 +305,9 @@ def best_gamma(
             allowed="a gamma that does",
             remedy="move or shrink the region, change the tool, or judge by what is reached (partly)",
         )
-    merit = np.where(np.isnan(score), -np.inf, found.objective.sign * score)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weighed = score / s.share if found.objective.minimised else score * s.share
+    merit = np.where(np.isnan(score), -np.inf, found.objective.sign * weighed)
     column = int(_first_best(merit[None])[0])
     return GammaChoice(column, float(found.gamma[column]), float(score[column]), aim, score, s.share)
 

@@ -16,7 +16,7 @@ from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
 from robots.arrays import Array, Bools, Integers
 
-# Rates that exceed their limits by less are rounding.
+# Values that exceed their limits by a smaller share are equal to them: rounding.
 RATE_TOLERANCE = 1e-6
 # A move nearer to the tool axis than this cosine (18 deg) draws the tool out.
 RETRACT = 0.95
@@ -312,23 +312,26 @@ def _limits(reported: Reported, move: int, at: float, values: Array) -> Iterator
 def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Iterator[Offence]:
     """Singularities, branch jumps and deviations."""
     courses, each = reported.courses, reported.each
-    counted, tolerance, turn = counts(courses), demands.tolerance, demands.axis_tolerance
-    near = counted & (path.singular < demands.singular_least)
+    counted = counts(courses)
+    # A value equal to its limit is no offence, whichever way the last digit falls.
+    tolerance, turn = demands.tolerance, demands.axis_tolerance
+    most, most_turn = tolerance * (1.0 + RATE_TOLERANCE), turn * (1.0 + RATE_TOLERANCE)
+    near = counted & (path.singular < demands.singular_least * (1.0 - RATE_TOLERANCE))
     yield from each(Kind.SINGULARITY, near, path.singular_at, path.singular, demands.singular_least, "")
     for move in _where(path.changed.any(axis=1) | path.jumped):
         yield _branch_jump(reported, move, path, demands, bool(counted[move]))
-    off = path.point > tolerance
+    off = path.point > most
     text = "the point reached is another"
     yield from each(Kind.DEVIATION, off, 1.0, path.point, tolerance, "m", text=text)
     text = "the tool stands otherwise at the point"
-    yield from each(Kind.DEVIATION, ~off & (path.point_turn > turn), 1.0, path.point_turn, turn, "rad", text=text)
+    yield from each(Kind.DEVIATION, ~off & (path.point_turn > most_turn), 1.0, path.point_turn, turn, "rad", text=text)
     # Where points are off, so is the line between them; that is said once.
     known = np.maximum(path.point, np.append(0.0, path.point[:-1]))
     known[:1] = 0.0
-    left = path.run_line > tolerance + np.where(known > tolerance, known, 0.0)
+    left = path.run_line > most + np.where(known > most, known, 0.0)
     text = "between points the tip leaves the straight line"
     yield from each(Kind.DEVIATION, left, 0.5, path.run_line, tolerance, "m", text=text)
-    turned = ~left & ~courses.straight & (path.line_turn > turn)
+    turned = ~left & ~courses.straight & (path.line_turn > most_turn)
     text = "between points the tool turns otherwise"
     yield from each(Kind.DEVIATION, turned, 0.5, path.line_turn, turn, "rad", text=text)
 

@@ -20,6 +20,8 @@ from robots import forward_kinematics
 from robots.arrays import Array, Bools, Integers
 from robots.progress import Progress, report_progress
 
+# A distance less than the safety distance by no more than this (m) is equal to it: rounding of the kinematics.
+EQUAL = 1e-9
 # Added to distances from axes, m: they are differences of squares.
 ROUNDING = 1e-6
 # Poses whose bound is worked out at once.
@@ -164,7 +166,7 @@ class Swept:
                 self.distance[m], self.pair[m] = d, pair[i]
             if d < 0.0 and not share[i] >= self.hit[m]:
                 self.hit[m], self.hit_pair[m] = share[i], pair[i]
-            elif 0.0 <= d < self.safety and not share[i] >= self.low[m]:
+            elif 0.0 <= d < self.safety - EQUAL and not share[i] >= self.low[m]:
                 self.low[m], self.low_pair[m] = share[i], pair[i]
 
 

@@ -73,19 +73,33 @@ def read_setup(model: str, given: Arm, cell: Path | None, tool: str | None, part
     InputError
         A cell file together with a frame that it holds itself.
     """
+    found = read_cell_or_frames(given.robot, cell, tool, part)
     if cell is None:
-        T_tool = given.robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
+        return Setup(found)
+    setup = Setup(found, cells.arm_of(model, given.description))
+    for note in setup.notes:
+        say(f"note: {note}")
+    return setup
+
+
+def read_cell_or_frames(robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> cells.Cell:
+    """The cell of ``--cell``, or one with nothing in it but the frames of ``--tool`` and ``--part``.
+
+    Raises
+    ------
+    InputError
+        A cell file together with a frame that it holds itself.
+    """
+    if cell is None:
+        T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
-        return Setup(cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool)))
+        return cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool))
     for option, value in (("--tool", tool), ("--part", part)):
         if value is not None:
             raise InputError(
                 f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
             )
-    setup = Setup(cells.read_cell(cell), cells.arm_of(model, given.description))
-    for note in setup.notes:
-        say(f"note: {note}")
-    return setup
+    return cells.read_cell(cell)
 
 
 def say_notes(notes: Sequence[Note], file: Path) -> None:

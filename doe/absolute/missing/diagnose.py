@@ -21,7 +21,7 @@ from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import Layout, Unknown, unknowns
-from doe.diagnosis.hypotheses import ALARM, FURTHER, GAIN, NAME, PRIOR_NONE, PRIOR_UNKNOWN
+from doe.certainty.verdicts import ALARM, FURTHER, GAIN, NAME, PRIOR_NONE, PRIOR_UNKNOWN
 from fem import ArmModel
 from robots.progress import Messages
 

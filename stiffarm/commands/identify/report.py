@@ -176,10 +176,10 @@ def _law_words(d: JointTwists) -> str:
         min(x.scores, key=lambda k: x.scores[k]) != "constant" for x in d.found.directions.values() if x.scores
     )
     return (
-        f"Laws of ln k, by leaving out one angle at a time: {counts}. Order one is the least where four angles or more "
-        "were measured, so that an interval does not pretend that a stiffness is constant; order two is taken where "
-        f"it predicts angles left out clearly better. For {better} stiffnesses a law that varies predicts angles left "
-        "out better than a constant does."
+        f"Laws of ln k: {counts}. Each is the fullest that its angles can tell (order one from four angles on, order "
+        "two from six over half a turn), so that an interval does not pretend that a stiffness is constant, or varies "
+        f"once a turn only. For {better} stiffnesses a law that varies predicts angles left out better than a constant "
+        "does."
     )
 
 

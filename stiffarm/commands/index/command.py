@@ -17,6 +17,7 @@ from stiffarm.commands.index import results as index_results
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
+from stiffarm.session.inputs import with_links
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
@@ -81,13 +82,14 @@ def index(
             None if force is None else parse_vector(force, "--force", "N in base axes"),
             None if load is None else parsing.parse_load(load),
         )
-        found = index_results.answer(given.model, question)
+        rigid = None if given.model.link_kind == "rigid" else with_links(given, "rigid").model
+        found = index_results.answer(given.model, question, rigid)
         content = index_results.payload(given.robot, found)
         frame.reads(poses=table)
         with frame.folder_if() as folder:
             if folder is not None:
                 _write(folder, content, found, given)
-        frame.answer(content, lambda: _show(given, content, tool_of(given.robot, tool)))
+        frame.answer(content, lambda: _show(given, content, found, tool_of(given.robot, tool)))
 
 
 def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:
@@ -124,21 +126,22 @@ def _write(folder: OutputFolder, content: dict[str, Any], found: index_results.I
     write_report(folder, content, found, given)
 
 
-def _show(given: Arm, content: dict[str, Any], T_flange_tool: Array) -> None:
+def _show(given: Arm, content: dict[str, Any], found: index_results.IndexAnswer, T_flange_tool: Array) -> None:
     poses = content["poses"]
     names = list(poses[0]["indices"])
     shown = poses[:SHOWN]
-    title = f"{given.robot.name}, N/mm"
+    words = index_results.alone_words(found)
+    title = f"{given.robot.name}, N/mm{f'; {words}' if words else ''}"
     say(f"tool on the flange: {frame_words(T_flange_tool)}")
     columns = ["index", *(f"pose {one['pose']}" for one in shown[:6])]
     if len(shown) <= 6:
-        cells = [[_short(name), *(_cell(one["indices"][name]) for one in shown)] for name in names]
+        cells = [[_short(name), *(index_results.cell(one, name) for one in shown)] for name in names]
         show_table(title, columns, cells)
     else:
         show_table(
             title,
             ["pose", *map(_short, names)],
-            [[one["pose"], *(_cell(one["indices"][name]) for name in names)] for one in shown],
+            [[one["pose"], *(index_results.cell(one, name) for name in names)] for one in shown],
         )
     if len(poses) > SHOWN:
         say(f"({len(poses) - SHOWN} more poses are in the files of --out and with --json)")
@@ -151,7 +154,3 @@ def _show(given: Arm, content: dict[str, Any], T_flange_tool: Array) -> None:
 
 def _short(key: str) -> str:
     return key.removesuffix("_N_per_mm")
-
-
-def _cell(value: float | None) -> str:
-    return "infinite" if value is None else f"{value:.4g}"

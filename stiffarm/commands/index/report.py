@@ -11,7 +11,7 @@ from fem import compliance_budget
 from fem.arm import Arm
 from machining import INDICES
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
-from stiffarm.commands.index.results import IndexAnswer
+from stiffarm.commands.index.results import IndexAnswer, alone_words, cell
 from stiffarm.pages.arm_uncertainty import half_widths, stiffness_interval
 from stiffarm.pages.blocks import percent
 from stiffarm.pages.numbers import ranged, significant
@@ -33,7 +33,7 @@ def write_report(folder: OutputFolder, content: Mapping[str, Any], found: IndexA
     save_png(ellipsoid_figure(found.compliance[:MOST_POSES], asked.labels[:MOST_POSES], asked.normal), path)
     title = f"Stiffness of the {given.description.title.split(' (')[0]} at {_poses(len(asked.q))}"
     picture = Picture(path, _CAPTION, "stiffness by direction of the force")
-    sections = [_table(content), _axes(content), _method(content, found)]
+    sections = [_table(content, found), _axes(content), _method(content, found)]
     sure, interval = _sure(given, found)
     answer = Answer(sure, _todo(found), picture)
     write_page(
@@ -84,7 +84,11 @@ def _key(given: Arm, found: IndexAnswer, interval: str) -> list[KeyFigure]:
     if "k_fs" in found.values:
         k = 1e-3 * np.asarray(found.values["k_fs"])
         words = f"{significant(float(k.min()), 4)} N/mm"
-        out.append(KeyFigure(words, "k_fs: least force along the normal for 1 mm in any direction"))
+        alone = ""
+        if found.joints_alone is not None:
+            least = 1e-3 * float(np.asarray(found.joints_alone["k_fs"])[int(k.argmin())])
+            alone = f"{significant(least, 4)} N/mm with rigid links, as its paper has it"
+        out.append(KeyFigure(words, "k_fs: least force along the normal for 1 mm in any direction", alone))
     if len(axes.semi_axes) > 1:
         best = 1e-3 * float(axes.semi_axes[:, 0].max())
         out.append(KeyFigure(f"{significant(best, 4)} N/mm", "weakest direction of the stiffest pose"))
@@ -114,18 +118,19 @@ def _todo(found: IndexAnswer) -> str:
     return "Take the pose with the larger stiffness along your force; index.csv has all of them."
 
 
-def _table(content: Mapping[str, Any]) -> Section:
+def _table(content: Mapping[str, Any], found: IndexAnswer) -> Section:
     poses = content["poses"]
+    caption = "; ".join(words for words in ("Indices at the poses", alone_words(found)) if words)
     names = list(poses[0]["indices"])
     shown = poses[:LISTED]
     few = len(shown) <= 6
     columns = ("index", *(f"pose {p['pose']}" for p in shown)) if few else ("pose", *map(_named, names))
     if few:
-        rows = tuple((_named(name), *(_cell(p["indices"][name]) for p in shown)) for name in names)
+        rows = tuple((_named(name), *(cell(p, name) for p in shown)) for name in names)
     else:
-        rows = tuple((str(p["pose"]), *(_cell(p["indices"][name]) for name in names)) for p in shown)
+        rows = tuple((str(p["pose"]), *(cell(p, name) for name in names)) for p in shown)
     left = [Text(f"{len(poses) - LISTED} more poses are in index.csv.")] if len(poses) > LISTED else []
-    return Section("Indices", (Table("Indices at the poses", columns, rows), *left))
+    return Section("Indices", (Table(caption, columns, rows), *left))
 
 
 def _axes(content: Mapping[str, Any]) -> Section:

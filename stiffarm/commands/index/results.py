@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +45,8 @@ class IndexAnswer:
     """Indices by name (n,), N/m or a pure number; ``left_out``: those that need a force, where none is given.
 
     ``compliance`` (n, 3, 3) m/N at the tip; ``share`` (n,): part of the joint stiffness that the load takes away.
+    ``joints_alone``: the same indices with rigid links, as the papers that propose them have it; None where the links
+    are rigid anyway.
     """
 
     question: IndexQuestion
@@ -54,10 +57,13 @@ class IndexAnswer:
     limit_rad: Array
     singular: Array
     share: Array | None
+    joints_alone: dict[str, Array] | None = None
 
 
-def answer(model: fem.ArmModel, question: IndexQuestion) -> IndexAnswer:
+def answer(model: fem.ArmModel, question: IndexQuestion, rigid: fem.ArmModel | None = None) -> IndexAnswer:
     """All indices of :data:`machining.INDICES` that the question has the inputs for.
+
+    ``rigid``: the same arm with rigid links, for what the papers' assumption gives beside it.
 
     Raises
     ------
@@ -67,16 +73,20 @@ def answer(model: fem.ArmModel, question: IndexQuestion) -> IndexAnswer:
     q, load = question.q, question.load
     C = translational(model, q, question.tip, load)
     left_out = tuple(name for name, index in INDICES.items() if "force" in index.uses and question.force is None)
-    values = {name: evaluate(name, C, question.normal, question.force) for name in INDICES if name not in left_out}
+
+    def indices(C: Array) -> dict[str, Array]:
+        return {name: evaluate(name, C, question.normal, question.force) for name in INDICES if name not in left_out}
+
     return IndexAnswer(
         question,
-        values,
+        indices(C),
         left_out,
         C,
         stiffness_ellipsoid(C),
         limit_distance(model.robot, q),
         singular_distance(model.robot, q),
         None if load is None else softest_share(model, q, load, question.tip),
+        None if rigid is None else indices(translational(rigid, q, question.tip, load)),
     )
 
 
@@ -99,8 +109,28 @@ def rows(robot: Robot, found: IndexAnswer) -> list[dict[str, Any]]:
     out = []
     for i, label in enumerate(found.question.labels):
         one = _pose(robot, found, i)
-        out.append({"pose": label} | one["joints_deg"] | one["indices"] | one["distances"])
+        alone = {f"{name}_rigid_links": v for name, v in one.get("indices_with_rigid_links", {}).items()}
+        out.append({"pose": label} | one["joints_deg"] | one["indices"] | alone | one["distances"])
     return out
+
+
+def cell(pose: Mapping[str, Any], name: str) -> str:
+    """An index of a pose of the payload in words: in brackets with rigid links, where the links give way."""
+
+    def short(value: float | None) -> str:
+        return "infinite" if value is None else f"{value:.4g}"
+
+    alone = pose.get("indices_with_rigid_links")
+    return short(pose["indices"][name]) + ("" if alone is None else f" ({short(alone[name])})")
+
+
+def alone_words(found: IndexAnswer) -> str:
+    """What the brackets are; empty where there are none."""
+    return "" if found.joints_alone is None else "in brackets with rigid links, as in the papers that propose them"
+
+
+def _indices(values: Mapping[str, Array], i: int) -> dict[str, float | None]:
+    return {shown(name).column: number(float(v[i]) * shown(name).factor) for name, v in values.items()}
 
 
 def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
@@ -110,7 +140,7 @@ def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
         "joints_deg": {
             name: number(v, 9) for name, v in zip(robot.coordinates, np.degrees(found.question.q[i]), strict=True)
         },
-        "indices": {shown(name).column: number(float(v[i]) * shown(name).factor) for name, v in found.values.items()},
+        "indices": _indices(found.values, i),
         "ellipsoid": [
             {
                 "stiffness_N_per_mm": number(float(axes.semi_axes[i, a]) * 1e-3),
@@ -124,6 +154,8 @@ def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
             "singularity": number(float(found.singular[i])),
         },
     }
+    if found.joints_alone is not None:
+        out["indices_with_rigid_links"] = _indices(found.joints_alone, i)
     if found.share is not None:
         out["stiffness_share_taken_by_load"] = number(float(found.share[i]))
     return out

@@ -331,12 +331,18 @@ def index_command(
         typer.Option(
             "--workpiece", metavar="REGION",
             help="Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
-            "'-100,800;100,800;0,1000' along the grid's first two axes. Default: the whole grid.",
+            "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. Default: the "
+            "whole grid, of which the best gamma may miss points: each counts as one without stiffness.",
         ),
     ] = None,
     aim: Annotated[str, typer.Option("--aim", help="Best gamma by the mean or the worst point: mean, worst.")] = "mean",
     partly: Annotated[
-        bool, typer.Option("--partly", help="Let a gamma win that does not reach all of the workpiece.")
+        bool,
+        typer.Option(
+            "--partly",
+            help="Let a gamma win that does not reach all of the workpiece: each point missed counts as one without "
+            "stiffness.",
+        ),
     ] = False,
     file_format: Format = None,
     html: Html = False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stiffarm.session.console import say, show_table
@@ -67,21 +67,22 @@ def show_index_map(content: Mapping[str, Any]) -> None:
     else:
         say(
             f"best gamma for the {best['aim']} over {content['workpiece_points']} points: {best['gamma_deg']:g} deg, "
-            f"{content['quantity']} {best['value']:.4g}{unit.replace(',', '')}"
+            f"{content['quantity']} {best['value']:.4g}{unit.replace(',', '')}, reaches {best['points_reached']}"
         )
-    others = [one for one in content["trade_off"] if best is None or one["points_reached"] < _reach(content)]
-    for one in others[:3]:
+    for one in _others(content["trade_off"], best):
         more = "" if best is None else f" ({100.0 * (one['value'] / best['value'] - 1.0):+.0f} %)"
+        but = "and" if best is not None and one["points_reached"] > best["points_reached"] else "but"
         say(
-            f"{one['gamma_deg']:g} deg would have {one['value']:.4g}{unit.replace(',', '')}{more}, but reaches "
+            f"{one['gamma_deg']:g} deg would have {one['value']:.4g}{unit.replace(',', '')}{more}, {but} reaches "
             f"{one['points_reached']} of {content['workpiece_points']} points"
         )
     if not content["all_solutions_found"]:
         say("note: this arm's inverse kinematics is searched; postures may have been missed")
 
 
-def _reach(content: Mapping[str, Any]) -> int:
-    """Points of the workpiece that the best gamma reaches."""
-    gamma = content["best_gamma"]["gamma_deg"]
-    found = [one["points_reached"] for one in content["trade_off"] if one["gamma_deg"] == gamma]
-    return int(found[0]) if found else int(content["workpiece_points"])
+def _others(front: Sequence[Mapping[str, Any]], best: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    """Other angles of the trade-off: that which reaches most, and the next that reach less than the best one."""
+    if best is None:
+        return list(front[:3])
+    wider = [one for one in front if one["points_reached"] > best["points_reached"]]
+    return wider[:1] + [one for one in front if one["points_reached"] < best["points_reached"]][: 3 - len(wider[:1])]

@@ -115,7 +115,8 @@ def place(
         typer.Option(
             "--cost",
             metavar="PERCENT",
-            help="With --mode steps: least improvement that justifies one more move of the base, in percent.",
+            help="With --mode steps: least improvement that justifies one more move of the base, in percent. With "
+            "--mode moving: what may be given up, in percent, for axes that hold still in each cut.",
         ),
     ] = 1.0,
     speed: Annotated[
@@ -154,7 +155,8 @@ def place(
     """Find where the base should stand for the stiffest cut.
 
     The base stands or moves on the linear axes of the cell. Writes report.html, axes.html (the axes map to drag
-    gamma in), placement.csv and placement.json into --out.
+    gamma in), placement.csv, positions.csv (what each base position is worth, or
+    what stops it) and placement.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         cutting = _force(force, force_axes, milling)
@@ -238,12 +240,14 @@ def _pair(text: str) -> tuple[float, float] | None:
 
 
 def _write(folder: OutputFolder, model: str, given: Arm, step: PlacedStep, content: dict[str, Any]) -> None:
+    from stiffarm.commands.place import positions
     from stiffarm.commands.place.axes import axes_study
     from stiffarm.commands.place.report import write_report
     from stiffarm.commands.posture.axes_page import NAME, axes_page
 
     folder.write_json("placement.json", content)
     folder.write_text("placement.csv", columns_text(placement_payload.columns(step)))
+    folder.write_text(positions.NAME, columns_text(positions.position_columns(step.map)))
     title = given.description.title.split(" (")[0]
     study = axes_study(step, model, given.description)
     if study is not None:

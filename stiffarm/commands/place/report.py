@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from machining.cutting import Estimated
-from machining.placement import Along, Look, Survey
-from machining.placement.search import COARSE_ROWS
+from machining.placement import Along
 from machining.placement.study import PlacedStep
-from robots.arrays import Array
-from stiffarm.commands.place.figures import along_figure, curve_figure, map_figure
+from stiffarm.commands.place.figures import along_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, SEED, STAYING, named, peak_rates
+from stiffarm.commands.place.positions import position_picture, position_values
 from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
@@ -83,7 +80,7 @@ def lede(step: PlacedStep) -> str:
     if placed.staying is not None:
         out += f" {_against(placed.after, placed.staying)}"
     elif placed.why_no_staying is not None:
-        out += " From where it stands now no gamma reaches the whole path."
+        out += " From where it stands now no gamma takes the whole path."
     path = step.given.path
     return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
 
@@ -283,70 +280,6 @@ def remarks(step: PlacedStep) -> list[str]:
         out.append("Points without a feed: there no speeds and accelerations were looked at.")
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
-
-
-def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
-    """Curve or map of what positions are worth; of three coordinates or more the best over those that are not drawn."""
-    space, grid = step.placed.problem.space, step.map
-    values, label = position_values(grid)
-    why = [zone(look) for look in grid.grid]
-    labels = tuple(f"{name}, {unit}" for name, unit in zip(space.names, space.units, strict=True))
-    lines = [
-        np.linspace(a, b, n) * f for a, b, n, f in zip(space.lower, space.upper, grid.counts, space.shown, strict=True)
-    ]
-    rows = len(step.placed.problem.sure_rows(COARSE_ROWS))
-    caption = (
-        f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path. Shaded: "
-        "no gamma lets the base stand there for the whole path, and why."
-    )
-    spots = {name: space.coordinates(one.e.mean(axis=0), one.table) * space.shown for name, one in _marked(step)}
-    if space.d == 1:
-        figure = curve_figure(
-            lines[0], values, why, labels[0], label, {name: float(spot[0]) for name, spot in spots.items()}
-        )
-        return pictures.add(figure, "positions", caption)
-    shape = (grid.counts[0], grid.counts[1], -1)
-    best = np.array([look.merit for look in grid.grid]).reshape(shape).argmax(axis=2)[..., None]
-    name, value = next(iter(values.items()))
-    flat = np.take_along_axis(value.reshape(shape), best, axis=2)[..., 0]
-    reasons = np.take_along_axis(np.array(why, dtype=object).reshape(shape), best, axis=2)[..., 0]
-    if space.d > 2:
-        caption += f" The best over {', '.join(space.names[2:])}."
-    figure = map_figure(
-        lines[0], lines[1], flat, reasons.ravel().tolist(), (labels[0], labels[1]), f"{name}, {label.split(', ')[-1]}",
-        {name: (float(spot[0]), float(spot[1])) for name, spot in spots.items()},
-    )  # fmt: skip
-    return pictures.add(figure, "positions", caption)
-
-
-def position_values(grid: Survey) -> tuple[dict[str, Array], str]:
-    """What each position looked at is worth (p,), NaN where none is, by name; and what the figures' axis says."""
-    problem = grid.problem
-    share = problem.share_of(problem.sure_rows(COARSE_ROWS))
-    looks = [look.values for look in grid.grid]
-
-    def each(of: Callable[[Array], float]) -> Array:
-        return np.array([np.nan if values is None else of(values) for values in looks])
-
-    if problem.goal.minimised:
-        return {"RMS error": each(lambda v: 1e6 * float(np.sqrt(v**2 @ share)))}, "predicted surface error, um"
-    return {
-        "softest point": each(lambda v: 1e-3 * float(v.min())),
-        "mean over the path": each(lambda v: 1e-3 * float(v @ share)),
-    }, "stiffness along the force, N/mm"
-
-
-def _marked(step: PlacedStep) -> list[tuple[str, Along]]:
-    """Placements that are one position, and so can be marked on a map."""
-    return [(name, one) for name, one in named(step).items() if not np.ptp(one.e, axis=0).any()]
-
-
-def zone(look: Look) -> str:
-    """Why a position cannot be taken, as :data:`stiffarm.commands.place.figures.ZONES` names it."""
-    if look.why != "reach":
-        return look.why
-    beyond = look.shortfall is not None and look.shortfall.distance == 0.0
-    return "limit" if beyond else "reach"
 
 
 def along_section(step: PlacedStep, pictures: Pictures) -> Section:

@@ -8,20 +8,22 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from machining.cell import arm_of, read_cell
+from machining.cell import arm_of
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash
 from robots.files.csv_text import columns_text, records_text
 from robots.joint_errors import designed
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
-from stiffarm.commands.verify.words import distance_words, offence_words, sentence, value_words
+from stiffarm.commands.verify.words import REMEDIES, distance_words, offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.table_kinds import PROGRAM, described, expect
+from stiffarm.session.task_options import PartOpt, ToolOpt
+from stiffarm.session.task_setup import CellOpt, read_cell_or_frames
 
 # Offences shown on the screen.
 SHOWN = 12
@@ -32,12 +34,9 @@ def verify_command(
     program: Annotated[
         Path, typer.Argument(metavar="PROGRAM", help="Neutral program (JSON or CSV) written by `stiffarm post`.")
     ],
-    cell: Annotated[
-        Path,
-        typer.Option(
-            "--cell", metavar="CELL.toml", help="Cell file (TOML): tool, part, fixtures, linear axes and turntable."
-        ),
-    ],
+    cell: CellOpt = None,
+    tool: ToolOpt = None,
+    part: PartOpt = None,
     interpolation: Annotated[
         str,
         typer.Option(
@@ -98,8 +97,9 @@ def verify_command(
         # Programs are the controller's, which computes with the arm as designed.
         arm = arm_of(model, designed(description))
         expect(program, PROGRAM, model=model)
-        checked = read_program(program, arm.robot, read_cell(cell))
-        frame.files |= {"model": content_hash(description), "program": program, "cell": cell}
+        checked = read_program(program, arm.robot, read_cell_or_frames(arm.robot, cell, tool, part))
+        frame.files |= {"model": content_hash(description), "program": program}
+        frame.reads(cell=cell)
         with frame.folder_if() as folder:
             with progress("moves checked") as bar:
                 found = verify(checked, arm, demands, progress=bar)
@@ -108,7 +108,8 @@ def verify_command(
                 _write(folder, found, description.title.split(" (")[0], content)
         frame.answer(content, lambda: _show(found))
         if not found.clean:
-            say(f"stiffarm: this program must not run: {sentence(found.ranked[0])}")
+            worst = found.ranked[0]
+            say(f"stiffarm: this program must not run: {sentence(worst)}. To fix it: {REMEDIES[worst.kind]}")
             raise typer.Exit(EXIT_OTHER)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from machining.verification import Offence, Verification
-from stiffarm.commands.verify.words import sentence, shown, verdict
+from stiffarm.commands.verify.words import REMEDIES, sentence, shown, verdict
 from stiffarm.session.json_text import number
 
 # Offences in verification.json and on stdout; all of them are counted.
@@ -112,6 +112,7 @@ def _offence(found: Verification, offence: Offence) -> dict[str, Any]:
         "axis": offence.axis or None,
         "bodies": None if offence.bodies is None else list(offence.bodies),
         "words": sentence(offence),
+        "remedy": REMEDIES[offence.kind],
         "pose": pose,
     }
 

@@ -207,3 +207,18 @@ def test_shares_by_part_are_said(kr60: fem.ArmModel) -> None:
     u = assumed_uncertainty(kr60, 0.1, {"j2": 0.05})
     assert u.sd.tolist() == [0.1, 0.05, 0.1, 0.1, 0.1, 0.1]
     assert u.note.endswith("10 % of each part, independent, as stated; but j2 5 %")
+
+
+def test_what_gets_worse_is_told_beside_what_gets_better(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
+    found = compare(*pair(kr60, wall_task(), wall_force()), rng)
+    one = found.changes["rms"]
+    changes = {
+        "rms": one,
+        "peak_to_valley": replace(one, statistic="peak_to_valley", verdict="larger"),
+        "worst": replace(one, statistic="worst", verdict="cannot tell"),
+    }
+    assert one.verdict == "smaller"
+    mixed = replace(found, changes=changes)
+    assert len(mixed.against) == 1
+    assert mixed.against[0] in mixed.sentence
+    assert mixed.against[0].startswith("But the peak-to-valley surface error")

@@ -12,8 +12,9 @@ from posture_cases import dome, part
 import fem
 from machining.cell import Body, Fixture, Turntable, arm_of, box, scene_of
 from machining.placement import How, find_fixed, follow, on_axes, place
+from machining.placement.freedom import best_merits
 from machining.placement.search import Looker
-from machining.placement.sweeping import merits, shortfalls, sweep_sites, wrist_lack
+from machining.placement.sweeping import shortfalls, sweep_sites, wrist_lack
 from machining.posture.drive import limit_distance
 from machining.posture.points import GammaRange, sweep_gamma
 from machining.stiffness.cartesian import translational
@@ -127,7 +128,7 @@ def test_many_positions_in_one_sweep_are_each_by_itself(kr60: fem.ArmModel) -> N
         alone = sweep_gamma(kr60, task, objective, problem.angles)
         np.testing.assert_array_equal(together.valid[i], np.moveaxis(alone.valid, 0, 2))
         np.testing.assert_allclose(together.value[i], np.moveaxis(alone.value, 0, 2), rtol=1e-9)
-    assert np.isfinite(merits(problem, together)[0]).any()
+    assert np.isfinite(best_merits(problem, together)[0]).any()
 
 
 def test_positions_keep_their_own_angles_when_some_are_taken_out(kr60: fem.ArmModel) -> None:

@@ -221,6 +221,19 @@ def test_a_gamma_that_loses_points_wins_only_if_asked() -> None:
         best_gamma(found(), ~inside, partly=True)
 
 
+@pytest.mark.parametrize(("quantity", "few"), [("k_fs", 3.0), ("displacement", 1.0 / 3.0)])
+def test_a_few_points_at_the_rim_do_not_decide_and_many_do(quantity: str, few: float) -> None:
+    """A point that is missed counts as one without stiffness; the first angle reaches all and is worth 2 (or 1/2)."""
+    value = np.full((100, 3), 2.0 if few > 1.0 else 0.5)
+    value[:, 1:] = few
+    value[:2, 1], value[:50, 2] = np.nan, np.nan
+    made = found(quantity, value)
+    assert best_gamma(made).column == 0
+    # 98 points of worth 3 are more than 100 of worth 2; 50 are not.
+    assert best_gamma(made, partly=True).column == 1
+    assert best_gamma(Distribution(made.objective, made.gamma[[0, 2]], value[:, [0, 2]]), partly=True).column == 0
+
+
 def test_of_equally_good_angles_the_first_is_taken() -> None:
     value = np.array([[3.0, 3.0 * (1.0 + 1e-13), 2.0]])
     assert best_gamma(found(value=value)).column == 0

@@ -252,6 +252,19 @@ def test_clearance_below_safety_is_an_offence_of_its_own() -> None:
     assert offence.limit == 0.012
 
 
+def test_a_distance_equal_to_the_safety_distance_is_no_offence() -> None:
+    given = program(ACROSS, where=cell(pillar(0.053, 0.024, 0.05)))
+    least = 0.01
+    # Joints leave the straight line by micrometres: the distance is looked for where it is asked about.
+    for _ in range(2):
+        least = float(verify(given, ARM, Demands(safety=least)).swept.distance.min())
+    assert least == pytest.approx(0.01, abs=1e-4)
+    assert verify(given, ARM, Demands(safety=least)).clean
+    # A nanometre is rounding, a micrometre is not.
+    assert verify(given, ARM, Demands(safety=least + 0.5e-9)).clean
+    assert {o.kind for o in verify(given, ARM, Demands(safety=least + 1e-6)).errors} == {Kind.CLEARANCE}
+
+
 def test_what_cannot_be_decided_is_said() -> None:
     # The mill slides along the pillar with 0.1 um between them: no division of 1 mm tells that from a touch.
     given = program(ACROSS, where=cell(pillar(0.053, 0.0140001, 0.05)))

@@ -135,22 +135,24 @@ def draw_gamma_statistics(
 
 
 def price_words(traded: TradeOff, choice: GammaChoice, what: Shown) -> str:
-    """A chosen gamma and its value; and what another would have, at the price of which points."""
+    """A chosen gamma and its value; what another would have, and which points that costs or gains."""
     unit = f" {what.unit}".rstrip()
     value = f"{what.factor * choice.value:.4g}{unit}"
     reach = int(traded.points[choice.column])
     said = f"{np.degrees(choice.gamma):.4g} deg, {value}, reaches {reach} of {traded.n} points"
-    others = [c for c in traded.front if traded.points[c] < reach]
+    others = [c for c in traded.front if traded.points[c] != reach]
+    wider = [c for c in others if traded.points[c] > reach]
     if not others:
         return said
-    # The steepest price first: the most gained for a point lost.
-    gain = [abs(traded.score[c] - choice.value) / (reach - traded.points[c]) for c in others]
-    other = others[int(np.argmax(gain))]
-    lost = int(reach - traded.points[other])
+    # One that reaches more, if there is: that which reaches most; else the most gained for a point lost.
+    gain = [abs(traded.score[c] - choice.value) / abs(reach - traded.points[c]) for c in others]
+    other = wider[0] if wider else others[int(np.argmax(gain))]
+    apart = int(traded.points[other] - reach)
+    points = f"{abs(apart)} {'point' if abs(apart) == 1 else 'points'} more"
     change = 100.0 * (traded.score[other] / choice.value - 1.0) if choice.value else 0.0
     return (
         f"{said};\n{np.degrees(traded.gamma[other]):.4g} deg would have {what.factor * traded.score[other]:.4g}{unit} "
-        f"({change:+.0f} %) but misses {lost} {'point' if lost == 1 else 'points'} more"
+        f"({change:+.0f} %) {'and reaches' if apart > 0 else 'but misses'} {points}"
     ).replace("-", "−")
 
 

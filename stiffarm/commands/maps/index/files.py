@@ -130,7 +130,8 @@ def make_index_map(
                 )
         choice, why = None, None
         try:
-            choice = best_gamma(found, asked.inside, partly=asked.partly)
+            # Without a workpiece nobody needs the points at the rim of the grid: reach is weighed against the value.
+            choice = best_gamma(found, asked.inside, partly=asked.partly or asked.inside is None)
         except InputError as error:
             why = str(error)
         data = map_data(engine, steadied(engine, arrays, found, task), _metadata(given, asked, request, task))
@@ -247,6 +248,7 @@ def payload(made: IndexMap) -> dict[str, Any]:
             "gamma_deg": _degrees(made.choice.gamma),
             "aim": made.choice.aim,
             "value": number(what.factor * made.choice.value),
+            "points_reached": int(traded.points[made.choice.column]),
         },
         "why_no_best_gamma": made.why_no_choice,
         "trade_off": [

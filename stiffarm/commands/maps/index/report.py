@@ -112,6 +112,12 @@ def _sure(made: IndexMap, given: Arm, normal: Any) -> str:
 def _todo(content: Mapping[str, Any]) -> str:
     if content["best_gamma"] is None:
         return "Move or shrink the workpiece, change the tool, or judge by what is reached: `--partly`."
+    best = content["best_gamma"]
+    if best["points_reached"] < content["workpiece_points"]:
+        return (
+            "The map is no part: this gamma misses some of its points. Name the part with --workpiece, and the best "
+            "gamma that reaches all of it is found."
+        )
     if len(content["trade_off"]) > 1:
         return (
             "Decide whether the points that a stiffer gamma misses are needed; if not, leave them out of --workpiece."

@@ -130,3 +130,13 @@ def test_the_picture_refuses_more_poses_than_fit() -> None:
 
     with pytest.raises(InputError, match="1 to 4"):
         ellipsoid_figure(np.stack([np.eye(3)] * (MOST_POSES + 1)), ["x"] * (MOST_POSES + 1), np.array([0.0, 0.0, 1.0]))
+
+
+def test_with_links_that_give_way_the_papers_assumption_stands_beside(cli: Command) -> None:
+    options = ("--pose", "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40", "--tool", "200,0,80,0,90,0", "--json")
+    beam, rigid = (cli("index", "kr60-3", *options, "--links", links).json["poses"][0] for links in ("beam", "rigid"))
+    assert beam["indices_with_rigid_links"] == rigid["indices"]
+    assert "indices_with_rigid_links" not in rigid
+    # As the documentation says: 364 and 385.5 N/mm.
+    assert beam["indices"]["k_fs_N_per_mm"] == pytest.approx(364.1, abs=0.05)
+    assert rigid["indices"]["k_fs_N_per_mm"] == pytest.approx(385.5, abs=0.05)

@@ -210,7 +210,8 @@ def test_a_tool_on_the_flange_axis_makes_gamma_meaningless_and_that_is_said(
 
 
 def test_without_json_the_table_is_on_stderr(cli: Command) -> None:
-    outcome = a_map(cli, *GRID, *TOOL, "--gamma", "-180:0:15", "--links", "rigid", "--no-pictures")
+    whole = ("--workpiece", "x=-10000:10000,y=-10000:10000")
+    outcome = a_map(cli, *GRID, *TOOL, *whole, "--gamma", "-180:0:15", "--links", "rigid", "--no-pictures")
     assert (outcome.code, outcome.out) == (0, "")
     assert "all 13 angles are in gamma_statistics.csv" in outcome.err
     assert "no best gamma: region of 35 points: no gamma reaches all of it" in outcome.err.replace("\n", " ")

@@ -86,10 +86,37 @@ def test_the_table_holds_what_the_arm_gives(cli: Command, small: tuple[Path, Pat
     # Weights and results are written with six digits.
     assert best["K_sf"] == pytest.approx(expected, rel=2e-5)
     assert best["mean_stiffness_N_per_mm"] == pytest.approx(k.mean(), rel=6e-6)
+    with (out / "positions.csv").open(encoding="utf-8") as stream:
+        places = list(csv.DictReader(stream))
+    assert len(places) == 121
+    # Each position has a worth, or what stops it and where.
+    for place in places:
+        taken = place["gamma_deg"] != ""
+        assert taken == (place["softest_point_N_per_mm"] != "") == (place["stopped_by"] == "")
+        assert taken == (place["nearest_posture"] == "")
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Collisions were not looked at" in page
     assert 'src="http' not in page
     assert {p.name for p in (out / "figures").iterdir()} == {"positions.png", "along.png", "axes.png", "joints.png"}
+
+
+@pytest.mark.slow
+def test_the_table_of_positions_names_what_stops_each(cli: Command, small: tuple[Path, Path], tmp_path: Path) -> None:
+    path, cell = small
+    cell.write_text(CELL.replace("[-800, 400]", "[-3000, 1100]"))
+    out = tmp_path / "out"
+    outcome = cli("place", "kr60-3", path, "--cell", cell, *FORCE, "--out", out)
+    assert outcome.code == 0, outcome.err
+    with (out / "positions.csv").open(encoding="utf-8") as stream:
+        places = list(csv.DictReader(stream))
+    assert all((row["stopped_by"] == "") == (row["gamma_deg"] != "") for row in places)
+    assert "out of reach" in places[0]["nearest_posture"]
+    stopped = [row for row in places if row["stopped_by"]]
+    assert 20 < len(stopped) < 110
+    assert all(row["nearest_posture"] for row in stopped)
+    # With the base under the part the arm is in its own way.
+    near = [row["nearest_posture"] for row in places if row["stopped_by"] == "collision"]
+    assert all(" too near at point " in words for words in near)
 
 
 @pytest.mark.slow

@@ -180,3 +180,19 @@ def test_offences_without_bodies_are_drawn_at_the_tip(tmp_path: Path) -> None:
     assert moved.errors
     assert "deviation" in sentence(moved.errors[0])
     assert offence_picture(moved, moved.errors[0], tmp_path / "tip.png", renderer="matplotlib").path.is_file()
+
+
+@pytest.mark.slow
+def test_without_a_cell_the_frames_are_those_of_post(cli: Command, tmp_path: Path) -> None:
+    rows = [f"{5 * i},0,0,0,0,1" for i in range(4)]
+    (tmp_path / "line.csv").write_text("\n".join(["x_mm,y_mm,z_mm,nx,ny,nz", *rows]) + "\n", encoding="utf-8")
+    frames = ("--tool", "200,0,80,0,90,0", "--part", "1200,200,600")
+    made = cli("post", "kr60-3", tmp_path / "line.csv", *frames, "--gamma", "-180:180:60", "--format",
+               "json", "--out", tmp_path / "program")  # fmt: skip
+    assert made.code == 0, made.err
+    (file,) = (tmp_path / "program" / "json").iterdir()
+    assert cli("verify", "kr60-3", file, *frames).code == 0
+    other = cli("verify", "kr60-3", file, "--tool", "210,0,80,0,90,0", "--part", "1200,200,600", "--json")
+    assert other.code != 0
+    both = cli("verify", "kr60-3", file, "--cell", tmp_path / "none.toml", "--tool", "1,2,3")
+    assert (both.code, "one of the two" in both.err) == (2, True)
