@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.indices import Indices, index
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
+    from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
@@ -50,6 +51,7 @@ __all__ = [
     "Placement",
     "Plan",
     "PositionCalibration",
+    "PositionDiagnosis",
     "Posture",
     "PowerAnalysis",
     "Program",
@@ -65,6 +67,7 @@ __all__ = [
     "compare",
     "convert_readings",
     "diagnose",
+    "diagnose_positions",
     "fit",
     "identify",
     "import_arm",

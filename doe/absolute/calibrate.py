@@ -112,8 +112,8 @@ def calibrate_positions(
     same = twins(model, data, layout, begin.nominal, seed)
     layout = layout.without([one.name for one in same])
     plain = Layout(tuple(unknowns(model.robot, data, _rail(data))))
-    before = _fitted(model, data, plain, begin, robust, None)
-    found = _fitted(model, data, layout, begin, robust, progress)
+    before = fitted(model, data, plain, begin, robust=robust)
+    found = fitted(model, data, layout, begin, robust=robust, progress=progress)
     predicted = left_out(found, folds(len(data), len(data) if len(data) < FEW else parts, seed))
     kept = None if holdout is None else (holdout, *carried_over(found, holdout, robust=robust))
     return Positions(
@@ -126,9 +126,10 @@ def without_weight(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in names if name != "springs")
 
 
-def _fitted(
-    model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, robust: bool, progress: Progress | None
-) -> Fit:
+def fitted(
+    model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, *, robust: bool,
+    progress: Progress | None = None,
+) -> Fit:  # fmt: skip
     """The estimate, with what the model knows and what is not free held at what it is."""
     there = known(model, layout.unknowns)
     held = np.array([*(np.nan for _ in layout.unknowns), *there.values()])

@@ -16,7 +16,7 @@ import numpy as np
 
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.turns import left_rate, rotation, turned
-from doe.absolute.unknowns import Layout
+from doe.absolute.unknowns import BUMPS, Layout
 from doe.absolute.weight import Weight, weight
 from fem import ArmModel
 from fem.statics.vectors import cross, times_constant, to_base
@@ -30,18 +30,22 @@ BLOCK = 4096
 class Nominal:
     """What derivatives and laws refer to, the same for all readings.
 
-    ``targets`` (t, 3) m: about where they sit, for levers of what gives way; ``rail``: ends of its length used, m.
+    ``targets`` (t, 3) m: about where they sit, for levers of what gives way; ``rail``: ends of its length used, m;
+    ``time``: of the first and the last reading; ``temperature``: mean, deg C.
     """
 
     targets: Array
     rail: tuple[float, float]
+    time: tuple[float, float] = (0.0, 0.0)
+    temperature: float = 0.0
 
 
 @dataclass(frozen=True)
 class Sample:
     """Readings of a block, poses last: ``q`` (dof, n), ``rail`` (n,) from -1 to 1 and ``way`` (n,) m, ``target`` (n,).
 
-    ``payload`` (n,); ``weight``: what compliances make of the arm's weight.
+    ``payload`` (n,); ``weight``: what compliances make of the arm's weight. ``warm`` (n,) K above the mean of all
+    readings and ``since`` (n,), the share of their time that has passed; empty where that is not known.
     """
 
     q: Array
@@ -50,6 +54,8 @@ class Sample:
     target: Integers
     payload: Integers
     weight: Weight | None
+    warm: Array
+    since: Array
 
     def __len__(self) -> int:
         return int(self.q.shape[1])
@@ -63,8 +69,10 @@ def samples(
     for rows in in_blocks(len(data), BLOCK):
         rail = data.rail[rows]
         scaled = (2.0 * rail - low - high) / max(high - low, 1e-12)
+        (begin, end), time = nominal.time, data.time[rows]
         s = Sample(
-            np.ascontiguousarray(data.q[rows].T), rail, scaled, data.target.number[rows], data.payload[rows], None
+            np.ascontiguousarray(data.q[rows].T), rail, scaled, data.target.number[rows], data.payload[rows], None,
+            data.temperature[rows] - nominal.temperature, (time - begin) / max(end - begin, 1e-300),
         )  # fmt: skip
         s = loaded(model, s, data, layout, nominal)
         out.append(s if u is None else loaded(model, s, data, layout, nominal, u))
@@ -180,9 +188,30 @@ def evaluate(model: ArmModel, layout: Layout, s: Sample, u: Array, *, slopes: bo
             J[k] = at.R[:, a] * (s.target == t)
     if s.weight is not None:
         P = P + s.weight.add(layout, u, J)
+    for k, _ in layout.of("growth") if len(s.warm) else ():
+        grown = 1.0 + u[k] * s.warm
+        J *= grown
+        if slopes:
+            J[k] = s.warm * P
+        P = grown * P
     if layout.of("rail"):
         P, J = _along_rail(layout, s, u, P, J)
+    if layout.of("drift") and len(s.since):
+        P, J = _drifted(layout, s, u, P, J)
     return P, J
+
+
+def _drifted(layout: Layout, s: Sample, u: Array, P: Array, J: Array) -> tuple[Array, Array]:
+    """Positions and derivatives of an arm that moves against the tracker: turns about its axes, and shifts."""
+    shift, w, unit = np.zeros_like(P), np.zeros_like(P), np.eye(3)[:, :, None]
+    found = [(k, i, s.since >= i[0] / BUMPS if i[0] else s.since) for k, i in layout.of("drift")]
+    for k, (_, turns, a), shape in found:
+        (w if turns else shift)[a] += u[k] * shape
+    if len(J):
+        J = J + np.moveaxis(cross(w[:, None], np.moveaxis(J, 0, 1)), 1, 0)
+        for k, (_, turns, a), shape in found:
+            J[k] = (cross(np.broadcast_to(unit[a], P.shape), P) if turns else unit[a]) * shape
+    return P + shift + cross(w, P), J
 
 
 def _frame_slope(at: Pose, P: Array, error: Array, j: int, c: int) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import f as fisher
@@ -93,10 +93,8 @@ def _distance(
 ) -> float:  # fmt: skip
     part = data.take(np.array([row]))
     number = data.target.number[row] if target is None else target
-    changed = AbsoluteReadings(
-        part.source, part.sha256, part.q if q is None else q, part.position, part.session,
-        type(data.target)(data.target.names, np.array([number])), part.payload, part.payloads, part.rail, part.sigma,
-        part.line,
+    changed = replace(
+        part, q=part.q if q is None else q, target=replace(data.target, number=np.array([number], dtype=np.int64))
     )  # fmt: skip
     sample = samples(found.model, changed, found.layout, found.start.nominal, found.u)[0]
     P, _ = evaluate(found.model, found.layout, sample, found.u, slopes=False)

@@ -167,11 +167,14 @@ def _payloads_as(first: tuple[Payload, ...], data: AbsoluteReadings) -> Absolute
 
 
 def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> Fit:
-    """Frames and new targets of readings, with the arm held as found."""
+    """Frames and new targets of readings, with the arm held as found; another session's clock is another one."""
+    data = replace(data, time=np.zeros(0))
     layout = found.layout.with_targets(data)
     values = {one.name: float(v) for one, v in zip(found.layout.unknowns, found.u, strict=True)}
     held = np.array([values.get(one.name, np.nan) for one in layout.unknowns])
-    begin = replace(started(found.model.robot, data), rail=found.start.rail)
+    begin = replace(
+        started(found.model.robot, data), rail=found.start.rail, temperature=found.start.temperature
+    )  # fmt: skip
     return fit(found.model, data, layout, begin, held=held, robust=robust)
 
 

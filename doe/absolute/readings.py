@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -43,7 +43,8 @@ class AbsoluteReadings:
     ``q`` (n, dof) rad; ``position`` (n, 3) m in the frame of the reading's session; ``session``: a stay of tracker and
     base, with a frame of its own; ``target``: a point fixed to the flange, the same in all sessions; ``payload``: which
     of ``payloads`` the flange carried; ``rail`` (n,) m, zero without a rail; ``sigma`` (n,) m as given, NaN where none
-    was; ``line`` (n,): where the reading stands in its file.
+    was; ``line`` (n,): where the reading stands in its file. ``time`` (n,): when it was read, in s, or in steps where
+    only their order is known; ``temperature`` (n,) deg C; empty where the table does not say.
     """
 
     source: str
@@ -58,6 +59,8 @@ class AbsoluteReadings:
     sigma: Array
     line: Integers
     notes: tuple[str, ...] = ()
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    temperature: Array = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -73,4 +76,5 @@ class AbsoluteReadings:
         return AbsoluteReadings(
             self.source, self.sha256, self.q[k], self.position[k], self.session.take(k), self.target.take(k),
             self.payload[k], self.payloads, self.rail[k], self.sigma[k], self.line[k], self.notes,
+            *(x[k] if len(x) else x for x in (self.time, self.temperature)),
         )  # fmt: skip

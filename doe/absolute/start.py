@@ -42,7 +42,8 @@ class Start:
     """Where an estimate sets out from.
 
     ``frames`` by session, ``targets`` (t, 3) m, ``way`` (3,) of the rail a metre, ``error`` (n,) m of readings, which
-    ones (n,) ``agree``; ``rail``: ends of its length that was used, m.
+    ones (n,) ``agree``; ``rail``: ends of its length that was used, m;
+    ``time`` of the first and the last reading; ``temperature``: mean, deg C.
     """
 
     frames: tuple[Frame, ...]
@@ -51,6 +52,8 @@ class Start:
     error: Array
     agree: Bools
     rail: tuple[float, float] = (0.0, 0.0)
+    time: tuple[float, float] = (0.0, 0.0)
+    temperature: float = 0.0
 
     def doubt(self, robot: Robot) -> tuple[str, ...]:
         """A sentence where the described arm is far from its readings; none else."""
@@ -65,7 +68,7 @@ class Start:
     @property
     def nominal(self) -> Nominal:
         """What derivatives refer to."""
-        return Nominal(self.targets, self.rail)
+        return Nominal(self.targets, self.rail, self.time, self.temperature)
 
 
 def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
@@ -132,7 +135,9 @@ def _settled(data: AbsoluteReadings, frames: list[Frame], targets: Array, way: A
         agree[mine] = error[mine] <= max(FAR * float(np.median(error[mine])), LEAST_m)
         out.append(Frame(R, t))
     rail = (float(data.rail.min()), float(data.rail.max()))
-    return Start(tuple(out), targets, way, error, agree, rail)
+    time = (float(data.time.min()), float(data.time.max())) if len(data.time) else (0.0, 0.0)
+    temperature = float(data.temperature.mean()) if len(data.temperature) else 0.0
+    return Start(tuple(out), targets, way, error, agree, rail, time, temperature)
 
 
 def _needed(targets: int, has_rail: bool) -> int:

@@ -27,7 +27,7 @@ NAMED = 1e-4
 POSES = 150
 # Poses are drawn so many times, for couplings of joints allow some of them alone.
 TRIED = 10
-ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic")
+ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic", "growth", "drift")
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
         target=Labels(data.target.names, np.arange(n) % len(data.target.names)),
         payload=data.payload[pick], rail=rng.uniform(*span, n), sigma=np.full(n, np.nan),
         line=np.zeros(n, dtype=np.int64),
+        time=rng.uniform(data.time.min(), data.time.max(), n) if len(data.time) else data.time,
+        temperature=data.temperature[pick] if len(data.temperature) else data.temperature,
     )  # fmt: skip
 
 

@@ -21,10 +21,10 @@ from robots.faults import Faults
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 NUMBERS: Final = ("payload_kg", "payload_x_mm", "payload_y_mm", "payload_z_mm", "rail_mm", "sigma_mm")
+WHEN: Final = ("time_s", "step", "temperature_C")
 WORDS: Final = ("session", "target", "payload")
 # Read for later: their columns are known, and not used yet.
-KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "temperature_C", "time_s", "approach", "step",
-               "pose", "repeat")  # fmt: skip
+KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "approach", "pose", "repeat")
 # Orientations as controllers show them: a table with these was read at a pendant, not by a tracker.
 PENDANT: Final = frozenset(("a_deg", "b_deg", "c_deg", "w_deg", "p_deg", "r_deg", "qw", "qx", "qy", "qz"))
 # A tracker reaches some 80 m; farther coordinates are another unit.
@@ -43,7 +43,8 @@ def read_absolute(path: str | Path, robot: Robot, *, check_reach: bool = True) -
     One row a reading: joint columns (``q1_deg`` ...), ``x_mm y_mm z_mm`` of a target in the tracker's frame. Optional:
     ``session`` (tracker and base stayed in place; without the column all is one, named after the file), ``target`` (a
     point fixed to the flange, the same in all sessions; without the column one for each session), ``payload_kg`` with
-    ``payload_x_mm payload_y_mm payload_z_mm`` (its centre in the flange frame), ``rail_mm``, ``sigma_mm``.
+    ``payload_x_mm payload_y_mm payload_z_mm`` (its centre in the flange frame), ``rail_mm``, ``sigma_mm``, ``time_s``
+    (or ``step``, the order in time) and ``temperature_C``.
 
     Raises
     ------
@@ -59,7 +60,7 @@ def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> A
     """Readings of a table of text, as :func:`read_absolute`."""
     faults = Faults(table.name)
     needed = MappingProxyType({"position column": POSITION, "load column": POSITION})
-    columns = mc.find_columns(table, robot, faults, (*POSITION, *NUMBERS, *WORDS, *KEPT), needed)
+    columns = mc.find_columns(table, robot, faults, (*POSITION, *NUMBERS, *WHEN, *WORDS, *KEPT), needed)
     for name in POSITION:
         if name not in columns.known and not faults.count:
             faults.add(1, f"no column {name}", allowed=f"all of {', '.join(POSITION)}",
@@ -81,6 +82,7 @@ def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
     kg, *centre = mc.numbers(*cells, NUMBERS[:4], faults, empty="none", missing=0.0).T
     rail = mc.numbers(*cells, ("rail_mm",), faults, missing=0.0)[:, 0]
     sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
+    seconds, step, temperature = mc.numbers(*cells, WHEN, faults, empty="not known").T
     good: Bools = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
 
     def words(name: str, without: str) -> tuple[str, ...]:
@@ -96,7 +98,13 @@ def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
         table.name, table.sha256, q[good], position[good], Labels.of(session), Labels.of(target),
         payload.reshape(-1).astype(np.int64), tuple(Payload(float(row[0]), row[1:]) for row in different), rail[good],
         sigma[good], np.array(table.lines, dtype=np.int64)[good], tuple(_notes(table, columns, robot)),
+        _complete(seconds[good], step[good]), _complete(temperature[good]),
     )  # fmt: skip
+
+
+def _complete(*columns: Array) -> Array:
+    """The first of columns (n,) that every reading has; empty where none is."""
+    return next((x for x in columns if len(x) and np.isfinite(x).all()), np.zeros(0))
 
 
 def _notes(table: RawTable, columns: Columns, robot: Robot) -> list[str]:
@@ -155,4 +163,5 @@ def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:
         labels("session"), labels("target"), payload.astype(np.int64),
         tuple(Payload(float(row[0]), row[1:]) for row in different), stacked("rail"), stacked("sigma"),
         np.concatenate([t.line for t in tables]), tuple(dict.fromkeys(n for t in tables for n in t.notes)),
+        np.zeros(0), stacked("temperature") if all(len(t.temperature) for t in tables) else np.zeros(0),
     )  # fmt: skip

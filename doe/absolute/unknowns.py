@@ -6,10 +6,13 @@ its axis), which are the errors of DH parameters without their singularity where
 another joint; ``JOINT.sinN|cosN`` (mrad), its periodic error of order N; ``JOINT.stiffness`` and ``PLACE.ROW`` as of
 :mod:`fem.free.parameters`, under the arm's own weight and payloads; ``payload.NAME.mass`` (kg) and
 ``payload.NAME.mx|my|mz`` (kg m); ``rail.x|y|z`` (the way for each metre), ``rail.bowN.x|y|z`` (mm) and
-``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used; ``target.NAME.x|y|z`` (mm).
+``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used; ``target.NAME.x|y|z`` (mm);
+``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and ``drift.rx|ry|rz`` (mrad), how
+far the arm moves in its own axes from the first reading to the last, evenly; ``bumpN.x`` ... the same at once, after
+N sixteenths of the readings.
 
 Groups stand for their members: ``geometry``, ``zeros``, ``ratios``, ``coupling``, ``periodic`` (joint error curves up
-to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``.
+to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``, ``growth``, ``drift``.
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ from fem.statics.ports import ROWS
 from robots import InputError, Robot
 from robots.arrays import Indices
 
-Kind = Literal["frame", "zero", "ratio", "coupling", "periodic", "spring", "payload", "rail", "target"]
+Kind = Literal[
+    "frame", "zero", "ratio", "coupling", "periodic", "spring", "payload", "rail", "target", "growth", "drift"
+]
 Group = Callable[[Robot, AbsoluteReadings], "Iterator[Unknown]"]
 
 AXES = ("x", "y", "z")
@@ -43,6 +48,10 @@ TARGET_m, PAYLOAD_SHARE = 1.0, 0.2
 # Highest order of a joint's error curve: features 7.5 deg wide. Orders up to this one are offered one by one.
 CURVE_ORDER, HIGHEST_ORDER = 48, 400
 RAIL_ORDER = 6
+# How much an arm of steel or aluminium may grow for each degree; how far a tracker or base may move within a session.
+GROWTH, DRIFT_m, DRIFT_rad = 2e-5, 1e-3, 1e-3
+# Places in a campaign at which something may have moved at once.
+BUMPS = 16
 DEGREE = math.pi / 180.0
 
 
@@ -182,9 +191,30 @@ def rail(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
             yield Unknown(f"rail.turn{n}.{AXES[a]}", "rail", (1, n, a), "mrad", 1e3, 1.0, "rail.turn")
 
 
+def growth(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
+    """All lengths of the arm with the temperature, where the table has one."""
+    if len(data.temperature) and np.ptp(data.temperature) > 0.0:
+        yield Unknown("arm.growth", "growth", (), "ppm/K", 1e6, GROWTH)
+
+
+def drift(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
+    """An even move of the arm against the tracker over the time of the readings, where the table has one."""
+    return moved(data, 0)
+
+
+def moved(data: AbsoluteReadings, bump: int) -> Iterator[Unknown]:
+    """A move of the arm against the tracker: even over the time (0), or at once after so many sixteenths of it."""
+    if len(data.time) and np.ptp(data.time) > 0.0:
+        name = f"bump{bump}" if bump else "drift"
+        for turns, unit, sd, letter in ((0, "mm", DRIFT_m, ""), (1, "mrad", DRIFT_rad, "r")):
+            for a in range(3):
+                yield Unknown(f"{name}.{letter}{AXES[a]}", "drift", (bump, turns, a), unit, 1e3, sd)
+
+
 GROUPS: dict[str, Group] = {
     "geometry": geometry, "zeros": zeros, "ratios": ratios, "coupling": coupling, "periodic": periodic(CURVE_ORDER),
     "springs": springs, "tilts": tilts, "base": base, "rail": rail, "payload": payload,
+    "growth": growth, "drift": drift,
 }  # fmt: skip
 USUAL = ("geometry", "springs", "periodic", "rail")
 
@@ -223,7 +253,8 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
     if name.endswith(".periodic") and name.removesuffix(".periodic") in robot.joint_names:
         joint = robot.joint_names.index(name.removesuffix(".periodic"))
         return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
-    members = (one for group in (payload, rail) for one in group(robot, data))
+    groups = (*(group(robot, data) for group in (payload, rail, growth)), *(moved(data, k) for k in range(BUMPS)))
+    members = (one for group in groups for one in group)
     if one := single(robot, name) or next((member for member in members if member.name == name), None):
         return (one,)
     raise InputError(

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from doe.certainty.verdicts import NAME
 from doe.diagnosis import checks as checking
 from doe.diagnosis.candidates import not_testable
 from doe.diagnosis.evidence import leave_one_pose_out
 from doe.diagnosis.hypotheses import (
-    NAME,
     NONE,
     UNKNOWN,
     Decision,

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from doe.certainty.verdicts import ALARM, FURTHER, GAIN, NAME, PRIOR_NONE, PRIOR_UNKNOWN
 from doe.diagnosis.evidence import Base, LeftOut
 from doe.diagnosis.fits import Fitted
 from doe.diagnosis.scatter import NoisePrior
@@ -21,27 +22,18 @@ from fem.effects.learned import axes_of, learned_place
 from fem.effects.learned_parts import FAMILY as LEARNED
 
 NONE, UNKNOWN = "none", "unknown"
-# Prior probabilities of nothing missing, of something that the catalogue does not know, and of that acting at one place
-# along one variable; the rest is shared by the families of effects that the readings can see, and within a family by
-# its members.
-PRIOR_NONE, PRIOR_UNKNOWN, PRIOR_LEARNED = 0.5, 0.05, 0.03
+# Prior probability of something that the catalogue does not know and that acts at one place along one variable.
+PRIOR_LEARNED = 0.03
 # What a ranking may go by.
 Worth = Literal["evidence", "bic", "left-out"]
 
 # Readings that tell nothing about the arm ("uninformative") cannot say either that nothing is missing from its model.
 Kind = Literal["none", "named", "learned", "ambiguous", "unknown", "uninformative"]
 
-# Below this probability of "nothing missing" there is something to explain.
-ALARM = 0.12
-# A name is sure from this share of the probability of all effects on.
-NAME = 0.9
 # An amplitude is beyond its plausible range where it is so by this factor, and by so many standard deviations.
 SLACK, SURELY = 1.25, 2.0
 # Then it is a name only where nothing else comes near it in log evidence.
 CLEAR = 20.0
-# A further effect needs this probability, of all but the unknown, and this log evidence: no law is quite right, and
-# what is left of one looks like another.
-FURTHER, GAIN = 0.9, 5.5
 # Beside something unknown a further effect must have at least this probability to be taken up.
 CREDIBLE = 0.05
 

@@ -22,7 +22,8 @@ import numpy as np
 from scipy.special import expit, logit, logsumexp, ndtr
 from scipy.stats import binom, ncx2
 
-from doe.diagnosis.hypotheses import ALARM, NAME, NONE, UNKNOWN, is_learned
+from doe.certainty.verdicts import ALARM, NAME
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, is_learned
 from doe.power.planned import Explained, Planned
 from robots.arrays import Array
 

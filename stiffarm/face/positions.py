@@ -133,13 +133,10 @@ def calibrate_positions(
         A table that cannot be read, positions that no frame brings together with the arm, or an unknown name.
     """
     from doe.absolute.calibrate import calibrate_positions as calibrated
-    from doe.absolute.table import joined
     from doe.absolute.written import written
 
-    several = list(source) if isinstance(source, Sequence) and not isinstance(source, str) else [source]
     with called():
-        table = joined([_read(one, k, arm) for k, one in enumerate(several, start=1)])
-        kept = None if holdout is None else _read(holdout, len(several) + 1, arm)
+        table, kept = read_positions(source, holdout, arm)
         found = calibrated(arm.model, table, free, holdout=kept, robust=robust, seed=seed)
         model = written(found, arm.description)
         links: LinkKind = "rigid" if model.fit.moving.of("spring") else arm.model.link_kind
@@ -151,6 +148,18 @@ def calibrate_positions(
         before, after, out, None if found.holdout is None else 1e3 * found.holdout[1].rms_m,
         tuple(one.words for one in found.gross), found.remarks, found,
     )  # fmt: skip
+
+
+def read_positions(
+    source: str | Path | pd.DataFrame | Sequence[str | Path | pd.DataFrame], holdout: str | Path | pd.DataFrame | None,
+    arm: Arm,
+) -> tuple[AbsoluteReadings, AbsoluteReadings | None]:  # fmt: skip
+    """Tables of positions as one, and what is held out."""
+    from doe.absolute.table import joined
+
+    several = list(source) if isinstance(source, Sequence) and not isinstance(source, str) else [source]
+    table = joined([_read(one, k, arm) for k, one in enumerate(several, start=1)])
+    return table, None if holdout is None else _read(holdout, len(several) + 1, arm)
 
 
 def _rms_mm(distances: Array) -> float:

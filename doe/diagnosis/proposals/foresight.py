@@ -8,7 +8,8 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from doe.diagnosis.hypotheses import ALARM, NAME, NONE, UNKNOWN
+from doe.certainty.verdicts import ALARM, NAME
+from doe.diagnosis.hypotheses import NONE, UNKNOWN
 from doe.diagnosis.proposals.discrimination import Outcome, Predictions, divergence, joint, outcomes
 from doe.diagnosis.proposals.rivals import Question
 from robots.arrays import Array, Integers

@@ -10,9 +10,11 @@ import typer
 from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
 from stiffarm.commands.calibrate import tables as calibration_tables
+from stiffarm.commands.calibrate.positions.run import are_positions
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
+from stiffarm.commands.diagnose.positions.run import diagnose_tables
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import parsing
 from stiffarm.session.console import progress, say, say_notes, show_table
@@ -103,12 +105,20 @@ def diagnose(
 
     Shows where the model disagrees with the readings, which physical effect explains it, and which set-ups to measure
     next. Writes diagnosis.json, the model with the identified effects and a report into --out.
+
+    Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame: geometry, frames and targets are then
+    fitted beside every candidate.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()
         given = frame.model(model, links, load_path, effect=effect, sets=sets)
         zone = parse_zone(given.description, floor, keep_out or (), clearance)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
+        if are_positions(data):
+            refused = {"--free": free, "--effect": effect, "--loads": loads, "--keep-out": keep_out or None,
+                       "--clearance": clearance}  # fmt: skip
+            diagnose_tables(frame, given, data or (), refused, holdout=holdout, seed=seed)
+            return
         table = frame.readings(given, data, confirm_units=confirm_units)
         other = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed) as folder:

@@ -16,9 +16,24 @@ from doe.absolute.unknowns import Layout, unknowns
 from fem import ArmModel, build_model
 from robots import load_description
 
-ALL = ("geometry", "ratios", "coupling", "periodic4", "springs", "tilts", "base", "rail", "payload", "j2.tx")
+ALL = (
+    "geometry",
+    "ratios",
+    "coupling",
+    "periodic4",
+    "springs",
+    "tilts",
+    "base",
+    "rail",
+    "payload",
+    "j2.tx",
+    "growth",
+    "drift",
+    "bump5.x",
+    "bump5.ry",
+)
 SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
-        "rail": 1e-2, "target": 0.1}  # fmt: skip
+        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3}  # fmt: skip
 LOADS = (Payload(0.0, np.zeros(3)), Payload(40.0, np.array([0.05, 0.02, 0.1])))
 
 
@@ -27,11 +42,12 @@ def made(model: ArmModel, seed: int = 0) -> tuple[AbsoluteReadings, Layout, np.n
     plan = Plan(6, targets=2, payloads=LOADS, rail=2.0)
     rng = np.random.default_rng(seed)
     data = campaign(model, Truth({"rail.x": 1.0}), plan, rng)
+    data = replace(data, time=rng.uniform(0.0, 3600.0, len(data)), temperature=rng.uniform(15.0, 30.0, len(data)))
     layout = Layout(unknowns(model.robot, data, ALL))
     u = np.array([one.start + SIZE[one.kind] * rng.normal() for one in layout.unknowns])
     u = np.where([one.kind == "spring" for one in layout.unknowns], np.abs(u), u)
     span = float(data.rail.min()), float(data.rail.max())
-    return data, layout, u, Nominal(rng.uniform(-0.1, 0.1, (2, 3)), span)
+    return data, layout, u, Nominal(rng.uniform(-0.1, 0.1, (2, 3)), span, (0.0, 3600.0), 20.0)
 
 
 def value(model: ArmModel, layout: Layout, s: Sample, u: np.ndarray) -> np.ndarray:
@@ -56,8 +72,9 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
 
 def test_positions_are_those_of_a_product_of_matrices(kr60: ArmModel) -> None:
     data, layout, u, nominal = made(kr60)
-    stiff = np.array([one.kind == "spring" for one in layout.unknowns])
-    u = np.where(stiff, 0.0, u)
+    # Springs, growth and drift are judged by what follows, and by their derivatives.
+    apart = np.array([one.kind in ("spring", "growth", "drift") for one in layout.unknowns])
+    u = np.where(apart, 0.0, u)
     P = value(kr60, layout, samples(kr60, data, layout, nominal)[0], u)
     truth = Truth({one.name: float(v) for one, v in zip(layout.unknowns, u, strict=True)})
     for k in range(len(data)):
@@ -88,6 +105,21 @@ def test_a_payload_of_the_table_and_the_same_one_free_agree(kr60: ArmModel) -> N
     assert_allclose(one, other, atol=1e-15)
     light = replace(data, payload=np.zeros(len(data), dtype=np.int64))
     assert np.abs(value(kr60, held, samples(kr60, light, held, nominal)[0], u[keep]) - other).max() > 1e-5
+
+
+def test_an_arm_that_warms_up_grows_and_one_that_is_bumped_has_moved(kr60: ArmModel) -> None:
+    data, _, _, nominal = made(kr60)
+    layout = Layout(unknowns(kr60.robot, data, ("growth", "drift", "bump4.x")))
+    plain = np.zeros(len(layout))
+    values = {"arm.growth": 1e-5, "drift.y": 2e-4, "drift.rz": 1e-4, "bump4.x": 5e-4}
+    u = np.array([values.get(one.name, 0.0) for one in layout.unknowns])
+    sample = samples(kr60, data, layout, nominal)[0]
+    before, after = (value(kr60, layout, sample, x) for x in (plain, u))
+    since = data.time / 3600.0
+    grown = before * (1.0 + 1e-5 * (data.temperature - 20.0))
+    turned_by = 1e-4 * since * np.stack([-grown[1], grown[0], 0.0 * since])
+    moved = np.stack([5e-4 * (since >= 0.25), 2e-4 * since, 0.0 * since])
+    assert_allclose(after, grown + turned_by + moved, atol=1e-15)
 
 
 def test_rotation_vectors() -> None:

@@ -1,0 +1,130 @@
+"""What may act on positions beside geometry, frames and targets: each effect as unknowns of the calibration.
+
+A candidate has one shape or several, each a set of unknowns with their sizes relative to one another; how large all of
+them are is left open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+from doe.absolute.readings import AbsoluteReadings
+from doe.absolute.unknowns import (
+    BUMPS,
+    Unknown,
+    coupling_error,
+    growth,
+    moved,
+    payload,
+    periodic_error,
+    rail,
+    ratio_error,
+    spring,
+)  # fmt: skip
+from fem import ArmModel
+
+# Highest order of an error curve, and orders beyond which it falls off: a gear that runs out, and its finer errors.
+CURVE, FALL_OFF = 16, (1.5, 8.0)
+# Lengths over which a metre's turn moves a target as far as a metre's shift would.
+ARM_LENGTH = 1.0
+
+# Unknowns of a shape with their relative sizes.
+Shape = tuple[tuple[Unknown, float], ...]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect: ``code`` (family, colon, place), what it is in ``words``, its shapes, and what ``--free`` frees it."""
+
+    code: str
+    words: str
+    shapes: tuple[Shape, ...]
+    free: str
+
+    @property
+    def family(self) -> str:
+        """What it is, wherever."""
+        return self.code.partition(":")[0]
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """All that any of its shapes sets free."""
+        return tuple(dict.fromkeys(one for shape in self.shapes for one, _ in shape))
+
+
+def candidates(model: ArmModel, data: AbsoluteReadings) -> tuple[Candidate, ...]:
+    """Everything that these readings of this arm may be asked for."""
+    return tuple(c for group in (_joints, _gears, _structure, _around) for c in group(model, data) if c.unknowns)
+
+
+def has_weight(model: ArmModel, data: AbsoluteReadings) -> bool:
+    """Whether anything that is known to weigh loads the arm's springs."""
+    return bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
+
+
+def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
+    if not has_weight(model, data):
+        return
+    for j, name in enumerate(model.robot.joint_names):
+        axial = spring(name, j, 5)
+        yield Candidate(
+            f"joint-compliance:{name}", f"joint {name} gives way about its axis under the arm's weight",
+            (((axial, axial.sd),),), axial.name,
+        )  # fmt: skip
+        tilting = [spring(name, j, row) for row in (3, 4)]
+        yield Candidate(
+            f"joint-tilt:{name}", f"joint {name} tilts across its axis under the arm's weight",
+            (_equal(tilting), *(_equal([one]) for one in tilting)), ",".join(one.name for one in tilting),
+        )  # fmt: skip
+
+
+def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
+    robot = model.robot
+    for j, name in enumerate(robot.joint_names):
+        curve = [(periodic_error(robot, j, n, phase), n) for n in range(1, CURVE + 1) for phase in (0, 1)]
+        shapes = tuple(tuple((one, 1.0 / (1.0 + (n / b) ** 2)) for one, n in curve) for b in FALL_OFF)
+        yield Candidate(
+            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", shapes,
+            f"{name}.periodic",
+        )  # fmt: skip
+        ratio = ratio_error(robot, j)
+        yield Candidate(f"gear-ratio:{name}", f"joint {name} turns by another ratio", (_equal([ratio]),), ratio.name)
+    for j, k in permutations(range(robot.dof), 2):
+        one = coupling_error(robot, j, k)
+        name, other = robot.joint_names[j], robot.joint_names[k]
+        yield Candidate(
+            f"joint-coupling:{name}.{other}", f"joint {name} turns with joint {other}", (_equal([one]),), one.name
+        )
+
+
+def _structure(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
+    if has_weight(model, data):
+        tilting = [spring("base", -1, row) for row in (3, 4)]
+        yield Candidate("base-tilt", "the base tilts under the arm's weight", (_equal(tilting),), "base")
+    if any(one.start > 0.0 for one in payload(model.robot, data)):
+        off = tuple((one, one.sd) for one in payload(model.robot, data))
+        yield Candidate("payload", "payloads weigh other than the table says", (off,), "payload")
+    bent = [one for one in rail(model.robot, data) if one.index[1] > 1 or one.index[0]]
+    if bent:
+        shape = tuple((one, 1.0 / one.index[1] / (ARM_LENGTH if one.index[0] else 1.0)) for one in bent)
+        yield Candidate("rail-bow", "the rail bows, or turns its carriage", (shape,), "rail")
+
+
+def _around(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
+    grown = tuple(growth(model.robot, data))
+    yield Candidate("arm-growth", "the arm grows with the temperature", (_equal(grown),), "growth")
+    even = tuple(moved(data, 0))
+    yield Candidate("drift", "the arm and the tracker drift apart", (_moving(even),), "drift")
+    bumps = tuple(_moving(tuple(moved(data, k))) for k in range(1, BUMPS))
+    yield Candidate("bump", "the arm or the tracker was moved on the way", bumps if even else ((),), "bumpN.x,...")
+
+
+def _equal(some: Sequence[Unknown]) -> Shape:
+    return tuple((one, 1.0) for one in some)
+
+
+def _moving(some: Sequence[Unknown]) -> Shape:
+    """Shifts and turns that move a target alike."""
+    return tuple((one, 1.0 / ARM_LENGTH if one.index[1] else 1.0) for one in some)

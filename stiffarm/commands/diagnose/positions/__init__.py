@@ -1,0 +1,1 @@
+"""What is missing by positions of targets: options, answer, words, page."""
