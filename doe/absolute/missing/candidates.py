@@ -59,6 +59,12 @@ def candidates(model: ArmModel, data: AbsoluteReadings) -> tuple[Candidate, ...]
     return tuple(c for group in (_joints, _gears, _structure, _around) for c in group(model, data) if c.unknowns)
 
 
+def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:
+    """Candidates by family."""
+    for family in dict.fromkeys(c.family for c in some):
+        yield family, [c for c in some if c.family == family]
+
+
 def has_weight(model: ArmModel, data: AbsoluteReadings) -> bool:
     """Whether anything that is known to weigh loads the arm's springs."""
     return bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
