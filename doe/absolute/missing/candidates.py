@@ -21,6 +21,7 @@ from doe.absolute.unknowns import (
     periodic_error,
     rail,
     ratio_error,
+    reversals,
     spring,
 )  # fmt: skip
 from fem import ArmModel
@@ -86,7 +87,7 @@ def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
         )  # fmt: skip
 
 
-def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
+def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     robot = model.robot
     for j, name in enumerate(robot.joint_names):
         curve = [(periodic_error(robot, j, n, phase), n) for n in range(1, CURVE + 1) for phase in (0, 1)]
@@ -95,6 +96,10 @@ def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
             f"joint-error:{name}", f"joint {name} is off by a curve over its angle", shapes,
             f"{name}.periodic",
         )  # fmt: skip
+        lost = [one for one in reversals(robot, data) if one.index == (j,)]
+        yield Candidate(
+            f"lost-motion:{name}", f"joint {name} loses motion where it turns back", (_equal(lost),), f"{name}.reversal"
+        )
         ratio = ratio_error(robot, j)
         yield Candidate(f"gear-ratio:{name}", f"joint {name} turns by another ratio", (_equal([ratio]),), ratio.name)
     for j, k in permutations(range(robot.dof), 2):
