@@ -45,7 +45,8 @@ class Sample:
     """Readings of a block, poses last: ``q`` (dof, n), ``rail`` (n,) from -1 to 1 and ``way`` (n,) m, ``target`` (n,).
 
     ``payload`` (n,); ``weight``: what compliances make of the arm's weight. ``warm`` (n,) K above the mean of all
-    readings and ``since`` (n,), the share of their time that has passed; empty where that is not known.
+    readings and ``since`` (n,), the share of their time that has passed; ``came`` (dof, n): which way the joints came;
+    empty where that is not known.
     """
 
     q: Array
@@ -56,6 +57,7 @@ class Sample:
     weight: Weight | None
     warm: Array
     since: Array
+    came: Array
 
     def __len__(self) -> int:
         return int(self.q.shape[1])
@@ -73,6 +75,7 @@ def samples(
         s = Sample(
             np.ascontiguousarray(data.q[rows].T), rail, scaled, data.target.number[rows], data.payload[rows], None,
             data.temperature[rows] - nominal.temperature, (time - begin) / max(end - begin, 1e-300),
+            np.ascontiguousarray(data.approach[rows].T),
         )  # fmt: skip
         s = loaded(model, s, data, layout, nominal)
         out.append(s if u is None else loaded(model, s, data, layout, nominal, u))
@@ -106,6 +109,8 @@ def turning(layout: Layout, s: Sample, u: Array) -> Turning:
         columns.append((k, j, q[j]))
     for k, (j, other) in layout.of("coupling"):
         columns.append((k, j, q[other]))
+    for k, (j,) in layout.of("reversal") if s.came.size else ():
+        columns.append((k, j, -0.5 * s.came[j]))
     waves: dict[tuple[int, int], tuple[Array, Array]] = {}
     for k, (j, order, phase) in layout.of("periodic"):
         if (j, order) not in waves:

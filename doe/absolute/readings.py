@@ -44,7 +44,8 @@ class AbsoluteReadings:
     base, with a frame of its own; ``target``: a point fixed to the flange, the same in all sessions; ``payload``: which
     of ``payloads`` the flange carried; ``rail`` (n,) m, zero without a rail; ``sigma`` (n,) m as given, NaN where none
     was; ``line`` (n,): where the reading stands in its file. ``time`` (n,): when it was read, in s, or in steps where
-    only their order is known; ``temperature`` (n,) deg C; empty where the table does not say.
+    only their order is known; ``temperature`` (n,) deg C; empty where the table does not say. ``approach`` (n, dof): 1
+    where a joint last turned the positive way before it stopped, -1 the negative way, 0 where that is not known.
     """
 
     source: str
@@ -61,6 +62,7 @@ class AbsoluteReadings:
     notes: tuple[str, ...] = ()
     time: Array = field(default_factory=lambda: np.zeros(0))
     temperature: Array = field(default_factory=lambda: np.zeros(0))
+    approach: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -76,5 +78,5 @@ class AbsoluteReadings:
         return AbsoluteReadings(
             self.source, self.sha256, self.q[k], self.position[k], self.session.take(k), self.target.take(k),
             self.payload[k], self.payloads, self.rail[k], self.sigma[k], self.line[k], self.notes,
-            *(x[k] if len(x) else x for x in (self.time, self.temperature)),
+            *(x[k] if len(x) else x for x in (self.time, self.temperature, self.approach)),
         )  # fmt: skip

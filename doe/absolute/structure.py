@@ -27,7 +27,8 @@ NAMED = 1e-4
 POSES = 150
 # Poses are drawn so many times, for couplings of joints allow some of them alone.
 TRIED = 10
-ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic", "growth", "drift")
+ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic", "growth", "drift",
+         "reversal")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
         line=np.zeros(n, dtype=np.int64),
         time=rng.uniform(data.time.min(), data.time.max(), n) if len(data.time) else data.time,
         temperature=data.temperature[pick] if len(data.temperature) else data.temperature,
+        approach=data.approach[pick] if data.approach.size else np.zeros((n, 0)),
     )  # fmt: skip
 
 

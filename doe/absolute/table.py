@@ -22,9 +22,9 @@ from robots.faults import Faults
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 NUMBERS: Final = ("payload_kg", "payload_x_mm", "payload_y_mm", "payload_z_mm", "rail_mm", "sigma_mm")
 WHEN: Final = ("time_s", "step", "temperature_C")
-WORDS: Final = ("session", "target", "payload")
+WORDS: Final = ("session", "target", "payload", "approach")
 # Read for later: their columns are known, and not used yet.
-KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "approach", "pose", "repeat")
+KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "pose", "repeat")
 # Orientations as controllers show them: a table with these was read at a pendant, not by a tracker.
 PENDANT: Final = frozenset(("a_deg", "b_deg", "c_deg", "w_deg", "p_deg", "r_deg", "qw", "qx", "qy", "qz"))
 # A tracker reaches some 80 m; farther coordinates are another unit.
@@ -44,7 +44,8 @@ def read_absolute(path: str | Path, robot: Robot, *, check_reach: bool = True) -
     ``session`` (tracker and base stayed in place; without the column all is one, named after the file), ``target`` (a
     point fixed to the flange, the same in all sessions; without the column one for each session), ``payload_kg`` with
     ``payload_x_mm payload_y_mm payload_z_mm`` (its centre in the flange frame), ``rail_mm``, ``sigma_mm``, ``time_s``
-    (or ``step``, the order in time) and ``temperature_C``.
+    (or ``step``, the order in time), ``temperature_C`` and ``approach``: for each joint in turn ``+`` or ``-``, the way
+    that it last turned before it stopped, ``0`` where that is not known, as in ``+-+00+``.
 
     Raises
     ------
@@ -83,6 +84,7 @@ def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
     rail = mc.numbers(*cells, ("rail_mm",), faults, missing=0.0)[:, 0]
     sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
     seconds, step, temperature = mc.numbers(*cells, WHEN, faults, empty="not known").T
+    approach = _approaches(table, columns, robot, faults)
     good: Bools = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
 
     def words(name: str, without: str) -> tuple[str, ...]:
@@ -98,8 +100,25 @@ def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
         table.name, table.sha256, q[good], position[good], Labels.of(session), Labels.of(target),
         payload.reshape(-1).astype(np.int64), tuple(Payload(float(row[0]), row[1:]) for row in different), rail[good],
         sigma[good], np.array(table.lines, dtype=np.int64)[good], tuple(_notes(table, columns, robot)),
-        _complete(seconds[good], step[good]), _complete(temperature[good]),
+        _complete(seconds[good], step[good]), _complete(temperature[good]), approach[good],
     )  # fmt: skip
+
+
+def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
+    """Which way each joint came (n, dof); no column: nothing is known (n, 0)."""
+    if "approach" not in columns.known:
+        return np.zeros((len(table.lines), 0))
+    ways, out = {"+": 1.0, "-": -1.0, "0": 0.0}, np.zeros((len(table.lines), robot.dof))
+    for k, (line, text) in enumerate(zip(table.lines, mc.texts(table, columns.known["approach"]), strict=True)):
+        signs = text.strip().replace("\N{MINUS SIGN}", "-")
+        if signs and (len(signs) != robot.dof or set(signs) - set(ways)):
+            faults.add(
+                line, "column approach", value=text, allowed=f"a +, - or 0 for each of {robot.dof} joints",
+                remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
+            )  # fmt: skip
+            continue
+        out[k] = [ways[sign] for sign in signs] if signs else 0.0
+    return out
 
 
 def _complete(*columns: Array) -> Array:
@@ -164,4 +183,5 @@ def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:
         tuple(Payload(float(row[0]), row[1:]) for row in different), stacked("rail"), stacked("sigma"),
         np.concatenate([t.line for t in tables]), tuple(dict.fromkeys(n for t in tables for n in t.notes)),
         np.zeros(0), stacked("temperature") if all(len(t.temperature) for t in tables) else np.zeros(0),
+        stacked("approach") if all(t.approach.size for t in tables) else np.zeros((sum(map(len, tables)), 0)),
     )  # fmt: skip

@@ -3,16 +3,18 @@
 Names: ``JOINT.frame.x|y|z`` (mm) and ``JOINT.frame.rx|ry`` (deg), errors of a joint's frame in its own axes (z along
 its axis), which are the errors of DH parameters without their singularity where axes are parallel; ``JOINT.zero``
 (deg); ``JOINT.ratio``, by how much more the joint turns than it says; ``JOINT.per.OTHER``, how much it turns with
-another joint; ``JOINT.sinN|cosN`` (mrad), its periodic error of order N; ``JOINT.stiffness`` and ``PLACE.ROW`` as of
-:mod:`fem.free.parameters`, under the arm's own weight and payloads; ``payload.NAME.mass`` (kg) and
-``payload.NAME.mx|my|mz`` (kg m); ``rail.x|y|z`` (the way for each metre), ``rail.bowN.x|y|z`` (mm) and
-``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used; ``target.NAME.x|y|z`` (mm);
-``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and ``drift.rx|ry|rz`` (mrad), how
-far the arm moves in its own axes from the first reading to the last, evenly; ``bumpN.x`` ... the same at once, after
-N sixteenths of the readings.
+another joint; ``JOINT.reversal`` (mrad), its lost motion: by how much less it has turned than it says, half of it
+either way, where the table says which way it came; ``JOINT.sinN|cosN`` (mrad), its periodic error of order N;
+``JOINT.stiffness`` and ``PLACE.ROW`` as of :mod:`fem.free.parameters`, under the arm's own weight and payloads;
+``payload.NAME.mass`` (kg) and ``payload.NAME.mx|my|mz`` (kg m); ``rail.x|y|z`` (the way for each metre),
+``rail.bowN.x|y|z`` (mm) and ``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used;
+``target.NAME.x|y|z`` (mm); ``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and
+``drift.rx|ry|rz`` (mrad), how far the arm moves in its own axes from the first reading to the last, evenly; ``bumpN.x``
+... the same at once, after N sixteenths of the readings.
 
 Groups stand for their members: ``geometry``, ``zeros``, ``ratios``, ``coupling``, ``periodic`` (joint error curves up
-to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``, ``growth``, ``drift``.
+to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``, ``growth``, ``drift``,
+``reversal``.
 """
 
 from __future__ import annotations
@@ -32,7 +34,18 @@ from robots import InputError, Robot
 from robots.arrays import Indices
 
 Kind = Literal[
-    "frame", "zero", "ratio", "coupling", "periodic", "spring", "payload", "rail", "target", "growth", "drift"
+    "frame",
+    "zero",
+    "ratio",
+    "coupling",
+    "periodic",
+    "spring",
+    "payload",
+    "rail",
+    "target",
+    "growth",
+    "drift",
+    "reversal",
 ]
 Group = Callable[[Robot, AbsoluteReadings], "Iterator[Unknown]"]
 
@@ -50,6 +63,8 @@ CURVE_ORDER, HIGHEST_ORDER = 48, 400
 RAIL_ORDER = 6
 # How much an arm of steel or aluminium may grow for each degree; how far a tracker or base may move within a session.
 GROWTH, DRIFT_m, DRIFT_rad = 2e-5, 1e-3, 1e-3
+# How much a joint's lost motion may be.
+REVERSAL = 1e-3
 # Places in a campaign at which something may have moved at once.
 BUMPS = 16
 DEGREE = math.pi / 180.0
@@ -191,6 +206,13 @@ def rail(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
             yield Unknown(f"rail.turn{n}.{AXES[a]}", "rail", (1, n, a), "mrad", 1e3, 1.0, "rail.turn")
 
 
+def reversals(robot: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
+    """Lost motion of the joints that came from either side."""
+    for j in range(robot.dof if data.approach.size else 0):
+        if np.ptp(data.approach[:, j]) > 0.0:
+            yield Unknown(f"{robot.joint_names[j]}.reversal", "reversal", (j,), "mrad", 1e3, REVERSAL)
+
+
 def growth(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
     """All lengths of the arm with the temperature, where the table has one."""
     if len(data.temperature) and np.ptp(data.temperature) > 0.0:
@@ -214,7 +236,7 @@ def moved(data: AbsoluteReadings, bump: int) -> Iterator[Unknown]:
 GROUPS: dict[str, Group] = {
     "geometry": geometry, "zeros": zeros, "ratios": ratios, "coupling": coupling, "periodic": periodic(CURVE_ORDER),
     "springs": springs, "tilts": tilts, "base": base, "rail": rail, "payload": payload,
-    "growth": growth, "drift": drift,
+    "growth": growth, "drift": drift, "reversal": reversals,
 }  # fmt: skip
 USUAL = ("geometry", "springs", "periodic", "rail")
 
@@ -253,7 +275,10 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
     if name.endswith(".periodic") and name.removesuffix(".periodic") in robot.joint_names:
         joint = robot.joint_names.index(name.removesuffix(".periodic"))
         return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
-    groups = (*(group(robot, data) for group in (payload, rail, growth)), *(moved(data, k) for k in range(BUMPS)))
+    groups = (
+        *(group(robot, data) for group in (payload, rail, growth, reversals)),
+        *(moved(data, k) for k in range(BUMPS)),
+    )
     members = (one for group in groups for one in group)
     if one := single(robot, name) or next((member for member in members if member.name == name), None):
         return (one,)

@@ -21,6 +21,7 @@ from doe.absolute.unknowns import (
     periodic_error,
     rail,
     ratio_error,
+    reversals,
     spring,
 )  # fmt: skip
 from fem import ArmModel
@@ -59,6 +60,12 @@ def candidates(model: ArmModel, data: AbsoluteReadings) -> tuple[Candidate, ...]
     return tuple(c for group in (_joints, _gears, _structure, _around) for c in group(model, data) if c.unknowns)
 
 
+def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:
+    """Candidates by family."""
+    for family in dict.fromkeys(c.family for c in some):
+        yield family, [c for c in some if c.family == family]
+
+
 def has_weight(model: ArmModel, data: AbsoluteReadings) -> bool:
     """Whether anything that is known to weigh loads the arm's springs."""
     return bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
@@ -80,7 +87,7 @@ def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
         )  # fmt: skip
 
 
-def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
+def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     robot = model.robot
     for j, name in enumerate(robot.joint_names):
         curve = [(periodic_error(robot, j, n, phase), n) for n in range(1, CURVE + 1) for phase in (0, 1)]
@@ -89,6 +96,10 @@ def _gears(model: ArmModel, _: AbsoluteReadings) -> Iterator[Candidate]:
             f"joint-error:{name}", f"joint {name} is off by a curve over its angle", shapes,
             f"{name}.periodic",
         )  # fmt: skip
+        lost = [one for one in reversals(robot, data) if one.index == (j,)]
+        yield Candidate(
+            f"lost-motion:{name}", f"joint {name} loses motion where it turns back", (_equal(lost),), f"{name}.reversal"
+        )
         ratio = ratio_error(robot, j)
         yield Candidate(f"gear-ratio:{name}", f"joint {name} turns by another ratio", (_equal([ratio]),), ratio.name)
     for j, k in permutations(range(robot.dof), 2):

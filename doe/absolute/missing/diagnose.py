@@ -14,8 +14,8 @@ from doe.absolute.calibrate import FEW, FOLDS, fitted
 from doe.absolute.fit import Fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.known import known
-from doe.absolute.missing.candidates import Candidate, candidates, has_weight
-from doe.absolute.missing.evidence import NONE, UNKNOWN, Weighed, Weighing, ground, kinds, weigh
+from doe.absolute.missing.candidates import Candidate, candidates, has_weight, kinds
+from doe.absolute.missing.evidence import NONE, UNKNOWN, Weighing, ground, weigh
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
@@ -30,8 +30,10 @@ Verdict = Literal["none", "named", "ambiguous", "unknown"]
 MOST = 16
 # What moves readings by less than this share of their scatter is not worth a name.
 SMALL = 0.15
-# Lines of a look that are kept.
+# Rivals that are kept.
 KEPT = 8
+# What is left to the unknown with more than this probability is no effect of the catalogue.
+HALF = 0.5
 
 
 @dataclass(frozen=True)
@@ -145,9 +147,9 @@ def diagnose_positions(
     names = ("geometry", *(f"rail.{a}" for a in "xyz" if data.has_rail))
     layout = Layout(unknowns(model.robot, data, names))
     same = twins(model, data, layout, begin.nominal, seed)
-    kept_out = [one.name for one in same]
+    # The springs that the model has are free about what it says: how stiff they are is not what is missing.
     own = (replace(one, start=v, sd=v) for one, v in known(model, layout.unknowns).items() if one.kind == "spring")
-    base = layout.without(kept_out)
+    base = layout.without([one.name for one in same])
     work = _Work(model, data, begin, Layout((*base.unknowns, *own)))
     some = candidates(model, data)
     say(f"{len(data)} positions, {len(some)} candidates")
@@ -165,6 +167,8 @@ def diagnose_positions(
     out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after, predicted, kept, same,
                   gross(after), has_weight(model, data))  # fmt: skip
     verdict, reason = _verdict(out)
+    if picks and not _predicts(out):
+        out = replace(out, effects=(), provisional=out.found)
     return replace(out, verdict=verdict, reason=reason)
 
 
@@ -196,11 +200,10 @@ def _asks_for_more(look: Look, *, further: bool) -> bool:
     top = effects[0]
     if top.acts < SMALL * look.scatter or top.gain < GAIN:
         return False
-    if not further:
-        return unknown.probability <= 0.5
-    return sum(one.probability for one in effects) >= FURTHER * (1.0 - unknown.probability) and (
-        unknown.probability <= 0.5
-    )
+    if unknown.probability > HALF:
+        return False
+    # Nothing is quite right, and what is left of one effect looks like several others.
+    return not further or sum(one.probability for one in effects) >= FURTHER * (1.0 - unknown.probability)
 
 
 def _look(here: Fit, some: Sequence[Candidate]) -> Look:
@@ -232,17 +235,19 @@ def _log_priors(some: Sequence[Candidate]) -> Mapping[str, float]:
 def _pick(look: Look, top: Line, some: Sequence[Candidate]) -> FoundEffect:
     """The effect that leads a look, with its unknowns as large as they go best with the readings."""
     candidate = next(c for c in some if c.code == top.code)
-    found: Weighed = look.weighing.of[top.code]
+    found = look.weighing.of[top.code]
     sized = tuple(replace(one, sd=found.size * scale, law="") for one, scale in found.shape)
-    effects = look.effects
-    share = sum(one.probability for one in effects)
-    rivals = tuple(one.code for one in effects[1:KEPT] if one.probability > (1.0 - NAME) * top.probability)
-    return FoundEffect(candidate, sized, top.acts, top.gain, top.probability / max(share, 1e-300) * (1.0 - look.of(
-        NONE).probability - look.of(UNKNOWN).probability), rivals)  # fmt: skip
+    return FoundEffect(candidate, sized, top.acts, top.gain, top.probability, _rivals(look, top))
+
+
+def _rivals(look: Look, line: Line) -> tuple[str, ...]:
+    """Codes that explain the readings about as well as one of a look does."""
+    close = (1.0 - NAME) * line.probability
+    return tuple(one.code for one in look.effects if one is not line and one.probability > close)[:KEPT]
 
 
 def _all_of(picks: Sequence[FoundEffect]) -> list[Unknown]:
-    """The unknowns of several effects, each once, the last one's size first."""
+    """The unknowns of several effects, each once, as large as the last one has them."""
     out: dict[str, Unknown] = {}
     for pick in picks:
         out |= {one.name: one for one in pick.unknowns}
@@ -258,11 +263,15 @@ def _once_more(work: _Work, pick: FoundEffect, others: Sequence[FoundEffect], so
     if code not in look.weighing.of:
         return replace(pick, probability=0.0)
     line = look.of(code)
-    better = [one for one in look.effects if one.code != code and one.probability > (1.0 - NAME) * line.probability]
     return replace(
-        pick, probability=line.probability, gain=line.gain, acts=line.acts,
-        rivals=tuple(one.code for one in better[:KEPT]),
+        pick, probability=line.probability, gain=line.gain, acts=line.acts, rivals=_rivals(look, line)
     )  # fmt: skip
+
+
+def _predicts(m: Missing) -> bool:
+    """Whether readings left out are predicted better with what was found."""
+    before, after = m.left_out_rms()
+    return after < before
 
 
 def _verdict(m: Missing) -> tuple[Verdict, str]:
@@ -270,17 +279,16 @@ def _verdict(m: Missing) -> tuple[Verdict, str]:
     if not m.found:
         if first.of(NONE).probability >= ALARM:
             return "none", "the readings do not ask for more than geometry, frames and targets"
-        if first.of(UNKNOWN).probability > 0.5:
+        if first.of(UNKNOWN).probability > HALF:
             return (
                 "unknown",
                 f"what is left varies smoothly with the {first.axis}, and no effect of the catalogue does so",
             )
         return "none", "what is left is too small beside the scatter to be named"
-    before, after = m.left_out_rms()
-    if after >= before:
+    if not _predicts(m):
         return "ambiguous", "what was found does not predict readings left out"
     if m.provisional:
         return "ambiguous", "several effects explain the readings about equally well"
-    if last.of(UNKNOWN).probability > 0.5:
+    if last.of(UNKNOWN).probability > HALF:
         return "ambiguous", "something unknown is left beside what was found"
     return "named", "explains the readings and predicts those left out"

@@ -11,7 +11,7 @@ scatters; between them its numbers that the readings tell scale with the scatter
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -67,16 +67,15 @@ def ground(found: Fit, some: Sequence[Candidate]) -> Ground:
     u = np.concatenate([found.u, [one.start for one in new]])
     order = np.concatenate([found.free, np.arange(len(found.u), len(u))])
     root = np.sqrt(found.weight * given_weight(found.data, found.variances.sigma))
-    sessions, width = [], 0
+    sessions = []
     for s in range(len(found.frames)):
         mine = np.flatnonzero(found.data.session.number == s)
         sessions.append([partial(_rows, found, whole, u, order, root, mine[k], s) for k in in_blocks(len(mine), BLOCK)])
     smooth = _unknown(found, np.arange(1))
-    width = len(order) + sum(len(x) for x in smooth.values())
-    groups, first = {}, len(order)
+    groups, width = {}, len(order)
     for axis, columns in smooth.items():
-        groups[axis] = np.arange(first, first + len(columns))
-        first += len(columns)
+        groups[axis] = np.arange(width, width + len(columns))
+        width += len(columns)
     place = {one.name: len(base) + k for k, one in enumerate(new)}
     reduced = reduce_sessions(sessions, width)
     return Ground(found, reduced, base, place, groups, 3 * len(found.data) - FRAME * len(found.frames))
@@ -305,9 +304,3 @@ def _of_columns(
     if reach <= FOLLOWED:
         return None
     return _best(at, every, none.sigma * np.array(SIZES) / reach, points)
-
-
-def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:
-    """Candidates by family."""
-    for family in dict.fromkeys(c.family for c in some):
-        yield family, [c for c in some if c.family == family]

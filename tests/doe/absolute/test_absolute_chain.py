@@ -33,7 +33,7 @@ ALL = (
     "bump5.ry",
 )
 SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
-        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3}  # fmt: skip
+        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3, "reversal": 1e-3}  # fmt: skip
 LOADS = (Payload(0.0, np.zeros(3)), Payload(40.0, np.array([0.05, 0.02, 0.1])))
 
 
@@ -42,7 +42,8 @@ def made(model: ArmModel, seed: int = 0) -> tuple[AbsoluteReadings, Layout, np.n
     plan = Plan(6, targets=2, payloads=LOADS, rail=2.0)
     rng = np.random.default_rng(seed)
     data = campaign(model, Truth({"rail.x": 1.0}), plan, rng)
-    data = replace(data, time=rng.uniform(0.0, 3600.0, len(data)), temperature=rng.uniform(15.0, 30.0, len(data)))
+    data = replace(data, time=rng.uniform(0.0, 3600.0, len(data)), temperature=rng.uniform(15.0, 30.0, len(data)),
+                   approach=rng.choice([-1.0, 0.0, 1.0], (len(data), 6)))  # fmt: skip
     layout = Layout(unknowns(model.robot, data, ALL))
     u = np.array([one.start + SIZE[one.kind] * rng.normal() for one in layout.unknowns])
     u = np.where([one.kind == "spring" for one in layout.unknowns], np.abs(u), u)
@@ -73,7 +74,7 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
 def test_positions_are_those_of_a_product_of_matrices(kr60: ArmModel) -> None:
     data, layout, u, nominal = made(kr60)
     # Springs, growth and drift are judged by what follows, and by their derivatives.
-    apart = np.array([one.kind in ("spring", "growth", "drift") for one in layout.unknowns])
+    apart = np.array([one.kind in ("spring", "growth", "drift", "reversal") for one in layout.unknowns])
     u = np.where(apart, 0.0, u)
     P = value(kr60, layout, samples(kr60, data, layout, nominal)[0], u)
     truth = Truth({one.name: float(v) for one, v in zip(layout.unknowns, u, strict=True)})
@@ -120,6 +121,19 @@ def test_an_arm_that_warms_up_grows_and_one_that_is_bumped_has_moved(kr60: ArmMo
     turned_by = 1e-4 * since * np.stack([-grown[1], grown[0], 0.0 * since])
     moved = np.stack([5e-4 * (since >= 0.25), 2e-4 * since, 0.0 * since])
     assert_allclose(after, grown + turned_by + moved, atol=1e-15)
+
+
+def test_a_joint_that_loses_motion_lags_by_half_of_it_either_way(kr60: ArmModel) -> None:
+    data, _, _, nominal = made(kr60)
+    layout = Layout(unknowns(kr60.robot, data, ("j2.reversal", "zeros")))
+    names = [one.name for one in layout.unknowns]
+    there = samples(kr60, data, layout, nominal)[0]
+    lost = np.where([name == "j2.reversal" for name in names], 4e-4, 0.0)
+    P = value(kr60, layout, there, lost)
+    for way in (-1.0, 0.0, 1.0):
+        mine = data.approach[:, 1] == way
+        lagging = np.where([name == "j2.zero" for name in names], -2e-4 * way, 0.0)
+        assert_allclose(P[:, mine], value(kr60, layout, there, lagging)[:, mine], atol=1e-15)
 
 
 def test_rotation_vectors() -> None:

@@ -43,6 +43,20 @@ def test_columns_are_read_in_si(tmp_path: Path, robot: Robot) -> None:
     assert any("operator" in note for note in data.notes)
 
 
+def test_times_temperatures_and_approaches_are_read(tmp_path: Path, robot: Robot) -> None:
+    head = f"{HEADER},time_s,temperature_C,approach"
+    data = read_absolute(written(tmp_path, f"{head}\n{ROW},0,20.5,+-+00-\n{ROW},60,21,\n"), robot)
+    assert_allclose(data.time, [0.0, 60.0])
+    assert_allclose(data.temperature, [20.5, 21.0])
+    assert_allclose(data.approach, [[1, -1, 1, 0, 0, -1], [0] * 6])
+    # A time that is not there in every row is none.
+    assert not len(read_absolute(written(tmp_path, f"{HEADER},time_s\n{ROW},0\n{ROW},\n"), robot).time)
+    assert_allclose(data.take(np.array([1])).approach, np.zeros((1, 6)))
+    for wrong in ("+-+", "up", "+-+-+x"):
+        with pytest.raises(InputError, match="approach"):
+            read_absolute(written(tmp_path, f"{HEADER},approach\n{ROW},{wrong}\n"), robot)
+
+
 def test_files_without_sessions_are_sessions_of_their_own(tmp_path: Path, robot: Robot) -> None:
     tables = [read_absolute(written(tmp_path, f"{HEADER}\n{ROW}\n", f"{name}.csv"), robot) for name in "ab"]
     data = joined(tables)

@@ -10,6 +10,7 @@ from made_up_positions import Plan, Truth, campaign
 from scipy.stats import multivariate_normal
 
 from doe.absolute.calibrate import fitted
+from doe.absolute.identified import findings
 from doe.absolute.missing import evidence
 from doe.absolute.missing.candidates import candidates
 from doe.absolute.missing.diagnose import Missing, diagnose_positions
@@ -88,6 +89,19 @@ def test_what_is_hidden_is_named_and_nothing_else(kr60: ArmModel, code: str, hid
     assert [one.candidate.code for one in m.effects] == [code]
     before, after = m.left_out_rms()
     assert after < before
+
+
+@pytest.mark.slow
+def test_lost_motion_is_named_where_poses_were_come_to_from_both_sides(kr60: ArmModel) -> None:
+    rng = np.random.default_rng(4)
+    data = campaign(kr60, Truth({"target.a.x": 0.1, "target.a.z": 0.2}), Plan(80), rng)
+    way = rng.choice([-1.0, 1.0], data.q.shape)
+    # What the joint says is ahead of where it is.
+    said = data.q + 0.5 * way * np.array([0.0, 4e-4, 0.0, 0.0, 0.0, 0.0])
+    m = diagnose_positions(kr60, replace(data, q=said, approach=way))
+    assert [one.candidate.code for one in m.effects] == ["lost-motion:j2"]
+    one = next(f for f in findings(m.after) if f.name == "j2.reversal")
+    assert one.interval95[0] < 0.4 < one.interval95[1]
 
 
 @pytest.mark.slow
