@@ -16,7 +16,7 @@ import numpy as np
 
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.turns import left_rate, rotation, turned
-from doe.absolute.unknowns import BUMPS, Layout
+from doe.absolute.unknowns import BUMPS, SETTLING, THIRD, Layout
 from doe.absolute.weight import Weight, weight
 from fem import ArmModel
 from fem.statics.vectors import cross, times_constant, to_base
@@ -206,10 +206,17 @@ def evaluate(model: ArmModel, layout: Layout, s: Sample, u: Array, *, slopes: bo
     return P, J
 
 
+def gone(way: int, since: Array) -> Array:
+    """How much of a move (n,) is done after a share (n,) of the time: evenly, settling, or at once."""
+    if way == SETTLING:
+        return np.asarray(np.expm1(-since / THIRD) / np.expm1(-1.0 / THIRD))
+    return np.asarray(since >= way / BUMPS, dtype=np.float64) if way else since
+
+
 def _drifted(layout: Layout, s: Sample, u: Array, P: Array, J: Array) -> tuple[Array, Array]:
     """Positions and derivatives of an arm that moves against the tracker: turns about its axes, and shifts."""
     shift, w, unit = np.zeros_like(P), np.zeros_like(P), np.eye(3)[:, :, None]
-    found = [(k, i, s.since >= i[0] / BUMPS if i[0] else s.since) for k, i in layout.of("drift")]
+    found = [(k, i, gone(i[0], s.since)) for k, i in layout.of("drift")]
     for k, (_, turns, a), shape in found:
         (w if turns else shift)[a] += u[k] * shape
     if len(J):

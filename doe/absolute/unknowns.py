@@ -9,8 +9,8 @@ either way, where the table says which way it came; ``JOINT.sinN|cosN`` (mrad), 
 ``payload.NAME.mass`` (kg) and ``payload.NAME.mx|my|mz`` (kg m); ``rail.x|y|z`` (the way for each metre),
 ``rail.bowN.x|y|z`` (mm) and ``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used;
 ``target.NAME.x|y|z`` (mm); ``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and
-``drift.rx|ry|rz`` (mrad), how far the arm moves in its own axes from the first reading to the last, evenly; ``bumpN.x``
-... the same at once, after N sixteenths of the readings.
+``drift.rx|ry|rz`` (mrad), how far the arm moves in its own axes from the first reading to the last, evenly;
+``settling.x`` ... the same, most of it at first (as what warms up does); ``bumpN.x`` ... at once, after N sixteenths.
 
 Groups stand for their members: ``geometry``, ``zeros``, ``ratios``, ``coupling``, ``periodic`` (joint error curves up
 to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``, ``growth``, ``drift``,
@@ -65,8 +65,8 @@ RAIL_ORDER = 6
 GROWTH, DRIFT_m, DRIFT_rad = 2e-5, 1e-3, 1e-3
 # How much a joint's lost motion may be.
 REVERSAL = 1e-3
-# Places in a campaign at which something may have moved at once.
-BUMPS = 16
+# Places in a campaign at which something may have moved at once; what settles has done 63 % of it after a third.
+BUMPS, SETTLING, THIRD = 16, -1, 1.0 / 3.0
 DEGREE = math.pi / 180.0
 
 
@@ -224,13 +224,13 @@ def drift(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
     return moved(data, 0)
 
 
-def moved(data: AbsoluteReadings, bump: int) -> Iterator[Unknown]:
-    """A move of the arm against the tracker: even over the time (0), or at once after so many sixteenths of it."""
+def moved(data: AbsoluteReadings, way: int) -> Iterator[Unknown]:
+    """A move of the arm against the tracker: even over the time (0), settling, or at once after so many sixteenths."""
     if len(data.time) and np.ptp(data.time) > 0.0:
-        name = f"bump{bump}" if bump else "drift"
+        name = {0: "drift", SETTLING: "settling"}.get(way, f"bump{way}")
         for turns, unit, sd, letter in ((0, "mm", DRIFT_m, ""), (1, "mrad", DRIFT_rad, "r")):
             for a in range(3):
-                yield Unknown(f"{name}.{letter}{AXES[a]}", "drift", (bump, turns, a), unit, 1e3, sd)
+                yield Unknown(f"{name}.{letter}{AXES[a]}", "drift", (way, turns, a), unit, 1e3, sd)
 
 
 GROUPS: dict[str, Group] = {
@@ -277,7 +277,7 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
         return tuple(one for one in periodic(CURVE_ORDER)(robot, data) if one.index[0] == joint)
     groups = (
         *(group(robot, data) for group in (payload, rail, growth, reversals)),
-        *(moved(data, k) for k in range(BUMPS)),
+        *(moved(data, k) for k in range(SETTLING, BUMPS)),
     )
     members = (one for group in groups for one in group)
     if one := single(robot, name) or next((member for member in members if member.name == name), None):

@@ -10,9 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
+import numpy as np
+
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.unknowns import (
     BUMPS,
+    SETTLING,
     Unknown,
     coupling_error,
     growth,
@@ -28,6 +31,11 @@ from fem import ArmModel
 
 # Highest order of an error curve, and orders beyond which it falls off: a gear that runs out, and its finer errors.
 CURVE, FALL_OFF = 16, (1.5, 8.0)
+# Orders of a rail's laws: a bow alone, and all.
+LENGTHWISE = (3, 6)
+# Share to which masses of links and their centres are known (assumed). Springs are told by them, so a payload that is
+# off by as much is not: its mass by that share, its moment by that of the link whose own is largest.
+AS_LINKS = 0.1
 # Lengths over which a metre's turn moves a target as far as a metre's shift would.
 ARM_LENGTH = 1.0
 
@@ -58,6 +66,16 @@ class Candidate:
 def candidates(model: ArmModel, data: AbsoluteReadings) -> tuple[Candidate, ...]:
     """Everything that these readings of this arm may be asked for."""
     return tuple(c for group in (_joints, _gears, _structure, _around) for c in group(model, data) if c.unknowns)
+
+
+def is_usual(one: Unknown, value: float, model: ArmModel, data: AbsoluteReadings) -> bool:
+    """Whether a number is no more off than in every arm: a payload's, as far as links' masses are known."""
+    if one.kind != "payload":
+        return False
+    number, part = one.index
+    moments = [mass.kg * float(np.linalg.norm(mass.centre)) for mass in model.masses]
+    size = max(moments, default=0.0) if part else data.payloads[number].kg
+    return abs(value - one.start) <= AS_LINKS * size
 
 
 def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:
@@ -119,15 +137,24 @@ def _structure(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
         yield Candidate("payload", "payloads weigh other than the table says", (off,), "payload")
     bent = [one for one in rail(model.robot, data) if one.index[1] > 1 or one.index[0]]
     if bent:
-        shape = tuple((one, 1.0 / one.index[1] / (ARM_LENGTH if one.index[0] else 1.0)) for one in bent)
-        yield Candidate("rail-bow", "the rail bows, or turns its carriage", (shape,), "rail")
+        shapes = tuple(_bowing(bent, highest) for highest in LENGTHWISE)
+        yield Candidate("rail-bow", "the rail bows, or turns its carriage", shapes, "rail")
+
+
+def _bowing(bent: Sequence[Unknown], highest: int) -> Shape:
+    """Laws of a rail up to an order: shifts, and turns that move a target alike."""
+    return tuple(
+        (one, 1.0 / one.index[1] / (ARM_LENGTH if one.index[0] else 1.0)) for one in bent if one.index[1] <= highest
+    )
 
 
 def _around(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     grown = tuple(growth(model.robot, data))
     yield Candidate("arm-growth", "the arm grows with the temperature", (_equal(grown),), "growth")
     even = tuple(moved(data, 0))
-    yield Candidate("drift", "the arm and the tracker drift apart", (_moving(even),), "drift")
+    settling = tuple(moved(data, SETTLING))
+    shapes = (_moving(even), _moving(settling))
+    yield Candidate("drift", "the arm and the tracker drift apart", shapes if even else ((),), "drift,settling.x,...")
     bumps = tuple(_moving(tuple(moved(data, k))) for k in range(1, BUMPS))
     yield Candidate("bump", "the arm or the tracker was moved on the way", bumps if even else ((),), "bumpN.x,...")
 

@@ -14,7 +14,7 @@ from doe.absolute.calibrate import FEW, FOLDS, fitted
 from doe.absolute.fit import Fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.known import known
-from doe.absolute.missing.candidates import Candidate, candidates, has_weight, kinds
+from doe.absolute.missing.candidates import Candidate, candidates, has_weight, is_usual, kinds
 from doe.absolute.missing.evidence import NONE, UNKNOWN, Weighing, ground, weigh
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
@@ -87,7 +87,8 @@ class Missing:
 
     ``effects`` are sure, ``provisional`` are not; ``looks`` one after the other; ``before``: geometry, frames, targets
     and the model's own springs, ``after`` with all that was taken up; ``left_out``: readings predicted by the others,
-    before and after; ``holdout``: other readings, with both; ``twins``: unknowns of the geometry that nothing tells.
+    before and after; ``holdout``: other readings, with both; ``twins``: unknowns of the geometry that nothing tells;
+    ``usual``: codes of what is in the model and no more off than in every arm.
     """
 
     verdict: Verdict
@@ -102,6 +103,7 @@ class Missing:
     twins: tuple[Twin, ...]
     gross: tuple[Gross, ...]
     weighs: bool
+    usual: tuple[str, ...]
 
     @property
     def found(self) -> tuple[FoundEffect, ...]:
@@ -157,7 +159,11 @@ def diagnose_positions(
     looks, picks = _looks(work, before, some, say)
     after = work.fit(_all_of(picks))
     effects, provisional = list[FoundEffect](), list[FoundEffect]()
+    values = dict(zip((one.name for one in after.layout.unknowns), after.u.tolist(), strict=True))
+    usual = [pick for pick in picks if all(is_usual(one, values[one.name], model, data) for one in pick.unknowns)]
     for k, pick in enumerate(picks):
+        if pick in usual:
+            continue
         others = [other for i, other in enumerate(picks) if i != k]
         one = _once_more(work, pick, others, some) if len(picks) > 1 else pick
         (effects if one.probability >= NAME else provisional).append(one)
@@ -165,9 +171,9 @@ def diagnose_positions(
     predicted = left_out(before, parts), left_out(after, parts) if picks else left_out(before, parts)
     kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
     out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after, predicted, kept, same,
-                  gross(after), has_weight(model, data))  # fmt: skip
+                  gross(after), has_weight(model, data), tuple(pick.candidate.code for pick in usual))  # fmt: skip
     verdict, reason = _verdict(out)
-    if picks and not _predicts(out):
+    if out.found and not _predicts(out):
         out = replace(out, effects=(), provisional=out.found)
     return replace(out, verdict=verdict, reason=reason)
 
@@ -277,7 +283,7 @@ def _predicts(m: Missing) -> bool:
 def _verdict(m: Missing) -> tuple[Verdict, str]:
     first, last = m.looks[0], m.looks[-1]
     if not m.found:
-        if first.of(NONE).probability >= ALARM:
+        if m.usual or first.of(NONE).probability >= ALARM:
             return "none", "the readings do not ask for more than geometry, frames and targets"
         if first.of(UNKNOWN).probability > HALF:
             return (
