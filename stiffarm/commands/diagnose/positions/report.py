@@ -81,9 +81,11 @@ def acts_figure(m: Missing) -> Figure:
             sure = one in m.effects
             colour = OKABE_ITO["blue"] if sure else "white"
             ax.barh(k, 1e3 * one.acts, color=colour, edgecolor=OKABE_ITO["blue"], hatch="" if sure else "///")
-        ax.axvline(1e3 * m.after.variances.sigma, color="0.3", linestyle="--", label="scatter that is left")
+        left = m.after.variances.sigma
+        ax.axvline(1e3 * left, color="0.3", linestyle="--", label="scatter that is left")
         ax.set_yticks(range(len(found)), [one.candidate.code for one in found])
         ax.set_xlabel("RMS (mm); hatched: not sure")
-        ax.set_xlim(left=0.0)
+        # Room for the legend beside the longest bar.
+        ax.set_xlim(0.0, 1.35e3 * max(left, *(one.acts for one in found)))
         ax.legend(loc="lower right")
     return figure
