@@ -35,7 +35,9 @@ def row(start: str) -> list[str]:
 
 def test_the_page_says_what_it_is() -> None:
     assert "Everything on this page is synthetic" in PAGE
-    assert "--repeats 200" in PAGE
+    repeats = re.search(r"--repeats (\d+)", PAGE)
+    assert repeats
+    assert int(repeats[1]) >= 50
     assert "configurations are not given" in PAGE
     # The paper's own table.
     assert row("2") == ["2", "601.8 XY", "506.19", "436.68", "-13.73"]
@@ -44,7 +46,7 @@ def test_the_page_says_what_it_is() -> None:
 def test_36_stiffnesses_are_covered_as_they_should() -> None:
     cells = [float(c) for j in range(1, 7) for c in row(f"j{j}")[1:]]
     assert len(cells) == 36
-    # 200 repeats of some three independent figures each: a standard error of 1 to 1.5 %.
+    # 50 repeats and more, of some three independent figures each: a standard error of 1 to 2 %.
     assert min(cells) > 91.0
     assert max(cells) < 99.0
     overall = float(row("as `identify` does it")[1].split(" ")[0])
