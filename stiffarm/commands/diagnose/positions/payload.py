@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from doe.absolute.identified import findings
 from doe.absolute.missing.diagnose import FoundEffect, Look, Missing
 from doe.absolute.missing.evidence import NONE, UNKNOWN
@@ -74,9 +72,3 @@ def look(one: Look) -> dict[str, Any]:
     ]  # fmt: skip
     return {"hypotheses": lines, "unknown_along": one.axis, "scatter_sd_mm": number(1e3 * one.scatter),
             "not_testable": list(one.hidden)}  # fmt: skip
-
-
-def share_left(m: Missing) -> float:
-    """Error at readings left out, after over before; NaN without any error before."""
-    before, after = m.left_out_rms()
-    return after / before if before > 0.0 else float(np.nan)

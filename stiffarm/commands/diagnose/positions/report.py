@@ -12,6 +12,7 @@ from stiffarm.commands.diagnose.positions import words
 from stiffarm.commands.diagnose.positions.payload import free
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import drawing
+from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Text, write_page
 from stiffarm.pages.style import OKABE_ITO
 from stiffarm.session.outputs import OutputFolder
@@ -64,7 +65,7 @@ def _found(m: Missing, pictures: Pictures) -> Section:
 
 def _asked(m: Missing) -> tuple[Block, ...]:
     lines = tuple(
-        f"Look {k}: {', '.join(f'{x.code} {words.percent(x.probability)}' for x in one.lines[:3])}; "
+        f"Look {k}: {', '.join(f'{x.code} {percent(x.probability)}' for x in one.lines[:3])}; "
         f"a coordinate scatters by {1e3 * one.scatter:.3g} mm."
         for k, one in enumerate(m.looks, start=1)
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from doe.absolute.missing.diagnose import FoundEffect, Missing
 from doe.absolute.missing.evidence import NONE, UNKNOWN
 from stiffarm.commands.diagnose.positions.payload import free
+from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
 
@@ -89,10 +90,3 @@ def candidates_table(m: Missing) -> Table:
     heads = ("hypothesis", "probability", "log evidence over none", "would move readings by, RMS (mm)")
     title = "What else could be missing, with what was found in the model" if m.found else "What could be missing"
     return Table(title, heads, rows, text_columns=(0,))
-
-
-def percent(p: float) -> str:
-    """Never 0 % or 100 % for what is neither."""
-    if 0.0 < p < 0.005:
-        return "below 1 %"
-    return "above 99 %" if 0.995 <= p < 1.0 else f"{100.0 * p:.0f} %"
