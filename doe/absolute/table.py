@@ -108,17 +108,23 @@ def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults)
     """Which way each joint came (n, dof); no column: nothing is known (n, 0)."""
     if "approach" not in columns.known:
         return np.zeros((len(table.lines), 0))
-    ways, out = {"+": 1.0, "-": -1.0, "0": 0.0}, np.zeros((len(table.lines), robot.dof))
+    out = np.zeros((len(table.lines), robot.dof))
     for k, (line, text) in enumerate(zip(table.lines, mc.texts(table, columns.known["approach"]), strict=True)):
-        signs = text.strip().replace("\N{MINUS SIGN}", "-")
-        if signs and (len(signs) != robot.dof or set(signs) - set(ways)):
+        ways = ways_of(text.strip(), robot.dof) if text.strip() else np.zeros(robot.dof)
+        if ways is None:
             faults.add(
                 line, "column approach", value=text, allowed=f"a +, - or 0 for each of {robot.dof} joints",
                 remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
             )  # fmt: skip
             continue
-        out[k] = [ways[sign] for sign in signs] if signs else 0.0
+        out[k] = ways
     return out
+
+
+def ways_of(text: str, dof: int) -> Array | None:
+    """Ways (dof,) that joints came by signs as ``+-+00+``: 1, -1, 0 where nobody knows; None for other texts."""
+    ways = {"+": 1.0, "-": -1.0, "\N{MINUS SIGN}": -1.0, "0": 0.0}
+    return np.array([ways[sign] for sign in text]) if len(text) == dof and not set(text) - set(ways) else None
 
 
 def _complete(*columns: Array) -> Array:

@@ -13,6 +13,7 @@ from doe.absolute.readings import Payload
 from doe.absolute.real_arm import RealArm
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.posture.points import GammaRange
+from machining.programs.approach import Approach, Approached, approached
 from machining.programs.calibrated_arm import CAP as ARM_CAP
 from machining.programs.calibrated_arm import Corrected, correct
 from machining.programs.compensation import CAP, RAMP, Compensated, compensate
@@ -20,6 +21,7 @@ from machining.programs.format import RoundTrip, Written
 from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.job import Kind
 from machining.programs.posting import Posted, PostSettings, post
+from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from machining.setup import Setup
 from machining.toolpaths import Motions
@@ -53,7 +55,8 @@ class PostRequest:
     ``cut``: taken off the path where it is given; ``cap`` m of that, None for the usual one; ``ramp`` m of the moves
     beside a cut over which it comes and goes. ``payload``: what the flange carries, where geometry and weight are taken
     off too, which needs an arm that positions have calibrated; None: neither. ``stiffness``: how uncertain the arm is,
-    None for :func:`machining.cutting.stiffness_uncertainty`'s assumption.
+    None for :func:`machining.cutting.stiffness_uncertainty`'s assumption. ``approach``: the side that positioning moves
+    come from; None: any.
     """
 
     motions: Motions
@@ -67,6 +70,7 @@ class PostRequest:
     ramp: float = RAMP
     stiffness: StiffnessUncertainty | None = None
     payload: Payload | None = None
+    approach: Approach | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,7 @@ class PostRun:
 
     ``corrected``: where geometry and weight are taken off too. ``stiffness``: how uncertain the arm is; ``drawn``: what
     the course was judged by at some of its moves, for arms drawn from that; both None where nothing gives way.
+    ``approached``: with points put in to come from one side, where that was asked for.
     """
 
     request: PostRequest
@@ -86,6 +91,14 @@ class PostRun:
     stiffness: StiffnessUncertainty | None = None
     drawn: Drawn | None = None
     corrected: Corrected | None = None
+    approached: Approached | None = None
+
+    @property
+    def program(self) -> JointProgram:
+        """The program as it is written."""
+        if self.approached is not None:
+            return self.approached.program
+        return next((one.posted for one in (self.corrected, self.compensated) if one is not None), self.posted).program
 
 
 def run_post(
@@ -126,10 +139,13 @@ def run_post(
         found = compensate(
             model, posted, force, tool=tool, stiffness=request.stiffness, cap=cap, ramp=request.ramp
         )  # fmt: skip
-    program = next((one.posted for one in (corrected, found) if one is not None), posted).program
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
     run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn, corrected=corrected)
+    if request.approach is not None:
+        straight = request.settings.rapid == "linear" and any(target.kind == "cartesian" for target in request.targets)
+        run = replace(run, approached=approached(run.program, request.approach, straight=straight))
+    program = run.program
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
         texts = _save(written, target, place_of)

@@ -33,7 +33,7 @@ class Program(Shown):
 
     def title(self) -> str:
         """Robot, number of moves and of files."""
-        return f"Program for {self.robot}: {self.found.posted.program.n} moves, {len(self.files)} files"
+        return f"Program for {self.robot}: {self.found.program.n} moves, {len(self.files)} files"
 
     def to_frame(self) -> pd.DataFrame:
         """One row a format: how far the program that was read back is from what was written."""
@@ -50,7 +50,7 @@ class Program(Shown):
         """Draw the joint angles along the program with their limits; ``file``: a PNG to write."""
         from stiffarm.commands.posture.figures.along_path import joints_figure
 
-        program = self.found.posted.program
+        program = self.found.program
         steps = np.linalg.norm(np.diff(program.motions.points, axis=0), axis=1)
         way = np.concatenate([[0.0], np.cumsum(steps)])
         return Picture.of(joints_figure(way, {"program": program.q}, self.found.model.robot)).kept(file)

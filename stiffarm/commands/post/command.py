@@ -25,6 +25,7 @@ from machining.toolpaths.selection import select
 from robots import InputError
 from robots.arrays import Array
 from robots.schema.joint_errors import Positions
+from stiffarm.commands.post import approach as coming
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.corrected import not_corrected, payload_of, remarks, words
 from stiffarm.commands.post.targets import parse_targets
@@ -139,6 +140,22 @@ def post(
             min=0.0,
         ),
     ] = RAMP * 1e3,
+    approach: Annotated[
+        str | None,
+        typer.Option(
+            "--approach",
+            metavar="SIGNS",
+            help="End positioning moves from the side that was calibrated: for each joint + or -, the way it turns "
+            "last, or 0 where it does not matter, as in +-+00+. Moves at feed are not changed. Default: from any side.",
+        ),
+    ] = None,
+    approach_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--approach-deg",
+            help=f"Angle of that last turn, in deg, up to {coming.LARGEST_DEG:g}. Default: {coming.DEGREES:g}.",
+        ),
+    ] = None,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
     milling: MillingOpt = None,
@@ -182,6 +199,7 @@ def post(
         setup = read_setup(model, given, cell, tool, part)
         cut = read_cut(force, force_axes, milling)
         carried = payload_of(given.description, payload, compensate=compensate)
+        side = coming.parse_approach(approach, approach_deg, given.robot)
         if compensate and cut is None and carried is None:
             raise InputError(
                 "--compensate needs a cutting force",
@@ -231,6 +249,7 @@ def post(
             ramp * 1e-3,
             stiffness=stiffness_uncertainty(given.model.as_designed, given.description, given.own),
             payload=carried,
+            approach=side,
         )
         frame.reads(path=path, cell=cell, milling=milling, options=options, placement=placement)
         with frame.folder() as folder:
@@ -300,8 +319,7 @@ def _show(run: PostRun, positions: Positions | None) -> None:
         [target.folder, str(len(run.written[target].files)), f"{trip.tip * 1e6:.2g}", f"{trip.turned * 1e6:.2g}"]
         for target, trip in run.trips.items()
     ]
-    program = run.posted.program
-    title = f"{run.request.motions.n:,} moves read, {program.n:,} written"
+    title = f"{run.request.motions.n:,} moves read, {run.program.n:,} written"
     show_table(title, ["program", "files", "off path, um", "off path, urad"], rows)
     for note in {note: None for target in run.trips for note in run.written[target].notes}:
         say(f"note: {note}")
@@ -311,6 +329,8 @@ def _show(run: PostRun, positions: Positions | None) -> None:
         say(words(run.corrected, positions))
         for note in remarks(run, run.corrected):
             say(f"note: {note}")
+    for text in coming.words(run):
+        say(f"note: {text}")
     for text in post_report.uncertainty_words(run):
         say(text)
     say(f"note: {post_report.UNVERIFIED}")

@@ -18,7 +18,7 @@ from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
 from robots.arrays import Array
 from robots.schema.joint_errors import Positions
-from stiffarm.commands.post import corrected
+from stiffarm.commands.post import approach, corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
@@ -34,7 +34,7 @@ UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities 
 
 def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
     """Figures of the run, keys with units; ``positions``: where the geometry of a calibrated arm came from."""
-    program, request = run.posted.program, run.request
+    program, request = run.program, run.request
     objective = shown(request.settings.objective.quantity)
     posted = run.posted
     out: dict[str, Any] = {
@@ -43,7 +43,7 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "source": program.motions.source,
         "moves_read": request.motions.n,
         "moves_written": program.n,
-        "inserted": int(program.inserted.sum()),
+        "inserted": int(run.posted.program.inserted.sum()),
         "tolerance_um": number(request.settings.tolerance * 1e6),
         "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
         "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
@@ -69,6 +69,8 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
             for target, trip in run.trips.items()
         },
     }
+    if run.approached is not None and request.approach is not None:
+        out["approach"] = approach.payload(run.approached, request.approach)
     if run.compensated is not None:
         out["compensation"] = _compensation(run.compensated)
     if run.corrected is not None and positions is not None:
@@ -114,7 +116,7 @@ def _compensation(found: Compensated) -> dict[str, Any]:
 def write_report(run: PostRun, heading: str, folder: OutputFolder, positions: Positions | None = None) -> None:
     """Draw the figures and write report.html."""
     pictures = Pictures(folder)
-    program = run.posted.program
+    program, between = run.program, int(run.posted.program.inserted.sum())
     sections = [_programs(run), _posture(run, pictures)]
     if run.compensated is not None:
         sections.append(_compensated(run.compensated, pictures))
@@ -123,11 +125,12 @@ def write_report(run: PostRun, heading: str, folder: OutputFolder, positions: Po
     sections.append(_reading(run))
     worst = max(trip.tip for trip in run.trips.values()) * 1e6
     path = "tool path" if run.corrected is None else "moved targets"
+    aside = "" if run.approached is None else f", {len(run.approached.moves)} to come from the calibrated side"
     lede = (
         f"{len(run.trips)} program{'s' if len(run.trips) > 1 else ''} written from {program.motions.source}; read "
         f"back, none leaves the {path} by more than {max(worst, 1e-3):.2g} um. {run.request.motions.n} moves read, "
-        f"{program.n} written: {int(program.inserted.sum())} points put in so that joint motion stays within "
-        f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line."
+        f"{program.n} written: {between} points put in so that joint motion stays within "
+        f"{run.request.settings.tolerance * 1e6:.3g} um of the straight line{aside}."
     )
     answer = Answer(
         sure=" ".join(uncertainty_words(run)), todo=_todo(run), picture=_motion(run, pictures), warnings=(UNVERIFIED,)
@@ -151,13 +154,13 @@ def _todo(run: PostRun) -> str:
 
 
 def _motion(run: PostRun, pictures: Pictures) -> Picture:
-    program = run.posted.program
+    program = run.program
     return joints_picture(pictures, _way(run), {"program": program.q}, run.model.robot, narrow=True)
 
 
 def _way(run: PostRun) -> Array:
     """Length along the program (n,) m."""
-    steps = np.linalg.norm(np.diff(run.posted.program.motions.points, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(run.program.motions.points, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
@@ -206,7 +209,7 @@ def _programs(run: PostRun) -> Section:
 
 
 def _posture(run: PostRun, pictures: Pictures) -> Section:
-    program, robot = run.posted.program, run.model.robot
+    program, robot = run.program, run.model.robot
     way = _way(run) * 1e3
     reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.state.reference))
     blocks: list[Text | Picture] = [
@@ -216,6 +219,7 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
             f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
+        *(Text(f"{text[0].upper()}{text[1:]}") for text in approach.words(run)),
     ]
     if program.travel.shape[1]:
         travels = {axis.name: program.travel[:, k] * 1e3 for k, axis in enumerate(program.cell.linear_axes)}

@@ -89,6 +89,18 @@ def test_programs_are_those_of_the_arm_as_designed(shop: Path, moved: Outcome) -
 
 
 @pytest.mark.slow
+def test_corrected_targets_are_come_to_from_the_calibrated_side(shop: Path, moved: Outcome) -> None:
+    more = post(shop, "--compensate", "--payload", "25,0,0,120", "--approach", "+-+000", out="side")
+    assert more.code == 0, more.err
+    assert more.json["approach"]["points_put_in"] == 1
+    robot, cell = as_designed(robot_from(load_description(shop / "model.toml"))), read_cell(shop / "cell.toml")
+    any_side, side = (read_program(shop / out / "json" / "part.json", robot, cell).q for out in ("program", "side"))
+    np.testing.assert_allclose(side[1:], any_side, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(np.degrees(side[1] - side[0]), [0.5, -0.5, 0.5, 0.0, 0.0, 0.0], atol=1e-9)
+    assert more.json["correction"] == moved.json["correction"]
+
+
+@pytest.mark.slow
 def test_with_a_force_both_are_taken_off(shop: Path, moved: Outcome) -> None:
     more = post(shop, "--compensate", "--payload", "25,0,0,120", "--force", "100,50,0", out="forced")
     assert more.json["correction"]["by"]["force"]["largest_um"] > 5.0

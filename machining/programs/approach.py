@@ -1,0 +1,169 @@
+"""Positioning moves that end from the side that an arm was calibrated from.
+
+A joint that loses motion where it turns back stands a little short of where it says, on the side that it came from.
+Before such a move's end the program first goes to the target's joint angles moved back by a small angle, so that every
+joint turns its last bit the same way. That is done where something begins behind the move: a move at feed (a cut, a
+plunge, a hole), a rest, a stop, the probe. Moves at feed stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from machining.programs.program import JointProgram, tool_in_part
+from machining.toolpaths.events import ordered
+from machining.verification.courses import courses_of
+from robots import InputError
+from robots.arrays import Array, Integers
+
+# The angle that takes up lost motion unless the caller says so, and the most that is still a little way, rad.
+ANGLE, LARGEST = float(np.radians(0.5)), float(np.radians(5.0))
+# Commands that begin where the arm stands; the probe when it is switched on.
+BEGIN = ("dwell", "stop", "optional stop")
+# Changes of axes (rad, m) below this are rounding: the arm stands.
+STILL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Which way joints turn their last bit.
+
+    ``ways`` (dof,): 1, -1, or 0 where it does not matter; ``angle`` rad of that bit.
+
+    Raises
+    ------
+    InputError
+        Other ways, none, or an angle that is no small one.
+    """
+
+    ways: Array
+    angle: float = ANGLE
+
+    def __post_init__(self) -> None:
+        if self.ways.ndim != 1 or not np.isin(self.ways, (-1.0, 0.0, 1.0)).all() or not self.ways.any():
+            raise InputError(
+                "ways that joints come", value=str(self.ways.tolist()), allowed="1, -1 or 0 for each joint, not all 0"
+            )
+        if not 0.0 < self.angle <= LARGEST * (1.0 + 1e-12):
+            raise InputError(
+                "angle of the approach", value=f"{np.degrees(self.angle):g} deg",
+                allowed=f"above 0, up to {np.degrees(LARGEST):g} deg",
+                remedy="give several times the lost motion of the joints, as 0.5 deg",
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Approached:
+    """A program that comes from one side.
+
+    ``moves`` (m,): those to the points put in, each before the move to its target; ``targets``: ends of positioning
+    moves where something begins; ``left_out``: by joint, at how many of them it has no room within its limits to come
+    from that side. ``away`` m: the farthest that a point put in is from its target; ``deeper`` m: of that, along the
+    tool out of its tip.
+    """
+
+    program: JointProgram
+    moves: Integers
+    targets: int
+    left_out: Mapping[str, int]
+    away: float
+    deeper: float
+
+
+def approached(program: JointProgram, approach: Approach, *, straight: bool = False) -> Approached:
+    """Put in points from which every joint turns to the targets of positioning moves the same way.
+
+    Parameters
+    ----------
+    straight : the tool goes straight to these targets (Cartesian programs without joint moves): then it is made sure
+        that joints do not turn back on the way
+
+    Raises
+    ------
+    InputError
+        Ways of another number of joints, or a joint that turns back on the straight way to a target.
+    """
+    robot = program.robot
+    if len(approach.ways) != robot.dof:
+        raise InputError(
+            "ways that joints come", value=f"{len(approach.ways)}", allowed=f"{robot.dof}, one for each joint"
+        )
+    ends = positioned(program)
+    q, wanted = program.q[ends], np.broadcast_to(approach.ways * approach.angle, (len(ends), robot.dof))
+    lower, upper = robot.limits.T
+    step = np.where((q - wanted >= lower) & (q - wanted <= upper), wanted, 0.0)
+    # Joints that limit one another.
+    step[~robot.reachable(q - step)] = 0.0
+    lacks = np.count_nonzero((step == 0.0) & (wanted != 0.0), axis=0)
+    left_out = {name: int(count) for name, count in zip(robot.joint_names, lacks, strict=True) if count}
+    comes = step.any(axis=1)
+    if not comes.any():
+        return Approached(program, ends[:0], len(ends), left_out, 0.0, 0.0)
+    out, moves = _with_points(program, ends[comes], (q - step)[comes])
+    if straight:
+        _refuse_turning_back(out, moves, step[comes])
+    way = out.motions.points[moves] - out.motions.points[moves + 1]
+    deeper = -np.einsum("ni,ni->n", way, out.motions.axes[moves + 1])
+    away = float(np.linalg.norm(way, axis=1).max(initial=0.0))
+    return Approached(out, moves, len(ends), left_out, away, float(deeper.max(initial=0.0)))
+
+
+def positioned(program: JointProgram) -> Integers:
+    """Positioning moves (m,) that end where something begins; the move to the first point is one of them.
+
+    Moves that lead nowhere belong to the one before: what is said there begins where that one ends.
+    """
+    motions = program.motions
+    begins = np.append(motions.cutting[1:], [False])
+    for event in ordered(motions):
+        if event.move > 0 and (event.kind in BEGIN or (event.kind == "probe" and event.value > 0.0)):
+            begins[event.move - 1] = True
+    axes = np.column_stack([program.q, program.travel, program.table])
+    first = np.flatnonzero(np.append([True], np.abs(np.diff(axes, axis=0)).max(axis=1) > STILL))
+    rapid = motions.rapid[first]
+    rapid[0] = True
+    return np.asarray(first[rapid & np.logical_or.reduceat(begins, first)])
+
+
+def _with_points(program: JointProgram, ends: Integers, q: Array) -> tuple[JointProgram, Integers]:
+    """Put joint angles q (m, dof) rad in before the ends (m,) of moves; the program, and the moves put in (m,)."""
+    copies = np.ones(program.n, dtype=np.int64)
+    copies[ends] = 2
+    row = np.repeat(np.arange(program.n), copies)
+    via = ends + np.arange(len(ends))
+    joints, T, inserted = program.q[row], program.T_part_tool[row], program.inserted[row]
+    joints[via], inserted[via] = q, True
+    T[via] = tool_in_part(program.robot, program.cell, q, program.travel[ends], program.table[ends])
+    m = program.motions
+    points, axes, rapid, feed, dwell = m.points[row], m.axes[row], m.rapid[row], m.feed[row], m.dwell[row]
+    points[via], axes[via], dwell[via] = T[via, :3, 3], -T[via, :3, 2], 0.0
+    # Both ways are positioning moves; the first point of a path may be written as one at feed.
+    for moves in (via, via + 1):
+        rapid[moves], feed[moves] = True, np.nan
+    events = tuple(replace(event, move=event.move + int(np.searchsorted(ends, event.move))) for event in m.events)
+    motions = replace(
+        m, points=points, axes=axes, rapid=rapid, feed=feed, dwell=dwell, events=events,
+        line=m.line[row], tool=m.tool[row], spindle=m.spindle[row], operation=m.operation[row],
+    )  # fmt: skip
+    whole = replace(
+        program, motions=motions, T_part_tool=T, q=joints, travel=program.travel[row], table=program.table[row],
+        gamma=program.gamma[row], branch=program.branch[row], inserted=inserted, file_lines=None,
+    )  # fmt: skip
+    return whole, via
+
+
+def _refuse_turning_back(program: JointProgram, moves: Integers, step: Array) -> None:
+    """Raise InputError where a joint turns against its ``step`` (m, dof) while the tool goes straight to a target."""
+    values, followed = courses_of(program, "linear").sampled(moves + 1)
+    turn = np.diff(values[:, :, : program.robot.dof], axis=1) * np.sign(step)[:, None, :]
+    back = (step != 0.0) & ~((turn > 0.0).all(axis=1) & followed[:, None])
+    if back.any():
+        k, joint = (int(i) for i in np.argwhere(back)[0])
+        raise InputError(
+            f"line {int(program.motions.line[moves[k]])}: {program.robot.joint_names[joint]} turns back on the "
+            "straight way to its target", allowed="all joints turning one way",
+            remedy="make rapid moves joint moves (--rapid joint), or come by a smaller angle",
+        )  # fmt: skip
