@@ -8,7 +8,7 @@ the calibration, at the arm as the model has it; the scatter is the same everywh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,12 +86,15 @@ class Expected:
 class PlannedCampaign:
     """Poses (n, dof) rad in an order of short ways, targets ``seen`` (n, t) at each, and what they tell.
 
-    ``candidates``: how many poses there were to choose from; ``twins``: what no poses can tell.
+    ``candidates``: how many poses there were to choose from; ``twins``: what no poses can tell. ``approach`` (n, dof):
+    which way each joint comes to a pose (1 or -1) the first of two times, where lost motion is asked for: the second
+    time it comes the other way; else (n, 0), and a pose is come to once.
     """
 
     wanted: Wanted
     q: Array
     seen: Bools
+    approach: Array
     expected: tuple[Expected, ...]
     twins: tuple[Twin, ...]
     candidates: int
@@ -99,7 +102,12 @@ class PlannedCampaign:
     @property
     def readings(self) -> int:
         """How many positions are read."""
-        return int(self.seen.sum())
+        return int(self.seen.sum()) * self.times
+
+    @property
+    def times(self) -> int:
+        """How often a pose is come to."""
+        return 2 if self.approach.size else 1
 
 
 def plan_campaign(model: ArmModel, wanted: Wanted, progress: Progress | None = None) -> PlannedCampaign:
@@ -113,8 +121,10 @@ def plan_campaign(model: ArmModel, wanted: Wanted, progress: Progress | None = N
     rng = np.random.default_rng(wanted.seed)
     q, seen = _candidates(model, wanted, rng)
     free = _free(model, wanted)
-    data = _data(model, wanted, q)
+    data = _data(model, wanted, q, rng.choice([-1.0, 1.0], q.shape))
     layout = Layout(unknowns(model.robot, data, free))
+    if not layout.of("reversal"):
+        data = replace(data, approach=np.zeros((len(data), 0)))
     if laws := [one.name for one in layout.unknowns if one.law]:
         raise InputError(
             "parameters of a plan", value=", ".join(laws[:3]), allowed="parameters without a law of their size",
@@ -123,14 +133,17 @@ def plan_campaign(model: ArmModel, wanted: Wanted, progress: Progress | None = N
     nominal = Nominal(np.array([t.point for t in wanted.targets]), (0.0, 0.0))
     same = twins(model, data, layout, nominal, wanted.seed)
     layout = layout.without([one.name for one in same])
-    B, sd = _rows(model, data, layout, nominal, seen, wanted.sigma)
+    # The same poses from the other side, where that is asked for.
+    both = (data, replace(data, approach=-data.approach)) if data.approach.size else (data,)
+    every = [_rows(model, one, layout, nominal, seen, wanted.sigma) for one in both]
+    B, sd = np.concatenate([rows for rows, _ in every], axis=1), every[0][1]
     chosen = _greedy(B, wanted.poses, progress)
     some = rng.permutation(len(q))[: wanted.poses]
     after, by_chance = (_sds(B[rows]) * sd for rows in (chosen, some))
     shown = zip(layout.unknowns, sd[FRAME:], after[FRAME:], by_chance[FRAME:], strict=True)
     expected = tuple(Expected(one.name, _unit(one), *_shown(one, *sds)) for one, *sds in shown if one.kind != "target")
     order = chosen[short_tour(q[chosen])]
-    return PlannedCampaign(wanted, q[order], seen[order], expected, same, len(q))
+    return PlannedCampaign(wanted, q[order], seen[order], data.approach[order], expected, same, len(q))
 
 
 def _unit(one: Unknown) -> str:
@@ -204,15 +217,15 @@ def visible(model: ArmModel, q: Array, targets: Sequence[Target], tracker: Array
     return out
 
 
-def _data(model: ArmModel, wanted: Wanted, q: Array) -> AbsoluteReadings:
-    """Readings of all targets at all poses, target by target; nothing is read yet."""
+def _data(model: ArmModel, wanted: Wanted, q: Array, way: Array) -> AbsoluteReadings:
+    """Readings of all targets at all poses, come to some ``way`` (n, dof), target by target; nothing is read yet."""
     n, t = len(q), len(wanted.targets)
     none = np.zeros(n * t, dtype=np.int64)
     payload = wanted.payload or Payload(0.0, np.zeros(3))
     return AbsoluteReadings(
         "plan", "", np.tile(q, (t, 1)), np.zeros((n * t, 3)), Labels(("",), none),
         Labels(tuple(one.name for one in wanted.targets), np.repeat(np.arange(t), n)), none, (payload,),
-        np.zeros(n * t), np.full(n * t, np.nan), none,
+        np.zeros(n * t), np.full(n * t, np.nan), none, approach=np.tile(way, (t, 1)),
     )  # fmt: skip
 
 

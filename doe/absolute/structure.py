@@ -27,8 +27,10 @@ NAMED = 1e-4
 POSES = 150
 # Poses are drawn so many times, for couplings of joints allow some of them alone.
 TRIED = 10
-ORDER = ("target", "zero", "frame", "rail", "ratio", "coupling", "spring", "payload", "periodic", "growth", "drift",
-         "reversal")  # fmt: skip
+ORDER = (
+    "target", "zero", "frame", "rail", "ratio", "coupling", "spring", "mass", "payload", "periodic", "growth", "drift",
+    "reversal",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,10 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
         u[k] = nominal.targets[t, a]
     for k, (turns, order, a) in part.of("rail"):
         u[k] = float((turns, order, a) == (0, 1, 0))
-    # Payloads move something where springs give way; everything else is looked at where none does, for what gives way
+    # Masses move something where springs give way; everything else is looked at where none does, for what gives way
     # has the levers of the arm as described, and does not turn with its zeros.
     soft = u + np.array([1e-6 * (one.kind == "spring") for one in part.unknowns])
-    carried = np.array([one.kind == "payload" for one in part.unknowns])
+    carried = np.array([one.kind in ("payload", "mass") for one in part.unknowns])
     blocks = []
     for s in samples(model, some, part, nominal):
         (P, J), (_, yielding) = evaluate(model, part, s, u), evaluate(model, part, s, soft)

@@ -6,6 +6,7 @@ its axis), which are the errors of DH parameters without their singularity where
 another joint; ``JOINT.reversal`` (mrad), its lost motion: by how much less it has turned than it says, half of it
 either way, where the table says which way it came; ``JOINT.sinN|cosN`` (mrad), its periodic error of order N;
 ``JOINT.stiffness`` and ``PLACE.ROW`` as of :mod:`fem.free.parameters`, under the arm's own weight and payloads;
+``JOINT.mass``, by what share more than the model says weighs what turns with a joint and not with the next one;
 ``payload.NAME.mass`` (kg) and ``payload.NAME.mx|my|mz`` (kg m); ``rail.x|y|z`` (the way for each metre),
 ``rail.bowN.x|y|z`` (mm) and ``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used;
 ``target.NAME.x|y|z`` (mm); ``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and
@@ -13,8 +14,8 @@ either way, where the table says which way it came; ``JOINT.sinN|cosN`` (mrad), 
 ``settling.x`` ... the same, most of it at first (as what warms up does); ``bumpN.x`` ... at once, after N sixteenths.
 
 Groups stand for their members: ``geometry``, ``zeros``, ``ratios``, ``coupling``, ``periodic`` (joint error curves up
-to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``payload``, ``growth``, ``drift``,
-``reversal``.
+to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``masses``, ``payload``, ``growth``,
+``drift``, ``reversal``.
 """
 
 from __future__ import annotations
@@ -34,19 +35,9 @@ from robots import InputError, Robot
 from robots.arrays import Indices
 
 Kind = Literal[
-    "frame",
-    "zero",
-    "ratio",
-    "coupling",
-    "periodic",
-    "spring",
-    "payload",
-    "rail",
-    "target",
-    "growth",
-    "drift",
-    "reversal",
-]
+    "frame", "zero", "ratio", "coupling", "periodic", "spring", "payload", "rail", "target", "growth", "drift",
+    "reversal", "mass",
+]  # fmt: skip
 Group = Callable[[Robot, AbsoluteReadings], "Iterator[Unknown]"]
 
 AXES = ("x", "y", "z")
@@ -63,6 +54,8 @@ CURVE_ORDER, HIGHEST_ORDER = 48, 400
 RAIL_ORDER = 6
 # How much an arm of steel or aluminium may grow for each degree; how far a tracker or base may move within a session.
 GROWTH, DRIFT_m, DRIFT_rad = 2e-5, 1e-3, 1e-3
+# Share to which masses of links are known.
+MASS = 0.1
 # How much a joint's lost motion may be.
 REVERSAL = 1e-3
 # Places in a campaign at which something may have moved at once; what settles has done 63 % of it after a third.
@@ -180,6 +173,11 @@ def base(_: Robot, __: AbsoluteReadings) -> Iterator[Unknown]:
     return (spring("base", -1, row) for row in (3, 4))
 
 
+def masses(robot: Robot, _: AbsoluteReadings) -> Iterator[Unknown]:
+    """Masses of what turns with each joint."""
+    return (Unknown(f"{name}.mass", "mass", (j,), "1", 1.0, MASS) for j, name in enumerate(robot.joint_names))
+
+
 def payload(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
     """Mass and centre of every payload that is not zero, about what the table says."""
     for k, one in enumerate(data.payloads):
@@ -235,7 +233,7 @@ def moved(data: AbsoluteReadings, way: int) -> Iterator[Unknown]:
 
 GROUPS: dict[str, Group] = {
     "geometry": geometry, "zeros": zeros, "ratios": ratios, "coupling": coupling, "periodic": periodic(CURVE_ORDER),
-    "springs": springs, "tilts": tilts, "base": base, "rail": rail, "payload": payload,
+    "springs": springs, "tilts": tilts, "base": base, "rail": rail, "masses": masses, "payload": payload,
     "growth": growth, "drift": drift, "reversal": reversals,
 }  # fmt: skip
 USUAL = ("geometry", "springs", "periodic", "rail")

@@ -34,7 +34,8 @@ class Weight:
     ``payload``: the same by 1 kg at the flange's origin and by first moments of 1 kg m along its axes, (4, 3, n) each;
     ``torque``: of springs that turn their joint: the joint, and what turns it (5, n) N m by the links, by 1 kg and by
     first moments; ``held`` (n, 4): mass and first moments that the flange carries as the table says, ``which`` (n,)
-    payload it is.
+    payload it is. ``heavier``: by place of a mass among the unknowns, what of ``links`` (or of the torques) comes of
+    it, by place of the compliance.
     """
 
     links: dict[int, Array]
@@ -42,6 +43,7 @@ class Weight:
     torque: dict[int, tuple[int, Array]]
     held: Array
     which: Integers
+    heavier: dict[int, dict[int, Array]]
 
     def turns(self, layout: Layout, u: Array) -> Iterator[tuple[int, int, Array, float]]:
         """Columns ``(place, joint, rate (n,))`` of turns, and by what share of the variable they turn a joint."""
@@ -49,9 +51,12 @@ class Weight:
         for k, (number, part) in free:
             held[self.which == number, part] = u[k]
         for place, (joint, torque) in self.torque.items():
-            yield place, joint, torque[0] + np.einsum("kn,nk->n", torque[1:], held), 1.0
+            more = sum(u[k] * own[place] for k, own in self.heavier.items())
+            yield place, joint, torque[0] + np.einsum("kn,nk->n", torque[1:], held) + more, 1.0
             for k, (number, part) in free:
                 yield k, joint, u[place] * torque[1 + part] * (self.which == number), 0.0
+            for k, own in self.heavier.items():
+                yield k, joint, u[place] * own[place], 0.0
 
     def add(self, layout: Layout, u: Array, J: Array) -> Array:
         """Displacements (3, n) m with variables u (p,); their derivatives go into J (p, 3, n) unless that is empty."""
@@ -61,9 +66,12 @@ class Weight:
             held[self.which == number, part] = u[k]
         for place, own in self.links.items():
             unit = own + np.einsum("kan,nk->an", self.payload[place], held)
+            unit = unit + sum(u[k] * mine[place] for k, mine in self.heavier.items())
             out += u[place] * unit
             if len(J):
                 J[place] = unit
+                for k, mine in self.heavier.items():
+                    J[k] += u[place] * mine[place]
                 for k, (number, part) in free:
                     J[k] += u[place] * self.payload[place][part] * (self.which == number)
         return out
@@ -83,11 +91,16 @@ def weight(
     wanted = [index for _, index in free]
     lever = _rows(model, frames, tool_position(model.robot, frames, target), wanted)
     own = {index: np.zeros(len(q)) for index in wanted}
+    by_mass = {k: {index: np.zeros(len(q)) for index in wanted} for k, _ in layout.of("mass")}
+    place_of = {body: k for k, (body,) in layout.of("mass")}
     for mass in model.masses:
         point = frames.p[:, mass.body] + np.einsum("nij,j->ni", frames.R[:, mass.body], mass.centre)
         for (joint, row), T in _rows(model, frames, point, wanted).items():
             if joint < mass.body:
-                own[joint, row] += -STANDARD_GRAVITY * mass.kg * T[2]
+                carried = -STANDARD_GRAVITY * mass.kg * T[2]
+                own[joint, row] += carried
+                if mass.body - 1 in place_of:
+                    by_mass[place_of[mass.body - 1]][joint, row] += carried
     held = np.array([[p.kg, *(p.kg * p.centre)] for p in payloads]).reshape(-1, 4)[which]
     parts = {index: np.zeros((4, len(q))) for index in wanted}
     if held.any() or layout.of("payload"):
@@ -100,11 +113,16 @@ def weight(
     spun = {k: index for k, index in free if index[1] == AXIAL and index[0] >= 0 and model.bar is None}
     moved = {k: index for k, index in free if k not in spun}
     sign = model.robot.sign
+    heavier = {
+        m: {k: lever[index][:3] * mine[index] for k, index in moved.items()}
+        | {k: sign[index[0]] * mine[index] for k, index in spun.items()}
+        for m, mine in by_mass.items()
+    }
     return Weight(
         {k: lever[index][:3] * own[index] for k, index in moved.items()},
         {k: lever[index][:3] * parts[index][:, None] for k, index in moved.items()},
         {k: (j, sign[j] * np.vstack([own[j, row], parts[j, row]])) for k, (j, row) in spun.items()},
-        held, which.astype(np.int64),
+        held, which.astype(np.int64), heavier,
     )  # fmt: skip
 
 

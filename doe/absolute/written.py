@@ -35,7 +35,7 @@ from robots.schema.joint_errors import Positions as PositionsTable
 SOURCE = "positions"
 NOT_AN_ARM = "check units, signs and zeros of the table and the model: errors this large are of another arm"
 RIGID_LINKS = "links count as rigid: what they give way is in the joints' springs"
-NOT_HERE = ("payload", "rail", "growth", "drift", "reversal")
+NOT_HERE = ("payload", "mass", "rail", "growth", "drift", "reversal")
 IN_MODEL = ("frame", "zero", "ratio", "coupling", "spring")
 
 

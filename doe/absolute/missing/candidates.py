@@ -10,8 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
-import numpy as np
-
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.unknowns import (
     BUMPS,
@@ -33,9 +31,6 @@ from fem import ArmModel
 CURVE, FALL_OFF = 16, (1.5, 8.0)
 # Orders of a rail's laws: a bow alone, and all.
 LENGTHWISE = (3, 6)
-# Share to which masses of links and their centres are known (assumed). Springs are told by them, so a payload that is
-# off by as much is not: its mass by that share, its moment by that of the link whose own is largest.
-AS_LINKS = 0.1
 # Lengths over which a metre's turn moves a target as far as a metre's shift would.
 ARM_LENGTH = 1.0
 
@@ -66,16 +61,6 @@ class Candidate:
 def candidates(model: ArmModel, data: AbsoluteReadings) -> tuple[Candidate, ...]:
     """Everything that these readings of this arm may be asked for."""
     return tuple(c for group in (_joints, _gears, _structure, _around) for c in group(model, data) if c.unknowns)
-
-
-def is_usual(one: Unknown, value: float, model: ArmModel, data: AbsoluteReadings) -> bool:
-    """Whether a number is no more off than in every arm: a payload's, as far as links' masses are known."""
-    if one.kind != "payload":
-        return False
-    number, part = one.index
-    moments = [mass.kg * float(np.linalg.norm(mass.centre)) for mass in model.masses]
-    size = max(moments, default=0.0) if part else data.payloads[number].kg
-    return abs(value - one.start) <= AS_LINKS * size
 
 
 def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,13 +14,13 @@ from doe.absolute.calibrate import FEW, FOLDS, fitted
 from doe.absolute.fit import Fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.known import known
-from doe.absolute.missing.candidates import Candidate, candidates, has_weight, is_usual, kinds
+from doe.absolute.missing.candidates import Candidate, candidates, has_weight, kinds
 from doe.absolute.missing.evidence import NONE, UNKNOWN, Weighing, ground, weigh
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
-from doe.absolute.unknowns import Layout, Unknown, unknowns
+from doe.absolute.unknowns import Layout, Unknown, masses, unknowns
 from doe.certainty.verdicts import ALARM, FURTHER, GAIN, NAME, PRIOR_NONE, PRIOR_UNKNOWN
 from fem import ArmModel
 from robots.progress import Messages
@@ -30,6 +30,8 @@ Verdict = Literal["none", "named", "ambiguous", "unknown"]
 MOST = 16
 # What moves readings by less than this share of their scatter is not worth a name.
 SMALL = 0.15
+# Share to which drawings know what links weigh, and where their centres are.
+DRAWN = 0.04
 # Rivals that are kept.
 KEPT = 8
 # What is left to the unknown with more than this probability is no effect of the catalogue.
@@ -86,9 +88,8 @@ class Missing:
     """What absolute readings say is missing.
 
     ``effects`` are sure, ``provisional`` are not; ``looks`` one after the other; ``before``: geometry, frames, targets
-    and the model's own springs, ``after`` with all that was taken up; ``left_out``: readings predicted by the others,
-    before and after; ``holdout``: other readings, with both; ``twins``: unknowns of the geometry that nothing tells;
-    ``usual``: codes of what is in the model and no more off than in every arm.
+    and the model's own springs and masses, ``after`` with all that was taken up; ``left_out``: readings predicted by
+    the others, before and after; ``holdout``: other readings, with both; ``twins``: of the geometry that nothing tells.
     """
 
     verdict: Verdict
@@ -103,7 +104,6 @@ class Missing:
     twins: tuple[Twin, ...]
     gross: tuple[Gross, ...]
     weighs: bool
-    usual: tuple[str, ...]
 
     @property
     def found(self) -> tuple[FoundEffect, ...]:
@@ -149,21 +149,15 @@ def diagnose_positions(
     names = ("geometry", *(f"rail.{a}" for a in "xyz" if data.has_rail))
     layout = Layout(unknowns(model.robot, data, names))
     same = twins(model, data, layout, begin.nominal, seed)
-    # The springs that the model has are free about what it says: how stiff they are is not what is missing.
-    own = (replace(one, start=v, sd=v) for one, v in known(model, layout.unknowns).items() if one.kind == "spring")
-    base = layout.without([one.name for one in same])
-    work = _Work(model, data, begin, Layout((*base.unknowns, *own)))
+    base = layout.without([one.name for one in same]).unknowns
+    work = _Work(model, data, begin, Layout((*base, *_as_every_arm(model, data, layout))))
     some = candidates(model, data)
     say(f"{len(data)} positions, {len(some)} candidates")
     before = work.fit(())
     looks, picks = _looks(work, before, some, say)
     after = work.fit(_all_of(picks))
     effects, provisional = list[FoundEffect](), list[FoundEffect]()
-    values = dict(zip((one.name for one in after.layout.unknowns), after.u.tolist(), strict=True))
-    usual = [pick for pick in picks if all(is_usual(one, values[one.name], model, data) for one in pick.unknowns)]
     for k, pick in enumerate(picks):
-        if pick in usual:
-            continue
         others = [other for i, other in enumerate(picks) if i != k]
         one = _once_more(work, pick, others, some) if len(picks) > 1 else pick
         (effects if one.probability >= NAME else provisional).append(one)
@@ -171,11 +165,23 @@ def diagnose_positions(
     predicted = left_out(before, parts), left_out(after, parts) if picks else left_out(before, parts)
     kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
     out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after, predicted, kept, same,
-                  gross(after), has_weight(model, data), tuple(pick.candidate.code for pick in usual))  # fmt: skip
+                  gross(after), has_weight(model, data))  # fmt: skip
     verdict, reason = _verdict(out)
     if out.found and not _predicts(out):
         out = replace(out, effects=(), provisional=out.found)
     return replace(out, verdict=verdict, reason=reason)
+
+
+def _as_every_arm(model: ArmModel, data: AbsoluteReadings, layout: Layout) -> Iterator[Unknown]:
+    """What is free beside the geometry: how stiff the model's own springs are, and how heavy its links.
+
+    Neither is what is missing, and springs are told by masses that nobody has weighed.
+    """
+    for one, value in known(model, layout.unknowns).items():
+        if one.kind == "spring":
+            yield replace(one, start=value, sd=value)
+    heavy = {mass.body - 1 for mass in model.masses}
+    yield from (replace(one, sd=DRAWN) for one in masses(model.robot, data) if one.index[0] in heavy)
 
 
 def _looks(
@@ -283,7 +289,7 @@ def _predicts(m: Missing) -> bool:
 def _verdict(m: Missing) -> tuple[Verdict, str]:
     first, last = m.looks[0], m.looks[-1]
     if not m.found:
-        if m.usual or first.of(NONE).probability >= ALARM:
+        if first.of(NONE).probability >= ALARM:
             return "none", "the readings do not ask for more than geometry, frames and targets"
         if first.of(UNKNOWN).probability > HALF:
             return (

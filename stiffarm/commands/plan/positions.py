@@ -38,6 +38,11 @@ NOTES: Final = (
     "parameters that no poses tell are left out; error curves are told wherever a joint's angles are spread",
 )
 
+APPROACH: Final = (
+    "come to each pose twice, as the column approach says joint by joint: the last few degrees the positive way (+) "
+    "or the negative way (-)"
+)
+
 
 def parse_target(text: str) -> Target:
     """``NAME:X,Y,Z`` or ``NAME:X,Y,Z,DX,DY,DZ``: a point on the flange (mm) and where it looks.
@@ -103,7 +108,8 @@ def payload(given: Arm, p: PlannedCampaign) -> dict[str, Any]:
         "scatter_sd_mm": number(1e3 * p.wanted.sigma), "tracker_mm": (1e3 * p.wanted.tracker).tolist(),
         "targets": [one.name for one in p.wanted.targets], "candidates": p.candidates,
         "plan": [
-            {**{n: number(float(v)) for n, v in zip(names, row, strict=True)}, "targets": _seen(p, k)}
+            {**{n: number(float(v)) for n, v in zip(names, row, strict=True)}, "targets": _seen(p, k),
+             "approaches": [text for text in approaches(p, k) if text]}
             for k, row in enumerate(angles)
         ],
         "parameters": [
@@ -113,7 +119,7 @@ def payload(given: Arm, p: PlannedCampaign) -> dict[str, Any]:
         ],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in p.twins],
         "narrower_than_random_poses": number(gain(p)),
-        "notes": list(NOTES),
+        "notes": list(notes(p)),
     }  # fmt: skip
 
 
@@ -134,28 +140,46 @@ def _angles(robot: Robot, q: Array) -> tuple[tuple[str, ...], Array]:
 
 
 def sheet(robot: Robot, p: PlannedCampaign) -> str:
-    """The table to fill in: one row a target at a pose."""
+    """The table to fill in: one row a target at a pose, twice where it is come to from either side."""
     names, angles = _angles(robot, p.q)
-    rows: list[tuple[str, ...]] = [("pose", *names, "session", "target", "x_mm", "y_mm", "z_mm")]
+    ways = ("approach",) if p.approach.size else ()
+    rows: list[tuple[str, ...]] = [("pose", *names, "session", "target", *ways, "x_mm", "y_mm", "z_mm")]
     for k, row in enumerate(angles):
-        for target in _seen(p, k):
-            rows.append((str(k + 1), *(f"{v:.3f}" for v in row), "1", target, "", "", ""))
+        for signs in approaches(p, k):
+            came = (signs,) if signs else ()
+            for target in _seen(p, k):
+                rows.append((str(k + 1), *(f"{v:.3f}" for v in row), "1", target, *came, "", "", ""))
     return rows_text(rows)
+
+
+def approaches(p: PlannedCampaign, k: int) -> tuple[str, ...]:
+    """Which ways the joints come to a pose, as in ``+-++-+``, then the other way; one empty text where no matter."""
+    if not p.approach.size:
+        return ("",)
+    first = "".join("+" if way > 0.0 else "-" for way in p.approach[k])
+    return first, first.translate(str.maketrans("+-", "-+"))
 
 
 def sentence(p: PlannedCampaign) -> str:
     """The answer in a sentence."""
     told = sum(e.identified for e in p.expected)
+    twice = ", each come to from either side" if p.approach.size else ""
     return (
-        f"{len(p.q)} poses, {p.readings} readings of {len(p.wanted.targets)} target(s): {told} of {len(p.expected)} "
-        f"parameters are identified, intervals {gain(p):.2g} times narrower than by as many random poses"
+        f"{len(p.q)} poses{twice}, {p.readings} readings of {len(p.wanted.targets)} target(s): "
+        f"{told} of {len(p.expected)} parameters are identified, intervals {gain(p):.2g} times narrower than by as "
+        "many random poses"
     )
+
+
+def notes(p: PlannedCampaign) -> tuple[str, ...]:
+    """What to know of a plan."""
+    return (*NOTES, APPROACH) if p.approach.size else NOTES
 
 
 def show(p: PlannedCampaign) -> None:
     """Parameters and the answer."""
     _table(p).show()
-    for note in NOTES:
+    for note in notes(p):
         say(f"note: {note}")
     say(sentence(p))
 
@@ -202,7 +226,7 @@ def _write_report(given: Arm, p: PlannedCampaign, folder: OutputFolder) -> None:
         Section("What they tell", (_table(p),)),
         Section("The poses", (places, poses)),
         Section("What no poses tell", (Text("Held as the model has it:"), twins), folded=True),
-        Section("What to know", (Bullets(tuple(f"{note[0].upper()}{note[1:]}." for note in NOTES)),)),
+        Section("What to know", (Bullets(tuple(f"{note[0].upper()}{note[1:]}." for note in notes(p))),)),
     ]
     key = [
         KeyFigure(f"{len(p.q)} poses", f"{p.readings} readings"),

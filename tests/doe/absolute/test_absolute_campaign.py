@@ -66,6 +66,18 @@ def test_a_calibration_on_the_plan_is_as_sure_as_it_promised(kr60: ArmModel, pla
     assert_allclose([sds[name] * scale for name in promised], list(promised.values()), rtol=0.02)
 
 
+def test_lost_motion_is_planned_from_either_side(kr60: ArmModel, planned: PlannedCampaign) -> None:
+    both = plan_campaign(kr60, replace(WANTED, free=("geometry", "reversal")))
+    assert not planned.approach.size
+    assert set(np.unique(both.approach)) == {-1.0, 1.0}
+    assert both.approach.shape == both.q.shape
+    assert both.readings == 2 * both.seen.sum()
+    lost = [e for e in both.expected if e.name.endswith(".reversal")]
+    # Turning back by a milliradian moves a target a metre away by a millimetre: told to some hundredths.
+    assert [e.name for e in lost] == [f"j{j}.reversal" for j in range(1, 7)]
+    assert all(e.identified for e in lost)
+
+
 def test_few_candidates_are_twice_as_many_as_poses(kr60: ArmModel) -> None:
     assert plan_campaign(kr60, replace(WANTED, poses=9, candidates=1, free=("zeros",))).candidates == 18
 

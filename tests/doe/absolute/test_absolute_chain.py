@@ -33,7 +33,7 @@ ALL = (
     "bump5.ry",
 )
 SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
-        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3, "reversal": 1e-3}  # fmt: skip
+        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3, "reversal": 1e-3, "mass": 0.1}  # fmt: skip
 LOADS = (Payload(0.0, np.zeros(3)), Payload(40.0, np.array([0.05, 0.02, 0.1])))
 
 
@@ -94,6 +94,20 @@ def test_sag_of_half_a_degree_is_right_to_two_micrometres(kr60: ArmModel, truth:
         stiff = Truth({name: v for name, v in values.items() if "stiffness" not in name})
         rigid = position(kr60, stiff, data.q[k], "ab"[data.target.number[k]], load, data.rail[k], nominal.rail)
         assert np.linalg.norm(P[:, k] - there) < 2e-6 + 1e-3 * np.linalg.norm(there - rigid)
+
+
+def test_masses_that_are_heavier_by_a_share_weigh_as_if_the_model_said_so(kr60: ArmModel) -> None:
+    data, _, _, nominal = made(kr60)
+    layout = Layout(unknowns(kr60.robot, data, ("masses", "j2.stiffness", "j3.ry", "base")))
+    share = {"j2.mass": 0.2, "j3.mass": -0.1}
+    soft = {"j2.stiffness": 1e-6, "j3.ry": 5e-7, "base.rx": 2e-7}
+    there, plain = (np.array([values.get(one.name, 0.0) for one in layout.unknowns]) for values in (share | soft, soft))
+    masses = tuple(replace(m, kg=m.kg * (1.0 + {2: 0.2, 3: -0.1}.get(m.body, 0.0))) for m in kr60.masses)
+    heavier = replace(kr60, masses=masses)
+    one = value(kr60, layout, samples(kr60, data, layout, nominal)[0], there)
+    other = value(heavier, layout, samples(heavier, data, layout, nominal)[0], plain)
+    assert_allclose(one, other, atol=1e-14)
+    assert np.abs(one - value(kr60, layout, samples(kr60, data, layout, nominal)[0], plain)).max() > 1e-5
 
 
 def test_a_payload_of_the_table_and_the_same_one_free_agree(kr60: ArmModel) -> None:

@@ -27,7 +27,6 @@ def missing(given: Arm, m: Missing) -> dict[str, Any]:
         "reason": m.reason,
         "effects": [effect(m, one, sure=True) for one in m.effects],
         "provisional": [effect(m, one, sure=False) for one in m.provisional],
-        "no_more_than_usual": list(m.usual),
         "left_out_rms_before_mm": number(1e3 * before),
         "left_out_rms_after_mm": number(1e3 * after),
         "scatter_sd_before_mm": number(1e3 * m.before.variances.sigma),

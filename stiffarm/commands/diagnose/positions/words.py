@@ -54,11 +54,6 @@ def remarks(m: Missing) -> list[str]:
     out = [one.words for one in m.gross]
     if not m.weighs:
         out.append("nothing in the model or the table weighs anything: springs cannot be asked about")
-    if m.usual:
-        out.append(
-            f"{', '.join(m.usual)}: off by no more than links' masses, which springs are told by, are known to; "
-            "in the model, and not called missing"
-        )
     out += [f"{one.candidate.code} may be {' or '.join(one.rivals)} instead" for one in m.provisional if one.rivals]
     hidden = m.looks[0].hidden
     if hidden:

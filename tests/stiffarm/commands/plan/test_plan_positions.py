@@ -45,6 +45,21 @@ def test_the_filled_in_table_is_one_of_positions(planned: tuple[Outcome, Path], 
     assert set(data.target.names) <= {"a", "b"}
 
 
+def test_lost_motion_asks_for_every_pose_from_either_side(tmp_path: Path) -> None:
+    outcome = run_here("plan", "kr60-3", "--positions", "12", *COMMON, *TARGETS, "--free", "geometry,reversal",
+                       "--out", tmp_path / "out", "--json")  # fmt: skip
+    assert outcome.code == 0, outcome.err
+    first, second = outcome.json["plan"][0]["approaches"]
+    assert first == second.translate(str.maketrans("+-", "-+"))
+    head, *rows = (tmp_path / "out" / "positions_sheet.csv").read_text(encoding="utf-8").splitlines()
+    assert "approach" in head.split(",")
+    assert len(rows) == outcome.json["readings"] == 2 * sum(len(pose["targets"]) for pose in outcome.json["plan"])
+    filled = tmp_path / "filled.csv"
+    filled.write_text("\n".join([head, *(row.removesuffix(",,") + "1.5,2.5,3.5" for row in rows)]), encoding="utf-8")
+    data = read_absolute(filled, load_robot("kr60-3"))
+    assert (data.approach.sum(axis=0) == 0.0).all()
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
