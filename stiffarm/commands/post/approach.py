@@ -64,7 +64,8 @@ def words(run: PostRun) -> tuple[str, ...]:
     out = (
         f"{c['points_put_in']} of {found.targets} positioning moves that end where something begins come from the side "
         f"of `--approach {c['signs']}` in their last {c['angle_deg']:.3g} deg: by points up to {found.away * 1e3:.3g} "
-        f"mm from their targets, up to {found.deeper * 1e3:.3g} mm deeper along the tool. Moves at feed are not changed."
+        f"mm from their targets, up to {found.deeper * 1e3:.3g} mm deeper along the tool. Moves at feed are not "
+        "changed."
     )
     if not found.left_out:
         return (out,)
