@@ -36,7 +36,8 @@ SOURCE = "positions"
 NOT_AN_ARM = "check units, signs and zeros of the table and the model: errors this large are of another arm"
 RIGID_LINKS = "links count as rigid: what they give way is in the joints' springs"
 NOT_HERE = ("payload", "mass", "rail", "growth", "drift", "reversal")
-IN_MODEL = ("frame", "zero", "ratio", "coupling", "spring")
+GEOMETRIC = ("frame", "zero", "ratio", "coupling")
+IN_MODEL = (*GEOMETRIC, "spring")
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def _description(c: Positions, before: ModelDescription, made: Written) -> Model
         if one.kind == "spring" and one.name not in made.silent and values[one.name] > 0.0:
             p = parameter(made.fit.model, one.name)
             p.kind.put(p, 1.0 / values[one.name], tables, figure)
-        elif one.kind in ("frame", "ratio", "coupling", "zero"):
+        elif one.kind in GEOMETRIC:
             _put_error(data, made.fit.model.robot.joint_names, one, values[one.name], figure)
     for j in sorted({i[0] for _, i in made.fit.moving.of("periodic")}):
         _put_curve(data["joint"][j], made.fit, j, turned[data["joint"][j]["name"]], source)
@@ -182,19 +183,21 @@ def _figure(source: str, f: Finding | None, value: float, unit: str) -> dict[str
 
 def _put_error(data: dict[str, Any], names: tuple[str, ...], one: Unknown, u: float, figure: Any) -> None:
     joint = data["joint"][one.index[0]]
-    if one.kind == "zero":
-        old = joint.get("zero_error")
-        before = 0.0 if old is None else math.degrees(_si_angle(old))
-        joint["zero_error"] = figure(before + math.degrees(u), "deg")
-        return
-    error = joint["error"] = joint.get("error") or {"turns_with": ()}
-    if one.kind == "frame":
-        error[COMPONENTS[one.index[1]]] = figure(one.factor * u, one.unit)
-    elif one.kind == "ratio":
-        error["ratio"] = figure(u, "1")
-    else:
-        others = [t for t in error["turns_with"] if t["joint"] != names[one.index[1]]]
-        error["turns_with"] = (*others, {"joint": names[one.index[1]], "factor": figure(u, "1")})
+    error = joint.get("error") or {"turns_with": ()}
+    match one.kind:
+        case "zero":
+            old = joint.get("zero_error")
+            before = 0.0 if old is None else math.degrees(_si_angle(old))
+            joint["zero_error"] = figure(before + math.degrees(u), "deg")
+            return
+        case "frame":
+            error[COMPONENTS[one.index[1]]] = figure(one.factor * u, one.unit)
+        case "ratio":
+            error["ratio"] = figure(u, "1")
+        case _:
+            others = [t for t in error["turns_with"] if t["joint"] != names[one.index[1]]]
+            error["turns_with"] = (*others, {"joint": names[one.index[1]], "factor": figure(u, "1")})
+    joint["error"] = error
 
 
 def _si_angle(figure: Mapping[str, Any]) -> float:

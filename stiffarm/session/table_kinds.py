@@ -156,6 +156,33 @@ def expect(
     raise InputError(f"{path} is {found.words}", allowed=f"{wanted.words} ({wanted.columns})", remedy=f"use {usage}")
 
 
+def are_positions(data: Sequence[Path] | None) -> bool:
+    """Whether the tables hold positions of targets and not deflections.
+
+    Raises
+    ------
+    InputError
+        Some do, and some do not.
+    """
+    found = [_is_absolute(file) for file in data or ()]
+    if any(found) and not all(found):
+        other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
+        raise InputError(
+            "measurement tables", value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
+            allowed="tables of positions, or tables of deflections", remedy="calibrate them one after the other",
+        )  # fmt: skip
+    return any(found)
+
+
+def _is_absolute(file: Path) -> bool:
+    if kind_of(file) is not PENDANT:
+        return False
+    from doe.absolute.table import is_absolute
+    from doe.tables.columns import read_table
+
+    return is_absolute(read_table(file).header)
+
+
 def described(name: str) -> ModelDescription:
     """The description of a model by name or from its file.
 

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import numpy as np
 import typer
 
 import machining.cell as cells
 from fem.arm import Arm
-from machining.cutting import ConstantForce, Cut, read_milling
-from machining.cutting.force import Axes
 from machining.setup import Setup
 from machining.toolpaths.motions import Note
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
 from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector, parse_word
+
+if TYPE_CHECKING:
+    from machining.cutting import Cut
 
 SingularOpt = Annotated[
     float,
@@ -137,6 +138,10 @@ def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
     InputError
         Both given, or unknown axes.
     """
+    # Forces bring the uncertainty of calibrations with them, which a verification does not ask for.
+    from machining.cutting import ConstantForce, Cut, read_milling
+    from machining.cutting.force import Axes
+
     if force is not None and milling is not None:
         raise InputError("--force and --milling", value="both", allowed="one of the two")
     if milling is not None:

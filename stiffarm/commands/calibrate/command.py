@@ -12,7 +12,6 @@ from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.commands.calibrate.positions.run import are_positions, calibrate_tables
 from stiffarm.session import inputs, parsing
 from stiffarm.session.console import say_notes
 from stiffarm.session.frame import command
@@ -33,6 +32,7 @@ from stiffarm.session.options import (
     TablesArg,
 )
 from stiffarm.session.reading_checks import history_notes
+from stiffarm.session.table_kinds import are_positions
 
 Free = Annotated[
     str | None,
@@ -130,6 +130,8 @@ def calibrate(
         chosen_loads = parsing.parse_loads(loads)
         given = frame.model(model, links, load_path, effect=effect, sets=sets)
         if are_positions(data):
+            from stiffarm.commands.calibrate.positions.run import calibrate_tables
+
             refused = {**staged_only, "--scheme": scheme, "--joints": joints, "--campaign": campaign, "--loads": loads,
                        "--low": low, "--high": high, "--bootstrap": bootstrap or None, "--scheme-file": scheme_file,
                        "--effect": effect}  # fmt: skip

@@ -10,11 +10,9 @@ import typer
 from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
 from stiffarm.commands.calibrate import tables as calibration_tables
-from stiffarm.commands.calibrate.positions.run import are_positions
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
-from stiffarm.commands.diagnose.positions.run import diagnose_tables
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import parsing
 from stiffarm.session.console import progress, say, say_notes, show_table
@@ -37,6 +35,7 @@ from stiffarm.session.options import (
     TablesArg,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.table_kinds import are_positions
 from stiffarm.session.zones import FLOOR, parse_zone
 
 
@@ -115,6 +114,8 @@ def diagnose(
         zone = parse_zone(given.description, floor, keep_out or (), clearance)
         names = parsing.parse_names(free, given.robot.joint_names, "--free")
         if are_positions(data):
+            from stiffarm.commands.diagnose.positions.run import diagnose_tables
+
             refused = {"--free": free, "--effect": effect, "--loads": loads, "--keep-out": keep_out or None,
                        "--clearance": clearance}  # fmt: skip
             diagnose_tables(frame, given, data or (), refused, holdout=holdout, seed=seed)

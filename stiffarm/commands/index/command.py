@@ -8,7 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem import ArmModel
 from fem.arm import Arm
+from fem.effects.structure import joint_is_rigid
 from machining import INDICES
 from robots import InputError
 from robots.arrays import Array
@@ -82,14 +84,22 @@ def index(
             None if force is None else parse_vector(force, "--force", "N in base axes"),
             None if load is None else parsing.parse_load(load),
         )
-        rigid = None if given.model.link_kind == "rigid" else with_links(given, "rigid").model
-        found = index_results.answer(given.model, question, rigid)
+        found = index_results.answer(given.model, question, _joints_alone(given))
         content = index_results.payload(given.robot, found)
         frame.reads(poses=table)
         with frame.folder_if() as folder:
             if folder is not None:
                 _write(folder, content, found, given)
         frame.answer(content, lambda: _show(given, content, found, tool_of(given.robot, tool)))
+
+
+def _joints_alone(given: Arm) -> ArmModel | None:
+    """The arm with rigid links; None where they are rigid anyway, or nothing would give way without them."""
+    if given.model.link_kind == "rigid":
+        return None
+    model = with_links(given, "rigid").model
+    joints = not all(joint_is_rigid(joint, model.robot.dof) for joint in model.joints)
+    return model if joints or model.base.any() or model.tool.any() else None
 
 
 def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Array, tuple[str, ...]]:

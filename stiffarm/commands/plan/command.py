@@ -10,7 +10,6 @@ import numpy as np
 import typer
 
 from doe import Measurements, bundled_data
-from doe.absolute.campaign import Wanted
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS
 from doe.planning.zones import Zone
@@ -18,7 +17,6 @@ from fem.arm import Arm
 from robots import InputError
 from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
-from stiffarm.commands.plan import positions as positions_plan
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
 from stiffarm.session import parsing
@@ -221,6 +219,9 @@ def plan(
             others = {"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--pose": pose,
                       "--rated-N": rated, "--vary": vary, "--hold": hold, "--unloading": unloading or None}  # fmt: skip
             parsing.refuse_given(others, "no option of --positions", "leave it out")
+            from doe.absolute.campaign import Wanted
+            from stiffarm.commands.plan import positions as positions_plan
+
             asked = Wanted(
                 positions, positions_plan.parse_targets(target or ()), positions_plan.parse_tracker(tracker),
                 free=parsing.parse_names(free, None, "--free"), sigma=_gauges(gauge, gauge_turn)[0],

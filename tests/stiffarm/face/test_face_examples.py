@@ -14,7 +14,16 @@ pytestmark = pytest.mark.slow
 
 FUNCTIONS = [name for name in sa.__all__ if inspect.isfunction(getattr(sa, name))]
 # Shown by scripts in examples/: they need files, as of a cell and a part.
-WITHOUT = {"calibrate_positions", "load_surrogate", "place", "post", "posture", "robots_bundled", "verify"}
+WITHOUT = {
+    "calibrate_positions",
+    "diagnose_positions",
+    "load_surrogate",
+    "place",
+    "post",
+    "posture",
+    "robots_bundled",
+    "verify",
+}
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

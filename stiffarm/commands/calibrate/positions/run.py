@@ -9,40 +9,15 @@ from typing import Any
 from doe.absolute.calibrate import Positions, calibrate_positions
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.regions import Regions, accuracy_regions
-from doe.absolute.table import is_absolute, joined, read_absolute
+from doe.absolute.table import joined, read_absolute
 from doe.absolute.written import Written, written
-from doe.tables.columns import read_table
 from fem.arm import Arm
 from machining.programs.controller_offsets import ControllerOffsets
-from robots import InputError
 from stiffarm.commands.calibrate.positions import corrections, payload, region_pages, tables
 from stiffarm.session import parsing
 from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.table_kinds import PENDANT, kind_of
-
-
-def are_positions(data: Sequence[Path] | None) -> bool:
-    """Whether the tables hold positions of targets and not deflections.
-
-    Raises
-    ------
-    InputError
-        Some do, and some do not.
-    """
-    found = [_is_absolute(file) for file in data or ()]
-    if any(found) and not all(found):
-        other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
-        raise InputError(
-            "measurement tables", value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
-            allowed="tables of positions, or tables of deflections", remedy="calibrate them one after the other",
-        )  # fmt: skip
-    return any(found)
-
-
-def _is_absolute(file: Path) -> bool:
-    return kind_of(file) is PENDANT and is_absolute(read_table(file).header)
 
 
 def calibrate_tables(
