@@ -16,6 +16,7 @@ from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import USUAL, Layout, unknowns
+from doe.absolute.weight import has_weight
 from fem import ArmModel
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -97,7 +98,7 @@ def calibrate_positions(
     InputError
         An unknown name, springs asked for without any weight, or too few readings.
     """
-    weighs = bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
+    weighs = has_weight(model, data.payloads)
     usual = USUAL if weighs else without_weight(USUAL)
     names = list(usual if free is None else free)
     begin = started(model.robot, data, seed)

@@ -20,6 +20,7 @@ from doe.absolute.readings import AbsoluteReadings, Labels, Payload
 from doe.absolute.reduced import FRAME, frame_columns
 from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import Layout, Unknown, unknowns
+from doe.absolute.weight import has_weight
 from doe.planning.pose_designs import short_tour
 from doe.planning.zones import Zone
 from fem import ArmModel
@@ -158,8 +159,8 @@ def _shown(one: Unknown, *sds: float) -> tuple[float, float, float]:
 def _free(model: ArmModel, wanted: Wanted) -> Sequence[str]:
     if wanted.free is not None:
         return wanted.free
-    kg = 0.0 if wanted.payload is None else wanted.payload.kg
-    return without_weight(USUAL) if not model.masses and kg == 0.0 else USUAL
+    payloads = () if wanted.payload is None else (wanted.payload,)
+    return USUAL if has_weight(model, payloads) else without_weight(USUAL)
 
 
 def _candidates(model: ArmModel, wanted: Wanted, rng: np.random.Generator) -> tuple[Array, Bools]:

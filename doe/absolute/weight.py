@@ -27,6 +27,11 @@ from robots.kinematics import BodyFrames, forward_kinematics, tool_position
 AXIAL = 5
 
 
+def has_weight(model: ArmModel, payloads: Sequence[Payload]) -> bool:
+    """Whether anything that is known to weigh loads the arm's springs."""
+    return bool(model.masses) or any(p.kg > 0.0 for p in payloads)
+
+
 @dataclass(frozen=True)
 class Weight:
     """By place of a compliance among the unknowns: displacement (3, n) m for each unit, by the links' weight.

@@ -25,6 +25,7 @@ from doe.absolute.unknowns import (
     reversals,
     spring,
 )  # fmt: skip
+from doe.absolute.weight import has_weight
 from fem import ArmModel
 
 # Highest order of an error curve, and orders beyond which it falls off: a gear that runs out, and its finer errors.
@@ -40,12 +41,15 @@ Shape = tuple[tuple[Unknown, float], ...]
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect: ``code`` (family, colon, place), what it is in ``words``, its shapes, and what ``--free`` frees it."""
+    """An effect: ``code`` (family, colon, place), what it is in ``words``, its shapes.
+
+    ``free``: what ``calibrate --free`` has for it; empty where that is the unknowns of the shape found.
+    """
 
     code: str
     words: str
     shapes: tuple[Shape, ...]
-    free: str
+    free: str = ""
 
     @property
     def family(self) -> str:
@@ -69,13 +73,8 @@ def kinds(some: Sequence[Candidate]) -> Iterator[tuple[str, list[Candidate]]]:
         yield family, [c for c in some if c.family == family]
 
 
-def has_weight(model: ArmModel, data: AbsoluteReadings) -> bool:
-    """Whether anything that is known to weigh loads the arm's springs."""
-    return bool(model.masses) or any(p.kg > 0.0 for p in data.payloads)
-
-
 def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
-    if not has_weight(model, data):
+    if not has_weight(model, data.payloads):
         return
     for j, name in enumerate(model.robot.joint_names):
         axial = spring(name, j, 5)
@@ -114,7 +113,7 @@ def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
 
 
 def _structure(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
-    if has_weight(model, data):
+    if has_weight(model, data.payloads):
         tilting = [spring("base", -1, row) for row in (3, 4)]
         yield Candidate("base-tilt", "the base tilts under the arm's weight", (_equal(tilting),), "base")
     if any(one.start > 0.0 for one in payload(model.robot, data)):
@@ -139,9 +138,9 @@ def _around(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     even = tuple(moved(data, 0))
     settling = tuple(moved(data, SETTLING))
     shapes = (_moving(even), _moving(settling))
-    yield Candidate("drift", "the arm and the tracker drift apart", shapes if even else ((),), "drift,settling.x,...")
+    yield Candidate("drift", "the arm and the tracker drift apart", shapes if even else ((),))
     bumps = tuple(_moving(tuple(moved(data, k))) for k in range(1, BUMPS))
-    yield Candidate("bump", "the arm or the tracker was moved on the way", bumps if even else ((),), "bumpN.x,...")
+    yield Candidate("bump", "the arm or the tracker was moved on the way", bumps if even else ((),))
 
 
 def _equal(some: Sequence[Unknown]) -> Shape:

@@ -14,13 +14,14 @@ from doe.absolute.calibrate import FEW, FOLDS, fitted
 from doe.absolute.fit import Fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.known import known
-from doe.absolute.missing.candidates import Candidate, candidates, has_weight, kinds
+from doe.absolute.missing.candidates import Candidate, candidates, kinds
 from doe.absolute.missing.evidence import NONE, UNKNOWN, Weighing, ground, weigh
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings
 from doe.absolute.start import Start, started
 from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import Layout, Unknown, masses, unknowns
+from doe.absolute.weight import has_weight
 from doe.certainty.verdicts import ALARM, FURTHER, GAIN, NAME, PRIOR_NONE, PRIOR_UNKNOWN
 from fem import ArmModel
 from robots.progress import Messages
@@ -81,6 +82,11 @@ class FoundEffect:
     gain: float
     probability: float
     rivals: tuple[str, ...]
+
+    @property
+    def free(self) -> str:
+        """What ``calibrate --free`` has for it."""
+        return self.candidate.free or ",".join(one.name for one in self.unknowns)
 
 
 @dataclass(frozen=True)
@@ -154,18 +160,18 @@ def diagnose_positions(
     some = candidates(model, data)
     say(f"{len(data)} positions, {len(some)} candidates")
     before = work.fit(())
-    looks, picks = _looks(work, before, some, say)
-    after = work.fit(_all_of(picks))
+    looks, picks, after = _looks(work, before, some, say)
     effects, provisional = list[FoundEffect](), list[FoundEffect]()
     for k, pick in enumerate(picks):
         others = [other for i, other in enumerate(picks) if i != k]
         one = _once_more(work, pick, others, some) if len(picks) > 1 else pick
         (effects if one.probability >= NAME else provisional).append(one)
     parts = folds(len(data), len(data) if len(data) < FEW else FOLDS, seed)
-    predicted = left_out(before, parts), left_out(after, parts) if picks else left_out(before, parts)
+    first = left_out(before, parts)
     kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
-    out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after, predicted, kept, same,
-                  gross(after), has_weight(model, data))  # fmt: skip
+    out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after,
+                  (first, left_out(after, parts) if picks else first), kept, same, gross(after),
+                  has_weight(model, data.payloads))  # fmt: skip
     verdict, reason = _verdict(out)
     if out.found and not _predicts(out):
         out = replace(out, effects=(), provisional=out.found)
@@ -186,8 +192,8 @@ def _as_every_arm(model: ArmModel, data: AbsoluteReadings, layout: Layout) -> It
 
 def _looks(
     work: _Work, before: Fit, some: Sequence[Candidate], say: Messages
-) -> tuple[tuple[Look, ...], list[FoundEffect]]:
-    """Look, take up what leads, and look again until nothing asks for more."""
+) -> tuple[tuple[Look, ...], list[FoundEffect], Fit]:
+    """Look, take up what leads, and look again until nothing asks for more; the estimate with all of it."""
     here, looks, picks = before, list[Look](), list[FoundEffect]()
     for _ in range(MOST + 1):
         taken = {pick.candidate.code for pick in picks}
@@ -201,7 +207,7 @@ def _looks(
         here = work.fit(_all_of(picks))
         if not picks[-1].probability >= NAME and len(picks) > 1:
             break
-    return tuple(looks), picks
+    return tuple(looks), picks, here
 
 
 def _asks_for_more(look: Look, *, further: bool) -> bool:

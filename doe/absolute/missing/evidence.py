@@ -88,7 +88,7 @@ def _rows(found: Fit, whole: Layout, u: Array, order: Indices, root: Array, rows
     (sample,) = samples(found.model, part, whole, found.start.nominal, u)
     P, J = evaluate(found.model, whole, sample, u)
     r = found.frames[session].inside(part.position) - P
-    smooth = [np.asarray(x) for x in _unknown(found, rows).values()]
+    smooth = _unknown(found, rows).values()
     return block_rows(frame_columns(P), np.concatenate([J[order], *smooth]), r, root[rows])
 
 

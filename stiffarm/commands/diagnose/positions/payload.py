@@ -47,7 +47,7 @@ def missing(given: Arm, m: Missing) -> dict[str, Any]:
 
 def free(m: Missing) -> str | None:
     """What `calibrate --free` takes to have these effects in the model; None where nothing was found."""
-    named = dict.fromkeys(one.candidate.free for one in m.found)
+    named = dict.fromkeys(one.free for one in m.found)
     return ",".join(("geometry", *named)) if named else None
 
 
