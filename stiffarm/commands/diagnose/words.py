@@ -57,14 +57,12 @@ def headline(d: Diagnosed) -> str:
         return f"Something is missing that the catalogue has no name for: {_learned(found.learned)}."
     if found.verdict == "ambiguous" and found.effects:
         names = and_list([what(f) for f in found.effects])
-        beside = (
-            f"these readings cannot tell which it is: {rivals_text(d)}" if d.rivals else "something unknown is left"
-        )
-        return f"Missing: {names}. Beyond that {beside}."
-    if found.verdict == "ambiguous" and len(d.rivals) == 1 and found.provisional:
+        return f"Missing: {names}. Beyond that {_beyond(d)}."
+    if probable(d):
+        beyond = f" Beyond that {_beyond(d)}." if len(d.in_model) > 1 else ""
         return (
             f"Something is missing, most probably {what(found.provisional[0])}: {percent(found.stated)} after its "
-            "checks, which is too little for a name."
+            f"checks, which is too little for a name.{beyond}"
         )
     if found.verdict == "ambiguous":
         return f"Something is missing, but these readings cannot tell which of several effects it is: {rivals_text(d)}."
@@ -86,6 +84,21 @@ def _law(effect: Effect) -> str:
 def hints(d: Diagnosed) -> bool:
     """Whether nothing is proven to be missing, but that is not the most probable either."""
     return d.found.verdict == "none" and d.found.rankings[0].of(NONE).probability < HALF
+
+
+def _beyond(d: Diagnosed) -> str:
+    """What is left beyond the effects that are named or probable."""
+    if not d.rivals:
+        return "something is left that no effect of the catalogue explains"
+    return f"something is left, and these readings cannot tell which effect it is: {rivals_text(d)}"
+
+
+def probable(d: Diagnosed) -> bool:
+    """Whether no effect is named, and one was more probable than all else together when it was found."""
+    found = d.found
+    if found.verdict != "ambiguous" or found.effects or not found.provisional:
+        return False
+    return len(d.rivals) == 1 or (len(d.in_model) > 1 and found.provisional[0].probability > HALF)
 
 
 def what(f: Found) -> str:
@@ -123,8 +136,9 @@ def how_sure(d: Diagnosed) -> str:
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
-    sure = f"{then_and_now(d)}. " if d.found.effects else ""
-    beyond = " beyond that" if d.found.effects else ""
+    led = bool(d.found.effects) or (probable(d) and len(d.in_model) > 1)
+    sure = f"{then_and_now(d)}. " if led else ""
+    beyond = " beyond that" if led else ""
     return f"{sure}Probabilities{beyond}: {', '.join(parts)}; {d.found.reason}."
 
 
@@ -133,7 +147,7 @@ def then_and_now(d: Diagnosed) -> str:
     made = d.found.checks
     parts = [
         f"{f.code} {percent(stated(f, made))} ({percent(f.probability)} before)"
-        for f in (*d.found.effects, *d.found.learned)
+        for f in (*d.found.effects, *d.found.learned, *(d.found.provisional[:1] if probable(d) else ()))
     ]
     return f"Probability after the checks: {', '.join(parts)}"
 
