@@ -92,21 +92,65 @@ def emit_json(content: Mapping[str, Any]) -> None:
 
 # Characters of a table's first column that are never broken, in a terminal of 80.
 NAME_WIDTH: Final = 24
+# Beside its text a column takes a border and two blanks.
+BESIDE_TEXT: Final = 3
 
 
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
-    """A table for people, on stderr. Names and labels come from files: they are no markup."""
+    """A table for people, on stderr. Names and labels come from files: they are no markup.
+
+    No word is broken where the terminal is wide enough for the longest of each column. A table of few rows that is too
+    wide for that is printed with rows and columns exchanged.
+    """
     from rich.table import Table
 
+    lines = [[one_line(cell) for cell in row] for row in (columns, *rows)]
+    if len(rows) < len(columns) and not _fits(lines):
+        turned = [list(cells) for cells in zip(*lines, strict=True)]
+        lines = turned if _fits(turned) else lines
     table = Table(title=Text(one_line(title)), title_justify="left", title_style="bold")
     # A name that is broken in the middle is hard to read: the other columns give way first.
-    whole = columns != [] and max(len(one_line(cell)) for cell in (columns[0], *(row[0] for row in rows))) <= NAME_WIDTH
-    for i, column in enumerate(columns):
-        table.add_column(Text(one_line(column)), justify="left" if i == 0 else "right", overflow="fold",
+    whole = _name_width(lines) is not None
+    for i, (column, width) in enumerate(zip(lines[0], _widths(lines), strict=True)):
+        table.add_column(Text(column), justify="left" if i == 0 else "right", overflow="fold", width=width,
                          no_wrap=i == 0 and whole)  # fmt: skip
-    for row in rows:
-        table.add_row(*(Text(one_line(cell)) for cell in row))
+    for line in lines[1:]:
+        table.add_row(*map(Text, line))
     _print(table)
+
+
+def _least_widths(lines: list[list[str]]) -> list[int]:
+    """Characters of the longest word in each column; of the longest cell in the first one, if that is not too much."""
+    words = [max(len(word) for cell in cells for word in cell.split() or [""]) for cells in zip(*lines, strict=True)]
+    return [_name_width(lines) or words[0], *words[1:]] if words else []
+
+
+def _name_width(lines: list[list[str]]) -> int | None:
+    """Characters of the first column's longest cell, where these are few enough to keep each in one line."""
+    longest = max((len(line[0]) for line in lines if line), default=0)
+    return longest if longest <= NAME_WIDTH else None
+
+
+def _room(columns: int) -> int:
+    """Characters of a line of the terminal that the text of so many columns can take."""
+    return stderr.width - BESIDE_TEXT * columns - 1
+
+
+def _fits(lines: list[list[str]]) -> bool:
+    """Whether the terminal is wide enough for a table without a broken word."""
+    return sum(_least_widths(lines)) <= _room(len(lines[0]))
+
+
+def _widths(lines: list[list[str]]) -> list[int | None]:
+    """Each column's width, the widest ones giving way first and none below its longest word; None where that fails."""
+    if not _fits(lines):
+        return [None] * len(lines[0])
+    least = _least_widths(lines)
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    while sum(widths) > _room(len(widths)):
+        over = [i for i in range(len(widths)) if widths[i] > least[i]]
+        widths[max(over, key=lambda i: widths[i])] -= 1
+    return list(widths)
 
 
 @contextmanager
