@@ -20,10 +20,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from datetime import UTC, datetime
-from multiprocessing import get_context
 from pathlib import Path
 
 from pydantic import TypeAdapter
@@ -36,7 +34,7 @@ from stiffarm.commands.study import payload, words
 from stiffarm.commands.study.report import write_report
 from stiffarm.commands.study.scores import Row
 from stiffarm.commands.study.sets import study_sets
-from stiffarm.commands.study.step import TASKS, run_set
+from stiffarm.commands.study.step import rows_of
 from stiffarm.session.outputs import OutputFolder
 
 ROOT = Path(__file__).parents[2]
@@ -100,12 +98,8 @@ def run(folder: Path, jobs: int) -> None:
     # In any order, but always the same one: what is done when a run is stopped is like the whole.
     mixed = sorted(sets, key=lambda one: hashlib.sha256(f"{commit} {one.name}".encode()).digest())
     todo = [one for one in mixed if one.name not in rows]
-    with (
-        ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=TASKS) as pool,
-        (folder / "rows.jsonl").open("a", encoding="utf-8") as stream,
-    ):
-        for asked in as_completed([pool.submit(run_set, one) for one in todo]):
-            r = asked.result()
+    with (folder / "rows.jsonl").open("a", encoding="utf-8") as stream:
+        for r in rows_of(todo, jobs):
             rows[r.name] = r
             stream.write(json.dumps(asdict(r)) + "\n")
             stream.flush()

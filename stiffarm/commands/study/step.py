@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
@@ -23,7 +23,8 @@ from stiffarm.session.reading_checks import check_readings
 from stiffarm.session.readings import read_data
 
 NAN = float("nan")
-# A worker is put out after so many sets: what it has compiled stays, what it has hoarded goes.
+# Workers are put out after so many sets each: what they have compiled stays, what they have hoarded goes. All at once:
+# a pool that replaces them one by one (max_tasks_per_child) stood still for good after 200 sets.
 TASKS = 100
 
 
@@ -102,14 +103,21 @@ def study(sets: Sequence[StudySet], jobs: int, progress: Progress | None = None)
     # Workers share the processors: one thread each.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    rows: dict[int, Row] = {}
-    with ProcessPoolExecutor(min(jobs, len(sets)), get_context("spawn"), max_tasks_per_child=TASKS) as pool:
-        asked = {pool.submit(run_set, one): k for k, one in enumerate(sets)}
-        try:
-            for done in as_completed(asked):
-                rows[asked[done]] = done.result()
-                report_progress(progress, len(rows), len(sets))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [rows[k] for k in range(len(sets))]
+    rows: dict[str, Row] = {}
+    for done in rows_of(sets, min(jobs, len(sets))):
+        rows[done.name] = done
+        report_progress(progress, len(rows), len(sets))
+    return [rows[one.name] for one in sets]
+
+
+def rows_of(sets: Sequence[StudySet], jobs: int, each: int = TASKS) -> Iterator[Row]:
+    """Rows of all sets as they are done, ``jobs`` at a time; workers are new after ``each`` sets a worker."""
+    for start in range(0, len(sets), each * jobs):
+        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+            asked = [pool.submit(run_set, one) for one in sets[start : start + each * jobs]]
+            try:
+                for done in as_completed(asked):
+                    yield done.result()
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise

@@ -14,6 +14,7 @@ from stiffarm.commands.study import step, words
 from stiffarm.commands.study.report import write_report
 from stiffarm.commands.study.scores import Row
 from stiffarm.commands.study.sets import study_sets
+from stiffarm.commands.study.step import rows_of
 from stiffarm.session.outputs import OutputFolder
 from tests.blind.sets import make, unseen
 from tests.blind.spec import SetSpec
@@ -62,6 +63,18 @@ def test_readings_that_are_refused_are_counted(tmp_path: Path, cli: Command) -> 
     assert row["verdict"] == "refused"
     assert not row["right"]
     assert row["reason"]
+
+
+@pytest.mark.slow
+def test_every_set_is_done_though_workers_are_renewed(tmp_path: Path) -> None:
+    names = [f"set{k}" for k in range(5)]
+    for k, name in enumerate(names):
+        made(tmp_path, name, k)
+        lines = (tmp_path / name / "readings.csv").read_text().splitlines()
+        (tmp_path / name / "readings.csv").write_text("\n".join(lines[:2]) + "\n")
+    rows = list(rows_of(study_sets(tmp_path), jobs=2, each=1))
+    assert sorted(r.name for r in rows) == names
+    assert {r.verdict for r in rows} == {"refused"}
 
 
 def test_a_fault_in_one_set_does_not_cost_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
