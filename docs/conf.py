@@ -12,6 +12,7 @@ sys.path[:0] = [str(HERE / "_site"), str(HERE.parent)]
 import command_pages  # noqa: E402 - found beside this file
 import docstrings  # noqa: E402
 import gallery_pages  # noqa: E402
+import gallery_runs  # noqa: E402
 import key_pages  # noqa: E402
 import package_pages  # noqa: E402
 
@@ -24,7 +25,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
 root_doc = "index"
 # sphinx-gallery's own index: the gallery's is gallery/index.md.
 exclude_patterns = ["_site", "gallery/scripts/index.rst"]
-sphinx_gallery_conf = gallery_pages.prepare()
+sphinx_gallery_conf = gallery_runs.prepare()
 
 myst_enable_extensions = ["deflist", "colon_fence", "fieldlist"]
 # Headings can be linked to as on GitHub.

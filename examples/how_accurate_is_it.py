@@ -1,8 +1,9 @@
 """How accurate could a UR5 be?
 ===============================
 
-A tracker read where the flange of a UR5 really was, at 250 points of a grid; 20 other poses are held out.
-The calibration finds frames, geometry and the error of each joint over its angle.
+A tracker read where the flange of a UR5 really was, at 250 points of a grid; 20 other
+poses are held out. The calibration finds frames, geometry and the error of each joint
+over its angle.
 """
 
 import matplotlib.pyplot as plt
@@ -25,16 +26,19 @@ ax.fill_between(curve["angle_deg"], low, high, alpha=0.3, label="95 %")
 ax.plot(curve["angle_deg"], curve["error_mrad"], label="joint 1")
 ax.set(xlabel="angle of joint 1 (deg)", ylabel="error of joint 1 (mrad)")
 ax.legend()
-# Picture: the error of joint 1 over its angle with a 95 % band. It goes up and down several times within half a
-# milliradian.
+# Picture: the error of joint 1 over its angle with a 95 % band. It goes up and down
+# several times within half a milliradian.
 figure.savefig("how_accurate_is_it.png")
 
-print(f"Poses held out: {found.holdout_rms_mm:.3f} mm RMS; {found.before_rms_mm:.3f} mm as the maker describes the arm")
-assert found.holdout_rms_mm < 0.75 * geometry.left_out_rms_mm < 0.2 * found.before_rms_mm
+held_out, before = found.holdout_rms_mm, found.before_rms_mm
+print(f"Poses held out: {held_out:.3f} mm RMS; {before:.3f} mm by the data sheet")
+assert held_out < 0.75 * geometry.left_out_rms_mm < 0.2 * before
+assert not [p.name for p in found.parameters if "stiffness" in p.name and p.value]
 
 # %%
-# Geometry mends most of it, and the wavy errors of single joints most of the rest. Springs under the arm's own weight are
-# free as well, and the readings identify none of them: this arm is not soft, its joints turn unevenly.
+# Geometry mends most of it, and the wavy errors of single joints most of the rest.
+# Springs under the arm's own weight are free as well, and the readings identify none of
+# them: this arm is not soft, its joints turn unevenly.
 #
-# Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`. Why the poses held out matter:
-# :doc:`which_model_is_honest`.
+# Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`. Why the poses held
+# out matter: :doc:`which_model_is_honest`.

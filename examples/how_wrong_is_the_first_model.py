@@ -1,8 +1,8 @@
 """How wrong is a model without joints?
 =======================================
 
-A model from drawings has links that bend and joints that do not.
-Here it stands beside what was measured on an XR701, reading by reading.
+A model from drawings has links that bend and joints that do not. Here it stands beside
+what was measured on an XR701, reading by reading.
 """
 
 import matplotlib.pyplot as plt
@@ -20,7 +20,8 @@ ax.loglog(-frame["dz_mm_measured"], -frame["dz_mm_simulated"], "o")
 ax.axline((0.1, 0.1), (1.0, 1.0), color="grey", linestyle=":", label="what should be")
 ax.set(xlabel="measured (mm)", ylabel="simulated with rigid joints (mm)")
 ax.legend()
-# Picture: simulated against measured deflections, both on logarithmic axes. All points lie far below the diagonal.
+# Picture: simulated against measured deflections, both on logarithmic axes. All points
+# lie far below the diagonal.
 figure.savefig("how_wrong_is_the_first_model.png")
 
 times = (frame["dz_mm_measured"] / frame["dz_mm_simulated"]).median()
@@ -28,7 +29,8 @@ print(f"The arm gives way {times:.0f} times as much as its links alone (median)"
 assert times > 5
 
 # %%
-# Most of an industrial arm's compliance is in its joints, and no drawing has them: gears, bearings and their preload are
-# told by measurements only. The points lie along a line all the same, which is why a few springs mend the model.
+# Most of an industrial arm's compliance is in its joints, and no drawing has them:
+# gears, bearings and their preload are told by measurements only. The points lie along
+# a line all the same, which is why a few springs mend the model.
 #
 # Next: :doc:`which_springs`. Read on: :doc:`/concepts/mechanics`.

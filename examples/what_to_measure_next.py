@@ -1,8 +1,9 @@
 """What should we measure next?
 ===============================
 
-Nine poses leave the wrist of the XR701 open: joint 4 has a lower limit only, joint 5 stands at its bound.
-The plan chooses six set-ups that tell most beyond them, and writes the sheet to fill in.
+Nine poses leave the wrist of the XR701 open: joint 4 has a lower limit only, joint 5
+stands at its bound. The plan chooses six set-ups that tell most beyond them, and writes
+the sheet to fill in.
 """
 
 import matplotlib.pyplot as plt
@@ -13,20 +14,19 @@ arm = sa.load("xr701")
 readings = sa.read_readings(sa.bundled("xr701"), arm)
 springs = [f"{joint}.stiffness" for joint in ("j2", "j3", "j4", "j5")]
 plan = sa.plan(arm, readings, poses=6, free=springs)
-print(plan.to_frame().drop(columns=["load_x", "load_y", "load_z"]).to_string(index=False))
-for sentence in plan.sentences[:4]:
-    print("-", sentence)
+print(*plan.sentences[:4], sep="\n")
 plan.save("sheet.csv")
 
 so_far, frame = readings.to_frame(), plan.to_frame()
 figure, ax = plt.subplots(layout="constrained")
 ax.scatter(so_far["q4_deg"], so_far["q5_deg"], color="grey", label="measured")
 ax.scatter(frame["q4_deg"], frame["q5_deg"], marker="x", s=60, label="to measure")
-for _, row in frame.iterrows():
-    ax.annotate(row["pose"], (row["q4_deg"], row["q5_deg"]), xytext=(6, 4), textcoords="offset points")
+for pose, q4, q5 in frame[["pose", "q4_deg", "q5_deg"]].itertuples(index=False):
+    ax.annotate(pose, (q4 + 5, q5 + 3))
 ax.set(xlabel="q4 (deg)", ylabel="q5 (deg)")
 ax.legend()
-# Picture: angles of joints 4 and 5. All measured poses share three places, the six planned ones lie elsewhere.
+# Picture: angles of joints 4 and 5. All measured poses share three places, the six
+# planned ones lie elsewhere.
 figure.savefig("what_to_measure_next.png")
 
 worth = plan.found.made.random_needed
@@ -35,7 +35,9 @@ assert worth > 2 * len(frame)
 
 # %%
 # Fill in `sheet.csv` at the robot and read it together with the first table:
-# `sa.read_readings([sa.bundled("xr701"), "sheet.csv"], arm)`. Joint 4 gains most. What the sentences promise
-# includes the lack of fit that the readings so far show: repeats alone do not average it away.
+# `sa.read_readings([sa.bundled("xr701"), "sheet.csv"], arm)`. Joint 4 gains most. What
+# the sentences promise includes the lack of fit that the readings so far show: repeats
+# alone do not average it away.
 #
-# Read on: :doc:`/how-to/plan`. Whether such promises are kept: :doc:`/validation/forecasts`.
+# Read on: :doc:`/how-to/plan`. Whether such promises are kept:
+# :doc:`/validation/forecasts`.

@@ -1,8 +1,9 @@
 """Where is a milling robot stiff?
 ==================================
 
-A KUKA KR60-3 reaches each point of a plane in many postures; the map takes the stiffest angle about the tool axis.
-Colours say how many newtons it takes to push the tool down by a millimetre.
+A KUKA KR60-3 reaches each point of a plane in many postures; the map takes the stiffest
+angle about the tool axis. Colours say how many newtons it takes to push the tool down
+by a millimetre.
 """
 
 import stiffarm as sa
@@ -10,19 +11,21 @@ import stiffarm as sa
 arm = sa.load("kr60-3")
 plane = sa.map_slice(arm, plane="xz", step_mm=200, pose="best-gamma")
 print(plane)
-# Picture: the stiffness under a vertical load in the plane through the base, with the arm at its stiffest point. It is
-# warm and stiff near the column, cold and soft at full reach.
+# Picture: the stiffness under a vertical load in the plane through the base, with the
+# arm at its stiffest point. It is warm and stiff near the column, cold and soft at full
+# reach.
 plane.plot("where_is_it_stiff.png")
 
 points = plane.points().dropna()
-ratio = points["stiffness_N_per_mm"].max() / points["stiffness_N_per_mm"].min()
+most, least = points["stiffness_N_per_mm"].max(), points["stiffness_N_per_mm"].min()
+print(f"Between {least:.0f} and {most:.0f} N/mm: {most / least:.0f} times as stiff")
 stiffest = points.loc[points["stiffness_N_per_mm"].idxmax()]
-print(f"The stiffest point is {ratio:.0f} times as stiff as the softest: {stiffest['stiffness_N_per_mm']:.0f} N/mm")
-assert ratio > 8
+assert most > 8 * least
 assert (stiffest["x_mm"] ** 2 + stiffest["z_mm"] ** 2) ** 0.5 < 1200
 
 # %%
-# Stiffness is no figure of a robot but of a place: near the column this arm is another machine than at full reach. The
-# springs of this model are those of a publication, so your own robot's map needs your own readings.
+# Stiffness is no figure of a robot but of a place: near the column this arm is another
+# machine than at full reach. The springs of this model are those of a publication, so
+# your own robot's map needs your own readings.
 #
 # Read on: :doc:`/how-to/maps`. In three dimensions: :doc:`a_map_in_paraview`.

@@ -1,8 +1,8 @@
 """Which springs do nine poses identify?
 ========================================
 
-A gauge read how far an ACMA XR701 gives way in nine poses, downwards only.
-Four springs are free, and the readings decide which of them get a value.
+A gauge read how far an ACMA XR701 gives way in nine poses, downwards only. Four springs
+are free, and the readings decide which of them get a value.
 """
 
 import numpy as np
@@ -11,11 +11,13 @@ import stiffarm as sa
 
 arm = sa.load("xr701")
 readings = sa.read_readings(sa.bundled("xr701"), arm)
-cal = sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"])
+cal = sa.calibrate(
+    arm, readings, free=["j2.stiffness", "j3.stiffness", "j4.stiffness", "j5.stiffness"]
+)
 print(cal)
 
-# Picture: the 95 % intervals of four springs on a logarithmic axis. Those of joints 2 and 3 have two ends, those of
-# joints 4 and 5 are open on the stiff side.
+# Picture: the 95 % intervals of four springs on a logarithmic axis. Those of joints 2
+# and 3 have two ends, those of joints 4 and 5 are open on the stiff side.
 cal.plot("which_springs.png")
 
 j3 = cal["j3.stiffness"]
@@ -26,9 +28,10 @@ assert closed == ["j2.stiffness", "j3.stiffness"]
 assert half < 10
 
 # %%
-# Only joints 2 and 3 get an interval with two ends. Joint 4 has a lower limit alone, and joint 5 stands at its bound:
-# vertical readings in these poses hardly turn the wrist, so the readings do not say how stiff it is. A fit without
-# intervals would have printed four values, and two of them would mean nothing.
+# Only joints 2 and 3 get an interval with two ends. Joint 4 has a lower limit alone,
+# and joint 5 stands at its bound: vertical readings in these poses hardly turn the
+# wrist, so the readings do not say how stiff it is. A fit without intervals would have
+# printed four values, and two of them would mean nothing.
 #
-# Read on: :doc:`/how-to/calibrate`, :doc:`/concepts/uncertainty`. Next: which poses would tell more,
-# :doc:`what_to_measure_next`.
+# Read on: :doc:`/how-to/calibrate`, :doc:`/concepts/uncertainty`. Next: which poses
+# would tell more, :doc:`what_to_measure_next`.

@@ -10,21 +10,27 @@ import stiffarm as sa
 files = "docs/examples/kr60_posture"
 arm = sa.load("kr60-3", links="rigid")
 choice = {"cell": f"{files}/cell.toml", "gamma_deg": (-180, 180, 5)}
-program = sa.post(arm, f"{files}/path.csv", "programs", formats=["krl", "json"], **choice)
+program = sa.post(
+    arm, f"{files}/path.csv", "programs", formats=["krl", "json"], **choice
+)
 print(program)
 checked = sa.verify(arm, "programs/json/part.json", f"{files}/cell.toml")
 print(checked)
-# Picture: the least distance of any two bodies in each move of the program. It stays far above the safety distance.
+# Picture: the least distance of any two bodies in each move of the program. It stays
+# far above the safety distance.
 checked.plot("write_and_verify.png")
 
 nearest = 1e3 * checked.found.swept.distance.min()
-print(f"Nothing comes nearer than {nearest:.0f} mm; read back within {program.to_frame()['tip_um'].max():.3f} um")
+off = program.to_frame()["tip_um"].max()
+print(f"Nothing comes nearer than {nearest:.0f} mm; read back within {off:.3f} um")
 assert checked.clean
 assert nearest > 2 * 1e3 * checked.found.safety
-assert program.to_frame()["tip_um"].max() < 1.0
+assert off < 1.0
 
 # %%
-# Whole moves are checked, not only their ends. The controller's frames and signs of axes are as the machine was set up:
-# what has to be checked there is in the program's notes.
+# Whole moves are checked, not only their ends. The controller's frames and signs of
+# axes are as the machine was set up: what has to be checked there is in the program's
+# notes.
 #
-# Read on: :doc:`/how-to/program`, :doc:`/how-to/operations`. Before the cut: :doc:`which_posture`.
+# Read on: :doc:`/how-to/program`, :doc:`/how-to/operations`. Before the cut:
+# :doc:`which_posture`.

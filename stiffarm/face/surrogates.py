@@ -99,8 +99,8 @@ class Surrogate(Shown):
     def save(self, file: str | Path) -> Path:
         """Write the surrogate; returns the path.
 
-        ``file``: .json for :func:`stiffarm.load_surrogate` and ``stiffarm query``; for other programs a C99 header (.h),
-        Python without imports (.py), JavaScript (.js) or .onnx.
+        ``file``: .json for :func:`stiffarm.load_surrogate` and ``stiffarm query``; for other programs a C99 header
+        (.h), Python without imports (.py), JavaScript (.js) or .onnx.
 
         Raises
         ------

@@ -1,7 +1,8 @@
-"""Writes series_b.csv and series_c.csv from the published files (MIT, see LICENSE): python make_tables.py FOLDER
+"""Writes series_b.csv and series_c.csv from the published files: python make_tables.py FOLDER.
 
-Source: github.com/christianlandgraf/ipa-robot-accuracy, commit 507fba6 (Landgraf et al., CASE 2021), files ur10_B.csv and
-ur10_C.csv. Of the columns joint angles (rad, here deg) and positions are kept; of series C every fifth pose.
+Source: github.com/christianlandgraf/ipa-robot-accuracy, commit 507fba6 (Landgraf et al., CASE 2021; MIT, see LICENSE),
+files ur10_B.csv and ur10_C.csv. Of the columns joint angles (rad, here deg) and positions are kept; of series C every
+fifth pose.
 """
 
 import sys
