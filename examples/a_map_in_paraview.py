@@ -21,7 +21,8 @@ reached = workspace.threshold(1, scalars=stiffness, all_scalars=True)
 stiff = workspace.threshold(800, scalars=stiffness, all_scalars=True)
 plotter = pv.Plotter(off_screen=True, window_size=(1200, 800))
 plotter.add_mesh(reached, color="lightgrey", opacity=0.08)
-cut, bar = stiff.clip("-y", origin=(0, 0, 0)), {"title": "N/mm", "fmt": "%.0f"}
+cut = stiff.clip("-y", origin=(0, 0, 0))
+bar = {"title": "N/mm", "fmt": "%.0f", "vertical": True, "height": 0.6}
 plotter.add_mesh(cut, clim=(800, 3000), scalar_bar_args=bar)
 plotter.camera_position = "xz"
 plotter.camera.azimuth, plotter.camera.elevation = -25, 20

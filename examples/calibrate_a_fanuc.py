@@ -39,8 +39,8 @@ assert 0.2 < left_out / whole < 0.5
 
 # %%
 # Each pose is predicted by a calibration that has not seen it, so the last line is what
-# six springs are worth at a pose of your own. All six are identified, but what they
-# leave is far above a laser tracker's noise: something else gives way.
+# six springs are worth at a pose of your own. All six are identified, and yet they
+# leave part of the readings unexplained.
 #
-# Read on: :doc:`/how-to/calibrate`, :doc:`/validation/fanuc`. Next: what else gives
-# way, :doc:`what_else_gives_way`.
+# Read on: :doc:`/how-to/calibrate`, :doc:`/validation/fanuc`. Next: what is left,
+# :doc:`what_else_gives_way`.

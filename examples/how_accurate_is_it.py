@@ -37,8 +37,8 @@ assert not [p.name for p in found.parameters if "stiffness" in p.name and p.valu
 
 # %%
 # Geometry mends most of it, and the wavy errors of single joints most of the rest.
-# Springs under the arm's own weight are free as well, and the readings identify none of
-# them: this arm is not soft, its joints turn unevenly.
+# Springs under the arm's own weight are free as well, and the readings give none of
+# them a value: what is left is not softness, but joints that turn unevenly.
 #
 # Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`. Why the poses held
 # out matter: :doc:`which_model_is_honest`.

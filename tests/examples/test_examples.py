@@ -14,7 +14,7 @@ from gallery_runs import DOCS, EXAMPLES, ROOT, alternative_text, missing
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 LONGEST, LONGEST_TITLE, WIDEST = 60, 45, 88
 UNITS = r"(?:mm|um|N m/rad|N/mm|%|times|readings|set-ups|effects)"
-NAMES = re.compile(r":doc:`[^`]*`|`[^`]*`|\b(?=\w*[A-Z])[\w-]*\d[\w-]*|\d-D")
+NAMES = re.compile(r":doc:`[^`]*`|`[^`]*`|\b(?=\w*[A-Z])[\w-]*\d[\w-]*|\d-D|[Jj]oints? \d(?: and \d)?")
 FIGURE = re.compile(r"\d+(?:\.\d+)?")
 
 
