@@ -32,7 +32,8 @@ myst_enable_extensions = ["deflist", "colon_fence", "fieldlist"]
 myst_heading_anchors = 3
 # Examples of code carry no language where they show what goes over a pipe or what is typed.
 highlight_language = "none"
-suppress_warnings = ["misc.highlighting_failure"]
+# A checkout may lie in a folder with a blank in its name, which no link of the gallery has.
+suppress_warnings = ["misc.highlighting_failure", "sphinx_gallery.space_in_filename"]
 
 # Docstrings are plain English with `code` in single backticks.
 default_role = "code"
