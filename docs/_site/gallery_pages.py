@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from dataclasses import dataclass
@@ -25,6 +26,12 @@ def start_afresh(gallery_conf: dict[str, Any], name: str | None) -> None:
     """An empty folder, and how finely pictures are drawn; called by sphinx-gallery before each script."""
     import matplotlib.pyplot as plt
 
+    from stiffarm.pages.rendering import gl_available
+
+    works, window = gl_available()
+    if works:
+        # VTK looks for a screen otherwise, and complains.
+        os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = window
     plt.rcParams["savefig.dpi"] = DPI
     tidy_up(RUN_IN)
 
