@@ -97,6 +97,6 @@ $(VENV)/.made:
 	  echo "make: $(PYTHON) cannot make a virtual environment (on Debian: apt install python3-venv)." >&2; exit 1; }
 
 clean:
-	rm -rf docs/reference/commands docs/reference/python
+	rm -rf docs/reference/commands docs/reference/keys docs/reference/python docs/gallery/scripts
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

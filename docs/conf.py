@@ -11,6 +11,8 @@ sys.path[:0] = [str(HERE / "_site"), str(HERE.parent)]
 
 import command_pages  # noqa: E402 - found beside this file
 import docstrings  # noqa: E402
+import gallery_pages  # noqa: E402
+import gallery_runs  # noqa: E402
 import key_pages  # noqa: E402
 import package_pages  # noqa: E402
 
@@ -19,16 +21,19 @@ author = "The stiffarm maintainers"
 project_copyright = author
 release = version = version_of("stiffarm")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_gallery.gen_gallery"]
 root_doc = "index"
-exclude_patterns = ["_site"]
+# sphinx-gallery's own index: the gallery's is gallery/index.md.
+exclude_patterns = ["_site", "gallery/scripts/index.rst"]
+sphinx_gallery_conf = gallery_runs.prepare()
 
 myst_enable_extensions = ["deflist", "colon_fence", "fieldlist"]
 # Headings can be linked to as on GitHub.
 myst_heading_anchors = 3
 # Examples of code carry no language where they show what goes over a pipe or what is typed.
 highlight_language = "none"
-suppress_warnings = ["misc.highlighting_failure"]
+# A checkout may lie in a folder with a blank in its name, which no link of the gallery has.
+suppress_warnings = ["misc.highlighting_failure", "sphinx_gallery.space_in_filename"]
 
 # Docstrings are plain English with `code` in single backticks.
 default_role = "code"
@@ -57,5 +62,6 @@ def setup(app: object) -> None:
     command_pages.write(HERE / "reference" / "commands")
     key_pages.write(HERE / "reference" / "keys")
     package_pages.write(HERE / "reference" / "python")
+    gallery_pages.setup(app)  # type: ignore[arg-type]
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # type: ignore[attr-defined]
     app.connect("autodoc-process-signature", docstrings.short)  # type: ignore[attr-defined]

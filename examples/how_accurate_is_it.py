@@ -1,25 +1,44 @@
-"""How accurate is a UR5, how accurate could it be, and is joint 1 or the geometry to blame?"""
+"""How accurate could a UR5 be?
+===============================
 
-from pathlib import Path
+A tracker read where the flange of a UR5 really was, at 250 points of a grid; 20 other
+poses are held out. The calibration finds frames, geometry and the error of each joint
+over its angle.
+"""
 
 import matplotlib.pyplot as plt
 
 import stiffarm as sa
 
-files = Path(sa.__file__).parents[1] / "docs" / "examples" / "ur5"
-arm = sa.load(files / "ur5.toml")
-geometry = sa.calibrate_positions(arm, files / "grid.csv", free=["geometry"])
-found = sa.calibrate_positions(arm, files / "grid.csv", holdout=files / "random.csv")
-print(found)
-print("\n".join(found.remarks))
+files = "docs/examples/ur5"
+arm = sa.load(f"{files}/ur5.toml")
+geometry = sa.calibrate_positions(arm, f"{files}/grid.csv", free=["geometry"])
+found = sa.calibrate_positions(arm, f"{files}/grid.csv", holdout=f"{files}/random.csv")
+print(geometry.title())
+print(found.title())
+assert len(found.found.found.data) == 250
+assert len(found.found.holdout[1].error) == 20
 
 curve = found.curve("j1").dropna()
 low, high = (curve["error_mrad"] + sign * curve["half95_mrad"] for sign in (-1, 1))
-plt.fill_between(curve["angle_deg"], low, high, alpha=0.3, label="95 %")
-plt.plot(curve["angle_deg"], curve["error_mrad"], label="joint 1")
-plt.xlabel("angle of joint 1 (deg)")
-plt.ylabel("error of joint 1 (mrad)")
-plt.legend()
-plt.savefig("how_accurate_is_it.png")
+figure, ax = plt.subplots(layout="constrained")
+ax.fill_between(curve["angle_deg"], low, high, alpha=0.3, label="95 %")
+ax.plot(curve["angle_deg"], curve["error_mrad"], label="joint 1")
+ax.set(xlabel="angle of joint 1 (deg)", ylabel="error of joint 1 (mrad)")
+ax.legend()
+# Picture: the error of joint 1 over its angle with a 95 % band. It goes up and down
+# several times within half a milliradian.
+figure.savefig("how_accurate_is_it.png")
 
-assert found.holdout_rms_mm < 0.75 * geometry.left_out_rms_mm < 0.2 * found.before_rms_mm
+held_out, before = found.holdout_rms_mm, found.before_rms_mm
+print(f"Poses held out: {held_out:.3f} mm RMS; {before:.3f} mm by the data sheet")
+assert held_out < 0.75 * geometry.left_out_rms_mm < 0.2 * before
+assert not [p.name for p in found.parameters if "stiffness" in p.name and p.value]
+
+# %%
+# Geometry mends most of it, and the wavy errors of single joints most of the rest.
+# Springs under the arm's own weight are free as well, and the readings give none of
+# them a value: what is left is not softness, but joints that turn unevenly.
+#
+# Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`. Why the poses held
+# out matter: :doc:`which_model_is_honest`.

@@ -1,4 +1,9 @@
-"""How much does the arm sag under 65 kg, and which part gives way most?"""
+"""How far does the tool sag under a load?
+==========================================
+
+A calibrated XR701 stretches out and takes 650 N at its tool. The simulation says how
+far it sags, and which part gives way most.
+"""
 
 import matplotlib.pyplot as plt
 
@@ -10,9 +15,27 @@ arm = sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness"]).arm
 sag = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
 print(sag)
 
-parts = sag.to_frame().set_index("part")["dz_mm"].drop("total").sort_values()
-parts.plot.barh(xlabel="vertical displacement (mm)")
-plt.tight_layout()
-plt.savefig("how_much_does_it_sag.png")
+parts = (
+    -sag.to_frame()
+    .set_index("part")["dz_mm"]
+    .drop("total")
+    .sort_values(ascending=False)
+)
+figure, ax = plt.subplots(layout="constrained")
+parts.plot.barh(ax=ax, xlabel="downwards (mm)", ylabel="")
+# Picture: how much each part adds to the sag, as bars. Joint 3 adds nearly all of it,
+# the forearm little, the other parts next to nothing.
+figure.savefig("how_much_does_it_sag.png")
 
-assert parts.index[0] == "j3"
+down = -sag.displacement["dz_mm"]
+share = 100 * parts["j3"] / down
+print(f"The tool sags {down:.2f} mm; joint 3 alone makes {share:.0f} % of it")
+assert parts.idxmax() == "j3"
+assert share > 80
+
+# %%
+# A stiffer forearm would hardly help this arm: the drive of joint 3 is what gives way.
+# In other poses it is another part.
+#
+# Read on: :doc:`/how-to/shells` has fields of deformation, :doc:`/concepts/mechanics`
+# how the parts add up.

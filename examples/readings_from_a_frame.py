@@ -1,4 +1,10 @@
-"""Readings from a data frame: what a slip of the decimal point does, and who notices."""
+"""Does it notice wrong units?
+==============================
+
+Readings come as a table, a sheet or a data frame, and somebody always types inches. The
+same readings are given twice here, once with deflections in inches under the name of
+millimetres.
+"""
 
 import pandas as pd
 
@@ -7,15 +13,25 @@ import stiffarm as sa
 arm = sa.load("xr701")
 frame = pd.read_csv(sa.bundled("xr701"))
 readings = sa.read_readings(frame, arm)
-print(readings)
+print(readings.title())
+# Picture: the XR701 in one of its measured poses, with an arrow for the load at its
+# tool.
 arm.plot("readings_from_a_frame.png", q_deg={"q2_deg": 5, "q3real_deg": 77.5})
 
-frame["dz_mm"] = frame["dz_mm"] / 25.4  # typed in inches
+frame["dz_mm"] = frame["dz_mm"] / 25.4  # inches
 try:
     sa.read_readings(frame, arm)
-    noticed = False
+    refused = 0
 except sa.InputError as error:
     print(error)
-    noticed = True
+    refused = len(frame)
 
-assert noticed
+print(f"Refused: {refused} of {len(frame)} readings in wrong units")
+assert refused == len(frame)
+
+# %%
+# An arm of this reach and payload cannot be as stiff as these figures say. The message
+# names the units that would make sense of them, and `confirm_units` lets a table pass
+# that is right as it is.
+#
+# Read on: :doc:`/how-to/read_readings`, :doc:`/reference/measurement_table`.

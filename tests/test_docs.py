@@ -15,7 +15,10 @@ from stiffarm.cli import COMMANDS, command_of
 
 DOCS = ROOT / "docs"
 # Written by the build (docs/conf.py).
-GENERATED = tuple(DOCS / "reference" / name for name in ("commands", "keys", "python"))
+GENERATED = (
+    *(DOCS / "reference" / name for name in ("commands", "keys", "python")),
+    DOCS / "gallery" / "scripts",
+)
 LONGEST_README = 90
 FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1", re.MULTILINE | re.DOTALL)
 FENCE_BODY = re.compile(r"^ *```\w*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)

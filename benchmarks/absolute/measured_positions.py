@@ -29,6 +29,7 @@ from robots.arrays import Array
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+EXAMPLES = ROOT / "docs" / "examples"
 PAGE = ROOT / "docs" / "validation" / "positions.md"
 UR10_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 STEPS = {
@@ -93,7 +94,7 @@ def figures(p: Predicted) -> dict[str, float]:
 def run(data: Path, folder: Path) -> None:
     """All figures, into results.json."""
     folder.mkdir(parents=True, exist_ok=True)
-    arms = {"UR10": HERE / "ur10.toml", "UR5": ROOT / "docs" / "examples" / "ur5" / "ur5.toml"}
+    arms = {name: EXAMPLES / name.lower() / f"{name.lower()}.toml" for name in ("UR10", "UR5")}
     models = {name: build_model(load_description(path), "rigid") for name, path in arms.items()}
     b, c, grid, random = ur10(data, "B"), ur10(data, "C"), ur5(data, "grid"), ur5(data, "random")
     out: dict[str, dict[str, object]] = {}
@@ -123,7 +124,7 @@ def run(data: Path, folder: Path) -> None:
 
 def few(data: Path, folder: Path) -> None:
     """Readings that took no part, predicted from few poses drawn at random, into few.json."""
-    model = build_model(load_description(HERE / "ur10.toml"), "rigid")
+    model = build_model(load_description(EXAMPLES / "ur10" / "ur10.toml"), "rigid")
     table, rows = ur10(data, "B"), []
     for n in FEW:
         for draw in range(DRAWS):

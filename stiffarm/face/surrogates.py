@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from robots import require_one_of
+from robots import InputError, require_one_of
 from stiffarm.face.arms import DOWN, Arm
 from stiffarm.face.calls import called, in_order
 from stiffarm.face.shown import Shown, frame
@@ -97,11 +97,29 @@ class Surrogate(Shown):
         return Answers(frame(found)[[*inputs, name, "low95", "high95", "flags"]], name)
 
     def save(self, file: str | Path) -> Path:
-        """Write the surrogate as JSON; returns the path."""
+        """Write the surrogate; returns the path.
+
+        ``file``: .json for :func:`stiffarm.load_surrogate` and ``stiffarm query``; for other programs a C99 header
+        (.h), Python without imports (.py), JavaScript (.js) or .onnx.
+
+        Raises
+        ------
+        InputError
+            Another ending, or no package onnx.
+        """
+        from stiffarm.commands.fit.portable import ENDINGS, parse_formats, portable, write_one
         from surrogate import save_surrogate
 
         path = Path(file)
-        save_surrogate(self.learned, path)
+        ending = path.suffix.lower()
+        if ending not in (known := (".json", *ENDINGS)):
+            raise InputError("surrogate file", value=str(path), allowed=f"a name ending in {', '.join(known)}")
+        with called():
+            if ending == ".json":
+                save_surrogate(self.learned, path)
+            else:
+                parse_formats(ENDINGS[ending])
+                write_one(portable(self.learned), path)
         return path
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import fields
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robots import InputError, require_one_of
+from robots.files.written import write_whole
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -21,6 +23,7 @@ FORMATS: Final = {
     "python": "surrogate_snippet.py",
     "javascript": "surrogate.js",
 }
+ENDINGS: Final = {Path(name).suffix: form for form, name in FORMATS.items()}
 _TEXTS: Final = {"c": c_header, "python": python_snippet, "javascript": javascript}
 
 
@@ -97,8 +100,14 @@ def write(trained: Trained, formats: tuple[str, ...], folder: OutputFolder, *, m
     known = [one for one in trained.surrogates if one.has_matrix] if matrix else [trained.best]
     content = portable(known[0] if known else trained.best, matrix=matrix)
     for name in formats:
-        if name == "onnx":
-            write_onnx(content, folder.path(FORMATS[name]))
-        else:
-            folder.write_text(FORMATS[name], _TEXTS[name](content))
+        write_one(content, folder.path(FORMATS[name]))
     return [FORMATS[name] for name in formats]
+
+
+def write_one(content: Portable, path: Path) -> None:
+    """Write the format that a file's ending stands for, one of ``ENDINGS``, whole or not at all."""
+    form = ENDINGS[path.suffix.lower()]
+    if form == "onnx":
+        write_onnx(content, path)
+    else:
+        write_whole(path, _TEXTS[form](content))

@@ -124,6 +124,10 @@ def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Cali
         s.query(q_deg={"q9_deg": 5})
     again = sa.load_surrogate(s.save(tmp_path / "surrogate.json"))
     assert again.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values[0] == one.values[0]
+    header = s.save(tmp_path / "stiffness.h").read_text(encoding="utf-8")
+    assert "int xr701_compliance_evaluate(const double q_rad[4], double out[1])" in header
+    with pytest.raises(sa.InputError, match=r"\.json, \.onnx, \.h"):
+        s.save(tmp_path / "surrogate.f90")
 
 
 @pytest.mark.slow
