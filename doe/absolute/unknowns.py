@@ -11,7 +11,8 @@ either way, where the table says which way it came; ``JOINT.sinN|cosN`` (mrad), 
 ``rail.bowN.x|y|z`` (mm) and ``rail.turnN.x|y|z`` (mrad), Legendre polynomials over the length that was used;
 ``target.NAME.x|y|z`` (mm); ``arm.growth`` (ppm/K), by how much all lengths of the arm grow; ``drift.x|y|z`` (mm) and
 ``drift.rx|ry|rz`` (mrad), how far the arm moves in its own axes from the first reading to the last, evenly;
-``settling.x`` ... the same, most of it at first (as what warms up does); ``bumpN.x`` ... at once, after N sixteenths.
+``settling.x`` ... the same, most of it at first (as what warms up does); ``bumpN.x`` ... at once, after N of 32 equal
+parts of the time.
 
 Groups stand for their members: ``geometry``, ``zeros``, ``ratios``, ``coupling``, ``periodic`` (joint error curves up
 to order 48, shrunk) or ``periodicN``, ``springs``, ``tilts``, ``base``, ``rail``, ``masses``, ``payload``, ``growth``,
@@ -58,8 +59,9 @@ GROWTH, DRIFT_m, DRIFT_rad = 2e-5, 1e-3, 1e-3
 MASS = 0.1
 # How much a joint's lost motion may be.
 REVERSAL = 1e-3
-# Places in a campaign at which something may have moved at once; what settles has done 63 % of it after a third.
-BUMPS, SETTLING, THIRD = 16, -1, 1.0 / 3.0
+# Equal parts of a campaign's time between which something may have moved at once; what settles has done 63 % of it
+# after a third.
+BUMPS, SETTLING, THIRD = 32, -1, 1.0 / 3.0
 DEGREE = math.pi / 180.0
 
 
@@ -223,7 +225,7 @@ def drift(_: Robot, data: AbsoluteReadings) -> Iterator[Unknown]:
 
 
 def moved(data: AbsoluteReadings, way: int) -> Iterator[Unknown]:
-    """A move of the arm against the tracker: even over the time (0), settling, or at once after so many sixteenths."""
+    """A move of the arm against the tracker: even over the time (0), settling, or at once after so many parts of it."""
     if len(data.time) and np.ptp(data.time) > 0.0:
         name = {0: "drift", SETTLING: "settling"}.get(way, f"bump{way}")
         for turns, unit, sd, letter in ((0, "mm", DRIFT_m, ""), (1, "mrad", DRIFT_rad, "r")):

@@ -28,7 +28,8 @@ from doe.absolute.unknowns import (
 from doe.absolute.weight import has_weight
 from fem import ArmModel
 
-# Highest order of an error curve, and orders beyond which it falls off: a gear that runs out, and its finer errors.
+# Highest order of an error curve, and orders beyond which it falls off: a gear that runs out, and its finer errors. The
+# first order alone is a wheel off its centre, which over part of a turn looks much like another ratio.
 CURVE, FALL_OFF = 16, (1.5, 8.0)
 # Orders of a rail's laws: a bow alone, and all.
 LENGTHWISE = (3, 6)
@@ -93,9 +94,10 @@ def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     robot = model.robot
     for j, name in enumerate(robot.joint_names):
         curve = [(periodic_error(robot, j, n, phase), n) for n in range(1, CURVE + 1) for phase in (0, 1)]
-        shapes = tuple(tuple((one, 1.0 / (1.0 + (n / b) ** 2)) for one, n in curve) for b in FALL_OFF)
+        finer = tuple(tuple((one, 1.0 / (1.0 + (n / b) ** 2)) for one, n in curve) for b in FALL_OFF)
+        first = _equal([one for one, n in curve if n == 1])
         yield Candidate(
-            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", shapes,
+            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", (first, *finer),
             f"{name}.periodic",
         )  # fmt: skip
         lost = [one for one in reversals(robot, data) if one.index == (j,)]
@@ -118,10 +120,12 @@ def _structure(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
         yield Candidate("base-tilt", "the base tilts under the arm's weight", (_equal(tilting),), "base")
     if any(one.start > 0.0 for one in payload(model.robot, data)):
         off = tuple((one, one.sd) for one in payload(model.robot, data))
-        yield Candidate("payload", "payloads weigh other than the table says", (off,), "payload")
+        # Most are only heavier or lighter, with their centres where they were said to be.
+        heavier = tuple((one, size) for one, size in off if one.index[1] == 0)
+        yield Candidate("payload", "payloads weigh other than the table says", (heavier, off), "payload")
     bent = [one for one in rail(model.robot, data) if one.index[1] > 1 or one.index[0]]
     if bent:
-        shapes = tuple(_bowing(bent, highest) for highest in LENGTHWISE)
+        shapes = tuple(shape for highest in LENGTHWISE for shape in _with_parts(_bowing(bent, highest)))
         yield Candidate("rail-bow", "the rail bows, or turns its carriage", shapes, "rail")
 
 
@@ -137,14 +141,25 @@ def _around(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     yield Candidate("arm-growth", "the arm grows with the temperature", (_equal(grown),), "growth")
     even = tuple(moved(data, 0))
     settling = tuple(moved(data, SETTLING))
-    shapes = (_moving(even), _moving(settling))
+    shapes = (*_with_parts(_moving(even)), *_with_parts(_moving(settling)))
     yield Candidate("drift", "the arm and the tracker drift apart", shapes if even else ((),))
-    bumps = tuple(_moving(tuple(moved(data, k))) for k in range(1, BUMPS))
+    bumps = tuple(shape for k in range(1, BUMPS) for shape in _with_parts(_moving(tuple(moved(data, k)))))
     yield Candidate("bump", "the arm or the tracker was moved on the way", bumps if even else ((),))
 
 
 def _equal(some: Sequence[Unknown]) -> Shape:
     return tuple((one, 1.0) for one in some)
+
+
+def _with_parts(shape: Shape) -> tuple[Shape, ...]:
+    """A shape of shifts and turns, and its shifts alone: fewer numbers are the likelier ones where they do."""
+    shifts = tuple((one, size) for one, size in shape if not _turns(one))
+    return (shape, shifts) if 0 < len(shifts) < len(shape) else (shape,)
+
+
+def _turns(one: Unknown) -> bool:
+    """Whether an unknown of what moves or bows is a turn."""
+    return bool(one.index[1] if one.kind == "drift" else one.index[0])
 
 
 def _moving(some: Sequence[Unknown]) -> Shape:

@@ -216,12 +216,12 @@ def _asks_for_more(look: Look, *, further: bool) -> bool:
     if none.probability >= ALARM or not effects:
         return False
     top = effects[0]
-    if top.acts < SMALL * look.scatter or top.gain < GAIN:
+    if top.acts < SMALL * look.scatter or unknown.probability > HALF:
         return False
-    if unknown.probability > HALF:
-        return False
-    # Nothing is quite right, and what is left of one effect looks like several others.
-    return not further or sum(one.probability for one in effects) >= FURTHER * (1.0 - unknown.probability)
+    # Nothing is quite right: what is left of one effect looks like others, and like several of them.
+    return not further or (
+        top.gain >= GAIN and sum(one.probability for one in effects) >= FURTHER * (1.0 - unknown.probability)
+    )
 
 
 def _look(here: Fit, some: Sequence[Candidate]) -> Look:

@@ -29,8 +29,8 @@ ALL = (
     "j2.tx",
     "growth",
     "drift",
-    "bump5.x",
-    "bump5.ry",
+    "bump10.x",
+    "bump10.ry",
 )
 SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
         "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3, "reversal": 1e-3, "mass": 0.1}  # fmt: skip
@@ -124,9 +124,9 @@ def test_a_payload_of_the_table_and_the_same_one_free_agree(kr60: ArmModel) -> N
 
 def test_an_arm_that_warms_up_grows_and_one_that_is_bumped_has_moved(kr60: ArmModel) -> None:
     data, _, _, nominal = made(kr60)
-    layout = Layout(unknowns(kr60.robot, data, ("growth", "drift", "bump4.x")))
+    layout = Layout(unknowns(kr60.robot, data, ("growth", "drift", "bump8.x")))
     plain = np.zeros(len(layout))
-    values = {"arm.growth": 1e-5, "drift.y": 2e-4, "drift.rz": 1e-4, "bump4.x": 5e-4}
+    values = {"arm.growth": 1e-5, "drift.y": 2e-4, "drift.rz": 1e-4, "bump8.x": 5e-4}
     u = np.array([values.get(one.name, 0.0) for one in layout.unknowns])
     sample = samples(kr60, data, layout, nominal)[0]
     before, after = (value(kr60, layout, sample, x) for x in (plain, u))
