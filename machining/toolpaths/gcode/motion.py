@@ -81,7 +81,8 @@ class GcodeMotion(Modes):
         )
         normal = np.zeros(3)
         normal[PLANES[self.plane][2]] = -1.0 if clockwise else 1.0
-        turns = b.words.get("P", 1.0)
+        # Fanuc and LinuxCNC count all turns begun, Siemens those added.
+        turns = b.words["TURN"] + 1.0 if "TURN" in b.words else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
         try:
@@ -110,7 +111,7 @@ class GcodeMotion(Modes):
         for letter in "ABC":
             if letter in b.words:
                 old = self.angles[letter]
-                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if self.absolute else old)
+                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if b.own.get(letter, self.absolute) else old)
                 turned = True
         angles = self.angles
         if not turned and not any(angles.values()):

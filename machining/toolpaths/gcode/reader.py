@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.motion import GcodeMotion
 from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
+from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
-from machining.toolpaths.source import lines, readable
+from machining.toolpaths.source import content, lines, readable
 from robots.files.reading import recording
 
 
@@ -33,6 +35,8 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
+    if CALL.search(content(path, options.max_bytes)):
+        reader.subprograms = subprograms(lines(path, options.max_bytes))
     reader.read(lines(path, options.max_bytes))
     return reader.recorder.motions()
 
@@ -46,48 +50,94 @@ WITHOUT = (
 
 class _Reader(GcodeMotion):
     over = False
+    subprograms: Mapping[int, Subprogram] = MappingProxyType({})
+    depth = 0
 
     def read(self, source: Iterable[str]) -> None:
+        aside = {number for one in self.subprograms.values() for number in one.lines}
         for number, raw in enumerate(source, start=1):
-            self.line = number
-            words = block(raw)
-            for comment in words.comments:
-                if comment.strip():
-                    self.recorder.event(number, "comment", readable(comment))
-            if self.over:
-                if words.words.keys() & set("XYZ"):
-                    self.recorder.note(number, "motion behind the end of the program is left out")
-                continue
-            if words.deleted:
-                if self.options.skip_deleted:
-                    self.recorder.event(number, "/", readable(raw))
-                    continue
-                self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
-            try:
-                self._block(words)
-            except StatementError as fault:
-                text = readable(raw)
-                self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+            if number not in aside:
+                self._line(number, raw)
         if not self.over:
             self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
 
+    def _line(self, number: int, raw: str) -> bool:
+        """Read one line; whether that was without a fault."""
+        self.line = number
+        words = block(raw)
+        for comment in words.comments:
+            if comment.strip():
+                self.recorder.event(number, "comment", readable(comment))
+        if self.over:
+            if words.words.keys() & set("XYZ"):
+                self.recorder.note(number, "motion behind the end of the program is left out")
+            return True
+        if words.deleted:
+            if self.options.skip_deleted:
+                self.recorder.event(number, "/", readable(raw))
+                return True
+            self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
+        try:
+            self._block(words)
+        except StatementError as fault:
+            text = readable(raw)
+            self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+            return False
+        return True
+
     def _block(self, b: Block) -> None:
         if b.macro:
-            raise StatementError("variables, macros or loops", "numbers", REMEDY_MACRO)
+            raise StatementError("a macro program: loops and branches", "variables and expressions", REMEDY_MACRO)
+        if b.computes:
+            b.take(self.values.worked_out(b.computes))
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
         for word in b.long:
             self._long(word, b)
         if not b.codes and not b.misc and b.words.keys() == {"L"}:
             raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
+        call = self._called(b)
         self._refuse(b)
         cycle_before = self.motion
         self.take(b)
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
-        self.over = any(number in ENDS for number in b.misc)
+        # M99 ends a subprogram, not the program.
+        self.over = any(number in ENDS and not (number == 99 and self.depth) for number in b.misc)
         self._moved(b)
-        self.stop(b)
+        if not self.depth or 99 not in b.misc:
+            self.stop(b)
+        if call is not None:
+            self._call(*call)
+
+    def _called(self, b: Block) -> tuple[int, int] | None:
+        """Number and repeats of a subprogram of this file that the block calls; None where it calls none."""
+        if 98 not in b.misc:
+            return None
+        number, times = called(b.words)
+        if number not in self.subprograms:
+            raise StatementError(
+                f"a call of a subprogram that is not in the file: O{number}" if number >= 0 else "M98 without P",
+                "O numbers that end with M99", REMEDY_MACRO,
+            )  # fmt: skip
+        if not 1 <= times <= 9999 or self.depth >= DEEPEST:
+            raise StatementError(
+                "a call of a subprogram", f"1 to 9999 times, at most {DEEPEST} calls within one another", REMEDY_MACRO
+            )
+        self.recorder.event(self.line, "M98", str(b))
+        b.misc.remove(98)
+        for letter in "PL":
+            b.words.pop(letter, None)
+        return number, times
+
+    def _call(self, number: int, times: int) -> None:
+        self.depth += 1
+        here = self.line
+        for _ in range(times):
+            # Faults are told once.
+            if not all([self._line(*one) for one in self.subprograms[number].blocks if not self.over]):
+                break
+        self.depth, self.line = self.depth - 1, here
 
     def _moved(self, b: Block) -> None:
         """What a block does beside its modes: rest, motion, other origins."""

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
+from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
@@ -58,7 +59,7 @@ ENDS = (2, 30, 99)
 STOPS = {0: "stop", 1: "optional stop", 60: "stop"}
 COOLANT = {7: "mist", 8: "flood", 9: "off", 88: "through", 89: "off"}
 TURNING = (3, 4, 5, 13, 14, 19)
-REMEDY_MACRO = "post the program without variables, loops and subprograms, or let the control's simulator write it out"
+REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
 def shown(code: int) -> str:
@@ -75,6 +76,7 @@ class Modes:
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self.options, self.recorder = options, Recorder(path.name, options.max_moves)
         self.line = 0
+        self.values = Values()
         self.motion: int | None = None
         self.plane = 170
         self.absolute, self.arc_absolute = True, options.arc_absolute
@@ -94,7 +96,7 @@ class Modes:
         self.feed = math.nan
         self.speed, self.sense = math.nan, 0
         self.surface_speed = False
-        self.tool, self.selected = Tool(), -1
+        self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
         self.dirty = True
 
@@ -135,7 +137,9 @@ class Modes:
             if self.sense and not set(TURNING) & set(b.misc):
                 self._turn()
         if "T" in b.words:
-            self.selected = int(b.words["T"])
+            self.selected, self.named = int(b.words["T"]), ""
+        elif b.tool:
+            self.selected, self.named = -1, b.tool
         for number in b.misc:
             self._misc(number)
 
@@ -175,17 +179,23 @@ class Modes:
             if number in (13, 14):
                 self.recorder.command(self.line, "coolant", text="flood", word="COOLNT")
         elif number == 6:
-            if self.selected < 0:
-                self.recorder.note(self.line, "M6 without a tool number before it")
-            else:
-                self.tool, self.dirty = Tool(number=self.selected), True
-                # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
-                self.sense = 0
-                self.recorder.tool_change(self.line, "LOADTL", f"T{self.selected}", number=self.selected, stated=True)
+            self._change_tool()
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
         elif number not in STOPS and number not in ENDS:
             self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
+
+    def _change_tool(self) -> None:
+        """M6: the tool that T has named goes into the spindle."""
+        if self.selected < 0 and not self.named:
+            self.recorder.note(self.line, "M6 without a tool number before it")
+            return
+        number = None if self.selected < 0 else self.selected
+        self.tool, self.dirty = Tool(number=number, name=self.named), True
+        # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
+        self.sense = 0
+        text = self.named or f"T{self.selected}"
+        self.recorder.tool_change(self.line, "LOADTL", text, number=number, stated=True)
 
     def _turn(self) -> None:
         """A command to the spindle, by the state that it is in now."""
@@ -228,7 +238,7 @@ class Modes:
         for i, letter in enumerate("XYZ"):
             if letter in b.words:
                 value, old = b.words[letter] * self.scale, out[i]
-                if self.absolute:
+                if b.own.get(letter, self.absolute):
                     out[i] = value
                 else:
                     out[i] = None if old is None else old + value
@@ -252,8 +262,8 @@ class Modes:
             raise StatementError("a move at inverse time without F", "F in each block under G93")
         if not self.dirty and self.feed_mode != "inverse" and not reverse:
             return
-        if self.tool.number is None and self.selected >= 0:
-            self.tool = Tool(number=self.selected)
+        if self.tool == Tool() and (self.selected >= 0 or self.named):
+            self.tool = Tool(number=None if self.named else self.selected, name=self.named)
             self.recorder.note(self.line, "a tool is taken from T without M6")
         spindle = self.spindle
         self.recorder.state(self._feed_speed(length), -spindle if reverse else spindle, self.tool, "")
