@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
-from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
+from machining.toolpaths.gcode.motion import POINTING, GcodeMotion
+from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
@@ -41,6 +46,8 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     return reader.recorder.motions()
 
 
+# Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
+ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -50,6 +57,8 @@ WITHOUT = (
 
 class _Reader(GcodeMotion):
     over = False
+    # A cycle that every place to come is drilled with.
+    modal_cycle: Hole | None = None
     subprograms: Mapping[int, Subprogram] = MappingProxyType({})
     depth = 0
 
@@ -134,8 +143,9 @@ class _Reader(GcodeMotion):
         self.depth += 1
         here = self.line
         for _ in range(times):
+            good = [self._line(*one) for one in self.subprograms[number].blocks if not self.over]
             # Faults are told once.
-            if not all([self._line(*one) for one in self.subprograms[number].blocks if not self.over]):
+            if not all(good):
                 break
         self.depth, self.line = self.depth - 1, here
 
@@ -148,13 +158,15 @@ class _Reader(GcodeMotion):
             if code in (280, 300, 530):
                 self._machine(code, b)
                 return
-            if code in (920, 520, 100):
+            if code in ORIGINS:
                 self._origin(code, b)
                 return
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
-        if b.words.keys() & set("XYZABC") or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
+        if b.words.keys() & {*"XYZABC", *POINTING} or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
+            if self.modal_cycle is not None:
+                self.drill_here(self.modal_cycle)
 
     # Words that are not read
 
@@ -175,9 +187,24 @@ class _Reader(GcodeMotion):
             b.words.clear()
 
     def _long(self, word: str, b: Block) -> None:
-        head = word.partition("(")[0].strip()
+        head, _, rest = word.partition("(")
+        head = " ".join(head.split())
         if head in ("TRAORI", "TRAFOOF"):
             self.tcp = head == "TRAORI"
+        elif head in PROGRAMMABLE:
+            self.put_into(programmable(head, b.words, self.scale, self.frame))
+            b.words.clear()
+        elif head == "MCALL":
+            self.modal_cycle = None
+        elif head.removeprefix("MCALL ") in DRILLS:
+            one = hole(head.removeprefix("MCALL "), rest.rpartition(")")[0], self.scale)
+            if head.startswith("MCALL"):
+                self.modal_cycle = one
+            else:
+                self.drill_here(one)
+        elif head == "CYCLE800":
+            self.put_into(swivelled(rest.rpartition(")")[0].split(","), self.scale) or CoordinateFrame())
+            self.axis = self.frame_axis
         elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
                 raise StatementError(
@@ -224,8 +251,39 @@ class _Reader(GcodeMotion):
         )
 
     def _origin(self, code: int, b: Block) -> None:
+        """Codes that move or turn the frame of the coordinates to come."""
         self.recorder.event(self.line, shown(code), str(b))
+        old = self.frame
         if code == 100:
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
-        elif b.words.keys() & set("XYZABC"):
-            raise StatementError(f"{shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")
+        elif code == 520:
+            here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]
+            self.put_into(CoordinateFrame(shift=self.scale * np.array(here)))
+        elif code == 920:
+            self._here_is(b)
+        elif code == 680:
+            self.put_into(old.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here)))
+        elif code == 682:
+            self.put_into(tilted(b.words, self.scale))
+        elif code == 531:
+            self.frame = replace(old, follows=True)
+            self.axis = self.frame_axis
+        else:
+            self.put_into(CoordinateFrame())
+
+    def _here_is(self, b: Block) -> None:
+        """G92: what the coordinates of the tool's place are from now on."""
+        given = {k: b.words[letter] * self.scale for k, letter in enumerate("XYZ") if letter in b.words}
+        if any(self.here[k] is None for k in given) and len(self.recorder):
+            raise StatementError(
+                "G92 where the tool's place is not known", "G92 behind a move of its axes", "post with work offsets"
+            )
+        if not self.frame.plain and not (self.frame.turn == np.eye(3)).all():
+            raise StatementError("G92 in turned coordinates", "G92 behind G69", "post with work offsets")
+        moved = self.frame.shift.copy()
+        for k, value in given.items():
+            old = self.here[k]
+            # Before any move it says what the coordinates mean, and moves nothing.
+            moved[k] += 0.0 if old is None else old - value
+            self.here[k] = value
+        self.frame = CoordinateFrame(shift=moved)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
+from machining.toolpaths.gcode.frames import CoordinateFrame
 from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
@@ -36,11 +37,11 @@ TCP_ON = (434, 2340)
 # Codes kept as events: path control, exact stop, limits, cancels, length offsets, parking.
 QUIET = (
     80, 81, 90, 110, 131, 150, 220, 230, 250, 260, 270, 400, 500, 501, 600, 601, 602, 610, 611, 620, 630, 640, 641,
-    642, 643, 644, 645, 670, 690, 921, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
+    642, 643, 644, 645, 670, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
 )  # fmt: skip
 # Codes of cutter compensation, and those that have a meaning of their own.
 COMPENSATED = (410, 411, 420, 421)
-OWN = (40, 50, 51, 100, 280, 300, 520, 530, 700, 710, 920, *COMPENSATED)
+OWN = (40, 50, 51, 100, 921, 280, 300, 520, 530, 531, 680, 682, 690, 700, 710, 920, *COMPENSATED)
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
     50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
@@ -48,7 +49,7 @@ REFUSED = {
     160: "polar coordinates", 171: "a plane of U V W", 181: "a plane of U V W", 191: "a plane of U V W",
     290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
     382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
-    511: "mirroring", 650: "a macro call", 660: "a macro call", 680: "turned coordinates", 682: "a tilted plane",
+    511: "mirroring", 650: "a macro call", 660: "a macro call",
     720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
     870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
     71: "cylindrical interpolation", 161: "polar coordinates",
@@ -92,7 +93,7 @@ class Modes:
         self.initial: float | None = None
         self.offset = ""
         self.used_offset: str | None = None
-        self.shift = np.zeros(3)
+        self.shift, self.frame = np.zeros(3), CoordinateFrame()
         self.feed = math.nan
         self.speed, self.sense = math.nan, 0
         self.surface_speed = False
@@ -251,8 +252,23 @@ class Modes:
                 self.here[i] = None
 
     def shifted(self, point: Vector) -> Vector:
-        """Point with the work offset added."""
+        """Point of the frame in force, with the work offset added."""
+        if not self.frame.plain:
+            x, y, z = self.frame.out(np.array(point)).tolist()
+            point = x, y, z
         return (point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2]))
+
+    def put_into(self, frame: CoordinateFrame) -> None:
+        """Take another frame for the coordinates to come; the tool stays where it is."""
+        here, old = self.here, self.frame
+        self.frame = frame
+        if None not in here:
+            self.here = frame.into(old.out(np.array(here, dtype=np.float64))).tolist()
+        elif (frame.turn == old.turn).all():
+            moved = (old.shift - frame.shift) @ frame.turn
+            self.here = [None if v is None else v + float(d) for v, d in zip(here, moved, strict=True)]
+        else:
+            self.here = [None, None, None]
 
     def commit(self, length: float, reverse: bool = False) -> None:
         """Put feed, spindle and tool of the moves to come into the recorder; ``length`` m of the move at feed."""

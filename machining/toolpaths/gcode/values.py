@@ -15,9 +15,7 @@ from collections.abc import Callable, Mapping
 from machining.magnitudes import LARGEST
 from machining.toolpaths.recorder import StatementError
 
-_FUNCTION = (
-    r"(?:ASIN|ACOS|ATAN2|ATAN|SIN|COS|TAN|SQRT|ABS|EXP|LN|ROUND|FIX|FUP|TRUNC|POT|EXISTS|AC|IC)(?=\s*[\[(])"
-)
+_FUNCTION = r"(?:ASIN|ACOS|ATAN2|ATAN|SIN|COS|TAN|SQRT|ABS|EXP|LN|ROUND|FIX|FUP|TRUNC|POT|EXISTS|AC|IC)(?=\s*[\[(])"
 # Letters may stand close: X, then SIN[30]. Words of three letters and more are Siemens'.
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*|\.\d+)|(?P<named>#\s*<[^<>]*>)"
@@ -98,7 +96,9 @@ class _Parser:
             kind = str(match.lastgroup)
             self.tokens.append((kind, match[kind].replace(" ", "")))
         if text[end:].strip():
-            raise StatementError(f"{text[end:].strip()[:20]!r} is no part of an expression", "numbers, #1, [1 + 2], SIN[30]")
+            raise StatementError(
+                f"{text[end:].strip()[:20]!r} is no part of an expression", "numbers, #1, [1 + 2], SIN[30]"
+            )
         self.at, self.depth = 0, 0
 
     def block(self) -> str:
@@ -255,6 +255,8 @@ class _Parser:
 def _finite(function: Callable[..., float], *of: float) -> float:
     try:
         value = float(function(*of))
+    except StatementError:
+        raise
     except (ValueError, ZeroDivisionError, OverflowError):
         value = math.nan
     if not abs(value) <= LARGEST:

@@ -10,7 +10,7 @@ from machining.toolpaths.gcode.values import BRACKET, COMPUTES
 
 _COMMENT = re.compile(r"\(([^()]*)\)")
 _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
-_LONG = re.compile(r"[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
+_LONG = re.compile(r"(?:MCALL\s+(?=[A-Z]))?[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
 # What decides which blocks run: a true macro program.
 _MACRO = re.compile(
     r"\b(?:WHILE|IF|GOTO[BFC]?|DO\d*|END\d+|ENDIF|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|CALL|PROC|DEF|EXTERN)\b|"
@@ -41,8 +41,8 @@ QUIET = (
 # Words whose brackets are no comment.
 CALLS = ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
 MOTION_WORDS = re.compile(
-    r"^(?:CYCLE(?!832)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROT|AROT|TRANS|"
-    r"ATRANS|SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
+    r"^(?:CYCLE(?!832|800)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROTS|AROTS|RPL|"
+    r"SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
 )
 
 
