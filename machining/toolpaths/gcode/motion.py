@@ -7,16 +7,22 @@ import math
 import numpy as np
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.cycles import drill
+from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
+from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import Modes
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
+# Components of a tool axis as Siemens writes them.
+POINTING = ("A3", "B3", "C3")
+
 
 class GcodeMotion(Modes):
-    """The blocks that move the tool, on top of the modes."""
+    """The blocks that move the tool, on top of the modes; ``pointing``: A3, B3, C3 have told its axis."""
+
+    pointing = False
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -81,7 +87,8 @@ class GcodeMotion(Modes):
         )
         normal = np.zeros(3)
         normal[PLANES[self.plane][2]] = -1.0 if clockwise else 1.0
-        turns = b.words.get("P", 1.0)
+        # Fanuc and LinuxCNC count all turns begun, Siemens those added.
+        turns = b.words["TURN"] + 1.0 if "TURN" in b.words else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
         try:
@@ -103,18 +110,24 @@ class GcodeMotion(Modes):
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        self.recorder.moves(self.line, points + self.shift, between(before, self.axis, fraction), False)
+        self.recorder.moves(self.line, self.frame.out(points) + self.shift, between(before, self.axis, fraction), False)
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
         for letter in "ABC":
             if letter in b.words:
                 old = self.angles[letter]
-                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if self.absolute else old)
+                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if b.own.get(letter, self.absolute) else old)
                 turned = True
         angles = self.angles
+        if b.words.keys() & set(POINTING):
+            return self._direction(b)
+        if turned:
+            self.pointing = False
+        elif self.pointing:
+            return self.axis
         if not turned and not any(angles.values()):
-            return 0.0, 0.0, 1.0
+            return self.frame_axis
         rotary = self.options.rotary
         wrong = [k for k, v in angles.items() if v and k not in rotary.rpartition("-")[2]]
         if wrong and any(angles.values()):
@@ -129,6 +142,28 @@ class GcodeMotion(Modes):
                 "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python)",
             )
         return (0.0, 0.0, 1.0) if rotary == "none" else tool_axis(rotary, angles)
+
+    @property
+    def frame_axis(self) -> Vector:
+        """Tool axis in the part without any rotary axis: upright, or the z axis of a plane that the tool follows."""
+        if not self.frame.follows:
+            return 0.0, 0.0, 1.0
+        x, y, z = self.frame.turn[:, 2].tolist()
+        return x, y, z
+
+    def _direction(self, b: Block) -> Vector:
+        """Siemens' A3 B3 C3: the tool axis as a vector of the frame in force, from the tip into the holder."""
+        if not self.tcp:
+            raise StatementError(
+                "A3, B3, C3 without TRAORI", "TRAORI before them", "say that it is on: --tcp (tcp= in Python)"
+            )
+        axis = self.frame.turn @ np.array([b.words.get(letter, 0.0) for letter in POINTING])
+        size = float(np.linalg.norm(axis))
+        if not size > 0.0:
+            raise StatementError("a tool axis of length 0", "A3, B3 or C3 other than 0")
+        self.pointing = True
+        x, y, z = (axis / size).tolist()
+        return x, y, z
 
     def _cycle(self, b: Block) -> None:
         along = PLANES[self.plane][2]
@@ -150,7 +185,7 @@ class GcodeMotion(Modes):
                 "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole"
             )
         self.axis = self._tool_axis(b)
-        if self.axis[along] < 1.0 - 1e-9:
+        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
             raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
         before, times = len(self.recorder), int(b.words.get("L", 1.0))
         for i in range(times):
@@ -170,17 +205,34 @@ class GcodeMotion(Modes):
             self.motion or 0, retract, bottom, max(back, retract), self.sticky.get("Q", 0.0), self.sticky.get("P", 0.0)
         )
         target[along] = retract
+        self._drill(target, work)
+
+    def _drill(self, target: list[float | None], work: Cycle) -> None:
+        """A cycle that begins to feed at ``target``, m in the frame in force; the tool ends where it leads back to."""
         point = self._known(target)
         here: Array | None = None
         if None not in self.here:
-            here = np.array([v or 0.0 for v in self.here]) + self.shift
+            here = self.frame.out(np.array([v or 0.0 for v in self.here])) + self.shift
 
         def state(own: bool, reverse: bool) -> None:
+            feed, mode = self.feed, self.feed_mode
+            if own and work.feed is not None:
+                self.feed, self.feed_mode, self.dirty = work.feed.value / self.scale, work.feed.per, True
             self.commit(math.nan, reverse=reverse)
+            self.feed, self.feed_mode = feed, mode
 
         end = drill(self.recorder, self.line, here, self.shifted(point), self.axis, work, state)
         self.dirty = True
-        self.here = [float(v) for v in np.array(end) - self.shift]
+        self.here = self.frame.into(np.array(end) - self.shift).tolist()
+
+    def drill_here(self, one: Hole) -> None:
+        """A Siemens cycle at the place where the tool stands."""
+        along = PLANES[self.plane][2]
+        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
+            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+        target = list(self.here)
+        target[along] = one.start
+        self._drill(target, one.cycle)
 
 
 def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:
