@@ -153,7 +153,12 @@ class _Reader(GcodeMotion):
         """What a block does beside its modes: rest, motion, other origins."""
         if 40 in b.codes:
             self._dwell(b)
-            return
+            if "P" not in b.words or not b.words.keys() & set("XYZABC"):
+                return
+            # Beside its rest a block may move, after it (RS-274/NGC, table 8).
+            if not {0, 10, 20, 30} & set(b.codes):
+                raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
+            del b.words["P"]
         for code in b.codes:
             if code in (280, 300, 530):
                 self._machine(code, b)
@@ -255,6 +260,9 @@ class _Reader(GcodeMotion):
         self.recorder.event(self.line, shown(code), str(b))
         old = self.frame
         if code == 100:
+            # L2 and L20 move the work offset itself: with nothing before them they only say where it is.
+            if b.words.get("L") in (2.0, 20.0) and len(self.recorder):
+                raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif code == 520:
             here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]

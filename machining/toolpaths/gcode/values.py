@@ -220,6 +220,8 @@ class _Parser:
             self.at += 1
             key = self._variable()
             self._expect("]")
+            if key[1:].isdigit():
+                raise StatementError(f"EXISTS of {key}: controls differ", "EXISTS of a name, as in EXISTS[#<depth>]")
             return float(key in self.known)
         if name == "ATAN" and here:
             y = self._bracket()
