@@ -37,6 +37,9 @@ class ReadOptions:
     arc_absolute : I, J, K of G-code arcs are coordinates of the centre from the first line on (G90.1)
     dwell_unit : "s" or "ms", unit of a whole-numbered P in G4
     skip_deleted : leave out G-code blocks that start with "/"
+    compensation : "error" refuses points under cutter compensation (G41, G42, RL, RR), which lie on the part's edge or,
+        where only wear is compensated, at the tool's centre; "centre" takes them as the tool's centre
+    rotary_reversed : letters of rotary axes that turn against ISO 841, such as "C"
 
     Raises
     ------
@@ -59,6 +62,8 @@ class ReadOptions:
     arc_absolute: bool = False
     dwell_unit: str = "s"
     skip_deleted: bool = False
+    compensation: str = "error"
+    rotary_reversed: str = ""
 
     def __post_init__(self) -> None:
         choices: dict[str, tuple[str | None, ...]] = {
@@ -68,6 +73,8 @@ class ReadOptions:
             "circle_axis": ("auto", "right", "left"),
             "rotary": ROTARY,
             "dwell_unit": ("s", "ms"),
+            "compensation": ("error", "centre"),
+            "rotary_reversed": ("", "A", "B", "C", "AC", "BC"),
         }
         for name, allowed in choices.items():
             require_one_of(f"option {name}", getattr(self, name), allowed)

@@ -141,7 +141,10 @@ class GcodeMotion(Modes):
                 "G43.4, G234 or TRAORI before it",
                 "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python)",
             )
-        return (0.0, 0.0, 1.0) if rotary == "none" else tool_axis(rotary, angles)
+        if rotary == "none":
+            return 0.0, 0.0, 1.0
+        reversed_ = self.options.rotary_reversed
+        return tool_axis(rotary, {k: -v if k in reversed_ else v for k, v in angles.items()})
 
     @property
     def frame_axis(self) -> Vector:

@@ -60,6 +60,10 @@ ENDS = (2, 30, 99)
 STOPS = {0: "stop", 1: "optional stop", 60: "stop"}
 COOLANT = {7: "mist", 8: "flood", 9: "off", 88: "through", 89: "off"}
 TURNING = (3, 4, 5, 13, 14, 19)
+COMPENSATION = "points of the part's edge, or of the tool's centre where only wear is compensated: it is not said which"
+REMEDY_COMPENSATION = (
+    "post with compensation by the computer; where the points are the tool's centre: --read compensation=centre"
+)
 REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
@@ -162,8 +166,7 @@ class Modes:
             self.tcp = True
             self.recorder.event(self.line, shown(code))
         elif code in COMPENSATED:
-            text = "points are taken as the tool's centre, the control's offset is not read"
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)}: {text}")
+            self.compensated(shown(code))
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
         elif code in (50, 51, *QUIET):
@@ -172,6 +175,12 @@ class Modes:
             self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
         elif code not in KNOWN:
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} is not read")
+
+    def compensated(self, word: str) -> None:
+        """Cutter compensation begins: points may lie on the part's edge."""
+        if self.options.compensation == "error":
+            raise StatementError(f"{word}: {COMPENSATION}", "G40: points of the tool's centre", REMEDY_COMPENSATION)
+        self.recorder.event(self.line, word, note=f"{word}: points are taken as the tool's centre, as asked")
 
     def _misc(self, number: int) -> None:
         if number in TURNING:
