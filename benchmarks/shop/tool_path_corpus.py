@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import tool_path_plain as plain
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -31,9 +32,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.reading import read_toolpath
 from robots import InputError
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation" / "tool_path_corpus.md"
+PLAIN = (".apt", ".cls", ".clsf", ".ncl", ".aptsource", ".h")
 SUFFIXES = (".ngc", ".nc", ".tap", ".gcode", ".gc", ".cnc", ".mpf")
 ON_ARC_mm = 0.005
 # The interpreter prints four decimals of its unit.
@@ -45,6 +48,7 @@ MACRO = re.compile(
     re.I | re.M,
 )
 CONSTRUCTS = {
+    "tilted planes and vectors (G68.2, CYCLE800, TRAORI)": re.compile(r"\bG68\.2|CYCLE800|TRAORI", re.I),
     "variables and expressions": re.compile(r"#\s*[\d<]|\["),
     "arcs": re.compile(r"\bG0?[23]\b", re.I),
     "drill cycles": re.compile(r"\bG(?:73|8[1-9])\b", re.I),
@@ -87,7 +91,9 @@ def canonical(program: Path, file: Path) -> Canonical | str:
         (folder / "t.tbl").write_text("".join(f"T{k} P{k} Z0 D1 ;\n" for k in range(1, 200)))
         # G64 lets the interpreter leave points out that lie nearly on a line; G61 does not, and is the first block.
         text = re.sub(rb"(?i)\bG64(?:\s*[PQ][-+.\d\[\]#<>_a-z]*)*", b"G61", file.read_bytes())
-        (folder / "part.ngc").write_bytes(re.sub(rb"\A(\s*%[^\n]*\n)?", rb"\1G61\n", text, count=1))
+        # Messages of one simulator have brackets within brackets.
+        text = re.sub(rb"(?m)^\(\$.*$", b"", text)
+        (folder / "part.ngc").write_bytes(re.sub(rb"\A(\s*%[^\n]*\n)?", rb"\1G61 F1000\n", text, count=1) + b"\nM2\n")
         command = [str(program), "-g", "-n", "2", "-t", "t.tbl", "part.ngc", "out.txt"]
         try:
             done = subprocess.run(  # noqa: S603 - a program that the user names
@@ -108,6 +114,8 @@ def _parsed(text: str) -> Canonical:
     out, scale, plane = Canonical(), 1.0, 2
     g92 = np.zeros(3)
     for call, inside in re.findall(r"([A-Z0-9_]+)\((.*)\)\s*$", text, re.M):
+        # A line number of six digits stands close to its call.
+        call = re.sub(r"^N[\d.]+", "", call)
         if call == "USE_LENGTH_UNITS":
             scale = {"CANON_UNITS_MM": 1.0, "CANON_UNITS_INCHES": 25.4}[inside]
             out.end_mm = max(out.end_mm, END * scale)
@@ -143,14 +151,19 @@ def compare(mine: Motions, theirs: Canonical, *, skip_rapid: bool) -> tuple[int,
             k += k < len(points) and np.linalg.norm(points[k] - end) < theirs.end_mm
             here = end
             continue
-        # Moves of no length are no moves.
+        # Moves of no length are no moves; an arc shorter than what is printed is one of these.
+        first = k
         while k < len(points) and np.linalg.norm(points[k] - here) < theirs.end_mm:
             k += 1
+        if circle is not None and np.linalg.norm(end - here) < theirs.end_mm and k > first:
+            if k == len(points) or _off_circle(points[k], here, *circle) > ON_ARC_mm:
+                here = end
+                continue
         at = k
         while at < len(points) and np.linalg.norm(points[at] - end) >= theirs.end_mm:
-            # A rapid move up may be in two parts; an arc is in many.
+            # A line may be in two parts, an arc is in many.
             off = _off_line(points[at], here, end) if circle is None else _off_circle(points[at], here, *circle)
-            if off > (ON_ARC_mm if circle is not None else theirs.end_mm if rapid else -1.0):
+            if off > (ON_ARC_mm if circle is not None else theirs.end_mm):
                 break
             largest = max(largest, off)
             at += 1
@@ -198,6 +211,49 @@ def judged(program: Path, file: Path, name: str) -> Compared:
     return Compared(name, "differs" if differs else "read", differs, moves, largest, constructs)
 
 
+def judged_plainly(file: Path, name: str) -> Compared:
+    """An APT file or one of Heidenhain's, beside the plain readers: where each of its statements ends."""
+    start = (0.0, 0.0, 0.0)
+    heidenhain = file.suffix.lower() == ".h" or "BEGIN PGM" in file.read_text(encoding="latin-1")[:400]
+    constructs = ("Heidenhain",) if heidenhain else ("APT and CLS",)
+    if heidenhain and re.search(r"FN ?(?:9|1[0-2]|18)\b|TCH PROBE|CALL PGM", file.read_text(encoding="latin-1")):
+        return Compared(name, "macro", constructs=constructs)
+    try:
+        mine = read_toolpath(file, options=ReadOptions(units=None if heidenhain else "mm", start=start))
+    except InputError as error:
+        if "no motion in the file" in str(error):
+            return Compared(name, "no motion", constructs=constructs)
+        return Compared(name, "refused", _short(str(error), file.name), constructs=constructs)
+    try:
+        ends = list(plain.klartext(file, start) if heidenhain else plain.apt(file))
+    except ValueError as error:
+        return Compared(name, "read, not compared", str(error), constructs=constructs)
+    largest, differs = 0.0, ""
+    for end in ends:
+        rows = np.flatnonzero(mine.line == end.line)
+        points = 1e3 * mine.points[rows]
+        if not len(points):
+            differs = differs or f"line {end.line}: no move"
+            continue
+        if end.hole:
+            # A hole is on the line of the tool axis through its place.
+            off = points - end.point
+            axes = mine.axes[rows]
+            miss = float(np.linalg.norm(off - np.sum(off * axes, axis=1)[:, None] * axes, axis=1)[1:].max(initial=0.0))
+        else:
+            miss = float(np.linalg.norm(points[-1] - end.point))
+            if end.circle is not None:
+                levers = np.linalg.norm(points - np.array(end.circle[0]), axis=1)
+                # A helix leaves the sphere about its centre.
+                flat = bool((np.ptp(points, axis=0) < 1e-9).any())
+                off = float(np.abs(levers - end.circle[1]).max()) if flat else 0.0
+                miss = max(miss, 0.0 if off < ON_ARC_mm else off)
+        if miss > END:
+            differs = differs or f"line {end.line}: {miss:.4g} mm"
+        largest = max(largest, miss)
+    return Compared(name, "differs" if differs else "read", differs, len(ends), largest, constructs)
+
+
 def _short(message: str, name: str) -> str:
     line = next((x for x in message.splitlines()[1:] if x.strip()), message)
     return re.sub(r"^\s*-\s*", "", line).replace(name, "").split(": got")[0].split(", line", 1)[-1][:110]
@@ -206,24 +262,39 @@ def _short(message: str, name: str) -> str:
 def files(folder: Path) -> Iterator[tuple[str, Path]]:
     """Files of the corpus with the repository that each is from."""
     for file in sorted(folder.rglob("*")):
-        if file.is_file() and file.suffix.lower() in SUFFIXES:
+        if file.is_file() and _suffix(file) in (*SUFFIXES, *PLAIN):
             yield file.relative_to(folder).parts[0].replace("+", "/"), file
+
+
+def _suffix(file: Path) -> str:
+    """The suffix; Creo counts its versions behind it."""
+    return Path(re.sub(r"\.\d+$", "", file.name)).suffix.lower()
+
+
+def _judged(program: Path, file: Path) -> Compared:
+    if _suffix(file) in PLAIN or "BEGIN PGM" in file.read_text(encoding="latin-1")[:400]:
+        return judged_plainly(file, file.name)
+    return judged(program, file, file.name)
 
 
 def table(rows: Sequence[tuple[str, Compared]]) -> str:
     """Rates by repository and by construct."""
     out = [
-        "| of | files without macros | read, each move equal | read, but differs | refused by line |",
-        "|---|---|---|---|---|",
+        "| of | files without macros | read | of these each move equal | not compared | differs | refused by line |",
+        "|---|---|---|---|---|---|---|",
     ]
-    fair = [(repo, r) for repo, r in rows if r.outcome in ("read", "differs", "refused")]
+    fair = [(repo, r) for repo, r in rows if r.outcome in ("read", "read, not compared", "differs", "refused")]
     groups = [(repo, [r for x, r in fair if x == repo]) for repo in dict.fromkeys(x for x, _ in fair)]
     groups.append(("all", [r for _, r in fair]))
-    groups += [(f"with {what}", [r for _, r in fair if what in r.constructs]) for what in CONSTRUCTS]
+    groups += [(f"with {what}", [r for _, r in fair if what in r.constructs]) for what in ("APT and CLS", "Heidenhain", *CONSTRUCTS)]
     for name, some in groups:
         count = Counter(r.outcome for r in some)
-        share = f"{100 * count['read'] / len(some):.0f} %" if some else "-"
-        out.append(f"| {name} | {len(some)} | {count['read']} ({share}) | {count['differs']} | {count['refused']} |")
+        done = len(some) - count["refused"]
+        share = f"{100 * done / len(some):.0f} %" if some else "-"
+        out.append(
+            f"| {name} | {len(some)} | {done} ({share}) | {count['read']} | {count['read, not compared']} "
+            f"| {count['differs']} | {count['refused']} |"
+        )
     return "\n".join(out)
 
 
@@ -234,7 +305,7 @@ def main() -> int:
     parser.add_argument("--rs274", type=Path, required=True)
     parser.add_argument("--page", action="store_true")
     a = parser.parse_args()
-    rows = [(repo, judged(a.rs274, file, file.name)) for repo, file in files(a.folder)]
+    rows = [(repo, _judged(a.rs274, file)) for repo, file in files(a.folder)]
     (a.folder / "corpus.json").write_text(json.dumps([[repo, vars(r)] for repo, r in rows], indent=1), encoding="utf-8")
     print(table(rows))
     print(Counter(r.outcome for _, r in rows))

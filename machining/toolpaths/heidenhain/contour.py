@@ -47,6 +47,7 @@ class Contour(GcodeMotion):
         self.modal_call = False
         # A line that waits for RND or CHF: its start and what is said of the corner at its end.
         self.waiting: tuple[Words, Array, Array] | None = None
+        self.held, self.held_line = Block(), 0
         self.corner_is: tuple[str, float] | None = None
         self.datum = np.zeros(3)
         self.rotation = 0.0
@@ -90,7 +91,7 @@ class Contour(GcodeMotion):
         if plain and start is not None and {"X", "Y"} & block.words.keys():
             # It may be cut short by RND or CHF.
             self.waiting = (w, start, np.array(target, dtype=np.float64))
-            self.held = block
+            self.held, self.held_line = block, self.line
             return
         self._run(block, w)
 
@@ -102,7 +103,13 @@ class Contour(GcodeMotion):
         if self.waiting is not None:
             w, _, _ = self.waiting
             self.waiting = None
-            self._run(self.held, w)
+            self._run_held(self.held, w)
+
+    def _run_held(self, block: Block, w: Words) -> None:
+        """Run the line that waited, as of its own place in the file."""
+        line, self.line = self.line, self.held_line
+        self._run(block, w)
+        self.line = line
 
     def corner(self, word: str, text: str) -> None:
         """RND or CHF, with its radius or length."""
@@ -121,11 +128,11 @@ class Contour(GcodeMotion):
             raise StatementError("RND or CHF before a rapid move or a place not known", "two lines at feed", REMEDY)
         if word == "CHF":
             first, last = chamfered(start, corner, end, size)
-            self._run(self._to(first, held), w)
+            self._run_held(self._to(first, held), w)
             self._run(self._to(last, Block(codes=[10])), Words())
             return
         first, last, centre, clockwise = rounded(start, corner, end, size)
-        self._run(self._to(first, held), w)
+        self._run_held(self._to(first, held), w)
         self.plane = 170
         arc = self._to(last, Block(codes=[20 if clockwise else 30]))
         arc.words |= {"I": (centre - first)[0] / self.scale, "J": (centre - first)[1] / self.scale}
