@@ -93,7 +93,10 @@ def canonical(program: Path, file: Path) -> Canonical | str:
         text = re.sub(rb"(?i)\bG64(?:\s*[PQ][-+.\d\[\]#<>_a-z]*)*", b"G61", file.read_bytes())
         # Messages of one simulator have brackets within brackets.
         text = re.sub(rb"(?m)^\(\$.*$", b"", text)
-        (folder / "part.ngc").write_bytes(re.sub(rb"\A(\s*%[^\n]*\n)?", rb"\1G61 F1000\n", text, count=1) + b"\nM2\n")
+        # A program between percent signs may end without M2.
+        if not re.search(rb"\n\s*%\s*$", text):
+            text += b"\nM2\n"
+        (folder / "part.ngc").write_bytes(re.sub(rb"\A(\s*%[^\n]*\n)?", rb"\1G61 F1000\n", text, count=1))
         command = [str(program), "-g", "-n", "2", "-t", "t.tbl", "part.ngc", "out.txt"]
         try:
             done = subprocess.run(  # noqa: S603 - a program that the user names
@@ -198,14 +201,17 @@ def judged(program: Path, file: Path, name: str) -> Compared:
     if MACRO.search(text):
         return Compared(name, "macro", constructs=constructs)
     theirs = canonical(program, file)
-    if isinstance(theirs, str):
-        return Compared(name, "refused by the interpreter", theirs, constructs=constructs)
-    if not theirs.ends:
+    if not isinstance(theirs, str) and not theirs.ends:
         return Compared(name, "no motion", constructs=constructs)
     try:
         mine = read_gcode(file, ReadOptions(units="mm", start=(0.0, 0.0, 0.0)))
     except InputError as error:
-        return Compared(name, "refused", _short(str(error), file.name), constructs=constructs)
+        if "no motion in the file" in str(error):
+            return Compared(name, "no motion", constructs=constructs)
+        outcome = "refused by both" if isinstance(theirs, str) else "refused"
+        return Compared(name, outcome, _short(str(error), file.name), constructs=constructs)
+    if isinstance(theirs, str):
+        return Compared(name, "read, not compared", f"the interpreter refuses it: {theirs}", constructs=constructs)
     machine = re.search(r"\bG(?:28|30|53)\b", text, re.I) is not None
     moves, largest, differs = compare(mine, theirs, skip_rapid=machine)
     return Compared(name, "differs" if differs else "read", differs, moves, largest, constructs)

@@ -209,7 +209,7 @@ class _Reader(GcodeMotion):
                 self.drill_here(one)
         elif head == "CYCLE800":
             self.put_into(swivelled(rest.rpartition(")")[0].split(","), self.scale) or CoordinateFrame())
-            self.axis = self.frame_axis
+            self._swivelled()
         elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
                 raise StatementError(
@@ -275,9 +275,15 @@ class _Reader(GcodeMotion):
             self.put_into(tilted(b.words, self.scale))
         elif code == 531:
             self.frame = replace(old, follows=True)
-            self.axis = self.frame_axis
+            self._swivelled()
         else:
             self.put_into(CoordinateFrame())
+
+    def _swivelled(self) -> None:
+        """Table or head turn: what coordinates the tool then has is the machine's, unless nothing turns."""
+        if self.axis != self.frame_axis:
+            self.here = [None, None, None]
+        self.axis = self.frame_axis
 
     def _here_is(self, b: Block) -> None:
         """G92: what the coordinates of the tool's place are from now on."""

@@ -127,7 +127,8 @@ class Modes:
 
     def take(self, b: Block) -> None:
         """Take modes, feed, speed, tool and switches of a block."""
-        for code in b.codes:
+        # G80 ends a cycle, and a motion code of its block holds, wherever it stands.
+        for code in sorted(b.codes, key=lambda code: code != 800):
             self._code(code, b)
         if "F" in b.words and 40 not in b.codes:
             if not b.words["F"] > 0.0:

@@ -199,7 +199,7 @@ class Contour(GcodeMotion):
         self.take(block)
         if machine:
             self._machine_place(block, misc)
-        elif block.words.keys() & {*"XYZABC", "A3", "B3", "C3"}:
+        elif block.words.keys() & {*"XYZABCIJK", "A3", "B3", "C3"}:
             self._motion(block)
             after = self._here()
             if before is not None and after is not None and np.linalg.norm(after - before) > 1e-9:

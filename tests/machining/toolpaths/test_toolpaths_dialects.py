@@ -1,0 +1,85 @@
+"""Dialects of G-code and APT: TRAORI vectors, tilted planes, modal cycles, variables, subprograms, set-ups."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toolpath_cases import SAMPLES, apt, gcode
+
+from machining.toolpaths import read_toolpath
+from robots import InputErrors
+
+
+def test_sinumerik_vectors_swivels_and_modal_cycles() -> None:
+    m = read_toolpath(SAMPLES / "sinumerik.mpf")
+    at = {line: m.points[m.line == line] * 1e3 for line in set(m.line.tolist())}
+    assert [t.name for t in m.tools] == ["MILL_10"]
+    np.testing.assert_allclose(at[11], [[10, 20, 0]])
+    np.testing.assert_allclose(m.axes[m.line == 11], [[0.6, 0, 0.8]])
+    np.testing.assert_allclose(at[12], [[15, 7, 0]])
+    # Swivelled by 90 deg about Y at (10, 20, 30): its z is the part's x, its x the part's -z.
+    np.testing.assert_allclose(at[15], [[10 + 3, 20 + 2, 30 - 1]], atol=1e-9)
+    np.testing.assert_allclose(at[16], [[10, 22, 29]], atol=1e-9)
+    np.testing.assert_allclose(m.axes[m.line == 16], [[1, 0, 0]], atol=1e-12)
+    # The first peck goes to 5 below the reference, the second 5 deeper.
+    assert np.round(at[20][at[20][:, 2] < 0][:, 2], 3).tolist() == [-5, -4.746, -10]
+    np.testing.assert_allclose(at[20][-1], [10, 10, 20])
+    np.testing.assert_allclose(at[21][-1], [20, 10, 20])
+    np.testing.assert_allclose(at[23], [[20, 10, 100]])
+
+
+def test_tilted_plane_subprogram_and_variables() -> None:
+    m = read_toolpath(SAMPLES / "tilted.nc")
+    ends = np.round(m.points * 1e3, 9)
+    # Twice 5 mm by the subprogram.
+    assert [5, 0, 50] in ends.tolist()
+    assert [10, 0, 50] in ends.tolist()
+    # Rx(90): its y is the part's z, its z the part's -y.
+    np.testing.assert_allclose(m.points[m.line == 12] * 1e3, [[11, -3, 2]], atol=1e-9)
+    np.testing.assert_allclose(m.points[m.line == 13] * 1e3, [[11, 12.5, 2]], atol=1e-9)
+    np.testing.assert_allclose(m.feed[m.line == 13], 500e-3 / 60)
+    np.testing.assert_allclose(m.axes[m.line == 13], [[0, -1, 0]], atol=1e-12)
+    np.testing.assert_allclose(m.axes[-1], [0, 0, 1])
+
+
+def test_set_ups_of_coordinates_in_the_part_tell_the_tool_axis() -> None:
+    m = read_toolpath(SAMPLES / "solidworks.apt")
+    np.testing.assert_allclose(m.points * 1e3, [[30, 0, 5], [10, 0, 5], [0, 0, 30], [0, 0, 10]])
+    # Without a tool axis in GOTO it is that of the set-up, not that of the set-up before.
+    np.testing.assert_allclose(m.axes, [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 1]])
+
+
+def test_a_second_set_up_without_coordinates_in_the_part_is_refused(tmp_path: Path) -> None:
+    text = (SAMPLES / "solidworks.apt").read_text().replace("TRNTYP/WORLD,0,0,0\n", "")
+    with pytest.raises(InputErrors, match="second frame.*--read frames=written"):
+        apt(tmp_path, text, head="")
+
+
+def test_words_of_creo_in_comments_run_over_lines(tmp_path: Path) -> None:
+    m = apt(tmp_path, "$$-> CSYS / 1.0, 0.0, 0.0, 0.0, $\n 0.0, 1.0, 0.0, 0.0, $\n 0.0, 0.0, 1.0, 0.0\nGOTO/1,2,3\nFINI\n")
+    np.testing.assert_allclose(m.points * 1e3, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize("word", ["G41 D1", "G42 D1"])
+def test_cutter_compensation_is_refused_unless_points_are_centres(tmp_path: Path, word: str) -> None:
+    program = f"G0 X0 Y0 Z0\n{word}\nG1 X10 F100\nG40\nM30\n"
+    with pytest.raises(InputErrors, match=r"line 3.*--read compensation=centre"):
+        gcode(tmp_path, program)
+    m = gcode(tmp_path, program, compensation="centre")
+    np.testing.assert_allclose(m.points[-1] * 1e3, [10, 0, 0])
+    assert any("as asked" in note.text for note in m.notes)
+
+
+def test_rotary_axes_that_turn_the_other_way(tmp_path: Path) -> None:
+    program = "G43.4 H1\nG0 X0 Y0 Z5 A30 C90\nM30\n"
+    as_iso = gcode(tmp_path, program, rotary="table-AC").axes[-1]
+    other = gcode(tmp_path, program, rotary="table-AC", rotary_reversed="C").axes[-1]
+    np.testing.assert_allclose(other, as_iso * [-1, -1, 1], atol=1e-12)
+
+
+def test_a_motion_code_holds_beside_the_end_of_a_cycle(tmp_path: Path) -> None:
+    for words in ("G0 G80", "G80 G0"):
+        m = gcode(tmp_path, f"G0 X0 Y0 Z5\nG81 X1 Z-2 R1 F100\n{words} X20\nM30\n")
+        np.testing.assert_allclose(m.points[-1] * 1e3, [20, 0, 5])
