@@ -1,13 +1,13 @@
-"""Public G-code beside an independent reader: LinuxCNC's interpreter, move by move.
+"""Public tool paths beside independent readers, move by move: how much is read, and whether it is read right.
 
-    python benchmarks/shop/tool_path_corpus.py FOLDER --rs274 PROGRAM [--page NAME]
+    python benchmarks/shop/tool_path_corpus.py FOLDER --rs274 PROGRAM [--page]
 
-FOLDER: files of public repositories, each in a folder named after its repository (OWNER+NAME). PROGRAM: the stand-alone
-interpreter of LinuxCNC (package linuxcnc-uspace of Debian; GPL-2.0, run as a program of its own). Files are tried and
-never kept in the project. Every file is read with what the remedies of a refusal ask for where a file does not say it
-(``--units mm``, ``--read start=0,0,0``: both are what the interpreter begins with). A move is equal where its end
-agrees to the interpreter's four decimals (of a millimetre or an inch) and, of an arc, each point lies on the interpreter's circle to 5 um. ``--page`` writes the table into
-docs/validation/tool_path_corpus.md.
+FOLDER: files of public repositories, each in a folder named after its repository (OWNER+NAME), and ``sources.csv`` with
+repository, commit and licence of each. PROGRAM: the stand-alone interpreter of LinuxCNC (GPL-2.0, run as a program of its
+own). Files are tried and never kept in the project. Every file is read with what the remedies of a refusal ask for where
+it does not say it (``--units mm``, ``--read start=0,0,0``: both are what the interpreter begins with). A move of G-code is equal where its end agrees to the interpreter's four decimals (of a
+millimetre or an inch) and each point of an arc lies on the interpreter's circle to 5 um. APT and Heidenhain's language are
+compared with :mod:`tool_path_plain`, statement by statement. ``--page`` writes docs/validation/tool_path_corpus.md.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from string import Template
 
 import numpy as np
 import tool_path_plain as plain
@@ -64,7 +65,7 @@ Floats = NDArray[np.float64]
 
 @dataclass
 class Canonical:
-    """Moves of the interpreter: ends (n, 3) mm to ``end_mm``, rapid or not, and the circle of an arc (centre, normal)."""
+    """Moves of the interpreter: ends (n, 3) mm to ``end_mm``, rapid or not, circle of an arc (centre, normal)."""
 
     end_mm: float = END
     ends: list[Floats] = field(default_factory=list)
@@ -159,7 +160,8 @@ def compare(mine: Motions, theirs: Canonical, *, skip_rapid: bool) -> tuple[int,
         while k < len(points) and np.linalg.norm(points[k] - here) < theirs.end_mm:
             k += 1
         if circle is not None and np.linalg.norm(end - here) < theirs.end_mm and k > first:
-            if k == len(points) or _off_circle(points[k], here, *circle) > ON_ARC_mm:
+            beside = k == len(points) or abs(points[k] - here)[circle[1]] > 2 * theirs.end_mm
+            if beside or _off_circle(points[k], here, *circle) > ON_ARC_mm:
                 here = end
                 continue
         at = k
@@ -292,7 +294,10 @@ def table(rows: Sequence[tuple[str, Compared]]) -> str:
     fair = [(repo, r) for repo, r in rows if r.outcome in ("read", "read, not compared", "differs", "refused")]
     groups = [(repo, [r for x, r in fair if x == repo]) for repo in dict.fromkeys(x for x, _ in fair)]
     groups.append(("all", [r for _, r in fair]))
-    groups += [(f"with {what}", [r for _, r in fair if what in r.constructs]) for what in ("APT and CLS", "Heidenhain", *CONSTRUCTS)]
+    groups += [
+        (f"with {what}", [r for _, r in fair if what in r.constructs])
+        for what in ("APT and CLS", "Heidenhain", *CONSTRUCTS)
+    ]
     for name, some in groups:
         count = Counter(r.outcome for r in some)
         done = len(some) - count["refused"]
@@ -302,6 +307,28 @@ def table(rows: Sequence[tuple[str, Compared]]) -> str:
             f"| {count['differs']} | {count['refused']} |"
         )
     return "\n".join(out)
+
+
+def refusals(rows: Sequence[tuple[str, Compared]]) -> str:
+    """What is refused, most often first."""
+    count = Counter(
+        re.sub(r"^ ?\d+: |[-+]?\d+\.\d+|^.*?: (?=a )", "", r.why)[:70] for _, r in rows if r.outcome == "refused"
+    )
+    return "\n".join(f"| {why.replace('|', '/')} | {n} |" for why, n in count.most_common())
+
+
+def page(rows: Sequence[tuple[str, Compared]], sources: str) -> str:
+    """The page of the documentation, from its template."""
+    equal = [r for _, r in rows if r.outcome == "read"]
+    count = Counter(r.outcome for _, r in rows)
+    lines = ["| repository | commit | licence |", "|---|---|---|"]
+    lines += [f"| {' | '.join(line.split(','))} |" for line in sources.splitlines() if line.strip()]
+    return Template((Path(__file__).with_name("tool_path_corpus_page.md")).read_text(encoding="utf-8")).substitute(
+        table=table(rows), sources="\n".join(lines), files=len(rows), macros=count["macro"],
+        empty=count["no motion"], bad=count["refused by both"], moves=sum(r.moves for r in equal),
+        largest=f"{1e3 * max((r.largest_mm for r in equal), default=0.0):.2g}", refused=refusals(rows),
+        differ=count["differs"],
+    )  # fmt: skip
 
 
 def main() -> int:
@@ -317,6 +344,9 @@ def main() -> int:
     print(Counter(r.outcome for _, r in rows))
     print(f"{sum(r.moves for _, r in rows if r.outcome == 'read')} moves, largest difference "
           f"{1e3 * max((r.largest_mm for _, r in rows if r.outcome == 'read'), default=0.0):.2g} um")  # fmt: skip
+    if a.page:
+        sources = a.folder / "sources.csv"
+        PAGE.write_text(page(rows, sources.read_text(encoding="utf-8") if sources.exists() else ""), encoding="utf-8")
     return 0
 
 

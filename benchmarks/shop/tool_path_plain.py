@@ -15,7 +15,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class End:
-    """Where the statement of a line ends, mm; circle: centre mm and radius mm of its arc; hole: a drill cycle's depth."""
+    """Where the statement of a line ends, mm; circle: centre and radius mm of its arc; hole: a drill cycle is there."""
 
     line: int
     point: tuple[float, float, float]
@@ -70,7 +70,7 @@ def _apt_statements(file: Path) -> Iterator[tuple[int, str]]:
 
 
 def klartext(file: Path, start: tuple[float, float, float]) -> Iterator[End]:
-    """Ends of L, LP, C, CP, CR and CT; datum shifts are added; programs with labels, RND, PLANE or formulas: ValueError."""
+    """Ends of L, LP, C, CP, CR and CT, datum shifts added; ValueError for labels, RND, PLANE and formulas."""
     text = file.read_text(encoding="latin-1")
     if re.search(r"\b(?:LBL|RND|CHF|PLANE|FN ?\d|ROT|APPR|DEP|LN)\b", text) or re.search(r"[XYZ][-+]?Q\d", text):
         raise ValueError("labels, corners or parameters")

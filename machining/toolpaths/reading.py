@@ -38,7 +38,7 @@ _SAMPLE = 400
 
 @recording()
 def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOptions | None = None) -> Motions:
-    """Read an APT, CLSF or G-code file, a Heidenhain program, a path in CSV (:func:`machining.read_path`), or motions in CSV.
+    """Read APT, CLSF, G-code, Heidenhain's language, a path in CSV (:func:`machining.read_path`) or motions in CSV.
 
     Parameters
     ----------

@@ -36,7 +36,8 @@ ReadOpt = Annotated[
         metavar="KEY=VALUE",
         help="How the tool-path file is read: frames=one|written|absolute, unknown_motion=error|report, "
         "start=X,Y,Z (mm), G54=X,Y,Z (mm), arc_absolute=yes|no, circle_axis=auto|right|left, dwell_unit=s|ms, "
-        "skip_deleted=yes|no, compensation=error|centre, rotary_reversed=A|B|C|AC|BC, chord_tolerance_um=N, arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
+        "skip_deleted=yes|no, compensation=error|centre, rotary_reversed=A|B|C|AC|BC, chord_tolerance_um=N, "
+        "arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
     ),
 ]
 OFFSET = re.compile(r"G5[4-9](?:\.[123])?")

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.toolpaths.gcode.arcs import PLANES
+from machining.toolpaths.gcode.arcs import PLANES, center
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
 from machining.toolpaths.gcode.motion import GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import Hole
-from machining.toolpaths.gcode.state import COMPENSATION
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.corners import chamfered, rounded, tangent_arc
 from machining.toolpaths.heidenhain.cycles import DRILLS, hole, pecked
@@ -121,7 +120,8 @@ class Contour(GcodeMotion):
         self.corner_is = word, number(match[1], self.values) * self.scale
 
     def _round(self, end: Array | None) -> None:
-        assert self.waiting is not None and self.corner_is is not None
+        if self.waiting is None or self.corner_is is None:
+            return
         (w, start, corner), (word, size) = self.waiting, self.corner_is
         held, self.waiting, self.corner_is = self.held, None, None
         if end is None:
@@ -172,7 +172,7 @@ class Contour(GcodeMotion):
                 out.words[letter], out.own[letter] = value, False
         if self.waiting is not None:
             for letter in "XYZ":
-                out.words.setdefault(letter, last[letter] / self.scale)  # type: ignore[operator]
+                out.words.setdefault(letter, last[letter] / self.scale)
         if self.frame.follows and self.tilt is not None and {"A", "B", "C"} & out.words.keys():
             self.recorder.note(self.line, "rotary axes inside a tilted plane only bring the tool upright to it")
             for letter in "ABC":
@@ -310,11 +310,9 @@ class Contour(GcodeMotion):
 
     def _leaving(self, start: Array, end: Array, block: Block) -> Array:
         """Direction in which an arc ends."""
-        first, second, normal = PLANES[self.plane]
+        normal = PLANES[self.plane][2]
         out = np.zeros(3)
         if "R" in block.words:
-            from machining.toolpaths.gcode.arcs import center
-
             middle = center(block, start, end, self.plane, block.codes[0] == 20, scale=self.scale, absolute=False,
                             slack=self.options.arc_tolerance)  # fmt: skip
         else:
@@ -348,7 +346,9 @@ class Contour(GcodeMotion):
                 else:
                     self.values.known.pop(f"#{name[1:]}", None)
         elif cycle not in _QUIET_CYCLES and self.options.unknown_motion == "error":
-            raise StatementError(f"cycle {cycle} is not read", "cycles 1, 7, 10, 200 to 203, 205 to 207, 209, 240", REMEDY)
+            raise StatementError(
+                f"cycle {cycle} is not read", "cycles 1, 7, 10, 200 to 203, 205 to 207, 209, 240", REMEDY
+            )
         elif cycle not in _QUIET_CYCLES:
             self.cycle_number = 0
             self.recorder.note(self.line, f"cycle {cycle} left out, as asked")
@@ -387,7 +387,7 @@ class Contour(GcodeMotion):
         for name, value in re.findall(r"(I?[XYZ])\s*([-+]?(?:Q\d+|[\d.,]+))", rest):
             k, v = "XYZ".index(name[-1]), number(value, self.values) * self.scale
             self.datum[k] = v + (self.datum[k] if name.startswith("I") else 0.0)
-        if "#" in rest or re.search(r"\bQ\d+\b", rest) and not re.search(r"[XYZ]", rest):
+        if "#" in rest or (re.search(r"\bQ\d+\b", rest) and not re.search(r"[XYZ]", rest)):
             raise StatementError("a datum of the control's table", "CYCL DEF 7 with X, Y, Z")
         if self.tilt is not None:
             raise StatementError("a datum shift inside a tilted plane", "PLANE RESET before it", REMEDY)

@@ -53,7 +53,7 @@ def hole(cycle: int, q: Mapping[int, float], scale: float) -> Hole:
 
 
 def pecked(q: Mapping[int, float], height: float, scale: float) -> Hole:
-    """Cycle 1, whose parameters count from the tool's ``height`` m: 1 set-up clearance, 2 depth, 3 peck, 4 rest, 5 feed.
+    """Cycle 1, whose parameters count from the tool's ``height`` m: 1 clearance, 2 depth, 3 peck, 4 rest, 5 feed.
 
     Raises
     ------
@@ -61,7 +61,9 @@ def pecked(q: Mapping[int, float], height: float, scale: float) -> Hole:
         Parameters missing, or without sense.
     """
     if not {1, 2, 3, 5} <= q.keys() or q[2] > 0.0:
-        raise StatementError("cycle 1 without its clearance, depth, peck or feed", "CYCL DEF 1.1 to 1.5, a depth below 0")
+        raise StatementError(
+            "cycle 1 without its clearance, depth, peck or feed", "CYCL DEF 1.1 to 1.5, a depth below 0"
+        )
     gap, depth, peck = (scale * q[k] for k in (1, 2, 3))
     pecks = (gap + abs(peck), abs(peck)) if 0.0 < abs(peck) < -depth else ()
     made = Cycle(

@@ -34,8 +34,8 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read a program in conversational language.
 
     Read are L, LP, LN, CC, C, CP, CR, CT, RND, CHF; the cycles 1, 7, 10, 200 to 209, 240; PLANE SPATIAL and RESET; M128
-    and TCPM; labels, Q parameters and formulas. Coordinates are those of the datum that is in force. Moves and faults as
-    in :func:`machining.toolpaths.read_gcode`.
+    and TCPM; labels, Q parameters and formulas. Coordinates are those of the datum in force. Moves and faults as in
+    :func:`machining.toolpaths.read_gcode`.
 
     Raises
     ------
@@ -151,9 +151,7 @@ class _Reader(Contour):
             self.define(re.sub(r"^CYCLE? DEF\s*", "", text))
         elif text.startswith("CYCL CALL"):
             self.call_cycle(text.removeprefix("CYCL CALL").strip())
-        elif re.match(r"Q[LR]?\d+\s*=\s*(?:MAX|AUTO|FMAX|PREDEF)\b", text):
-            return
-        elif assign(text, self.values):
+        elif re.match(r"Q[LR]?\d+\s*=\s*(?:MAX|AUTO|FMAX|PREDEF)\b", text) or assign(text, self.values):
             return
         elif text.startswith("PLANE"):
             self.plane_statement(text.removeprefix("PLANE").strip())

@@ -53,12 +53,14 @@ def test_set_ups_of_coordinates_in_the_part_tell_the_tool_axis() -> None:
 
 def test_a_second_set_up_without_coordinates_in_the_part_is_refused(tmp_path: Path) -> None:
     text = (SAMPLES / "solidworks.apt").read_text().replace("TRNTYP/WORLD,0,0,0\n", "")
-    with pytest.raises(InputErrors, match="second frame.*--read frames=written"):
+    with pytest.raises(InputErrors, match=r"second frame.*--read frames=written"):
         apt(tmp_path, text, head="")
 
 
 def test_words_of_creo_in_comments_run_over_lines(tmp_path: Path) -> None:
-    m = apt(tmp_path, "$$-> CSYS / 1.0, 0.0, 0.0, 0.0, $\n 0.0, 1.0, 0.0, 0.0, $\n 0.0, 0.0, 1.0, 0.0\nGOTO/1,2,3\nFINI\n")
+    m = apt(
+        tmp_path, "$$-> CSYS / 1.0, 0.0, 0.0, 0.0, $\n 0.0, 1.0, 0.0, 0.0, $\n 0.0, 0.0, 1.0, 0.0\nGOTO/1,2,3\nFINI\n"
+    )
     np.testing.assert_allclose(m.points * 1e3, [[1, 2, 3]])
 
 

@@ -296,7 +296,9 @@ def test_codes_left_out_when_asked_make_the_position_unknown(tmp_path: Path) -> 
 
 
 def test_codes_that_change_nothing_here_are_kept(tmp_path: Path) -> None:
-    m = gcode(tmp_path, "G17 G40 G49 G64 P0.01\nG5.1 Q1\nG0 X0 Y0 Z0\nG41 D1\nM10\nG1 X1 F1\nM5\nM30\n", compensation="centre")
+    m = gcode(
+        tmp_path, "G17 G40 G49 G64 P0.01\nG5.1 Q1\nG0 X0 Y0 Z0\nG41 D1\nM10\nG1 X1 F1\nM5\nM30\n", compensation="centre"
+    )
     words = [e.word for e in m.events]
     assert {"G40", "G49", "G64", "G5.1", "G41", "M10"} <= set(words)
     assert any("G41" in n.text for n in m.notes)
