@@ -2,12 +2,13 @@
 
     python benchmarks/shop/tool_path_corpus.py FOLDER --rs274 PROGRAM [--page]
 
-FOLDER: files of public repositories, each in a folder named after its repository (OWNER+NAME), and ``sources.csv`` with
-repository, commit and licence of each. PROGRAM: the stand-alone interpreter of LinuxCNC (GPL-2.0, run as a program of its
-own). Files are tried and never kept in the project. Every file is read with what the remedies of a refusal ask for where
-it does not say it (``--units mm``, ``--read start=0,0,0``: both are what the interpreter begins with). A move of G-code is equal where its end agrees to the interpreter's four decimals (of a
-millimetre or an inch) and each point of an arc lies on the interpreter's circle to 5 um. APT and Heidenhain's language are
-compared with :mod:`tool_path_plain`, statement by statement. ``--page`` writes docs/validation/tool_path_corpus.md.
+FOLDER: files of public repositories, each in a folder named after its repository (OWNER+NAME), and ``sources.csv``
+with repository, commit and licence of each. PROGRAM: the stand-alone interpreter of LinuxCNC (GPL-2.0, run as a program
+of its own). Files are tried and never kept in the project. Every file is read with what the remedies of a refusal ask
+for where it does not say it (``--units mm``, ``--read start=0,0,0``: both are what the interpreter begins with). A move
+of G-code is equal where its end agrees to the interpreter's four decimals (of a millimetre or an inch) and each point of
+an arc lies on the interpreter's circle to 5 um. APT and Heidenhain's language are compared with :mod:`tool_path_plain`,
+statement by statement. ``--page`` writes docs/validation/tool_path_corpus.md.
 """
 
 from __future__ import annotations
@@ -199,7 +200,7 @@ def _off_circle(point: Floats, start: Floats, centre: Floats, plane: int) -> flo
 def judged(program: Path, file: Path, name: str) -> Compared:
     """Read one file in both ways."""
     text = file.read_text(encoding="latin-1")
-    constructs = tuple(what for what, pattern in CONSTRUCTS.items() if pattern.search(text))
+    constructs = ("G-code", *(what for what, pattern in CONSTRUCTS.items() if pattern.search(text)))
     if MACRO.search(text):
         return Compared(name, "macro", constructs=constructs)
     theirs = canonical(program, file)
@@ -296,7 +297,7 @@ def table(rows: Sequence[tuple[str, Compared]]) -> str:
     groups.append(("all", [r for _, r in fair]))
     groups += [
         (f"with {what}", [r for _, r in fair if what in r.constructs])
-        for what in ("APT and CLS", "Heidenhain", *CONSTRUCTS)
+        for what in ("APT and CLS", "Heidenhain", "G-code", *CONSTRUCTS)
     ]
     for name, some in groups:
         count = Counter(r.outcome for r in some)

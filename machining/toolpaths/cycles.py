@@ -34,8 +34,8 @@ class Cycle:
 
     ``start`` m above the point where feed begins, ``depth`` m below it, ``back`` m above it where the tool returns to
     (NaN: ``start``), ``pecks`` m of each step (the last one repeats; none: one stroke), ``chip_break``: pecks lift by
-    ``PECK_GAP`` only (``breaks`` of them, then one withdraws; 0: all), ``dwell`` s at the bottom, ``feed_out``: leave at
-    feed, ``reverse``: spindle turns back on the way out (tapping), ``feed``, None: the one in force.
+    ``PECK_GAP`` only (``breaks`` of them, then one withdraws; 0: all), ``dwell`` s at the bottom, ``feed_out``: leave
+    at feed, ``reverse``: spindle turns back on the way out (tapping), ``feed``, None: the one in force.
     """
 
     start: float

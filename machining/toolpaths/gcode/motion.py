@@ -45,7 +45,10 @@ class GcodeMotion(Modes):
         if self.motion == 10:
             start = self.here
             self.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
-            self.recorder.move(self.line, self.shifted(point), self.axis, False)
+            if self._turns_part():
+                self._with_table(np.array(start, dtype=np.float64), np.array(point))
+            else:
+                self.recorder.move(self.line, self.shifted(point), self.axis, False)
         else:
             self._arc(b, point, before)
         self.here = list(point)
@@ -110,10 +113,36 @@ class GcodeMotion(Modes):
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        self.recorder.moves(self.line, self.frame.out(points) + self.shift, between(before, self.axis, fraction), False)
+        if self._turns_part() and self.angles != self.angles_before:
+            raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
+        points = self.in_part(self.frame.out(points) + self.shift)
+        self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
+
+    def _turns_part(self) -> bool:
+        """Whether X Y Z are the machine's and a table turns the part under the tool."""
+        return self.options.pivot is not None and not self.tcp and self.options.rotary.startswith("table")
+
+    def _with_table(self, start: Array, end: Array) -> None:
+        """A move at feed while the table turns: as chords of what the tip does in the part."""
+        old, new = self.angles_before, dict(self.angles)
+        turn = max(abs(new[k] - old[k]) for k in new)
+        lever = max(float(np.linalg.norm(end - np.array(self.options.pivot))), 1e-3)
+        step = min(math.radians(5.0), 2.0 * math.sqrt(2.0 * self.options.chord_tolerance / lever))
+        count = 1 if np.isnan(start).any() else max(1, math.ceil(turn / step))
+        self.recorder.room(count)
+        for f in np.arange(1, count + 1) / count:
+            self.angles = {k: old[k] + f * (new[k] - old[k]) for k in new}
+            x, y, z = (end if f == 1.0 else start + f * (end - start)).tolist()
+            self.recorder.move(self.line, self.shifted((x, y, z)), self._of_angles(), False)
+        self.angles = new
+
+    def _of_angles(self) -> Vector:
+        reversed_ = self.options.rotary_reversed
+        return tool_axis(self.options.rotary, {k: -v if k in reversed_ else v for k, v in self.angles.items()})
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
+        self.angles_before = dict(self.angles)
         for letter in "ABC":
             if letter in b.words:
                 old = self.angles[letter]
@@ -135,16 +164,14 @@ class GcodeMotion(Modes):
             raise StatementError(
                 f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy
             )
-        if any(angles.values()) and not self.tcp:
+        if any(angles.values()) and not self.tcp and not self._turns_part():
             raise StatementError(
                 "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
                 "G43.4, G234 or TRAORI before it",
-                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python)",
+                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python); "
+                "where a table turns: --read pivot=X,Y,Z, the place where its axes meet, in mm",
             )
-        if rotary == "none":
-            return 0.0, 0.0, 1.0
-        reversed_ = self.options.rotary_reversed
-        return tool_axis(rotary, {k: -v if k in reversed_ else v for k, v in angles.items()})
+        return (0.0, 0.0, 1.0) if rotary == "none" else self._of_angles()
 
     @property
     def frame_axis(self) -> Vector:

@@ -9,12 +9,13 @@ from typing import Literal
 import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
-from machining.toolpaths.gcode.frames import CoordinateFrame
+from machining.toolpaths.gcode.frames import CoordinateFrame, turned
 from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from robots.arrays import Array
 
 # Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
 SETS: dict[int, tuple[str, int | bool | None]] = {
@@ -91,6 +92,8 @@ class Modes:
         self.unit = None if options.units is None else UNITS[options.units]
         self.here: list[float | None] = [None, None, None] if options.start is None else list(options.start)
         self.angles = {"A": 0.0, "B": 0.0, "C": 0.0}
+        # Before the block that is read.
+        self.angles_before = dict(self.angles)
         self.axis: Vector = (0.0, 0.0, 1.0)
         # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
         self.sticky: dict[str, float] = {}
@@ -266,7 +269,24 @@ class Modes:
         if not self.frame.plain:
             x, y, z = self.frame.out(np.array(point)).tolist()
             point = x, y, z
-        return (point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2]))
+        x, y, z = point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2])
+        if self.options.pivot is not None:
+            x, y, z = self.in_part(np.array([x, y, z])).tolist()
+        return x, y, z
+
+    def in_part(self, points: Array) -> Array:
+        """Points (..., 3) m of the machine's axes in the part that a table has turned; or as they are (TCP).
+
+        As in :func:`machining.toolpaths.tool_axis` the part is turned back by Rz(C) Rx(A) or Rz(C) Ry(B), about the
+        pivot.
+        """
+        pivot, rotary = self.options.pivot, self.options.rotary
+        if pivot is None or self.tcp or not rotary.startswith("table") or not any(self.angles.values()):
+            return points
+        tilt = rotary.rpartition("-")[2][0]
+        signs = {k: -1.0 if k in self.options.rotary_reversed else 1.0 for k in "ABC"}
+        R = turned("zx" if tilt == "A" else "zy", [math.degrees(signs[k] * self.angles[k]) for k in ("C", tilt)])
+        return np.asarray((points - np.array(pivot)) @ R.T + np.array(pivot))
 
     def put_into(self, frame: CoordinateFrame) -> None:
         """Take another frame for the coordinates to come; the tool stays where it is."""

@@ -85,3 +85,32 @@ def test_a_motion_code_holds_beside_the_end_of_a_cycle(tmp_path: Path) -> None:
     for words in ("G0 G80", "G80 G0"):
         m = gcode(tmp_path, f"G0 X0 Y0 Z5\nG81 X1 Z-2 R1 F100\n{words} X20\nM30\n")
         np.testing.assert_allclose(m.points[-1] * 1e3, [20, 0, 5])
+
+
+def test_a_table_that_turns_the_part_without_the_tip_programmed(tmp_path: Path) -> None:
+    # A point of the part at (10, 20, 0), a table of A and C whose axes meet at (0, 0, -50).
+    pivot, q = np.array([0, 0, -50]), np.array([10, 20, 0])
+    a, c = np.radians(30), np.radians(40)
+    Rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    Rz = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    x, y, z = pivot + (Rz @ Rx).T @ (q - pivot)
+    program = f"G0 X10 Y20 Z0 A0 C0\nG1 X{x:.9f} Y{y:.9f} Z{z:.9f} A30 C40 F100\nM30\n"
+    with pytest.raises(InputErrors, match=r"--read pivot=X,Y,Z"):
+        gcode(tmp_path, program, rotary="table-AC")
+    m = gcode(tmp_path, program, rotary="table-AC", pivot=(0.0, 0.0, -0.05))
+    np.testing.assert_allclose(m.points[[0, -1]] * 1e3, [q, q], atol=1e-6)
+    np.testing.assert_allclose(m.axes[-1], Rz @ Rx @ [0, 0, 1], atol=1e-12)
+    # The tip leaves the point on the way: it is followed in chords.
+    assert m.n > 10
+    with pytest.raises(InputErrors, match="without tool centre point control"):
+        gcode(tmp_path, program, rotary="head-AC", pivot=(0.0, 0.0, -0.05))
+
+
+def test_arcs_on_a_turned_table_lie_in_the_part(tmp_path: Path) -> None:
+    program = "G0 X10 Y0 Z0 A90 C0\nG2 X0 Y-10 I-10 J0 F100\nM30\n"
+    m = gcode(tmp_path, program, rotary="table-AC", pivot=(0.0, 0.0, 0.0))
+    # Rx(90): y becomes z.
+    np.testing.assert_allclose(m.points[-1] * 1e3, [0, 0, -10], atol=1e-9)
+    np.testing.assert_allclose(np.hypot(m.points[:, 0], m.points[:, 2]) * 1e3, 10, atol=1e-9)
+    with pytest.raises(InputErrors, match="while the table turns"):
+        gcode(tmp_path, program.replace("G2 X0", "G2 A0 X0"), rotary="table-AC", pivot=(0.0, 0.0, 0.0))
