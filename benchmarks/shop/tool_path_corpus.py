@@ -40,6 +40,8 @@ from robots import InputError
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation" / "tool_path_corpus.md"
 LANGUAGES = ("APT and CLS", "Heidenhain", "G-code")
+# Outcomes that rates are of.
+FAIR = ("read", "read, not compared", "differs", "refused")
 PLAIN = (".apt", ".cls", ".clsf", ".ncl", ".aptsource", ".h")
 SUFFIXES = (".ngc", ".nc", ".tap", ".gcode", ".gc", ".cnc", ".mpf")
 ON_ARC_mm = 0.005
@@ -294,7 +296,7 @@ def table(rows: Sequence[tuple[str, Compared]]) -> str:
         "| of | files without macros | read | of these each move equal | not compared | differs | refused by line |",
         "|---|---|---|---|---|---|---|",
     ]
-    fair = [(repo, r) for repo, r in rows if r.outcome in ("read", "read, not compared", "differs", "refused")]
+    fair = [(repo, r) for repo, r in rows if r.outcome in FAIR]
     groups = [(repo, [r for x, r in fair if x == repo]) for repo in dict.fromkeys(x for x, _ in fair)]
     groups.append(("all", [r for _, r in fair]))
     groups += [
@@ -326,13 +328,18 @@ def page(rows: Sequence[tuple[str, Compared]], sources: str) -> str:
     """The page of the documentation, from its template."""
     equal = [r for _, r in rows if r.outcome == "read"]
     count = Counter(r.outcome for _, r in rows)
+    fair = {name: [r for _, r in rows if name in r.constructs and r.outcome in FAIR] for name in LANGUAGES}
+    done = {name: sum(r.outcome != "refused" for r in some) for name, some in fair.items()}
+    share = {name: f"{100 * done[name] / max(len(some), 1):.0f} %" for name, some in fair.items()}
+    everything = len(fair["G-code"]) + count["refused by both"]
     lines = ["| repository | commit | licence |", "|---|---|---|"]
     lines += [f"| {' | '.join(line.split(','))} |" for line in sources.splitlines() if line.strip()]
     return Template((Path(__file__).with_name("tool_path_corpus_page.md")).read_text(encoding="utf-8")).substitute(
         table=table(rows), sources="\n".join(lines), files=len(rows), macros=count["macro"],
         empty=count["no motion"], bad=count["refused by both"], moves=sum(r.moves for r in equal),
         largest=f"{1e3 * max((r.largest_mm for r in equal), default=0.0):.2g}", refused=refusals(rows),
-        differ=count["differs"],
+        differ=count["differs"] or "none", apt=share["APT and CLS"], heidenhain=share["Heidenhain"],
+        gcode=share["G-code"], gcode_all=f"{100 * done['G-code'] / max(everything, 1):.0f} %",
     )  # fmt: skip
 
 

@@ -25,6 +25,9 @@ _TOKEN = re.compile(
 # Whether a block has anything to work out, and the end of a text behind which a bracket holds no comment.
 COMPUTES = re.compile(r"[#=\[]")
 BRACKET = re.compile(r"(?:[-=+*/,(]|\b(?:AC|IC|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT|ABS|ROUND|TRUNC|POT))\s*\($")
+# Variables that a program declares.
+DECLARES = re.compile(r"^(?:N\d+\s*)?DEF\s+(?:REAL|INT)\s+(.+)$")
+_OWN_NAME = re.compile(r"[A-Z_]{3,}[A-Z0-9_]*")
 # Behind these "=" gives the word's value.
 _WORD = re.compile(r"(?:[A-Z]|CR|[ABC]3|TURN|AR)$")
 # Values of one word that are absolute or incremental by themselves.
@@ -76,10 +79,25 @@ class Values:
         StatementError
             A variable without a value, an expression that is none, a number that is not finite.
         """
+        if declared := DECLARES.match(text):
+            self._declare(declared[1])
+            return ""
         parser = _Parser(text, self.known)
         words = parser.block()
         self.known |= parser.given
         return words
+
+    def _declare(self, text: str) -> None:
+        """``DEF REAL DEPTH = 5, WIDTH``: variables by name; 0 without a value (Siemens)."""
+        for part in text.split(","):
+            name, _, value = (one.strip() for one in part.partition("="))
+            if not _OWN_NAME.fullmatch(name) or name in _FUNCTIONS:
+                raise StatementError(f"variable {name[:30]}", "a name of three letters or more")
+            self.known[name] = 0.0
+            if value:
+                parser = _Parser(f"{name}={value}", self.known)
+                parser.block()
+                self.known |= parser.given
 
 
 class _Parser:
@@ -123,6 +141,9 @@ class _Parser:
             self._assign(key, self._expression())
             return ""
         if self._next("="):
+            if text in self.known:
+                self._assign(text, self._expression())
+                return ""
             if not _WORD.match(text):
                 raise StatementError(f"{text} = ...: a name that is not known", "#1 to #999, #<name>, R1, axes")
             if self.at < len(self.tokens) and self.tokens[self.at][1] in OWN_WAY:
@@ -215,6 +236,8 @@ class _Parser:
         if name == "R" and self.at < len(self.tokens) and self.tokens[self.at][1].isdigit():
             self.at += 1
             return self._get("R" + self.tokens[self.at - 1][1])
+        if name in self.known:
+            return self._get(name)
         here = self.at < len(self.tokens) and self.tokens[self.at][1] in ("[", "(")
         if name == "EXISTS" and here:
             self.at += 1

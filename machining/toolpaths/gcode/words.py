@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
-from machining.toolpaths.gcode.values import BRACKET, COMPUTES
+from machining.toolpaths.gcode.values import BRACKET, COMPUTES, DECLARES
 
 _COMMENT = re.compile(r"\(([^()]*)\)")
 _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
@@ -109,7 +109,9 @@ def block(line: str) -> Block:
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
     if not text or text.startswith("%"):
         return out
-    if _MACRO.search(text):
+    if DECLARES.match(text):
+        out.computes = text
+    elif _MACRO.search(text):
         out.macro = text
     elif COMPUTES.search(text):
         out.computes = text

@@ -114,3 +114,12 @@ def test_arcs_on_a_turned_table_lie_in_the_part(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.hypot(m.points[:, 0], m.points[:, 2]) * 1e3, 10, atol=1e-9)
     with pytest.raises(InputErrors, match="while the table turns"):
         gcode(tmp_path, program.replace("G2 X0", "G2 A0 X0"), rotary="table-AC", pivot=(0.0, 0.0, 0.0))
+
+
+def test_variables_that_a_program_declares(tmp_path: Path) -> None:
+    program = "DEF REAL DEPTH = 2 * 3, WIDTH\nG0 X0 Y0 Z0\nG1 Z=-DEPTH F100\nWIDTH = DEPTH + 1\nG1 X=WIDTH\nM30\n"
+    np.testing.assert_allclose(gcode(tmp_path, program).points[-1] * 1e3, [7, 0, -6])
+    with pytest.raises(InputErrors, match="HEIGHT is no function"):
+        gcode(tmp_path, program.replace("X=WIDTH", "X=HEIGHT"))
+    with pytest.raises(InputErrors, match=r"line 2: .*macro"):
+        gcode(tmp_path, "DEF FRAME A_FRAME\nG0 X0 Y0 Z0\nM30\n")
