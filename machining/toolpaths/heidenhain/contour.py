@@ -229,6 +229,8 @@ class Contour(GcodeMotion):
         if not w.values:
             self.pole = list(self.here)
             return
+        if not {name.lstrip("I") for name in w.values} <= {*"XYZ"}:
+            raise StatementError("CC with other words than X, Y, Z", "two coordinates")
         axes = "".join(sorted(name[-1] for name in w.values))
         for name, value in w.values.items():
             k = "XYZ".index(name[-1])

@@ -127,6 +127,7 @@ def test_inches_and_their_feeds(tmp_path: Path) -> None:
         ("L X+10 A+30 F100", "rotary axis A"),
         ("L Z+10 FMAX M91\nL X+10 F100", "Z is not known"),
         ("L X+10 F100 HUGO", "no word"),
+        ("CC X+5 R3", "CC with other words"),
     ],
 )
 def test_faults_come_with_their_line(tmp_path: Path, text: str, word: str) -> None:
