@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
@@ -30,7 +30,7 @@ class CoordinateFrame:
     shift: Array = field(default_factory=lambda: np.zeros(3))
     follows: bool = False
 
-    @property
+    @cached_property
     def plain(self) -> bool:
         """Whether coordinates are those of the work offset itself."""
         return not self.shift.any() and not self.follows and bool((self.turn == np.eye(3)).all())
@@ -50,6 +50,9 @@ class CoordinateFrame:
 
 def turned(axes: str, angles_deg: Sequence[float]) -> Array:
     """Rotation (3, 3) about axes one after the other, each as the ones before have turned it."""
+    # Most files turn nothing, and reading them must not wait for scipy.
+    from scipy.spatial.transform import Rotation
+
     return np.asarray(Rotation.from_euler(axes.upper(), angles_deg, degrees=True).as_matrix())
 
 

@@ -17,6 +17,7 @@ from robots.arrays import Array
 
 # Components of a tool axis as Siemens writes them.
 POINTING = ("A3", "B3", "C3")
+POINTING_SET = frozenset(POINTING)
 
 
 class GcodeMotion(Modes):
@@ -142,14 +143,16 @@ class GcodeMotion(Modes):
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
-        self.angles_before = dict(self.angles)
+        self.angles_before = self.angles
         for letter in "ABC":
             if letter in b.words:
+                if not turned:
+                    self.angles = dict(self.angles)
                 old = self.angles[letter]
                 self.angles[letter] = math.radians(b.words[letter]) + (0.0 if b.own.get(letter, self.absolute) else old)
                 turned = True
         angles = self.angles
-        if b.words.keys() & set(POINTING):
+        if not POINTING_SET.isdisjoint(b.words):
             return self._direction(b)
         if turned:
             self.pointing = False

@@ -48,6 +48,7 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
 
 # Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
 ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
+MOVING = frozenset((*"XYZABC", *POINTING))
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -168,7 +169,7 @@ class _Reader(GcodeMotion):
                 return
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
-        if b.words.keys() & {*"XYZABC", *POINTING} or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
+        if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
             if self.modal_cycle is not None:
                 self.drill_here(self.modal_cycle)

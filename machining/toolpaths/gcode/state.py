@@ -131,7 +131,8 @@ class Modes:
     def take(self, b: Block) -> None:
         """Take modes, feed, speed, tool and switches of a block."""
         # G80 ends a cycle, and a motion code of its block holds, wherever it stands.
-        for code in sorted(b.codes, key=lambda code: code != 800):
+        codes = sorted(b.codes, key=lambda code: code != 800) if len(b.codes) > 1 else b.codes
+        for code in codes:
             self._code(code, b)
         if "F" in b.words and 40 not in b.codes:
             if not b.words["F"] > 0.0:

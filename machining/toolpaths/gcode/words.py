@@ -109,7 +109,7 @@ def block(line: str) -> Block:
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
     if not text or text.startswith("%"):
         return out
-    if DECLARES.match(text):
+    if "DEF" in text and DECLARES.match(text):
         out.computes = text
     elif _MACRO.search(text):
         out.macro = text
