@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from machining.toolpaths.cycles import Cycle, Stroke
     from machining.toolpaths.gcode.motion import tool_axis
     from machining.toolpaths.gcode.reader import read_gcode
+    from machining.toolpaths.heidenhain.reader import read_heidenhain
     from machining.toolpaths.motions import Event, Motions, Note, Tool
     from machining.toolpaths.options import ReadOptions
     from machining.toolpaths.reading import read_toolpath
@@ -34,6 +35,7 @@ __all__ = [
     "read_apt",
     "read_gcode",
     "read_given_path",
+    "read_heidenhain",
     "read_motions",
     "read_toolpath",
     "to_tool_path",

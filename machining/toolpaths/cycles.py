@@ -34,8 +34,8 @@ class Cycle:
 
     ``start`` m above the point where feed begins, ``depth`` m below it, ``back`` m above it where the tool returns to
     (NaN: ``start``), ``pecks`` m of each step (the last one repeats; none: one stroke), ``chip_break``: pecks lift by
-    ``PECK_GAP`` only, ``dwell`` s at the bottom, ``feed_out``: leave at feed, ``reverse``: spindle turns back on the
-    way out (tapping), ``feed``, None: the one in force.
+    ``PECK_GAP`` only (``breaks`` of them, then one withdraws; 0: all), ``dwell`` s at the bottom, ``feed_out``: leave
+    at feed, ``reverse``: spindle turns back on the way out (tapping), ``feed``, None: the one in force.
     """
 
     start: float
@@ -47,6 +47,7 @@ class Cycle:
     feed_out: bool = False
     reverse: bool = False
     feed: Feed | None = None
+    breaks: int = 0
 
     def strokes(self) -> list[Stroke]:
         """Strokes from ``start`` to the bottom and back out."""
@@ -57,7 +58,7 @@ class Cycle:
             out.append(Stroke(-bottom, rapid=False, dwell=self.dwell if last else 0.0))
             if last:
                 continue
-            if self.chip_break:
+            if self.chip_break and not (self.breaks and (i + 1) % (self.breaks + 1) == 0):
                 out.append(Stroke(-bottom + PECK_GAP, rapid=True))
             else:
                 out += [Stroke(self.start, rapid=True), Stroke(min(-bottom + PECK_GAP, self.start), rapid=True)]

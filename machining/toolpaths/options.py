@@ -37,6 +37,11 @@ class ReadOptions:
     arc_absolute : I, J, K of G-code arcs are coordinates of the centre from the first line on (G90.1)
     dwell_unit : "s" or "ms", unit of a whole-numbered P in G4
     skip_deleted : leave out G-code blocks that start with "/"
+    compensation : "error" refuses points under cutter compensation (G41, G42, RL, RR), which lie on the part's edge or,
+        where only wear is compensated, at the tool's centre; "centre" takes them as the tool's centre
+    pivot : m, where the axes of a turning table meet, in the coordinates of the program at angles of 0: X Y Z without
+        tool centre point control are then turned back into the part
+    rotary_reversed : letters of rotary axes that turn against ISO 841, such as "C"
 
     Raises
     ------
@@ -59,6 +64,9 @@ class ReadOptions:
     arc_absolute: bool = False
     dwell_unit: str = "s"
     skip_deleted: bool = False
+    compensation: str = "error"
+    rotary_reversed: str = ""
+    pivot: Point | None = None
 
     def __post_init__(self) -> None:
         choices: dict[str, tuple[str | None, ...]] = {
@@ -68,6 +76,8 @@ class ReadOptions:
             "circle_axis": ("auto", "right", "left"),
             "rotary": ROTARY,
             "dwell_unit": ("s", "ms"),
+            "compensation": ("error", "centre"),
+            "rotary_reversed": ("", "A", "B", "C", "AC", "BC"),
         }
         for name, allowed in choices.items():
             require_one_of(f"option {name}", getattr(self, name), allowed)
@@ -76,6 +86,6 @@ class ReadOptions:
                 raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
         for name in ("max_bytes", "max_moves"):
             require_at_least(f"option {name}", getattr(self, name), 1)
-        for name, point in (("start", self.start), *self.offsets.items()):
+        for name, point in (("start", self.start), ("pivot", self.pivot), *self.offsets.items()):
             if point is not None and (len(point) != 3 or not all(abs(v) <= FARTHEST for v in point)):
                 raise InputError(f"option {name}", value=str(point), allowed=f"three numbers of at most {FARTHEST:g} m")

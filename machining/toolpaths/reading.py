@@ -11,6 +11,7 @@ import numpy as np
 from machining.task import ToolPath
 from machining.toolpaths.apt.reader import read_apt
 from machining.toolpaths.gcode.reader import read_gcode
+from machining.toolpaths.heidenhain.reader import read_heidenhain
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.source import content, lines
@@ -21,6 +22,7 @@ from robots.files.reading import recording
 SUFFIXES = {
     "apt": (".apt", ".aptsource", ".cls", ".clsf", ".ncl", ".cl", ".cld", ".cldata"),
     "gcode": (".nc", ".ngc", ".tap", ".cnc", ".mpf", ".spf", ".gcode", ".gc", ".eia", ".iso", ".min", ".din"),
+    "heidenhain": (".h", ".hnc"),
     "csv": (".csv",),
 }
 KINDS = tuple(SUFFIXES)
@@ -36,12 +38,12 @@ _SAMPLE = 400
 
 @recording()
 def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOptions | None = None) -> Motions:
-    """Read an APT, CLSF or G-code file, a path in CSV (:func:`machining.read_path`), or motions in CSV.
+    """Read APT, CLSF, G-code, Heidenhain's language, a path in CSV (:func:`machining.read_path`) or motions in CSV.
 
     Parameters
     ----------
     path : the file
-    kind : "apt", "gcode" or "csv"; None: by the name's suffix and the first lines, which must agree
+    kind : "apt", "gcode", "heidenhain" or "csv"; None: by the name's suffix and the first lines, which must agree
     options : see :class:`ReadOptions`
 
     Raises
@@ -59,6 +61,8 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
         return read_apt(path, options)
     if kind == "gcode":
         return read_gcode(path, options)
+    if kind == "heidenhain":
+        return read_heidenhain(path, options)
     return read_motions(path, options.max_bytes) if data.startswith(MARK.encode()) else _path(path)
 
 
@@ -67,13 +71,11 @@ def _kind(path: Path) -> str:
     if by_name == "csv":
         return by_name
     head = list(islice(lines(path), _SAMPLE))
-    if any(_HEIDENHAIN.match(line) for line in head[:20]):
-        raise InputError(
-            f"{path.name} is in Heidenhain's own language", allowed="APT, G-code, CSV", remedy="post it as ISO or APT"
-        )
+    if by_name == "heidenhain" or any(_HEIDENHAIN.match(line) for line in head[:20]):
+        return "heidenhain"
     apt, gcode = (sum(pattern.match(line) is not None for line in head) for pattern in (_APT, _GCODE))
     by_content = "apt" if apt > gcode else "gcode" if gcode > apt else None
-    remedy = "say it: --kind apt, gcode or csv (kind= in Python)"
+    remedy = "say it: --kind apt, gcode, heidenhain or csv (kind= in Python)"
     if by_content is None and by_name is None:
         raise InputError(f"{path.name}: kind of tool path not clear", allowed=", ".join(KINDS), remedy=remedy)
     if by_content and by_name and by_content != by_name:

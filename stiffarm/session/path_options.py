@@ -36,15 +36,17 @@ ReadOpt = Annotated[
         metavar="KEY=VALUE",
         help="How the tool-path file is read: frames=one|written|absolute, unknown_motion=error|report, "
         "start=X,Y,Z (mm), G54=X,Y,Z (mm), arc_absolute=yes|no, circle_axis=auto|right|left, dwell_unit=s|ms, "
-        "skip_deleted=yes|no, chord_tolerance_um=N, arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
+        "skip_deleted=yes|no, compensation=error|centre, rotary_reversed=A|B|C|AC|BC, pivot=X,Y,Z (mm), "
+        "chord_tolerance_um=N, arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
     ),
 ]
 OFFSET = re.compile(r"G5[4-9](?:\.[123])?")
-WORDS = ("frames", "unknown_motion", "circle_axis", "dwell_unit")
+WORDS = ("frames", "unknown_motion", "circle_axis", "dwell_unit", "compensation", "rotary_reversed")
 SWITCHES = ("arc_absolute", "skip_deleted")
 LENGTHS_UM = ("chord_tolerance", "arc_tolerance")
+POINTS = ("start", "pivot")
 COUNTS = ("max_moves", "max_bytes")
-KEYS = (*WORDS, *SWITCHES, "start", "G54 to G59.3", *(f"{name}_um" for name in LENGTHS_UM), *COUNTS)
+KEYS = (*WORDS, *SWITCHES, *POINTS, "G54 to G59.3", *(f"{name}_um" for name in LENGTHS_UM), *COUNTS)
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def _value(key: str, text: str) -> Any:
         if text not in ("yes", "no"):
             raise InputError(f"--read {key}", value=text, allowed="yes or no", remedy=f"as in --read {key}=yes")
         return text == "yes"
-    if key == "start":
+    if key in POINTS:
         return _point(key, text)
     if key.removesuffix("_um") in LENGTHS_UM and key.endswith("_um"):
         numbers = parse_numbers(text)

@@ -53,7 +53,8 @@ MillingOpt = Annotated[
     ),
 ]
 KindOpt = Annotated[
-    str | None, typer.Option("--kind", help="Format of the tool-path file: apt, gcode or csv. Default: by its name.")
+    str | None,
+    typer.Option("--kind", help="Format of the tool-path file: apt, gcode, heidenhain or csv. Default: by its name."),
 ]
 UnitsOpt = Annotated[
     str | None,

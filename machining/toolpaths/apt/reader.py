@@ -67,7 +67,6 @@ KEPT = (
     "TITLE",
     "TOLER",
     "TPRINT",
-    "TRNTYP",
     "TURRET",
     "UNLOAD",
 )
@@ -100,7 +99,7 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
 class _Reader(AptMotion):
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
-        self.head, self.head_line = "", 0
+        self.head, self.head_line, self.comment_goes_on = "", 0, False
         # Nothing open that the short way for GOTO would miss.
         self.plain = True
         self.table: dict[str, Handler] = {
@@ -136,7 +135,12 @@ class _Reader(AptMotion):
 
     def _physical(self, number: int, raw: str) -> None:
         text, comment_mark, comment = raw.strip().partition("$$")
+        if self.comment_goes_on:
+            # Creo's $$-> words run over lines too.
+            self.comment_goes_on = text.endswith("$")
+            return
         if comment_mark:
+            self.comment_goes_on = not text and comment.startswith("->") and comment.rstrip().endswith("$")
             self._comment(number, comment)
         if not text.strip():
             return

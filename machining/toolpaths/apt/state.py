@@ -38,7 +38,7 @@ class Frames:
 
     ``MSYS/x,y,z,xx,xy,xz,yx,yy,yz``: origin, x and y axis of the machine coordinate system in absolute coordinates;
     points of the file are in it. ``CSYS/`` (SolidWorks CAM, Creo): a 3 x 4 matrix. ``TRANS/`` is added by
-    postprocessors, ``ORIGIN/`` taken away.
+    postprocessors, ``ORIGIN/`` taken away. ``upright``: z axis of the last CSYS of coordinates in the part.
     """
 
     def __init__(self, mode: str) -> None:
@@ -46,6 +46,9 @@ class Frames:
         self.words: dict[str, tuple[float, ...]] = {}
         self.used: dict[str, tuple[float, ...]] | None = None
         self.told = False
+        # TRNTYP/WORLD of SolidWorks CAM: coordinates stay those of the part, CSYS only tells the set-up's axes.
+        self.world = False
+        self.upright: Vector | None = None
         self.R, self.t = np.eye(3), np.zeros(3)
 
     @property
@@ -64,6 +67,9 @@ class Frames:
         if word == "MCSYS":
             parts, word = _mcsys(parts), "MSYS"
         values = numbers(parts, (COUNTS[word],))
+        if word == "CSYS" and self.world:
+            self.upright = values[2], values[6], values[10]
+            return
         if self.mode == "absolute" and word == "CSYS":
             raise StatementError("CSYS cannot be applied: vendors differ in its direction", "--read frames=written")
         self.words = {key: v for key, v in self.words.items() if key != word}
@@ -149,6 +155,7 @@ class AptState:
             "UNIT": self._units,
             "TLAXIS": self._tlaxis,
             **dict.fromkeys(COUNTS, self._frame),
+            "TRNTYP": self._transformed,
             "TOOL PATH": self._tool_path,
             "TLDATA": self._cutter,
             "CUTTER": self._cutter,
@@ -224,7 +231,13 @@ class AptState:
     def _frame(self, s: Statement) -> None:
         self.recorder.event(self.line, s.word, s.rest)
         self.frames.set(s.word, s.parts, self.scale)
+        if s.word == "CSYS" and self.frames.upright is not None:
+            self.axis = self.frames.upright
         self.dirty = True
+
+    def _transformed(self, s: Statement) -> None:
+        self.recorder.event(self.line, s.word, readable(s.rest))
+        self.frames.world = s.parts[:1] == ["WORLD"]
 
     def _tool_path(self, s: Statement) -> None:
         parts = s.rest.split(",")

@@ -7,16 +7,23 @@ import math
 import numpy as np
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.cycles import drill
+from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
+from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import Modes
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
+# Components of a tool axis as Siemens writes them.
+POINTING = ("A3", "B3", "C3")
+POINTING_SET = frozenset(POINTING)
+
 
 class GcodeMotion(Modes):
-    """The blocks that move the tool, on top of the modes."""
+    """The blocks that move the tool, on top of the modes; ``pointing``: A3, B3, C3 have told its axis."""
+
+    pointing = False
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -39,7 +46,10 @@ class GcodeMotion(Modes):
         if self.motion == 10:
             start = self.here
             self.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
-            self.recorder.move(self.line, self.shifted(point), self.axis, False)
+            if self._turns_part():
+                self._with_table(np.array(start, dtype=np.float64), np.array(point))
+            else:
+                self.recorder.move(self.line, self.shifted(point), self.axis, False)
         else:
             self._arc(b, point, before)
         self.here = list(point)
@@ -81,7 +91,8 @@ class GcodeMotion(Modes):
         )
         normal = np.zeros(3)
         normal[PLANES[self.plane][2]] = -1.0 if clockwise else 1.0
-        turns = b.words.get("P", 1.0)
+        # Fanuc and LinuxCNC count all turns begun, Siemens those added.
+        turns = b.words["TURN"] + 1.0 if "TURN" in b.words else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
         try:
@@ -103,18 +114,52 @@ class GcodeMotion(Modes):
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        self.recorder.moves(self.line, points + self.shift, between(before, self.axis, fraction), False)
+        if self._turns_part() and self.angles != self.angles_before:
+            raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
+        points = self.in_part(self.frame.out(points) + self.shift)
+        self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
+
+    def _turns_part(self) -> bool:
+        """Whether X Y Z are the machine's and a table turns the part under the tool."""
+        return self.options.pivot is not None and not self.tcp and self.options.rotary.startswith("table")
+
+    def _with_table(self, start: Array, end: Array) -> None:
+        """A move at feed while the table turns: as chords of what the tip does in the part."""
+        old, new = self.angles_before, dict(self.angles)
+        turn = max(abs(new[k] - old[k]) for k in new)
+        lever = max(float(np.linalg.norm(end - np.array(self.options.pivot))), 1e-3)
+        step = min(math.radians(5.0), 2.0 * math.sqrt(2.0 * self.options.chord_tolerance / lever))
+        count = 1 if np.isnan(start).any() else max(1, math.ceil(turn / step))
+        self.recorder.room(count)
+        for f in np.arange(1, count + 1) / count:
+            self.angles = {k: old[k] + f * (new[k] - old[k]) for k in new}
+            x, y, z = (end if f == 1.0 else start + f * (end - start)).tolist()
+            self.recorder.move(self.line, self.shifted((x, y, z)), self._of_angles(), False)
+        self.angles = new
+
+    def _of_angles(self) -> Vector:
+        reversed_ = self.options.rotary_reversed
+        return tool_axis(self.options.rotary, {k: -v if k in reversed_ else v for k, v in self.angles.items()})
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
+        self.angles_before = self.angles
         for letter in "ABC":
             if letter in b.words:
+                if not turned:
+                    self.angles = dict(self.angles)
                 old = self.angles[letter]
-                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if self.absolute else old)
+                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if b.own.get(letter, self.absolute) else old)
                 turned = True
         angles = self.angles
+        if not POINTING_SET.isdisjoint(b.words):
+            return self._direction(b)
+        if turned:
+            self.pointing = False
+        elif self.pointing:
+            return self.axis
         if not turned and not any(angles.values()):
-            return 0.0, 0.0, 1.0
+            return self.frame_axis
         rotary = self.options.rotary
         wrong = [k for k, v in angles.items() if v and k not in rotary.rpartition("-")[2]]
         if wrong and any(angles.values()):
@@ -122,13 +167,36 @@ class GcodeMotion(Modes):
             raise StatementError(
                 f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy
             )
-        if any(angles.values()) and not self.tcp:
+        if any(angles.values()) and not self.tcp and not self._turns_part():
             raise StatementError(
                 "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
                 "G43.4, G234 or TRAORI before it",
-                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python)",
+                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python); "
+                "where a table turns: --read pivot=X,Y,Z, the place where its axes meet, in mm",
             )
-        return (0.0, 0.0, 1.0) if rotary == "none" else tool_axis(rotary, angles)
+        return (0.0, 0.0, 1.0) if rotary == "none" else self._of_angles()
+
+    @property
+    def frame_axis(self) -> Vector:
+        """Tool axis in the part without any rotary axis: upright, or the z axis of a plane that the tool follows."""
+        if not self.frame.follows:
+            return 0.0, 0.0, 1.0
+        x, y, z = self.frame.turn[:, 2].tolist()
+        return x, y, z
+
+    def _direction(self, b: Block) -> Vector:
+        """Siemens' A3 B3 C3: the tool axis as a vector of the frame in force, from the tip into the holder."""
+        if not self.tcp:
+            raise StatementError(
+                "A3, B3, C3 without TRAORI", "TRAORI before them", "say that it is on: --tcp (tcp= in Python)"
+            )
+        axis = self.frame.turn @ np.array([b.words.get(letter, 0.0) for letter in POINTING])
+        size = float(np.linalg.norm(axis))
+        if not size > 0.0:
+            raise StatementError("a tool axis of length 0", "A3, B3 or C3 other than 0")
+        self.pointing = True
+        x, y, z = (axis / size).tolist()
+        return x, y, z
 
     def _cycle(self, b: Block) -> None:
         along = PLANES[self.plane][2]
@@ -138,6 +206,10 @@ class GcodeMotion(Modes):
                 self.sticky[key] = b.words[key] * self.scale
         if "P" in b.words:
             whole = "P" not in b.points and self.options.dwell_unit == "ms"
+            if "P" not in b.points and not whole and b.words["P"] >= 100.0:
+                self.recorder.note(
+                    self.line, "a cycle with a whole P of 100 or more: taken as s; --read dwell_unit=ms?"
+                )
             self.sticky["P"] = b.words["P"] * (1e-3 if whole else 1.0)
         if letter not in self.sticky or "R" not in self.sticky:
             raise StatementError(f"a cycle without {letter} or R", f"{letter} and R")
@@ -150,7 +222,7 @@ class GcodeMotion(Modes):
                 "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole"
             )
         self.axis = self._tool_axis(b)
-        if self.axis[along] < 1.0 - 1e-9:
+        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
             raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
         before, times = len(self.recorder), int(b.words.get("L", 1.0))
         for i in range(times):
@@ -170,17 +242,34 @@ class GcodeMotion(Modes):
             self.motion or 0, retract, bottom, max(back, retract), self.sticky.get("Q", 0.0), self.sticky.get("P", 0.0)
         )
         target[along] = retract
+        self._drill(target, work)
+
+    def _drill(self, target: list[float | None], work: Cycle) -> None:
+        """A cycle that begins to feed at ``target``, m in the frame in force; the tool ends where it leads back to."""
         point = self._known(target)
         here: Array | None = None
         if None not in self.here:
-            here = np.array([v or 0.0 for v in self.here]) + self.shift
+            here = self.frame.out(np.array([v or 0.0 for v in self.here])) + self.shift
 
         def state(own: bool, reverse: bool) -> None:
+            feed, mode = self.feed, self.feed_mode
+            if own and work.feed is not None:
+                self.feed, self.feed_mode, self.dirty = work.feed.value / self.scale, work.feed.per, True
             self.commit(math.nan, reverse=reverse)
+            self.feed, self.feed_mode = feed, mode
 
         end = drill(self.recorder, self.line, here, self.shifted(point), self.axis, work, state)
         self.dirty = True
-        self.here = [float(v) for v in np.array(end) - self.shift]
+        self.here = self.frame.into(np.array(end) - self.shift).tolist()
+
+    def drill_here(self, one: Hole) -> None:
+        """A Siemens cycle at the place where the tool stands."""
+        along = PLANES[self.plane][2]
+        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
+            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+        target = list(self.here)
+        target[along] = one.start
+        self._drill(target, one.cycle)
 
 
 def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
-from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
+from machining.toolpaths.gcode.motion import POINTING, GcodeMotion
+from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
+from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
-from machining.toolpaths.source import lines, readable
+from machining.toolpaths.source import content, lines, readable
 from robots.files.reading import recording
 
 
@@ -33,10 +40,15 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
+    if CALL.search(content(path, options.max_bytes)):
+        reader.subprograms = subprograms(lines(path, options.max_bytes))
     reader.read(lines(path, options.max_bytes))
     return reader.recorder.motions()
 
 
+# Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
+ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
+MOVING = frozenset((*"XYZABC", *POINTING))
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -46,65 +58,121 @@ WITHOUT = (
 
 class _Reader(GcodeMotion):
     over = False
+    # A cycle that every place to come is drilled with.
+    modal_cycle: Hole | None = None
+    subprograms: Mapping[int, Subprogram] = MappingProxyType({})
+    depth = 0
 
     def read(self, source: Iterable[str]) -> None:
+        aside = {number for one in self.subprograms.values() for number in one.lines}
         for number, raw in enumerate(source, start=1):
-            self.line = number
-            words = block(raw)
-            for comment in words.comments:
-                if comment.strip():
-                    self.recorder.event(number, "comment", readable(comment))
-            if self.over:
-                if words.words.keys() & set("XYZ"):
-                    self.recorder.note(number, "motion behind the end of the program is left out")
-                continue
-            if words.deleted:
-                if self.options.skip_deleted:
-                    self.recorder.event(number, "/", readable(raw))
-                    continue
-                self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
-            try:
-                self._block(words)
-            except StatementError as fault:
-                text = readable(raw)
-                self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+            if number not in aside:
+                self._line(number, raw)
         if not self.over:
             self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
 
+    def _line(self, number: int, raw: str) -> bool:
+        """Read one line; whether that was without a fault."""
+        self.line = number
+        words = block(raw)
+        for comment in words.comments:
+            if comment.strip():
+                self.recorder.event(number, "comment", readable(comment))
+        if self.over:
+            if words.words.keys() & set("XYZ"):
+                self.recorder.note(number, "motion behind the end of the program is left out")
+            return True
+        if words.deleted:
+            if self.options.skip_deleted:
+                self.recorder.event(number, "/", readable(raw))
+                return True
+            self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
+        try:
+            self._block(words)
+        except StatementError as fault:
+            text = readable(raw)
+            self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+            return False
+        return True
+
     def _block(self, b: Block) -> None:
         if b.macro:
-            raise StatementError("variables, macros or loops", "numbers", REMEDY_MACRO)
+            raise StatementError("a macro program: loops and branches", "variables and expressions", REMEDY_MACRO)
+        if b.computes:
+            b.take(self.values.worked_out(b.computes))
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
         for word in b.long:
             self._long(word, b)
         if not b.codes and not b.misc and b.words.keys() == {"L"}:
             raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
+        call = self._called(b)
         self._refuse(b)
         cycle_before = self.motion
         self.take(b)
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
-        self.over = any(number in ENDS for number in b.misc)
+        # M99 ends a subprogram, not the program.
+        self.over = any(number in ENDS and not (number == 99 and self.depth) for number in b.misc)
         self._moved(b)
-        self.stop(b)
+        if not self.depth or 99 not in b.misc:
+            self.stop(b)
+        if call is not None:
+            self._call(*call)
+
+    def _called(self, b: Block) -> tuple[int, int] | None:
+        """Number and repeats of a subprogram of this file that the block calls; None where it calls none."""
+        if 98 not in b.misc:
+            return None
+        number, times = called(b.words)
+        if number not in self.subprograms:
+            raise StatementError(
+                f"a call of a subprogram that is not in the file: O{number}" if number >= 0 else "M98 without P",
+                "O numbers that end with M99", REMEDY_MACRO,
+            )  # fmt: skip
+        if not 1 <= times <= 9999 or self.depth >= DEEPEST:
+            raise StatementError(
+                "a call of a subprogram", f"1 to 9999 times, at most {DEEPEST} calls within one another", REMEDY_MACRO
+            )
+        self.recorder.event(self.line, "M98", str(b))
+        b.misc.remove(98)
+        for letter in "PL":
+            b.words.pop(letter, None)
+        return number, times
+
+    def _call(self, number: int, times: int) -> None:
+        self.depth += 1
+        here = self.line
+        for _ in range(times):
+            good = [self._line(*one) for one in self.subprograms[number].blocks if not self.over]
+            # Faults are told once.
+            if not all(good):
+                break
+        self.depth, self.line = self.depth - 1, here
 
     def _moved(self, b: Block) -> None:
         """What a block does beside its modes: rest, motion, other origins."""
         if 40 in b.codes:
             self._dwell(b)
-            return
+            if "P" not in b.words or not b.words.keys() & set("XYZABC"):
+                return
+            # Beside its rest a block may move, after it (RS-274/NGC, table 8).
+            if not {0, 10, 20, 30} & set(b.codes):
+                raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
+            del b.words["P"]
         for code in b.codes:
             if code in (280, 300, 530):
                 self._machine(code, b)
                 return
-            if code in (920, 520, 100):
+            if code in ORIGINS:
                 self._origin(code, b)
                 return
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
-        if b.words.keys() & set("XYZABC") or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
+        if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
+            if self.modal_cycle is not None:
+                self.drill_here(self.modal_cycle)
 
     # Words that are not read
 
@@ -125,9 +193,24 @@ class _Reader(GcodeMotion):
             b.words.clear()
 
     def _long(self, word: str, b: Block) -> None:
-        head = word.partition("(")[0].strip()
+        head, _, rest = word.partition("(")
+        head = " ".join(head.split())
         if head in ("TRAORI", "TRAFOOF"):
             self.tcp = head == "TRAORI"
+        elif head in PROGRAMMABLE:
+            self.put_into(programmable(head, b.words, self.scale, self.frame))
+            b.words.clear()
+        elif head == "MCALL":
+            self.modal_cycle = None
+        elif head.removeprefix("MCALL ") in DRILLS:
+            one = hole(head.removeprefix("MCALL "), rest.rpartition(")")[0], self.scale)
+            if head.startswith("MCALL"):
+                self.modal_cycle = one
+            else:
+                self.drill_here(one)
+        elif head == "CYCLE800":
+            self.put_into(swivelled(rest.rpartition(")")[0].split(","), self.scale) or CoordinateFrame())
+            self._swivelled()
         elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
                 raise StatementError(
@@ -174,8 +257,48 @@ class _Reader(GcodeMotion):
         )
 
     def _origin(self, code: int, b: Block) -> None:
+        """Codes that move or turn the frame of the coordinates to come."""
         self.recorder.event(self.line, shown(code), str(b))
+        old = self.frame
         if code == 100:
+            # L2 and L20 move the work offset itself: with nothing before them they only say where it is.
+            if b.words.get("L") in (2.0, 20.0) and len(self.recorder):
+                raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
-        elif b.words.keys() & set("XYZABC"):
-            raise StatementError(f"{shown(code)} moves the origin", "G54 to G59.3", "post with work offsets")
+        elif code == 520:
+            here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]
+            self.put_into(CoordinateFrame(shift=self.scale * np.array(here)))
+        elif code == 920:
+            self._here_is(b)
+        elif code == 680:
+            self.put_into(old.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here)))
+        elif code == 682:
+            self.put_into(tilted(b.words, self.scale))
+        elif code == 531:
+            self.frame = replace(old, follows=True)
+            self._swivelled()
+        else:
+            self.put_into(CoordinateFrame())
+
+    def _swivelled(self) -> None:
+        """Table or head turn: what coordinates the tool then has is the machine's, unless nothing turns."""
+        if self.axis != self.frame_axis:
+            self.here = [None, None, None]
+        self.axis = self.frame_axis
+
+    def _here_is(self, b: Block) -> None:
+        """G92: what the coordinates of the tool's place are from now on."""
+        given = {k: b.words[letter] * self.scale for k, letter in enumerate("XYZ") if letter in b.words}
+        if any(self.here[k] is None for k in given) and len(self.recorder):
+            raise StatementError(
+                "G92 where the tool's place is not known", "G92 behind a move of its axes", "post with work offsets"
+            )
+        if not self.frame.plain and not (self.frame.turn == np.eye(3)).all():
+            raise StatementError("G92 in turned coordinates", "G92 behind G69", "post with work offsets")
+        moved = self.frame.shift.copy()
+        for k, value in given.items():
+            old = self.here[k]
+            # Before any move it says what the coordinates mean, and moves nothing.
+            moved[k] += 0.0 if old is None else old - value
+            self.here[k] = value
+        self.frame = CoordinateFrame(shift=moved)

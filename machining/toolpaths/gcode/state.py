@@ -9,10 +9,13 @@ from typing import Literal
 import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
+from machining.toolpaths.gcode.frames import CoordinateFrame, turned
+from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from robots.arrays import Array
 
 # Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
 SETS: dict[int, tuple[str, int | bool | None]] = {
@@ -35,11 +38,11 @@ TCP_ON = (434, 2340)
 # Codes kept as events: path control, exact stop, limits, cancels, length offsets, parking.
 QUIET = (
     80, 81, 90, 110, 131, 150, 220, 230, 250, 260, 270, 400, 500, 501, 600, 601, 602, 610, 611, 620, 630, 640, 641,
-    642, 643, 644, 645, 670, 690, 921, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
+    642, 643, 644, 645, 670, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
 )  # fmt: skip
 # Codes of cutter compensation, and those that have a meaning of their own.
 COMPENSATED = (410, 411, 420, 421)
-OWN = (40, 50, 51, 100, 280, 300, 520, 530, 700, 710, 920, *COMPENSATED)
+OWN = (40, 50, 51, 100, 921, 280, 300, 520, 530, 531, 680, 682, 690, 700, 710, 920, *COMPENSATED)
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
     50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
@@ -47,7 +50,7 @@ REFUSED = {
     160: "polar coordinates", 171: "a plane of U V W", 181: "a plane of U V W", 191: "a plane of U V W",
     290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
     382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
-    511: "mirroring", 650: "a macro call", 660: "a macro call", 680: "turned coordinates", 682: "a tilted plane",
+    511: "mirroring", 650: "a macro call", 660: "a macro call",
     720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
     870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
     71: "cylindrical interpolation", 161: "polar coordinates",
@@ -58,7 +61,11 @@ ENDS = (2, 30, 99)
 STOPS = {0: "stop", 1: "optional stop", 60: "stop"}
 COOLANT = {7: "mist", 8: "flood", 9: "off", 88: "through", 89: "off"}
 TURNING = (3, 4, 5, 13, 14, 19)
-REMEDY_MACRO = "post the program without variables, loops and subprograms, or let the control's simulator write it out"
+COMPENSATION = "points of the part's edge, or of the tool's centre where only wear is compensated: it is not said which"
+REMEDY_COMPENSATION = (
+    "post with compensation by the computer; where the points are the tool's centre: --read compensation=centre"
+)
+REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
 def shown(code: int) -> str:
@@ -75,6 +82,7 @@ class Modes:
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self.options, self.recorder = options, Recorder(path.name, options.max_moves)
         self.line = 0
+        self.values = Values()
         self.motion: int | None = None
         self.plane = 170
         self.absolute, self.arc_absolute = True, options.arc_absolute
@@ -84,17 +92,19 @@ class Modes:
         self.unit = None if options.units is None else UNITS[options.units]
         self.here: list[float | None] = [None, None, None] if options.start is None else list(options.start)
         self.angles = {"A": 0.0, "B": 0.0, "C": 0.0}
+        # Before the block that is read.
+        self.angles_before = dict(self.angles)
         self.axis: Vector = (0.0, 0.0, 1.0)
         # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
         self.sticky: dict[str, float] = {}
         self.initial: float | None = None
         self.offset = ""
         self.used_offset: str | None = None
-        self.shift = np.zeros(3)
+        self.shift, self.frame = np.zeros(3), CoordinateFrame()
         self.feed = math.nan
         self.speed, self.sense = math.nan, 0
         self.surface_speed = False
-        self.tool, self.selected = Tool(), -1
+        self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
         self.dirty = True
 
@@ -120,7 +130,9 @@ class Modes:
 
     def take(self, b: Block) -> None:
         """Take modes, feed, speed, tool and switches of a block."""
-        for code in b.codes:
+        # G80 ends a cycle, and a motion code of its block holds, wherever it stands.
+        codes = sorted(b.codes, key=lambda code: code != 800) if len(b.codes) > 1 else b.codes
+        for code in codes:
             self._code(code, b)
         if "F" in b.words and 40 not in b.codes:
             if not b.words["F"] > 0.0:
@@ -135,7 +147,9 @@ class Modes:
             if self.sense and not set(TURNING) & set(b.misc):
                 self._turn()
         if "T" in b.words:
-            self.selected = int(b.words["T"])
+            self.selected, self.named = int(b.words["T"]), ""
+        elif b.tool:
+            self.selected, self.named = -1, b.tool
         for number in b.misc:
             self._misc(number)
 
@@ -157,8 +171,7 @@ class Modes:
             self.tcp = True
             self.recorder.event(self.line, shown(code))
         elif code in COMPENSATED:
-            text = "points are taken as the tool's centre, the control's offset is not read"
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)}: {text}")
+            self.compensated(shown(code))
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
         elif code in (50, 51, *QUIET):
@@ -168,6 +181,12 @@ class Modes:
         elif code not in KNOWN:
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} is not read")
 
+    def compensated(self, word: str) -> None:
+        """Cutter compensation begins: points may lie on the part's edge."""
+        if self.options.compensation == "error":
+            raise StatementError(f"{word}: {COMPENSATION}", "G40: points of the tool's centre", REMEDY_COMPENSATION)
+        self.recorder.event(self.line, word, note=f"{word}: points are taken as the tool's centre, as asked")
+
     def _misc(self, number: int) -> None:
         if number in TURNING:
             self.sense, self.dirty = {3: 1, 13: 1, 4: -1, 14: -1}.get(number, 0), True
@@ -175,17 +194,23 @@ class Modes:
             if number in (13, 14):
                 self.recorder.command(self.line, "coolant", text="flood", word="COOLNT")
         elif number == 6:
-            if self.selected < 0:
-                self.recorder.note(self.line, "M6 without a tool number before it")
-            else:
-                self.tool, self.dirty = Tool(number=self.selected), True
-                # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
-                self.sense = 0
-                self.recorder.tool_change(self.line, "LOADTL", f"T{self.selected}", number=self.selected, stated=True)
+            self._change_tool()
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
         elif number not in STOPS and number not in ENDS:
             self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
+
+    def _change_tool(self) -> None:
+        """M6: the tool that T has named goes into the spindle."""
+        if self.selected < 0 and not self.named:
+            self.recorder.note(self.line, "M6 without a tool number before it")
+            return
+        number = None if self.selected < 0 else self.selected
+        self.tool, self.dirty = Tool(number=number, name=self.named), True
+        # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
+        self.sense = 0
+        text = self.named or f"T{self.selected}"
+        self.recorder.tool_change(self.line, "LOADTL", text, number=number, stated=True)
 
     def _turn(self) -> None:
         """A command to the spindle, by the state that it is in now."""
@@ -228,7 +253,7 @@ class Modes:
         for i, letter in enumerate("XYZ"):
             if letter in b.words:
                 value, old = b.words[letter] * self.scale, out[i]
-                if self.absolute:
+                if b.own.get(letter, self.absolute):
                     out[i] = value
                 else:
                     out[i] = None if old is None else old + value
@@ -241,8 +266,40 @@ class Modes:
                 self.here[i] = None
 
     def shifted(self, point: Vector) -> Vector:
-        """Point with the work offset added."""
-        return (point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2]))
+        """Point of the frame in force, with the work offset added."""
+        if not self.frame.plain:
+            x, y, z = self.frame.out(np.array(point)).tolist()
+            point = x, y, z
+        x, y, z = point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2])
+        if self.options.pivot is not None:
+            x, y, z = self.in_part(np.array([x, y, z])).tolist()
+        return x, y, z
+
+    def in_part(self, points: Array) -> Array:
+        """Points (..., 3) m of the machine's axes in the part that a table has turned; or as they are (TCP).
+
+        As in :func:`machining.toolpaths.tool_axis` the part is turned back by Rz(C) Rx(A) or Rz(C) Ry(B), about the
+        pivot.
+        """
+        pivot, rotary = self.options.pivot, self.options.rotary
+        if pivot is None or self.tcp or not rotary.startswith("table") or not any(self.angles.values()):
+            return points
+        tilt = rotary.rpartition("-")[2][0]
+        signs = {k: -1.0 if k in self.options.rotary_reversed else 1.0 for k in "ABC"}
+        R = turned("zx" if tilt == "A" else "zy", [math.degrees(signs[k] * self.angles[k]) for k in ("C", tilt)])
+        return np.asarray((points - np.array(pivot)) @ R.T + np.array(pivot))
+
+    def put_into(self, frame: CoordinateFrame) -> None:
+        """Take another frame for the coordinates to come; the tool stays where it is."""
+        here, old = self.here, self.frame
+        self.frame = frame
+        if None not in here:
+            self.here = frame.into(old.out(np.array(here, dtype=np.float64))).tolist()
+        elif (frame.turn == old.turn).all():
+            moved = (old.shift - frame.shift) @ frame.turn
+            self.here = [None if v is None else v + float(d) for v, d in zip(here, moved, strict=True)]
+        else:
+            self.here = [None, None, None]
 
     def commit(self, length: float, reverse: bool = False) -> None:
         """Put feed, spindle and tool of the moves to come into the recorder; ``length`` m of the move at feed."""
@@ -252,8 +309,8 @@ class Modes:
             raise StatementError("a move at inverse time without F", "F in each block under G93")
         if not self.dirty and self.feed_mode != "inverse" and not reverse:
             return
-        if self.tool.number is None and self.selected >= 0:
-            self.tool = Tool(number=self.selected)
+        if self.tool == Tool() and (self.selected >= 0 or self.named):
+            self.tool = Tool(number=None if self.named else self.selected, name=self.named)
             self.recorder.note(self.line, "a tool is taken from T without M6")
         spindle = self.spindle
         self.recorder.state(self._feed_speed(length), -spindle if reverse else spindle, self.tool, "")

@@ -6,14 +6,20 @@ import re
 from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
+from machining.toolpaths.gcode.values import BRACKET, COMPUTES, DECLARES
 
 _COMMENT = re.compile(r"\(([^()]*)\)")
 _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
-_LONG = re.compile(r"[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
+_LONG = re.compile(r"(?:MCALL\s+(?=[A-Z]))?[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
+# What decides which blocks run: a true macro program.
 _MACRO = re.compile(
-    r"#|=|\[|\b(?:WHILE|IF|GOTO[BFC]?|DO\d*|END\d+|ENDIF|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|CALL|PROC|DEF|EXTERN)\b|"
+    r"\b(?:WHILE|IF|GOTO[BFC]?|DO\d*|END\d+|ENDIF|ENDWHILE|FOR|ENDFOR|LOOP|ENDLOOP|REPEAT|CALL|PROC|DEF|EXTERN)\b|"
     r"^\s*(?:N\d+\s*)?O\s*<|^\s*O\d+\s+(?:SUB|ENDSUB|IF|WHILE|DO|CALL|RETURN|REPEAT)"
 )
+_TOOL = re.compile(r"\bT\s*=?\s*\"([^\"]{1,80})\"", re.I)
+# Words of several letters with a number, and words that say themselves whether they are absolute.
+_NAMED = re.compile(r"\b(CR|TURN|AR|[ABC]3)=([-+]?[\d.]+)")
+_OWN = re.compile(r"\b([XYZABCIJK])=(AC|IC)\(([-+]?[\d.]+)\)")
 # Words that count something, by the parts of one that they may have: G codes have tenths.
 WHOLE = {"G": 10, "M": 1, "T": 1}
 # Long words that change nothing here.
@@ -35,8 +41,8 @@ QUIET = (
 # Words whose brackets are no comment.
 CALLS = ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
 MOTION_WORDS = re.compile(
-    r"^(?:CYCLE(?!832)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROT|AROT|TRANS|"
-    r"ATRANS|SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
+    r"^(?:CYCLE(?!832|800)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROTS|AROTS|RPL|"
+    r"SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
 )
 
 
@@ -44,8 +50,10 @@ MOTION_WORDS = re.compile(
 class Block:
     """One block: ``words`` by letter (G and M apart), ``codes`` of G in tenths, ``misc`` of M, ``long`` words.
 
-    ``deleted``: starts with a slash. ``macro``: text of what needs a macro interpreter. ``bad``: text that is none of
-    these. ``points``: letters written with a decimal point.
+    ``deleted``: starts with a slash. ``computes``: text whose numbers are to be worked out first, then :meth:`take`.
+    ``macro``: text of what needs a macro interpreter. ``bad``: text that is none of these. ``points``: letters written
+    with a decimal point. ``own``: of words that are so by themselves (``X=IC(5)``) whether they are absolute.
+    ``tool``: a tool's name in quotes.
     """
 
     words: dict[str, float] = field(default_factory=dict)
@@ -54,46 +62,95 @@ class Block:
     long: list[str] = field(default_factory=list)
     comments: list[str] = field(default_factory=list)
     points: set[str] = field(default_factory=set)
+    own: dict[str, bool] = field(default_factory=dict)
+    tool: str = ""
     deleted: bool = False
+    computes: str = ""
     macro: str = ""
     bad: str = ""
 
     def __str__(self) -> str:
         return " ".join(f"{letter}{value:g}" for letter, value in self.words.items())
 
+    def take(self, text: str) -> None:
+        """Enter words with plain numbers, in capitals."""
+        if "=" in text:
+            for letter, way, number in _OWN.findall(text):
+                _put(self, letter, number)
+                self.own[letter] = way == "AC"
+            for name, number in _NAMED.findall(text):
+                _put(self, {"CR": "R"}.get(name, name), number)
+            text = _NAMED.sub(" ", _OWN.sub(" ", text))
+        last = 0
+        for match in _LONG.finditer(text):
+            _words(self, text[last : match.start()])
+            self.long.append(match[0])
+            last = match.end()
+        _words(self, text[last:])
+
 
 def block(line: str) -> Block:
     """Words of one line."""
     out = Block()
-    text = line.strip()
+    # Tabulators between words are blanks; those in comments are no matter.
+    text = line.replace("\t", " ").strip()
     # Siemens messages hold comment signs inside quotes.
     if '"' in text:
+        if tool := _TOOL.search(text):
+            out.tool, text = tool[1], _TOOL.sub(" ", text)
         text = re.sub(r'"[^"]*"', "", text)
     if ";" in text:
         text, _, comment = text.partition(";")
         out.comments.append(comment)
     if "(" in text and not text.upper().lstrip("/ 0123456789N").startswith(CALLS):
-        out.comments += _COMMENT.findall(text)
-        text = _COMMENT.sub(" ", text)
-        text, mark, comment = text.partition("(")
-        if mark:
-            out.comments.append(comment)
-    text = text.upper()
-    text = text.strip()
+        text = _without_comments(out, text)
+    text = text.upper().strip()
     if text.startswith("/"):
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
     if not text or text.startswith("%"):
         return out
-    if _MACRO.search(text):
+    if "DEF" in text and DECLARES.match(text):
+        out.computes = text
+    elif _MACRO.search(text):
         out.macro = text
-        return out
-    last = 0
-    for match in _LONG.finditer(text):
-        _words(out, text[last : match.start()])
-        out.long.append(match[0])
-        last = match.end()
-    _words(out, text[last:])
+    elif COMPUTES.search(text):
+        out.computes = text
+    else:
+        out.take(text)
     return out
+
+
+def _without_comments(out: Block, text: str) -> str:
+    """The text without its comments in brackets; brackets of expressions stay where something is worked out."""
+    kept = ""
+    if "=" in text:
+        while "(" in text:
+            head, _, rest = text.partition("(")
+            kept += head
+            if not BRACKET.search(f"{kept}(".upper()):
+                comment, _, text = rest.partition(")")
+                out.comments.append(comment)
+                kept += " "
+                continue
+            size = _closed(rest)
+            kept, text = f"{kept}({rest[:size]}", rest[size:]
+        return kept + text
+    out.comments += _COMMENT.findall(text)
+    text = _COMMENT.sub(" ", text)
+    text, mark, comment = text.partition("(")
+    if mark:
+        out.comments.append(comment)
+    return text
+
+
+def _closed(text: str) -> int:
+    """Characters up to the bracket that closes one which was opened before; all where none does."""
+    depth = 1
+    for i, character in enumerate(text):
+        depth += (character == "(") - (character == ")")
+        if not depth:
+            return i + 1
+    return len(text)
 
 
 def _words(out: Block, text: str) -> None:

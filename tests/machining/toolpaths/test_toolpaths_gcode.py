@@ -230,27 +230,34 @@ def test_a_whole_dwell_that_looks_like_milliseconds_is_remarked_on(tmp_path: Pat
 @pytest.mark.parametrize(
     ("block", "word"),
     [
-        ("#1=5", "variables"),
-        ("G1 X#1", "variables"),
-        ("R1=5", "variables"),
-        ("G1 X=R1", "variables"),
-        ("WHILE [#1 LT 5] DO1", "variables"),
-        ("o100 sub", "variables"),
-        ("IF [#1 EQ 1] GOTO 10", "variables"),
+        ("#1=#2", "#2 has no value"),
+        ("#3000=1", "control itself"),
+        ("G1 X[1/0]", "finite"),
+        ("G1 X[1+]", "number is expected"),
+        ("G1 X[1", "missing"),
+        ("G1 X FIX[-1.5]", "controls differ"),
+        ("G1 X#1", "#1 has no value"),
+        ("FOO=5", "not known"),
+        ("G1 X=R1", "R1 has no value"),
+        ("WHILE [#1 LT 5] DO1", "macro program"),
+        ("o100 sub", "macro program"),
+        ("IF [#1 EQ 1] GOTO 10", "macro program"),
         ("M98 P100", "subprogram"),
         ("G65 P9000 X1", "macro call"),
         ("L100", "subprogram"),
-        ("CYCLE81(10,0,2,-20)", "moves the tool"),
+        ("CYCLE86(10,0,2,-20)", "moves the tool"),
+        ("CYCLE81(10,0,2)", "depth"),
+        ("CYCLE83(10,0,2,-20,,,5,1,0,0,1,1)", "smaller"),
+        ("CYCLE84(10,0,2,-20)", "pitch"),
         ("G5.2 X1 Y1 P1", "NURBS|spline"),
         ("G5.1 X1 Y1 I1 J1", "spline"),
         ("G33 Z-5 K1", "threading"),
         ("G38.2 Z-5", "probing"),
-        ("G68 X0 Y0 R45", "turned"),
-        ("G68.2 X0 Y0 Z0 I0 J30 K0", "tilted"),
+        ("G68 X0 Y0", "angle"),
+        ("G68.2 P2 Q1 X0 Y0 Z0", "other angles or points"),
+        ("CYCLE800(1,,0,192,0,0,0,0,90,0,0,0,0,-1)", "CYCLE800 of mode 192"),
         ("G51 X0 Y0 P2", "scaling"),
         ("G16", "polar"),
-        ("G92 X0", "moves the origin"),
-        ("G52 X5", "moves the origin"),
         ("G999 X5", "not known"),
         ("G1 U5", "U, V, W"),
         ("G1 X1 X2", "X twice"),
@@ -289,7 +296,9 @@ def test_codes_left_out_when_asked_make_the_position_unknown(tmp_path: Path) -> 
 
 
 def test_codes_that_change_nothing_here_are_kept(tmp_path: Path) -> None:
-    m = gcode(tmp_path, "G17 G40 G49 G64 P0.01\nG5.1 Q1\nG0 X0 Y0 Z0\nG41 D1\nM10\nG1 X1 F1\nM5\nM30\n")
+    m = gcode(
+        tmp_path, "G17 G40 G49 G64 P0.01\nG5.1 Q1\nG0 X0 Y0 Z0\nG41 D1\nM10\nG1 X1 F1\nM5\nM30\n", compensation="centre"
+    )
     words = [e.word for e in m.events]
     assert {"G40", "G49", "G64", "G5.1", "G41", "M10"} <= set(words)
     assert any("G41" in n.text for n in m.notes)

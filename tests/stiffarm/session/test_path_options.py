@@ -31,6 +31,9 @@ def asked(*read: str, kind: str | None = None, units: str | None = None, tcp: bo
             "f.nc", "G21\nG54 G0 X0 Y0 Z0\nG55 G0 X1 Y0 Z0\nM30\n", "G54=X,Y,Z --read G55=X,Y,Z",
             ["G54=0,0,0", "g55=100,0,0"],
         ),
+        ("h.nc", "G21\nG0 X0 Y0 Z0\nG41 D1 X5\nM30\n", "compensation=centre", ["compensation=centre"]),
+        ("i.h", "BEGIN PGM I MM\nL Z+5 F100\nEND PGM I MM\n", "start=X,Y,Z", ["start=0,0,9"]),
+        ("j.nc", "G21\nG0 X0 Y0 Z0 A10\nM30\n", "pivot=X,Y,Z", ["pivot=0,0,-50", "rotary_reversed=A"]),
         ("g.nc", "G21\nG0 X0 Y0 Z0\nG1 X1 F60\nG1 X2\nG1 X3\nM30\n", "max_moves=N", ["max_moves=100"]),
     ],
 )  # fmt: skip
@@ -48,7 +51,7 @@ def test_a_remedy_can_be_typed_and_helps(tmp_path: Path, name: str, text: str, r
     [
         ("a.apt", "GOTO/0,0,0\nFINI\n", "--units mm or inch", {"units": "mm"}),
         ("b.nc", "G0 X0 Y0 Z0\nM30\n", "--units mm or inch", {"units": "inch"}),
-        ("c.txt", "hello\n", "--kind apt, gcode or csv", None),
+        ("c.txt", "hello\n", "--kind apt, gcode, heidenhain or csv", None),
         ("d.nc", "G21\nG0 X0 Y0 Z0 A10\nM30\n", "--tcp", {"tcp": True}),
     ],
 )

@@ -1,0 +1,1 @@
+"""Programs in Heidenhain's conversational language (Klartext)."""

@@ -1,0 +1,125 @@
+"""Dialects of G-code and APT: TRAORI vectors, tilted planes, modal cycles, variables, subprograms, set-ups."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from toolpath_cases import SAMPLES, apt, gcode
+
+from machining.toolpaths import read_toolpath
+from robots import InputErrors
+
+
+def test_sinumerik_vectors_swivels_and_modal_cycles() -> None:
+    m = read_toolpath(SAMPLES / "sinumerik.mpf")
+    at = {line: m.points[m.line == line] * 1e3 for line in set(m.line.tolist())}
+    assert [t.name for t in m.tools] == ["MILL_10"]
+    np.testing.assert_allclose(at[11], [[10, 20, 0]])
+    np.testing.assert_allclose(m.axes[m.line == 11], [[0.6, 0, 0.8]])
+    np.testing.assert_allclose(at[12], [[15, 7, 0]])
+    # Swivelled by 90 deg about Y at (10, 20, 30): its z is the part's x, its x the part's -z.
+    np.testing.assert_allclose(at[15], [[10 + 3, 20 + 2, 30 - 1]], atol=1e-9)
+    np.testing.assert_allclose(at[16], [[10, 22, 29]], atol=1e-9)
+    np.testing.assert_allclose(m.axes[m.line == 16], [[1, 0, 0]], atol=1e-12)
+    # The first peck goes to 5 below the reference, the second 5 deeper.
+    assert np.round(at[20][at[20][:, 2] < 0][:, 2], 3).tolist() == [-5, -4.746, -10]
+    np.testing.assert_allclose(at[20][-1], [10, 10, 20])
+    np.testing.assert_allclose(at[21][-1], [20, 10, 20])
+    np.testing.assert_allclose(at[23], [[20, 10, 100]])
+
+
+def test_tilted_plane_subprogram_and_variables() -> None:
+    m = read_toolpath(SAMPLES / "tilted.nc")
+    ends = np.round(m.points * 1e3, 9)
+    # Twice 5 mm by the subprogram.
+    assert [5, 0, 50] in ends.tolist()
+    assert [10, 0, 50] in ends.tolist()
+    # Rx(90): its y is the part's z, its z the part's -y.
+    np.testing.assert_allclose(m.points[m.line == 12] * 1e3, [[11, -3, 2]], atol=1e-9)
+    np.testing.assert_allclose(m.points[m.line == 13] * 1e3, [[11, 12.5, 2]], atol=1e-9)
+    np.testing.assert_allclose(m.feed[m.line == 13], 500e-3 / 60)
+    np.testing.assert_allclose(m.axes[m.line == 13], [[0, -1, 0]], atol=1e-12)
+    np.testing.assert_allclose(m.axes[-1], [0, 0, 1])
+
+
+def test_set_ups_of_coordinates_in_the_part_tell_the_tool_axis() -> None:
+    m = read_toolpath(SAMPLES / "solidworks.apt")
+    np.testing.assert_allclose(m.points * 1e3, [[30, 0, 5], [10, 0, 5], [0, 0, 30], [0, 0, 10]])
+    # Without a tool axis in GOTO it is that of the set-up, not that of the set-up before.
+    np.testing.assert_allclose(m.axes, [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 1]])
+
+
+def test_a_second_set_up_without_coordinates_in_the_part_is_refused(tmp_path: Path) -> None:
+    text = (SAMPLES / "solidworks.apt").read_text().replace("TRNTYP/WORLD,0,0,0\n", "")
+    with pytest.raises(InputErrors, match=r"second frame.*--read frames=written"):
+        apt(tmp_path, text, head="")
+
+
+def test_words_of_creo_in_comments_run_over_lines(tmp_path: Path) -> None:
+    m = apt(
+        tmp_path, "$$-> CSYS / 1.0, 0.0, 0.0, 0.0, $\n 0.0, 1.0, 0.0, 0.0, $\n 0.0, 0.0, 1.0, 0.0\nGOTO/1,2,3\nFINI\n"
+    )
+    np.testing.assert_allclose(m.points * 1e3, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize("word", ["G41 D1", "G42 D1"])
+def test_cutter_compensation_is_refused_unless_points_are_centres(tmp_path: Path, word: str) -> None:
+    program = f"G0 X0 Y0 Z0\n{word}\nG1 X10 F100\nG40\nM30\n"
+    with pytest.raises(InputErrors, match=r"line 3.*--read compensation=centre"):
+        gcode(tmp_path, program)
+    m = gcode(tmp_path, program, compensation="centre")
+    np.testing.assert_allclose(m.points[-1] * 1e3, [10, 0, 0])
+    assert any("as asked" in note.text for note in m.notes)
+
+
+def test_rotary_axes_that_turn_the_other_way(tmp_path: Path) -> None:
+    program = "G43.4 H1\nG0 X0 Y0 Z5 A30 C90\nM30\n"
+    as_iso = gcode(tmp_path, program, rotary="table-AC").axes[-1]
+    other = gcode(tmp_path, program, rotary="table-AC", rotary_reversed="C").axes[-1]
+    np.testing.assert_allclose(other, as_iso * [-1, -1, 1], atol=1e-12)
+
+
+def test_a_motion_code_holds_beside_the_end_of_a_cycle(tmp_path: Path) -> None:
+    for words in ("G0 G80", "G80 G0"):
+        m = gcode(tmp_path, f"G0 X0 Y0 Z5\nG81 X1 Z-2 R1 F100\n{words} X20\nM30\n")
+        np.testing.assert_allclose(m.points[-1] * 1e3, [20, 0, 5])
+
+
+def test_a_table_that_turns_the_part_without_the_tip_programmed(tmp_path: Path) -> None:
+    # A point of the part at (10, 20, 0), a table of A and C whose axes meet at (0, 0, -50).
+    pivot, q = np.array([0, 0, -50]), np.array([10, 20, 0])
+    a, c = np.radians(30), np.radians(40)
+    Rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    Rz = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    x, y, z = pivot + (Rz @ Rx).T @ (q - pivot)
+    program = f"G0 X10 Y20 Z0 A0 C0\nG1 X{x:.9f} Y{y:.9f} Z{z:.9f} A30 C40 F100\nM30\n"
+    with pytest.raises(InputErrors, match=r"--read pivot=X,Y,Z"):
+        gcode(tmp_path, program, rotary="table-AC")
+    m = gcode(tmp_path, program, rotary="table-AC", pivot=(0.0, 0.0, -0.05))
+    np.testing.assert_allclose(m.points[[0, -1]] * 1e3, [q, q], atol=1e-6)
+    np.testing.assert_allclose(m.axes[-1], Rz @ Rx @ [0, 0, 1], atol=1e-12)
+    # The tip leaves the point on the way: it is followed in chords.
+    assert m.n > 10
+    with pytest.raises(InputErrors, match="without tool centre point control"):
+        gcode(tmp_path, program, rotary="head-AC", pivot=(0.0, 0.0, -0.05))
+
+
+def test_arcs_on_a_turned_table_lie_in_the_part(tmp_path: Path) -> None:
+    program = "G0 X10 Y0 Z0 A90 C0\nG2 X0 Y-10 I-10 J0 F100\nM30\n"
+    m = gcode(tmp_path, program, rotary="table-AC", pivot=(0.0, 0.0, 0.0))
+    # Rx(90): y becomes z.
+    np.testing.assert_allclose(m.points[-1] * 1e3, [0, 0, -10], atol=1e-9)
+    np.testing.assert_allclose(np.hypot(m.points[:, 0], m.points[:, 2]) * 1e3, 10, atol=1e-9)
+    with pytest.raises(InputErrors, match="while the table turns"):
+        gcode(tmp_path, program.replace("G2 X0", "G2 A0 X0"), rotary="table-AC", pivot=(0.0, 0.0, 0.0))
+
+
+def test_variables_that_a_program_declares(tmp_path: Path) -> None:
+    program = "DEF REAL DEPTH = 2 * 3, WIDTH\nG0 X0 Y0 Z0\nG1 Z=-DEPTH F100\nWIDTH = DEPTH + 1\nG1 X=WIDTH\nM30\n"
+    np.testing.assert_allclose(gcode(tmp_path, program).points[-1] * 1e3, [7, 0, -6])
+    with pytest.raises(InputErrors, match="HEIGHT is no function"):
+        gcode(tmp_path, program.replace("X=WIDTH", "X=HEIGHT"))
+    with pytest.raises(InputErrors, match=r"line 2: .*macro"):
+        gcode(tmp_path, "DEF FRAME A_FRAME\nG0 X0 Y0 Z0\nM30\n")
