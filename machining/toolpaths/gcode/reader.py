@@ -195,6 +195,8 @@ class _Reader(GcodeMotion):
     def _long(self, word: str, b: Block) -> None:
         head, _, rest = word.partition("(")
         head = " ".join(head.split())
+        # A modal cycle goes by the cycle's own name.
+        name = head.removeprefix("MCALL ")
         if head in ("TRAORI", "TRAFOOF"):
             self.tcp = head == "TRAORI"
         elif head in PROGRAMMABLE:
@@ -202,16 +204,16 @@ class _Reader(GcodeMotion):
             b.words.clear()
         elif head == "MCALL":
             self.modal_cycle = None
-        elif head.removeprefix("MCALL ") in DRILLS:
-            one = hole(head.removeprefix("MCALL "), rest.rpartition(")")[0], self.scale)
-            if head.startswith("MCALL"):
+        elif name in DRILLS:
+            one = hole(name, rest.rpartition(")")[0], self.scale)
+            if name != head:
                 self.modal_cycle = one
             else:
                 self.drill_here(one)
         elif head == "CYCLE800":
             self.put_into(swivelled(rest.rpartition(")")[0].split(","), self.scale) or CoordinateFrame())
             self._swivelled()
-        elif MOTION_WORDS.match(head) and not word.replace(" ", "").endswith("()"):
+        elif MOTION_WORDS.match(name) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
                 raise StatementError(
                     f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3", WITHOUT

@@ -246,6 +246,8 @@ def test_a_whole_dwell_that_looks_like_milliseconds_is_remarked_on(tmp_path: Pat
         ("G65 P9000 X1", "macro call"),
         ("L100", "subprogram"),
         ("CYCLE86(10,0,2,-20)", "moves the tool"),
+        ("MCALL CYCLE86(10,0,2,-20)", "moves the tool"),
+        ("MCALL POCKET3(10,0,2,-20)", "moves the tool"),
         ("CYCLE81(10,0,2)", "depth"),
         ("CYCLE83(10,0,2,-20,,,5,1,0,0,1,1)", "smaller"),
         ("CYCLE84(10,0,2,-20)", "pitch"),
