@@ -41,11 +41,16 @@ def lines(path: Path, max_bytes: int = LARGEST_FILE) -> Iterator[str]:
     InputError
         As :func:`content`, and for a line too long.
     """
-    file = io.TextIOWrapper(io.BytesIO(content(path, max_bytes)), encoding="latin-1", newline=None)
+    return lines_of(path.name, content(path, max_bytes))
+
+
+def lines_of(name: str, data: bytes) -> Iterator[str]:
+    """Lines as :func:`lines` of the content of a file with this name."""
+    file = io.TextIOWrapper(io.BytesIO(data), encoding="latin-1", newline=None)
     for number, line in enumerate(iter(partial(file.readline, LINE_LIMIT + 1), ""), start=1):
         if len(line) > LINE_LIMIT:
             raise InputError(
-                f"{path.name}, line {number}: length", allowed=f"up to {LINE_LIMIT} characters", remedy="break it"
+                f"{name}, line {number}: length", allowed=f"up to {LINE_LIMIT} characters", remedy="break it"
             )
         yield line
 

@@ -132,7 +132,7 @@ def _structure(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
 def _bowing(bent: Sequence[Unknown], highest: int) -> Shape:
     """Laws of a rail up to an order: shifts, and turns that move a target alike."""
     return tuple(
-        (one, 1.0 / one.index[1] / (ARM_LENGTH if one.index[0] else 1.0)) for one in bent if one.index[1] <= highest
+        (one, 1.0 / one.index[1] / (ARM_LENGTH if _turns(one) else 1.0)) for one in bent if one.index[1] <= highest
     )
 
 
@@ -164,4 +164,4 @@ def _turns(one: Unknown) -> bool:
 
 def _moving(some: Sequence[Unknown]) -> Shape:
     """Shifts and turns that move a target alike."""
-    return tuple((one, 1.0 / ARM_LENGTH if one.index[1] else 1.0) for one in some)
+    return tuple((one, 1.0 / ARM_LENGTH if _turns(one) else 1.0) for one in some)

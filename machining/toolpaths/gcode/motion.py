@@ -10,7 +10,7 @@ from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
-from machining.toolpaths.gcode.state import Modes
+from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
@@ -18,6 +18,8 @@ from robots.arrays import Array
 # Components of a tool axis as Siemens writes them.
 POINTING = ("A3", "B3", "C3")
 POINTING_SET = frozenset(POINTING)
+# Words that move the tool.
+MOVING = frozenset((*"XYZABC", *POINTING))
 
 
 class GcodeMotion(Modes):
@@ -46,7 +48,7 @@ class GcodeMotion(Modes):
         if self.motion == 10:
             start = self.here
             self.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
-            if self._turns_part():
+            if self.turns_part:
                 self._with_table(np.array(start, dtype=np.float64), np.array(point))
             else:
                 self.recorder.move(self.line, self.shifted(point), self.axis, False)
@@ -71,7 +73,7 @@ class GcodeMotion(Modes):
             raise StatementError(
                 f"a move at feed while {missing} is not known",
                 "X, Y, Z given before",
-                "say where the tool stands first, in mm: --read start=X,Y,Z (start= in Python)",
+                REMEDY_START,
             )
         return x, y, z
 
@@ -114,14 +116,10 @@ class GcodeMotion(Modes):
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
         chain = np.vstack([start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        if self._turns_part() and self.angles != self.angles_before:
+        if self.turns_part and self.angles != self.angles_before:
             raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
         points = self.in_part(self.frame.out(points) + self.shift)
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
-
-    def _turns_part(self) -> bool:
-        """Whether X Y Z are the machine's and a table turns the part under the tool."""
-        return self.options.pivot is not None and not self.tcp and self.options.rotary.startswith("table")
 
     def _with_table(self, start: Array, end: Array) -> None:
         """A move at feed while the table turns: as chords of what the tip does in the part."""
@@ -138,8 +136,7 @@ class GcodeMotion(Modes):
         self.angles = new
 
     def _of_angles(self) -> Vector:
-        reversed_ = self.options.rotary_reversed
-        return tool_axis(self.options.rotary, {k: -v if k in reversed_ else v for k, v in self.angles.items()})
+        return tool_axis(self.options.rotary, self.iso_angles)
 
     def _tool_axis(self, b: Block) -> Vector:
         turned = False
@@ -167,7 +164,7 @@ class GcodeMotion(Modes):
             raise StatementError(
                 f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy
             )
-        if any(angles.values()) and not self.tcp and not self._turns_part():
+        if any(angles.values()) and not self.tcp and not self.turns_part:
             raise StatementError(
                 "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
                 "G43.4, G234 or TRAORI before it",
@@ -222,8 +219,7 @@ class GcodeMotion(Modes):
                 "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole"
             )
         self.axis = self._tool_axis(b)
-        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
-            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+        self._require_along_normal()
         before, times = len(self.recorder), int(b.words.get("L", 1.0))
         for i in range(times):
             self._hole(b, along, letter)
@@ -264,12 +260,15 @@ class GcodeMotion(Modes):
 
     def drill_here(self, one: Hole) -> None:
         """A Siemens cycle at the place where the tool stands."""
-        along = PLANES[self.plane][2]
-        if (np.array(self.axis) @ self.frame.turn)[along] < 1.0 - 1e-9:
-            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+        self._require_along_normal()
         target = list(self.here)
-        target[along] = one.start
+        target[PLANES[self.plane][2]] = one.start
         self._drill(target, one.cycle)
+
+    def _require_along_normal(self) -> None:
+        """Cycles drill along the plane's normal alone."""
+        if (np.array(self.axis) @ self.frame.turn)[PLANES[self.plane][2]] < 1.0 - 1e-9:
+            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
 
 
 def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:

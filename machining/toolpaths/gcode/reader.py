@@ -11,7 +11,7 @@ import numpy as np
 
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
-from machining.toolpaths.gcode.motion import POINTING, GcodeMotion
+from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
@@ -19,7 +19,7 @@ from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
-from machining.toolpaths.source import content, lines, readable
+from machining.toolpaths.source import content, lines_of, readable
 from robots.files.reading import recording
 
 
@@ -40,15 +40,15 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
-    if CALL.search(content(path, options.max_bytes)):
-        reader.subprograms = subprograms(lines(path, options.max_bytes))
-    reader.read(lines(path, options.max_bytes))
+    data = content(path, options.max_bytes)
+    if CALL.search(data):
+        reader.subprograms = subprograms(lines_of(path.name, data))
+    reader.read(lines_of(path.name, data))
     return reader.recorder.motions()
 
 
 # Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
 ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
-MOVING = frozenset((*"XYZABC", *POINTING))
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -82,16 +82,12 @@ class _Reader(GcodeMotion):
             if words.words.keys() & set("XYZ"):
                 self.recorder.note(number, "motion behind the end of the program is left out")
             return True
-        if words.deleted:
-            if self.options.skip_deleted:
-                self.recorder.event(number, "/", readable(raw))
-                return True
-            self.recorder.note(number, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
+        if words.deleted and self.skips_deleted(raw):
+            return True
         try:
             self._block(words)
         except StatementError as fault:
-            text = readable(raw)
-            self.recorder.error(number, fault.what, value=text.strip(), allowed=fault.allowed, remedy=fault.remedy)
+            self.refuse(fault, readable(raw).strip())
             return False
         return True
 

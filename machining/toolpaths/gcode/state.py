@@ -15,6 +15,7 @@ from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from machining.toolpaths.source import readable
 from robots.arrays import Array
 
 # Codes in tenths: G43.4 is 434. Those that set one mode, and to what.
@@ -65,6 +66,7 @@ COMPENSATION = "points of the part's edge, or of the tool's centre where only we
 REMEDY_COMPENSATION = (
     "post with compensation by the computer; where the points are the tool's centre: --read compensation=centre"
 )
+REMEDY_START = "say where the tool stands first, in mm: --read start=X,Y,Z (start= in Python)"
 REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
@@ -127,6 +129,18 @@ class Modes:
         if self.sense == 0:
             return 0.0
         return math.nan if self.surface_speed else self.sense * self.speed
+
+    def refuse(self, fault: StatementError, statement: str) -> None:
+        """Keep a fault of the line that is read."""
+        self.recorder.error(self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy)
+
+    def skips_deleted(self, raw: str) -> bool:
+        """Whether a block that starts with a slash is left out, as an event; else a note says that it is read."""
+        if self.options.skip_deleted:
+            self.recorder.event(self.line, "/", readable(raw))
+        else:
+            self.recorder.note(self.line, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
+        return self.options.skip_deleted
 
     def take(self, b: Block) -> None:
         """Take modes, feed, speed, tool and switches of a block."""
@@ -271,9 +285,19 @@ class Modes:
             x, y, z = self.frame.out(np.array(point)).tolist()
             point = x, y, z
         x, y, z = point[0] + float(self.shift[0]), point[1] + float(self.shift[1]), point[2] + float(self.shift[2])
-        if self.options.pivot is not None:
+        if self.turns_part:
             x, y, z = self.in_part(np.array([x, y, z])).tolist()
         return x, y, z
+
+    @property
+    def turns_part(self) -> bool:
+        """Whether X Y Z are the machine's and a table turns the part under the tool."""
+        return self.options.pivot is not None and not self.tcp and self.options.rotary.startswith("table")
+
+    @property
+    def iso_angles(self) -> dict[str, float]:
+        """Angles rad of the rotary axes in the sense of ISO 841."""
+        return {k: -v if k in self.options.rotary_reversed else v for k, v in self.angles.items()}
 
     def in_part(self, points: Array) -> Array:
         """Points (..., 3) m of the machine's axes in the part that a table has turned; or as they are (TCP).
@@ -281,13 +305,11 @@ class Modes:
         As in :func:`machining.toolpaths.tool_axis` the part is turned back by Rz(C) Rx(A) or Rz(C) Ry(B), about the
         pivot.
         """
-        pivot, rotary = self.options.pivot, self.options.rotary
-        if pivot is None or self.tcp or not rotary.startswith("table") or not any(self.angles.values()):
+        if not self.turns_part or not any(self.angles.values()):
             return points
-        tilt = rotary.rpartition("-")[2][0]
-        signs = {k: -1.0 if k in self.options.rotary_reversed else 1.0 for k in "ABC"}
-        R = turned("zx" if tilt == "A" else "zy", [math.degrees(signs[k] * self.angles[k]) for k in ("C", tilt)])
-        return np.asarray((points - np.array(pivot)) @ R.T + np.array(pivot))
+        tilt, angles, pivot = self.options.rotary.rpartition("-")[2][0], self.iso_angles, np.array(self.options.pivot)
+        R = turned("zx" if tilt == "A" else "zy", [math.degrees(angles[k]) for k in ("C", tilt)])
+        return np.asarray((points - pivot) @ R.T + pivot)
 
     def put_into(self, frame: CoordinateFrame) -> None:
         """Take another frame for the coordinates to come; the tool stays where it is."""

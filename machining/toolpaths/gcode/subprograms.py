@@ -16,7 +16,7 @@ DEEPEST = 10
 
 @dataclass(frozen=True)
 class Subprogram:
-    """Blocks between ``O`` and ``M99``, both aside, with their line numbers; ``lines``: first and last of all."""
+    """Blocks behind ``O`` up to that with ``M99``, with their line numbers; ``lines``: from ``O`` to ``M99``."""
 
     blocks: tuple[tuple[int, str], ...]
     lines: range

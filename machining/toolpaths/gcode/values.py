@@ -87,17 +87,17 @@ class Values:
         self.known |= parser.given
         return words
 
+    def value(self, text: str) -> float:
+        """What an expression comes to; errors as :meth:`worked_out`."""
+        return _Parser(text, self.known).whole()
+
     def _declare(self, text: str) -> None:
         """``DEF REAL DEPTH = 5, WIDTH``: variables by name; 0 without a value (Siemens)."""
         for part in text.split(","):
             name, _, value = (one.strip() for one in part.partition("="))
             if not _OWN_NAME.fullmatch(name) or name in _FUNCTIONS:
                 raise StatementError(f"variable {name[:30]}", "a name of three letters or more")
-            self.known[name] = 0.0
-            if value:
-                parser = _Parser(f"{name}={value}", self.known)
-                parser.block()
-                self.known |= parser.given
+            self.known[name] = self.value(value) if value else 0.0
 
 
 class _Parser:
@@ -118,6 +118,13 @@ class _Parser:
                 f"{text[end:].strip()[:20]!r} is no part of an expression", "numbers, #1, [1 + 2], SIN[30]"
             )
         self.at, self.depth = 0, 0
+
+    def whole(self) -> float:
+        """The value of all that stands there."""
+        value = self._expression()
+        if self.at < len(self.tokens):
+            raise StatementError(f"{self.tokens[self.at][1]!r} behind an expression", "one expression")
+        return value
 
     def block(self) -> str:
         """Words of the block with numbers; assignments are left out."""

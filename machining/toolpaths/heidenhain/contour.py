@@ -11,8 +11,8 @@ import numpy as np
 
 from machining.toolpaths.gcode.arcs import PLANES, center
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
-from machining.toolpaths.gcode.motion import GcodeMotion
-from machining.toolpaths.gcode.siemens_cycles import Hole
+from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
+from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.corners import chamfered, rounded, tangent_arc
 from machining.toolpaths.heidenhain.cycles import DRILLS, hole, pecked
@@ -25,6 +25,8 @@ from robots.arrays import Array
 REMEDY = "post it as single moves"
 # Cycles that set what moves do not depend on: rest, orientation, tolerance, preset.
 _QUIET_CYCLES = (9, 13, 32, 247)
+# A full turn has no words but its centre's.
+_WITH_CENTRES = MOVING | {*"IJK"}
 _PLANE_OF = {"XY": 170, "XZ": 180, "YZ": 190}
 _Q_PART = re.compile(r"(Q\d+)\s*=\s*([-+]?\s*(?:Q\d+|[\d.,]+)|MAX|AUTO|FMAX|FAUTO|FU|PREDEF)")
 
@@ -42,7 +44,6 @@ class Contour(GcodeMotion):
         self.polar = [math.nan, math.nan]
         self.cycle_number = 0
         self.old_cycle: dict[int, float] = {}
-        self.cycle_given: dict[int, float] = {}
         self.modal_call = False
         # A line that waits for RND or CHF: its start and what is said of the corner at its end.
         self.waiting: tuple[Words, Array, Array] | None = None
@@ -75,7 +76,7 @@ class Contour(GcodeMotion):
             self._arc_to(word, w)
 
     def _line_to(self, word: str, w: Words) -> None:
-        block = self._block(w, 0 if self._fast(w) else 10)
+        block = self._block(w, 0 if "FMAX" in w.flags else 10)
         if word == "LN":
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
@@ -165,8 +166,7 @@ class Contour(GcodeMotion):
             elif name in ("IX", "IY", "IZ"):
                 old = last[letter]
                 if old is None:
-                    raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before",
-                                         "say where the tool stands first, in mm: --read start=X,Y,Z")  # fmt: skip
+                    raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START)
                 out.words[letter] = value + old / self.scale
             elif name in ("IA", "IB", "IC"):
                 out.words[letter], out.own[letter] = value, False
@@ -183,9 +183,6 @@ class Contour(GcodeMotion):
             out.words["F"] = self.feed_of_tool
         return out
 
-    def _fast(self, w: Words) -> bool:
-        return bool({"FMAX"} & w.flags)
-
     def _run(self, block: Block, w: Words) -> None:
         """Modes, motion, cycles and stops of a block."""
         misc = block.misc
@@ -199,7 +196,7 @@ class Contour(GcodeMotion):
         self.take(block)
         if machine:
             self._machine_place(block, misc)
-        elif block.words.keys() & {*"XYZABCIJK", "A3", "B3", "C3"}:
+        elif not _WITH_CENTRES.isdisjoint(block.words):
             self._motion(block)
             after = self._here()
             if before is not None and after is not None and np.linalg.norm(after - before) > 1e-9:
@@ -279,8 +276,7 @@ class Contour(GcodeMotion):
             self.right_hand = "DR+" in w.flags
         start = self._here()
         if start is None:
-            raise StatementError("an arc from a place that is not known", "X, Y, Z given before",
-                                 "say where the tool stands first, in mm: --read start=X,Y,Z")  # fmt: skip
+            raise StatementError("an arc from a place that is not known", "X, Y, Z given before", REMEDY_START)
         if word in ("CR", "CT"):
             self.plane = 170
         block = self._block(w, 30)
@@ -378,7 +374,7 @@ class Contour(GcodeMotion):
                     q[feed] *= self.feed_scale
             one = hole(self.cycle_number, q, self.scale)
         plane, self.plane = self.plane, 170
-        self.drill_here(Hole(one.start, one.cycle))
+        self.drill_here(one)
         self.plane = plane
 
     # Frames

@@ -41,9 +41,8 @@ def hole(cycle: int, q: Mapping[int, float], scale: float) -> Hole:
         raise StatementError(f"cycle {cycle} whose depth Q201 is above the surface", "Q201 of 0 or less")
     peck = of(202) if cycle in _PECKING else 0.0
     pecks = (scale * (gap + peck), scale * peck) if 0.0 < peck < -depth else ()
-    feed = Feed(scale * of(239), "turn") if cycle in (207, 209) else Feed(scale * of(206), "minute")
-    if cycle in (207, 209):
-        feed = Feed(abs(feed.value), "turn")
+    # The sign of a pitch is the hand of the thread.
+    feed = Feed(scale * abs(of(239)), "turn") if cycle in (207, 209) else Feed(scale * of(206), "minute")
     made = Cycle(
         start=0.0, depth=scale * (gap - depth), back=scale * (max(of(204, gap), gap) - gap), pecks=pecks,
         dwell=0.0 if cycle in (207, 209) else of(211, 0.0), feed_out=cycle in (*_TAPPING, *_LEAVE_AT_FEED),

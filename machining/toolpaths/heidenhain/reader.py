@@ -13,7 +13,7 @@ from machining.toolpaths.heidenhain.words import assign, number, statements, wor
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import UNITS, ReadOptions
 from machining.toolpaths.recorder import StatementError
-from machining.toolpaths.source import content, lines, readable
+from machining.toolpaths.source import content, lines_of, readable
 from robots.files.reading import recording
 
 _BEGIN = re.compile(r"BEGIN PGM\b.*?(?:\b(MM|INCH))?\s*$")
@@ -46,11 +46,13 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
-    if re.search(rb"CALL\s+LBL", content(path, options.max_bytes)):
-        reader.stored = list(statements(lines(path, options.max_bytes)))
+    data = content(path, options.max_bytes)
+    source = statements(lines_of(path.name, data))
+    if re.search(rb"CALL\s+LBL", data):
+        reader.stored = list(source)
         reader.run_stored()
     else:
-        reader.run(statements(lines(path, options.max_bytes)))
+        reader.run(source)
     reader.finish()
     return reader.recorder.motions()
 
@@ -83,7 +85,7 @@ class _Reader(Contour):
                 try:
                     good &= self._call(call, at)
                 except StatementError as fault:
-                    self._fault(text, fault)
+                    self.refuse(fault, readable(text)[:120])
                     good = False
             else:
                 good &= self._statement(line, text, comment)
@@ -119,22 +121,15 @@ class _Reader(Contour):
         if not text or self.over:
             return True
         if text.startswith("/"):
-            if self.options.skip_deleted:
-                self.recorder.event(line, "/", readable(text))
+            if self.skips_deleted(text):
                 return True
-            self.recorder.note(line, "a block that '/' may delete is read; --read skip_deleted=yes leaves it out")
             text = text[1:].strip()
         try:
             self._read(text)
         except StatementError as fault:
-            self._fault(text, fault)
+            self.refuse(fault, readable(text)[:120])
             return False
         return True
-
-    def _fault(self, text: str, fault: StatementError) -> None:
-        self.recorder.error(
-            self.line, fault.what, value=readable(text)[:120], allowed=fault.allowed, remedy=fault.remedy
-        )
 
     def _read(self, text: str) -> None:
         word = text.split()[0]

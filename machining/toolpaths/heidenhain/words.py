@@ -88,7 +88,7 @@ def assign(text: str, values: Values) -> bool:
         return False
     rest = _Q.sub(lambda match: key(match[0]), rest.replace(",", "."))
     rest = _FUNCTION.sub(r"\1[\2]", rest).replace("^", "**").replace("(", "[").replace(")", "]")
-    values.known[key(name)] = _evaluated(rest, values)
+    values.known[key(name)] = values.value(rest)
     return True
 
 
@@ -96,13 +96,6 @@ def _split(rest: str, sign: str) -> tuple[str, str, str]:
     """The two sides of a sum or a difference; a sign at the front is that of the first number."""
     at = rest.find(sign, 1 + len(rest) - len(rest.lstrip()))
     return (rest[:at], sign, rest[at + 1 :]) if at > 0 else (rest, "", "")
-
-
-def _evaluated(text: str, values: Values) -> float:
-    made = Values()
-    made.known = dict(values.known)
-    made.worked_out(f"#<made>={text}")
-    return made.known["#<made>"]
 
 
 def number(text: str, values: Values) -> float:
