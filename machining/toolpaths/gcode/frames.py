@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from machining.toolpaths.gcode.words import cycle_arguments
 from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
@@ -94,7 +96,7 @@ def tilted(words: Mapping[str, float], scale: float) -> CoordinateFrame:
     return CoordinateFrame(turned("zxz", [words.get(letter, 0.0) for letter in "IJK"]), origin)
 
 
-def swivelled(arguments: Sequence[str], scale: float) -> CoordinateFrame | None:
+def swivelled(arguments: str, scale: float) -> CoordinateFrame | None:
     """CYCLE800 of Siemens, axis by axis; None where it swivels back (no arguments).
 
     Raises
@@ -102,13 +104,11 @@ def swivelled(arguments: Sequence[str], scale: float) -> CoordinateFrame | None:
     StatementError
         Arguments that are no numbers, a plane by solid angle or projection, a swivel that adds to another.
     """
-    if not any(part.strip() for part in arguments):
+    # The second is the name of a data record of the machine's.
+    given = cycle_arguments("CYCLE800", arguments, texts=(1,))
+    if all(map(math.isnan, given)):
         return None
-    try:
-        number = [float(part) if part.strip() else 0.0 for part in arguments]
-    except ValueError:
-        raise StatementError("CYCLE800 with arguments that are no numbers", "numbers") from None
-    number += [0.0] * (_ARGUMENTS - len(number))
+    number = [0.0 if math.isnan(value) else value for value in given] + [0.0] * (_ARGUMENTS - len(given))
     mode, kind = int(number[3]), int(number[2]) % 10
     if mode >> 6 != AXIS_BY_AXIS or kind:
         raise StatementError(

@@ -207,7 +207,7 @@ class _Reader(GcodeMotion):
             else:
                 self.drill_here(one)
         elif head == "CYCLE800":
-            self.put_into(swivelled(rest.rpartition(")")[0].split(","), self.scale) or CoordinateFrame())
+            self.put_into(swivelled(rest.rpartition(")")[0], self.scale) or CoordinateFrame())
             self._swivelled()
         elif MOTION_WORDS.match(name) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":

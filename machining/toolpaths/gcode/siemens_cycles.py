@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from machining.toolpaths.cycles import Cycle
+from machining.toolpaths.gcode.words import cycle_arguments
 from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError
 
@@ -36,7 +37,7 @@ def hole(name: str, arguments: str, scale: float) -> Hole:
     StatementError
         Planes or depth missing, pecks that get smaller, a tap without its pitch.
     """
-    given = _numbers(name, arguments)
+    given = cycle_arguments(name, arguments)
 
     def of(place: int) -> float:
         return given[place] if place < len(given) else math.nan
@@ -56,13 +57,6 @@ def hole(name: str, arguments: str, scale: float) -> Hole:
         feed_out=name in ("CYCLE84", "CYCLE85", "CYCLE89"), reverse=name == "CYCLE84", feed=_feed(name, of, scale),
     )  # fmt: skip
     return Hole(scale * start, made.checked("planes above the bottom of the hole"))
-
-
-def _numbers(name: str, arguments: str) -> Sequence[float]:
-    try:
-        return [float(part) if part.strip() else math.nan for part in arguments.split(",")]
-    except ValueError:
-        raise StatementError(f"{name} with arguments that are no numbers", "numbers") from None
 
 
 def _pecks(of: Argument, start: float, reference: float, scale: float) -> tuple[float, ...]:

@@ -222,7 +222,7 @@ class _Parser:
             return -self._value() if text == "-" else self._value()
         if kind == "number":
             self.at += 1
-            return float(text)
+            return _finite(float, text)
         if kind == "named" or text == "#":
             return self._get(self._variable())
         if text in ("[", "("):
@@ -284,7 +284,7 @@ class _Parser:
             raise StatementError(f"{text!r} is missing", "closed brackets, #1 = 5")
 
 
-def _finite(function: Callable[..., float], *of: float) -> float:
+def _finite(function: Callable[..., float], *of: float | str) -> float:
     try:
         value = float(function(*of))
     except StatementError:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
 from machining.toolpaths.gcode.values import BRACKET, COMPUTES, DECLARES
+from machining.toolpaths.recorder import StatementError
 
 _COMMENT = re.compile(r"\(([^()]*)\)")
 _WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
@@ -161,6 +164,26 @@ def _words(out: Block, text: str) -> None:
         end = match.end()
         _put(out, match[1], match[2])
     out.bad = out.bad or text[end:].strip(" ,")
+
+
+def cycle_arguments(name: str, text: str, texts: Sequence[int] = ()) -> list[float]:
+    """Arguments between the brackets of a Siemens cycle; NaN for empty ones and for those at the places ``texts``.
+
+    Raises
+    ------
+    StatementError
+        Arguments that are no finite numbers, or too large.
+    """
+    out = []
+    for place, part in enumerate(text.split(",")):
+        try:
+            value = float(part) if part.strip() and place not in texts else math.nan
+        except ValueError:
+            value = math.inf
+        if abs(value) > LARGEST or (math.isnan(value) and part.strip() and place not in texts):
+            raise StatementError(f"{name} with {part.strip()[:20]!r}", f"finite numbers of at most {LARGEST:g} in size")
+        out.append(value)
+    return out
 
 
 def _put(out: Block, letter: str, number: str) -> None:

@@ -47,7 +47,9 @@ class Contour(GcodeMotion):
         self.modal_call = False
         # A line that waits for RND or CHF: its start and what is said of the corner at its end.
         self.waiting: tuple[Words, Array, Array] | None = None
-        self.held, self.held_line = Block(), 0
+        self.held, self.held_line, self.held_text = Block(), 0, ""
+        # The statement that is read, as faults show it.
+        self.text = ""
         self.corner_is: tuple[str, float] | None = None
         self.datum = np.zeros(3)
         self.rotation = 0.0
@@ -91,7 +93,7 @@ class Contour(GcodeMotion):
         if plain and start is not None and {"X", "Y"} & block.words.keys():
             # It may be cut short by RND or CHF.
             self.waiting = (w, start, np.array(target, dtype=np.float64))
-            self.held, self.held_line = block, self.line
+            self.held, self.held_line, self.held_text = block, self.line, self.text
             return
         self._run(block, w)
 
@@ -108,8 +110,13 @@ class Contour(GcodeMotion):
     def _run_held(self, block: Block, w: Words) -> None:
         """Run the line that waited, as of its own place in the file."""
         line, self.line = self.line, self.held_line
-        self._run(block, w)
-        self.line = line
+        try:
+            self._run(block, w)
+        except StatementError as fault:
+            # It is this line's fault, not that of the statement which brought it to be run.
+            self.refuse(fault, self.held_text)
+        finally:
+            self.line = line
 
     def corner(self, word: str, text: str) -> None:
         """RND or CHF, with its radius or length."""

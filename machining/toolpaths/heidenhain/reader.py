@@ -124,10 +124,11 @@ class _Reader(Contour):
             if self.skips_deleted(text):
                 return True
             text = text[1:].strip()
+        self.text = readable(text)[:120]
         try:
             self._read(text)
         except StatementError as fault:
-            self.refuse(fault, readable(text)[:120])
+            self.refuse(fault, self.text)
             return False
         return True
 
@@ -209,7 +210,10 @@ class _Reader(Contour):
 
     def finish(self) -> None:
         """What the end of the file leaves open."""
-        self.settle()
+        try:
+            self.settle()
+        except StatementError as fault:
+            self.refuse(fault, self.text)
         if not self.over:
             self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")
 

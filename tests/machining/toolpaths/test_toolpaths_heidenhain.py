@@ -128,6 +128,9 @@ def test_inches_and_their_feeds(tmp_path: Path) -> None:
         ("L Z+10 FMAX M91\nL X+10 F100", "Z is not known"),
         ("L X+10 F100 HUGO", "no word"),
         ("CC X+5 R3", "CC with other words"),
+        # The line before waits for a corner: the fault is its own, here and at the end of the file.
+        ("LN X+5 Y+2 TZ1 F100\nTOOL CALL 3 Z S100", "A3, B3, C3 without TRAORI"),
+        ("LN X+5 Y+2 TZ1 F100", "A3, B3, C3 without TRAORI"),
     ],
 )
 def test_faults_come_with_their_line(tmp_path: Path, text: str, word: str) -> None:
