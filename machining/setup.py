@@ -11,10 +11,13 @@ import numpy as np
 import machining.cell as cells
 from machining.posture.drive import Drive
 from machining.task import Task, ToolPath
-from robots.arrays import Array
+from machining.tooling import given_frames, require_tools, tools_of
+from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:
-    from machining.cell import ArmBodies, Cell
+    from machining.cell import ArmBodies, Cell, Scene
+    from machining.toolpaths.conversion import GivenPath
+    from machining.toolpaths.motions import Motions
 
 # Clearance is weighed from this many times the safety distance on, and from this far at least, m.
 ZONE = 3.0
@@ -27,14 +30,30 @@ def weighed_zone(safety: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
+class Tools:
+    """What is on the flange along a path of n points.
+
+    ``T_flange_tool`` (n, 4, 4) m; ``scenes``: arm and cell with each tool, none where collisions are not looked at;
+    ``place`` (n,) of each point's in them.
+    """
+
+    T_flange_tool: Array
+    scenes: tuple[Scene, ...]
+    place: Integers
+
+
+@dataclass(frozen=True, eq=False)
 class Setup:
     """A cell, and the arm's bodies in it; ``arm`` is None where no surfaces are known, so nothing can collide."""
 
     cell: Cell
     arm: ArmBodies | None = None
 
-    def drive(self, drive: Drive, *, clear: bool = True) -> Drive:
-        """The drive with the cell's joint speeds and, if ``clear``, the arm's clearance with all axes at 0."""
+    def drive(self, drive: Drive, *, given: GivenPath | None = None, clear: bool = True) -> Drive:
+        """The drive with the cell's joint speeds and, if ``clear``, the arm's clearance with all axes at 0.
+
+        ``given``: the path, where the cell changes tools along it.
+        """
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
         if self.arm is None:
@@ -43,20 +62,68 @@ class Setup:
         drive = replace(drive, clearance_zone=zone, clearance_least=self.cell.safety)
         if not clear:
             return drive
+        if given is not None and given.motions is not None and self.cell.tools:
+            clearance, tool = self.clearance(given.motions), given.motions.tool[given.moves]
+            assert clearance is not None  # noqa: S101 - surfaces are known
+            still = np.zeros((1, len(self.cell.linear_axes)))
+
+            def clear_at(q: Array, point: Integers) -> Array:
+                return clearance(q, np.repeat(still, len(q), axis=0), tool[point])
+
+            return replace(drive, clearance_at=clear_at)
         return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=zone))
+
+    def tools(self, given: GivenPath, *, collisions: bool = True) -> Tools | None:
+        """What is on the flange along a path; None where that is the cell's one tool. Errors as :meth:`clearance`.
+
+        Without ``collisions`` there are no scenes in it.
+        """
+        require_tools(self.cell, given.motions)
+        if given.motions is None or not self.cell.tools:
+            return None
+        used, place = np.unique(given.motions.tool[given.moves], return_inverse=True)
+        tools = tools_of(self.cell, given.motions)
+        scenes: tuple[Scene, ...] = ()
+        if collisions and self.arm is not None:
+            scenes = tuple(cells.scene_of(self.cell.with_tool(tools[i]), self.arm) for i in used.tolist())
+        frames = np.broadcast_to(given_frames(self.cell, given), (given.path.n, 4, 4))
+        return Tools(frames, scenes, place.astype(np.int64))
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is not looked at for collisions."""
         return () if self.arm is None else cells.scene_of(self.cell, self.arm).notes
 
-    def clearance(self, table: float = 0.0) -> Callable[[Array, Array], Array] | None:
-        """Clearance (k,) m of poses (k, dof) rad with the linear axes at (k, axes) m; None without surfaces."""
+    def clearance(self, motions: Motions, table: float = 0.0) -> Callable[[Array, Array, Integers], Array] | None:
+        """Clearance (k,) m of poses (k, dof) rad, linear axes at (k, axes) m, with tools (k,) of the motions' table.
+
+        None without surfaces. Errors as :func:`machining.tooling.tools_of`.
+        """
         if self.arm is None:
             return None
-        scene, zone = cells.scene_of(self.cell, self.arm), weighed_zone(self.cell.safety)
-        return lambda q, e: cells.clearance(scene, q, e, np.array([table]), within=zone).distance
+        tools, zone = tools_of(self.cell, motions), weighed_zone(self.cell.safety)
+        made: dict[int, Scene] = {}
 
-    def task(self, path: ToolPath, reference: Array | None = None) -> Task:
-        """The path on the part where the cell has it, all axes at 0; gamma counts from ``reference`` (3,)."""
-        return Task(path, self.cell.tool.T_flange_tool, self.cell.T_base_part()[0], reference)
+        def scene_with(i: int) -> Scene:
+            if id(tools[i]) not in made:
+                assert self.arm is not None  # noqa: S101 - asked above
+                made[id(tools[i])] = cells.scene_of(self.cell.with_tool(tools[i]), self.arm)
+            return made[id(tools[i])]
+
+        def clear(q: Array, e: Array, tool: Integers) -> Array:
+            out = np.empty(len(q))
+            for i in np.unique(tool).tolist():
+                at = tool == i
+                out[at] = cells.clearance(scene_with(i), q[at], e[at], np.array([table]), within=zone).distance
+            return out
+
+        return clear
+
+    def task(self, given: ToolPath | GivenPath, reference: Array | None = None) -> Task:
+        """The path on the part where the cell has it, all axes at 0; gamma counts from ``reference`` (3,).
+
+        A path alone has the cell's one tool.
+        """
+        path = given if isinstance(given, ToolPath) else given.path
+        T = self.cell.tool.T_flange_tool if isinstance(given, ToolPath) else given_frames(self.cell, given)
+        return Task(path, T, self.cell.T_base_part()[0], reference)

@@ -17,7 +17,7 @@ from machining.inputs import as_frame, as_units
 from machining.magnitudes import FARTHEST, FEEDS, feeds
 from robots import InputError, InputErrors
 from robots.arrays import Array, Integers
-from robots.frames import framed
+from robots.frames import by_frame, framed
 
 # Turning the tool by a radian counts as much as moving by this many m when points are spread.
 LEVER = 0.5
@@ -120,10 +120,11 @@ def tool_path(
 class Task:
     """A path, where its part stands, and the tool.
 
-    ``T_flange_tool`` (4, 4): tool frame on the flange, origin at the tip, m. ``T_base_part`` (4, 4) m.
-    ``reference`` (3,): direction in the part frame that gamma counts from; None: x, unless the tool axis comes within
-    some 15 deg of it anywhere on the path, then y, then z. ``shift`` (n, 3) m, base axes: how far the part is moved
-    from ``T_base_part`` at each point, for a robot on linear axes; None: it stands still.
+    ``T_flange_tool`` (4, 4): tool frame on the flange, origin at the tip, m; (n, 4, 4) where tools are changed along
+    the path. ``T_base_part`` (4, 4) m. ``reference`` (3,): direction in the part frame that gamma counts from; None: x,
+    unless the tool axis comes within some 15 deg of it anywhere on the path, then y, then z. ``shift`` (n, 3) m, base
+    axes: how far the part is moved from ``T_base_part`` at each point, for a robot on linear axes; None: it stands
+    still.
 
     Raises
     ------
@@ -139,8 +140,15 @@ class Task:
     shift: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("T_flange_tool", "T_base_part"):
-            object.__setattr__(self, name, as_frame(name, getattr(self, name)))
+        object.__setattr__(self, "T_base_part", as_frame("T_base_part", self.T_base_part))
+        if np.ndim(self.T_flange_tool) == 3:
+            if len(self.T_flange_tool) != self.path.n:
+                value, allowed = f"{len(self.T_flange_tool)} frames", f"one, or {self.path.n}: one a path point"
+                raise InputError("T_flange_tool", value=value, allowed=allowed)
+            for _, T in by_frame(self.T_flange_tool, self.path.n):
+                as_frame("T_flange_tool", T)
+        else:
+            object.__setattr__(self, "T_flange_tool", as_frame("T_flange_tool", self.T_flange_tool))
         chosen = _usual_axis(self.path.axes) if self.reference is None else self.reference
         reference = as_units("reference direction of gamma", chosen, 1)[0]
         sine = np.linalg.norm(np.cross(self.path.axes, reference), axis=1)
@@ -163,7 +171,15 @@ class Task:
         p = self.path
         path = ToolPath(p.points[rows], p.normals[rows], p.axes[rows], p.feed[rows] if feed is None else feed)
         shift = None if self.shift is None else self.shift[rows]
-        return Task(path, self.T_flange_tool, self.T_base_part, self.reference, shift)
+        return Task(path, self.tool_at(rows), self.T_base_part, self.reference, shift)
+
+    def tool_at(self, rows: slice | Integers) -> Array:
+        """Tool frames on the flange at some points: (4, 4) if all have one, else (k, 4, 4) m."""
+        return self.T_flange_tool if self.T_flange_tool.ndim == 2 else self.T_flange_tool[rows]
+
+    def tip_at(self, rows: slice | Integers) -> Array:
+        """Tool points in the flange frame at some points: (3,) if all have one, else (k, 3) m."""
+        return np.asarray(self.tool_at(rows)[..., :3, 3])
 
     @property
     def targets(self) -> Array:
@@ -178,8 +194,8 @@ class Task:
 
     @property
     def tip(self) -> Array:
-        """Tool point (3,) m in the flange frame."""
-        return np.asarray(self.T_flange_tool[:3, 3])
+        """Tool point (3,) m in the flange frame, or (n, 3) where tools are changed."""
+        return np.asarray(self.T_flange_tool[..., :3, 3])
 
     @property
     def normals(self) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.errors import InputError
 
 # Cosine of a pitch below which roll and yaw turn about one axis, but for the rounding of a rotation.
@@ -49,6 +49,14 @@ def frame_mm_deg(values: Sequence[float]) -> Array:
     turn = np.zeros(3)
     turn[: len(values) - 3] = np.radians(values[3:])
     return framed(rotation_rpy(turn), np.array(values[:3]) * 1e-3)
+
+
+def by_frame(T: Array, n: int) -> list[tuple[Integers, Array]]:
+    """Rows (k,) of n that share a frame, and that frame (4, 4); T is (4, 4), one for all, or (n, 4, 4)."""
+    if T.ndim == 2:
+        return [(np.arange(n), T)]
+    different, which = np.unique(T.reshape(len(T), 16), axis=0, return_inverse=True)
+    return [(np.flatnonzero(which == i), frame.reshape(4, 4)) for i, frame in enumerate(different)]
 
 
 def inverse(T: Array) -> Array:

@@ -6,7 +6,7 @@ the pose are left out of the sag, as they are in a calibration.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from doe.absolute.weight import AXIAL
 from fem import ArmModel
 from fem.springs import ConstantSpring
 from robots.arrays import Array, Integers, in_blocks
+from robots.frames import by_frame
 
 # Points beside the tool's origin, by whose positions its axes are known, m.
 ARM_m = 0.1
@@ -48,7 +49,12 @@ class RealArm:
         )  # fmt: skip
 
     def frames(self, q: Array, T_flange_tool: Array) -> tuple[Array, Array]:
-        """Axes (n, 3, 3) and origin (n, 3) m of the tool in the base frame at coordinates q (n, dof) rad."""
+        """Axes (n, 3, 3) and origin (n, 3) m of the tool in the base frame at coordinates q (n, dof) rad.
+
+        ``T_flange_tool`` (4, 4) m, or (n, 4, 4) where tools are changed.
+        """
+        if T_flange_tool.ndim == 3:
+            return _tool_by_tool(self.frames, q, T_flange_tool)
         if self._only_turns:
             return self._turned(q, T_flange_tool)
         points = _points_of(T_flange_tool)
@@ -87,8 +93,11 @@ class RealArm:
     def doubt(self, q: Array, T_flange_tool: Array) -> tuple[Array, Array]:
         """Standard deviations of the tool's place (n,) m and turn (n,) rad, all directions together.
 
-        By what the calibration left open of everything but error curves; zero where the model does not say.
+        By what the calibration left open of everything but error curves; zero where the model does not say. Tools as in
+        :meth:`frames`.
         """
+        if T_flange_tool.ndim == 3:
+            return _tool_by_tool(self.doubt, q, T_flange_tool)
         errors = self.model.robot.errors
         free = [] if errors is None else [(k, single(self.model.robot, n)) for k, n in enumerate(errors.parameters)]
         rows = [k for k, one in free if one is not None]
@@ -140,6 +149,14 @@ class RealArm:
             "", "", q, np.zeros((n, 3)), Labels(("",), none), labels, none, (self.payload,), np.zeros(n),
             np.full(n, np.nan), none,
         )  # fmt: skip
+
+
+def _tool_by_tool(of: Callable[[Array, Array], tuple[Array, Array]], q: Array, T: Array) -> tuple[Array, Array]:
+    """Two arrays over poses q (n, dof) rad, worked out with one tool after the other; T (n, 4, 4) m."""
+    parts = [(rows, of(q[rows], one)) for rows, one in by_frame(T, len(q))]
+    order = np.argsort(np.concatenate([rows for rows, _ in parts]))
+    first, second = (np.concatenate([found[i] for _, found in parts])[order] for i in range(2))
+    return first, second
 
 
 def _points_of(T_flange_tool: Array) -> Array:

@@ -7,7 +7,7 @@ where they stand in the world with every external axis at 0. SI inside: m, rad, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -35,11 +35,14 @@ class Tool:
     """Tool on the flange: ``T_flange_tool`` (4, 4) m with its origin at the tip, bodies in the flange frame.
 
     ``holder``: spindle, holder and whatever else may touch nothing. ``cutter``: bodies that may touch the part.
+    ``number`` and ``name``: what the tool changer and tool paths call it, where there are several.
     """
 
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
     holder: tuple[Body, ...] = ()
     cutter: tuple[Body, ...] = ()
+    number: int | None = None
+    name: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_flange_tool", as_frame("tool frame on the flange", self.T_flange_tool))
@@ -119,6 +122,7 @@ class Cell:
     T_world_base0 : (4, 4) m, the robot's base with all linear axes at 0
     T_world_part0 : (4, 4) m, the part frame with the turntable at 0
     tool : what is on the flange
+    tools : what a tool changer puts there instead, each with a number or a name; none: always ``tool``
     part : the part or its raw stock, in the world with the turntable at 0; None: no surface known
     fixtures : what else stands there
     floor : height of the floor in the world, m; None: no floor
@@ -151,6 +155,7 @@ class Cell:
     home: Array | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     commands: CommandsTable = field(default_factory=CommandsTable)
+    tools: tuple[Tool, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_base0", as_frame("robot frame in the world", self.T_world_base0))
@@ -169,6 +174,10 @@ class Cell:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError("name in the cell", value=", ".join(twice), allowed="each once; the floor has one too")
+
+    def with_tool(self, tool: Tool) -> Cell:
+        """The cell while this tool is on the flange."""
+        return self if tool is self.tool else replace(self, tool=tool)
 
     @property
     def bodies(self) -> tuple[Body, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
 from machining.cell.schema import (
     BoxShape,
     CellFile,
+    ChangedToolTable,
     CylinderShape,
     LinearAxisTable,
     MeshShape,
@@ -64,6 +66,7 @@ def parse_cell(text: str, where: str, folder: Path) -> Cell:
         home=None if table.robot.home_deg is None else np.radians(table.robot.home_deg),
         allowed_contacts=table.allowed_contacts,
         commands=table.commands,
+        tools=tuple(_changed(key.strip(), one, folder) for key, one in table.tools.items()),
     )
 
 
@@ -99,6 +102,13 @@ def _body(name: str, shape: Shape, placed: Placed, folder: Path) -> Body:
 def _tool(table: ToolTable, folder: Path) -> Tool:
     made = [(_body(body.name, body.shape, body, folder), body.cutter) for body in table.body]
     return Tool(frame(table), tuple(b for b, cutter in made if not cutter), tuple(b for b, cutter in made if cutter))
+
+
+def _changed(key: str, table: ChangedToolTable, folder: Path) -> Tool:
+    """A tool of the changer by its number, or by its name."""
+    numbered = key.isascii() and key.isdecimal() and len(key) < 10
+    name = table.name or ("" if numbered else key)
+    return replace(_tool(table, folder), number=int(key) if numbered else None, name=name)
 
 
 def _linear_axis(table: LinearAxisTable, folder: Path) -> LinearAxis:

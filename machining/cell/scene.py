@@ -67,6 +67,11 @@ class Scene:
         named = [(self.members[i].body.name, self.members[j].body.name) for i, j in self.pairs]
         return (*named, *((self.members[i].body.name, FLOOR) for i in self.floor_members))
 
+    @cached_property
+    def body_names(self) -> frozenset[str]:
+        """Names of all bodies, and the floor's."""
+        return frozenset([FLOOR, *(member.body.name for member in self.members)])
+
     def frames(self, q: Array, e: ArrayLike | None = None, table: ArrayLike | None = None) -> tuple[Array, Array]:
         """Rotations (n, f, 3, 3) and origins (n, f, 3) m in the robot's base.
 

@@ -132,6 +132,12 @@ class ToolTable(Placed):
     body: tuple[ToolBodyTable, ...] = ()
 
 
+class ChangedToolTable(ToolTable):
+    """A tool of the changer under ``[tools.KEY]``; ``name``: what tool paths call it, where the key is its number."""
+
+    name: Annotated[str, Field(min_length=1, max_length=80)] | None = None
+
+
 class PartTable(Placed):
     """The part frame in the world, and the part's (or raw stock's) surface in that frame."""
 
@@ -262,6 +268,7 @@ class CellFile(Strict):
     notes: tuple[str, ...] = ()
     robot: RobotTable = Field(default_factory=RobotTable)
     tool: ToolTable = Field(default_factory=ToolTable)
+    tools: dict[str, ChangedToolTable] = Field(default_factory=dict)
     part: PartTable = Field(default_factory=PartTable)
     fixture: tuple[FixtureTable, ...] = ()
     floor: FloorTable | None = None
@@ -269,3 +276,14 @@ class CellFile(Strict):
     turntable: TurntableTable | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     commands: CommandsTable = Field(default_factory=CommandsTable)
+
+    @model_validator(mode="after")
+    def _each_tool_once(self) -> Self:
+        called = [
+            [key.strip().lower()] + ([] if tool.name is None else [tool.name.strip().lower()])
+            for key, tool in self.tools.items()
+        ]
+        names = [name for one in called for name in set(one)]
+        if "" in names or len(set(names)) < len(names):
+            raise ValueError("tools need numbers or names of their own, in any case: [tools.3], [tools.MILL_10]")
+        return self

@@ -237,7 +237,7 @@ def _form(
     names: tuple[str, ...] = ()
     for start in range(0, len(q), AT_ONCE):
         rows = slice(start, start + AT_ONCE)
-        found = arm.influence(model, q[rows], task.tip)
+        found = arm.influence(model, q[rows], task.tip_at(rows))
         rest = C[rows] - np.einsum("j,njab->nab", arm.value, found.D)
         terms = [rest[:, None], found.D, *([] if bending is None else [bending[rows, None]])]
         normals, basis = task.normals[rows], acting.basis[rows]
@@ -257,7 +257,7 @@ def _check_on_path(model: fem.ArmModel, task: Task, q: Array) -> None:
         raise InputError("postures", value=f"{len(q)} of them", allowed=f"{n}, one a path point")
     frames = forward_kinematics(robot, q)
     off = np.linalg.norm(tool_position(robot, frames, task.tip) - task.targets, axis=1)
-    axis = -np.einsum("nab,b->na", frames.R_flange, task.T_flange_tool[:3, 2])
+    axis = -(frames.R_flange @ task.T_flange_tool[..., :3, 2, None])[..., 0]
     turned = np.linalg.norm(axis - task.axes, axis=1)
     bad = (off > OFF_PATH) | (turned > OFF_AXIS)
     if bad.any():

@@ -84,7 +84,7 @@ def follow(
         # Where the base stands at each point decides what is near: branch and gamma are chosen with that in view.
         drive = replace(
             drive,
-            clearance_at=lambda q, point: distances(problem, q, base[point], table),
+            clearance_at=lambda q, point: distances(problem, q, base[point], table, rows[point]),
             clearance_least=problem.clearance,
         )
     if gamma is not None:

@@ -128,7 +128,7 @@ class _Asked:
     def _ask(self, angle: int, branch: int, run: int) -> None:
         a, b = int(self.runs.start[run]), self.ends[run]
         q, e, table = self.sites.q[self.site, :, branch], self.sites.e[self.site], float(self.sites.table[self.site])
-        why, pose = blocked(self.problem, q[angle, a:b], e, table)
+        why, pose = blocked(self.problem, q[angle, a:b], e, table, self.sites.rows[a:b])
         self.known[angle, branch, run] = _OF_WORD[why], a + pose if why else -1
         if not why:
             return
@@ -136,15 +136,16 @@ class _Asked:
         others = np.flatnonzero(np.isfinite(self.runs.worth[self.site, :, branch, run]))
         others = np.array([i for i in others.tolist() if (i, branch, run) not in self.known], dtype=np.int64)
         if len(others):
-            for i, rank in zip(others, stopped(self.problem, q[others, a + pose], e, table), strict=True):
+            there = stopped(self.problem, q[others, a + pose], e, table, int(self.sites.rows[a + pose]))
+            for i, rank in zip(others, there, strict=True):
                 if rank != _FREE:
                     self.known[int(i), branch, run] = int(rank), a + pose
 
 
-def stopped(problem: Problem, q: Array, e: Array, table: float) -> Integers:
-    """Place in :data:`CAUSES` (m,) of what stops poses q (m, dof) rad by themselves; e (k,) m."""
+def stopped(problem: Problem, q: Array, e: Array, table: float, point: int) -> Integers:
+    """Place in :data:`CAUSES` (m,) of what stops poses q (m, dof) rad of a path point by themselves; e (k,) m."""
     clear = problem.drive.near_singular(problem.model.robot, q)[1]
-    gap = distances(problem, q, np.broadcast_to(e, (len(q), len(e))), table)
+    gap = distances(problem, q, np.broadcast_to(e, (len(q), len(e))), table, np.full(len(q), point))
     return np.where(clear, np.where(gap < problem.clearance, _COLLISION, _FREE), _SINGULAR)
 
 

@@ -188,7 +188,7 @@ def _knots(
     drive, robot, m = problem.drive, problem.model.robot, len(rows)
     if problem.scene is not None:
         e, _ = problem.space.sites(x)
-        near = distances(problem, q, e, problem.space.table)
+        near = distances(problem, q, e, problem.space.table, rows[point])
         drive = replace(drive, clearance_at=lambda _, __: near, clearance_least=problem.clearance)
     try:
         row, turned, soft = allowed(robot, drive, q, point, m)

@@ -17,6 +17,7 @@ from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assume
 from machining.placement.space import Space
 from machining.posture.drive import Drive
 from machining.posture.points import GammaRange
+from machining.setup import Tools
 from machining.stiffness.criterion import N_PER_MM, Criterion
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
@@ -115,6 +116,7 @@ class Problem:
     gamma : one angle about the tool axis for all points (rad), or a range of which each position takes its best
     drive : limits and costs; its ``clearance_of`` is not used, see ``scene``
     scene : arm and cell for collisions; None: not looked at. ``clearance`` m is kept then
+    tools : where tools are changed along the path, what is on the flange where; None: the cell's one tool
     free : (n - 1,) segments that are rapid moves: steps are not bounded there, and the base may be moved
     reference : (3,) direction in the part frame that gamma counts from
     stiffness : how uncertain the arm is, see :func:`machining.cutting.stiffness_uncertainty`; None: 15 % assumed
@@ -136,6 +138,7 @@ class Problem:
     free: Bools | None = None
     reference: Array | None = None
     stiffness: StiffnessUncertainty | None = None
+    tools: Tools | None = None
 
     def __post_init__(self) -> None:
         if self.free is not None and self.free.shape != (self.path.n - 1,):
@@ -171,15 +174,27 @@ class Problem:
     def home(self) -> Task:
         """The task with everything at 0; its reference direction holds for all."""
         T = self.cell.T_base_part(np.zeros((1, len(self.cell.linear_axes))))[0]
-        return Task(self.path, self.cell.tool.T_flange_tool, T, self.reference)
+        return Task(self.path, self.T_flange_tool, T, self.reference)
+
+    @property
+    def T_flange_tool(self) -> Array:  # noqa: N802 - letters of a matrix
+        """Tool frames on the flange: (4, 4) m, or (n, 4, 4) where tools are changed."""
+        return self.cell.tool.T_flange_tool if self.tools is None else self.tools.T_flange_tool
+
+    def by_scene(self, point: Integers) -> list[tuple[Integers, Scene]]:
+        """Places in ``point`` (m,), numbers of path points, and the arm and cell that are there; collisions count."""
+        if self.tools is None or not self.tools.scenes:
+            return [] if self.scene is None else [(np.arange(len(point)), self.scene)]
+        place = self.tools.place[point]
+        return [(np.flatnonzero(place == i), self.tools.scenes[i]) for i in np.unique(place).tolist()]
 
     def task_at(self, e: ArrayLike, table: float, rows: Integers | None = None) -> Task:
         """The task, or some points of it, with the base at travels e (k,), or (n, k) point by point; ``table`` rad."""
         e = np.asarray(e, dtype=np.float64)
         T = self.cell.T_base_part(np.atleast_2d(e), [table])
         shift = None if e.ndim == 1 else T[:, :3, 3] - T[0, :3, 3]
-        path = self.path if rows is None else self.home.at(rows).path
-        return Task(path, self.cell.tool.T_flange_tool, T[0], self.home.reference, shift)
+        there = self.home if rows is None else self.home.at(rows)
+        return Task(there.path, there.T_flange_tool, T[0], self.home.reference, shift)
 
     def forces(self, table: float) -> Array:
         """Cutting force (n, 3) N in base axes, which turn with nothing but the turntable."""

@@ -254,9 +254,9 @@ def _take_out(problem: Problem, sites: Sites, state: int, q: Array, valid: Bools
     site = state // (sites.valid.shape[1] * sites.valid.shape[2])
     at = np.flatnonzero(valid[state])
     e, table = sites.e[site], float(sites.table[site])
-    if not in_the_way(problem, q[state, at], e, table):
+    if not in_the_way(problem, q[state, at], e, table, sites.rows[at]):
         return False
-    bad = np.array([bool(in_the_way(problem, q[state, i : i + 1], e, table)) for i in at])
+    bad = np.array([bool(in_the_way(problem, q[state, i : i + 1], e, table, sites.rows[i : i + 1])) for i in at])
     valid[state, at[bad]] = False
     return True
 

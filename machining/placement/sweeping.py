@@ -85,8 +85,10 @@ def _sweep(problem: Problem, e: Array, table: float, rows: Integers, gamma: Arra
         normals, axes = (np.tile(v, (k, 1)) for v in (task.path.normals, task.path.axes))
         path = ToolPath(points[piece].reshape(-1, 3), normals, axes, np.full(k * m, np.nan))
         force = None if objective.force is None else np.tile(objective.force, (k, 1))
+        tool = task.tool_at(np.tile(np.arange(m), k))
+        there = replace(task, path=path, T_flange_tool=tool)
         found = sweep_gamma(
-            problem.arm, replace(task, path=path), replace(objective, force=force), np.repeat(gamma[piece], m, axis=0),
+            problem.arm, there, replace(objective, force=force), np.repeat(gamma[piece], m, axis=0),
             generator=np.random.default_rng(0),
         )  # fmt: skip
         if found.names != BRANCH_NAMES:
@@ -124,12 +126,15 @@ def with_more_angles(a: Sites, b: Sites) -> Sites:
     return _joined((a, b), BY_ANGLE, axis=1)
 
 
-def in_the_way(problem: Problem, q: Array, e: Array, table: float) -> str:
-    """Say "singularity" or "collision" if poses q (m, dof) rad come too near, else nothing; e (k,) or (m, k) m."""
-    return blocked(problem, q, e, table)[0]
+def in_the_way(problem: Problem, q: Array, e: Array, table: float, point: Integers) -> str:
+    """Say "singularity" or "collision" if poses q (m, dof) rad come too near, else nothing; e (k,) or (m, k) m.
+
+    ``point`` (m,): the path points of the poses.
+    """
+    return blocked(problem, q, e, table, point)[0]
 
 
-def blocked(problem: Problem, q: Array, e: Array, table: float) -> tuple[str, int]:
+def blocked(problem: Problem, q: Array, e: Array, table: float, point: Integers) -> tuple[str, int]:
     """What is in the way of poses q (m, dof) rad, as :func:`in_the_way`, and the number of a pose where it is."""
     if problem.drive.singular_least > 0.0:
         clear = problem.drive.near_singular(problem.model.robot, q)[1]
@@ -138,17 +143,21 @@ def blocked(problem: Problem, q: Array, e: Array, table: float) -> tuple[str, in
     if problem.scene is None:
         return "", -1
     base = np.broadcast_to(e, (len(q), np.shape(e)[-1]))
-    gap = distances(problem, q, base, table)
+    gap = distances(problem, q, base, table, point)
     nearest = int(gap.argmin())
     return ("collision", nearest) if gap[nearest] < problem.clearance else ("", -1)
 
 
-def distances(problem: Problem, q: Array, e: Array, table: float) -> Array:
-    """Clearance (m,) m of poses q (m, dof) rad, up to what matters; inf where collisions are not looked at."""
-    if problem.scene is None:
-        return np.full(len(q), np.inf)
+def distances(problem: Problem, q: Array, e: Array, table: float, point: Integers) -> Array:
+    """Clearance (m,) m of poses q (m, dof) rad, up to what matters; inf where collisions are not looked at.
+
+    ``e`` (m, k) m; ``point`` (m,): the path points of the poses.
+    """
+    out = np.full(len(q), np.inf)
     within = max(problem.clearance, problem.drive.clearance_zone, 1e-3)
-    return clearance(problem.scene, q, np.atleast_2d(e), np.array([table]), within=within).distance
+    for rows, scene in problem.by_scene(point):
+        out[rows] = clearance(scene, q[rows], e[rows], np.array([table]), within=within).distance
+    return out
 
 
 def beyond_limits(problem: Problem, sites: Sites) -> Array:
@@ -196,8 +205,9 @@ def wrist_lack(problem: Problem, sites: Sites) -> Array:
     arm = spherical_wrist_arm(robot)
     lack = np.zeros((p, g, m))
     for i in range(p):
-        frames = problem.task_at(sites.e[i], float(sites.table[i])).at(sites.rows).tool_frames(sites.gamma[i])
-        flange = frames @ np.linalg.inv(problem.cell.tool.T_flange_tool)
+        task = problem.task_at(sites.e[i], float(sites.table[i])).at(sites.rows)
+        tool = np.linalg.inv(task.T_flange_tool)
+        flange = task.tool_frames(sites.gamma[i]) @ (tool if tool.ndim == 2 else tool[:, None])
         centre = flange[..., :3, 3] + flange[..., :3, :3] @ arm.wrist.centre_flange
         x, y, z = np.moveaxis((centre - arm.p1) @ arm.B1, -1, 0)
         radius, across = np.hypot(x, y), (arm.along_2 - arm.cos12 * z) / arm.sin12

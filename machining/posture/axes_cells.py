@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,13 +36,14 @@ class AxesCells:
 
 
 def causes_of(
-    made: AxesMap, robot: Robot, scene: Scene | None, e: Array, table: float
+    made: AxesMap, robot: Robot, scenes: Sequence[Scene], place: Integers, e: Array, table: float
 ) -> tuple[Integers, tuple[str, ...]]:
     """Why cells are barred: the joint beyond its limit, the two bodies too near, or the zone's name.
 
     Parameters
     ----------
     made : a map with postures
+    scenes, place : bodies with each tool, none where collisions are not looked at; (n,) whose are there at each point
     e : (n, k) m, travels of the linear axes at the points
     table : rad
     """
@@ -53,17 +55,21 @@ def causes_of(
     beyond = np.nonzero((made.zone == Zone.LIMITS) & known)
     said[beyond] = [f"limit of {name}" for name in _worst_limit(robot, made.q[beyond])]
     hit = np.nonzero((made.zone == Zone.COLLISION) & known)
-    if scene is not None and len(hit[0]):
-        seen = clearance(scene, made.q[hit], e[hit[0]], np.array([table]), within=WITHIN)
-        pairs = [seen.nearest(i) for i in range(len(hit[0]))]
-        said[hit] = [Zone.COLLISION.words if pair is None else f"{pair[0]} and {pair[1]} too near" for pair in pairs]
+    for number, scene in enumerate(scenes):
+        rows = np.flatnonzero(place[hit[0]] == number)
+        if not len(rows):
+            continue
+        here = hit[0][rows], hit[1][rows]
+        seen = clearance(scene, made.q[here], e[here[0]], np.array([table]), within=WITHIN)
+        pairs = [seen.nearest(i) for i in range(len(rows))]
+        said[here] = [Zone.COLLISION.words if pair is None else f"{pair[0]} and {pair[1]} too near" for pair in pairs]
     # Numbers by how many cells there are of each.
     names, count = np.unique(said[said != ""].astype(str), return_counts=True)
     ordered = names[np.argsort(-count, kind="stable")].tolist()
     shown = ordered[:MOST_CAUSES]
-    place = {name: k + 1 for k, name in enumerate(shown)}
+    number_of = {name: k + 1 for k, name in enumerate(shown)}
     rest = len(shown) + 1
-    code = np.array([0 if not name else place.get(name, rest) for name in said.ravel()], dtype=np.int64)
+    code = np.array([0 if not name else number_of.get(name, rest) for name in said.ravel()], dtype=np.int64)
     return code.reshape(said.shape), ("", *shown, *(["barred for another reason"] if len(ordered) > len(shown) else []))
 
 
@@ -90,7 +96,7 @@ def errors_of(made: AxesMap, task: Task, arm: fem.ArmModel, force: Array, at: Ar
     assert made.q is not None  # noqa: S101 - the map was made with postures
 
     def along(q: Array, point: Integers) -> Array:
-        C = translational(arm, q, task.tip)
+        C = translational(arm, q, task.tip_at(point))
         return np.asarray(np.einsum("ka,kab,kb->k", task.normals[point], C, force[point]))
 
     rows = np.arange(len(at))

@@ -204,8 +204,14 @@ def _solved(
 ) -> tuple[Array, NDArray[np.int8], tuple[str, ...], Bools]:
     """Of all k targets: q (k, b, dof), reason (k, b), names (b,) of the branches, and whether they are all (k,)."""
     frames = task.tool_frames(angle).reshape(-1, 4, 4)
+    point = np.repeat(np.arange(task.path.n), angle.shape[1])
     parts = [
-        inverse_kinematics(model.robot, frames[i : i + TARGETS], T_flange_tool=task.T_flange_tool, generator=generator)
+        inverse_kinematics(
+            model.robot,
+            frames[i : i + TARGETS],
+            T_flange_tool=task.tool_at(point[i : i + TARGETS]),
+            generator=generator,
+        )
         for i in range(0, len(frames), TARGETS)
     ]
     names = max((part.names for part in parts), key=len)

@@ -31,7 +31,8 @@ class Action:
     ``value``: number of a tool), "stop" (``name`` of the input that ends it, where the language has no stop),
     "optional_stop" (``name`` of the input that asks for it, ``value`` that of "stop"); languages with
     commands of their own have "spindle" (``name`` "cw", "ccw" or "off", ``value`` rpm), "coolant" (``name``, ``on``)
-    and "tool" (``value``). ``value`` is text with the digits that are written.
+    and "tool" (``value``); several tools make "frame" (``name`` of the tool's data, or ``value``: its
+    figures). ``value`` is text with the digits that are written.
     """
 
     kind: str
@@ -200,8 +201,8 @@ def difference(
 ) -> InputError | None:
     """What differs first between the actions wanted and those found, each with the move that it comes before.
 
-    More rests and stops than wanted are the shop's own: they move and switch nothing. ``where``: places of the moves
-    in the program, for messages.
+    More rests and stops than wanted are the shop's own: they move and switch nothing. The head of a program sets the
+    first tool's frame. ``where``: places of the moves in the program, for messages.
     """
     gaps: dict[int, tuple[list[Action], list[Action]]] = {}
     for i, actions in enumerate((wanted, found)):
@@ -212,7 +213,7 @@ def difference(
         for action in read:
             if left and left[0].same(action):
                 left = left[1:]
-            elif action.kind not in ("wait", "stop", "optional_stop"):
+            elif action.kind not in ("wait", "stop", "optional_stop") and not (action.kind == "frame" and move == 0):
                 return _wrong(move, where, action, "not in the tool path there", [] if not left else left[:1])
         if left:
             return _wrong(move, where, left[0], "missing", [])

@@ -136,7 +136,9 @@ def _with_points(program: JointProgram, ends: Integers, q: Array) -> tuple[Joint
     via = ends + np.arange(len(ends))
     joints, T, inserted = program.q[row], program.T_part_tool[row], program.inserted[row]
     joints[via], inserted[via] = q, True
-    T[via] = tool_in_part(program.robot, program.cell, q, program.travel[ends], program.table[ends])
+    T[via] = tool_in_part(
+        program.robot, program.cell, q, program.travel[ends], program.table[ends], program.tool_at(ends)
+    )
     m = program.motions
     points, axes, rapid, feed, dwell = m.points[row], m.axes[row], m.rapid[row], m.feed[row], m.dwell[row]
     points[via], axes[via], dwell[via] = T[via, :3, 3], -T[via, :3, 2], 0.0

@@ -136,7 +136,7 @@ def correct(
     place_sd, turn_sd = _doubt(arm, program, float(length.max(initial=0.0)))
     turns = not SURE * turn_sd > float(first[3].max(initial=0.0))
     if not turns:
-        wanted = framed(arm.frames(program.q, program.cell.tool.T_flange_tool)[0], wanted[:, :3, 3])
+        wanted = framed(arm.frames(program.q, program.T_flange_tool)[0], wanted[:, :3, 3])
     q, left, rounds = _reached(loaded, program, wanted)
     moved = _with_targets(nominal, q)
     task = nominal.state.task
@@ -161,7 +161,7 @@ def _doubt(arm: RealArm, program: JointProgram, largest: float) -> tuple[float, 
     if errors is None or not errors.parameters:
         return float("nan"), float("nan")
     rows = np.unique(np.linspace(0, program.n - 1, min(program.n, JUDGED)).astype(np.int64))
-    place, turn = arm.doubt(program.q[rows], program.cell.tool.T_flange_tool)
+    place, turn = arm.doubt(program.q[rows], program.tool_at(rows))
     worst = float(place.max(initial=0.0))
     if SURE * worst > max(largest, LEAST_m):
         raise InputError(
@@ -206,7 +206,7 @@ def _in_base(program: JointProgram, T_part: Array) -> Array:
 
 def _parts(loaded: _Loaded, arm: RealArm, program: JointProgram, wanted: Array) -> tuple[Array, Array, Array, Array]:
     """What geometry, weight and force (n, 3) m move the tool by at the targets as designed, and turns (n,) rad."""
-    T, q = program.cell.tool.T_flange_tool, program.q
+    T, q = program.T_flange_tool, program.q
     R, p = arm.frames(q, T)
     _, stiff = arm.rigid.frames(q, T)
     turn = np.linalg.norm(_turn(wanted[:, :3, :3], R), axis=1)
@@ -220,7 +220,7 @@ def _turn(wanted: Array, R: Array) -> Array:
 
 def _reached(loaded: _Loaded, program: JointProgram, wanted: Array) -> tuple[Array, Array, int]:
     """Joint targets (n, 6) rad at which the real tool is where it is wanted, what is left (n,) m, and rounds."""
-    T, q = program.cell.tool.T_flange_tool, program.q.copy()
+    T, q = program.T_flange_tool, program.q.copy()
     for rounds in range(1, ROUNDS + 1):
         R, p = loaded.arm.frames(q, T)
         off = np.hstack([wanted[:, :3, 3] - p - loaded.deflection(q), _turn(wanted[:, :3, :3], R)])
@@ -239,7 +239,7 @@ def _reached(loaded: _Loaded, program: JointProgram, wanted: Array) -> tuple[Arr
 
 def _step(program: JointProgram, q: Array, off: Array, T_flange_tool: Array) -> Array:
     """Steps (n, 6) rad of joints of the designed arm that move its tool by ``off`` (n, 6)."""
-    J = jacobian(program.robot, q, T_flange_tool[:3, 3])
+    J = jacobian(program.robot, q, T_flange_tool[..., :3, 3])
     step = np.asarray((np.linalg.pinv(J, rcond=1e-12) @ off[:, :, None])[:, :, 0])
     far = np.abs(step).max(axis=1, initial=0.0)
     if far.max(initial=0.0) > LARGEST_STEP:
@@ -266,7 +266,7 @@ def _refuse_beyond_limits(program: JointProgram, q: Array) -> None:
 def _with_targets(nominal: Posted, q: Array) -> Posted:
     """The program with other joint targets, and where the designed arm is there."""
     p = nominal.program
-    T = tool_in_part(p.robot, p.cell, q, p.travel, p.table)
+    T = tool_in_part(p.robot, p.cell, q, p.travel, p.table, p.T_flange_tool)
     motions = replace(p.motions, points=T[:, :3, 3], axes=-T[:, :3, 2])
     return replace(nominal, program=replace(p, q=q, T_part_tool=T, motions=motions))
 
@@ -276,7 +276,7 @@ def _between(loaded: _Loaded, moved: Posted, wanted: Array) -> dict[str, float]:
     p = moved.program
     if p.n < 2:
         return {"joint": 0.0, "cartesian": 0.0}
-    T, feed = p.cell.tool.T_flange_tool, ~p.motions.rapid[1:]
+    T, feed = p.tool_at(slice(1, None)), ~p.motions.rapid[1:]
     half = 0.5 * (wanted[1:, :3, 3] + wanted[:-1, :3, 3])
     d = loaded.deflection(p.q)
     # The force comes and goes evenly along a move that enters or leaves the part.
@@ -302,5 +302,5 @@ def designed_targets(robot: Robot, wanted: Array, near: Array, T_flange_tool: Ar
     for _ in range(4):
         at = forward_kinematics(robot, q).T_flange @ T_flange_tool
         off = np.hstack([wanted[:, :3, 3] - at[:, :3, 3], _turn(wanted[:, :3, :3], at[:, :3, :3])])
-        q = q + (np.linalg.pinv(jacobian(robot, q, T_flange_tool[:3, 3]), rcond=1e-12) @ off[:, :, None])[:, :, 0]
+        q = q + (np.linalg.pinv(jacobian(robot, q, T_flange_tool[..., :3, 3]), rcond=1e-12) @ off[:, :, None])[:, :, 0]
     return np.asarray(q)

@@ -21,6 +21,7 @@ from machining.programs.job import (
     Job,
     Kind,
     Move,
+    ToolData,
     commands,
     external_axes,
     external_count,
@@ -28,6 +29,7 @@ from machining.programs.job import (
     formatted,
     job_of,
     plain,
+    tools_of_job,
 )
 from machining.programs.orientation import ABC, Orientation
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
@@ -56,7 +58,8 @@ class Controller(Format):
     programs; ``speed_unit``: m/s in the unit of speeds, None where none are written.
 
     ``scaled``: analog outputs take a share of full scale; ``own_stop``: a stop needs no input.
-    ``actions`` and ``asks``: how actions, and the question before an optional stop, are written.
+    ``actions``, ``asks``: how actions, and the question before an optional stop, are written. ``tool_frame``: whether
+    a program sets the tool's frame by figures, names it in every motion, or leaves it to the control.
     """
 
     main: ClassVar[tuple[tuple[str, str], ...]]
@@ -68,6 +71,7 @@ class Controller(Format):
     own_stop: ClassVar[bool] = True
     actions: ClassVar[tuple[Pattern, ...]] = ()
     asks: ClassVar[re.Pattern[str] | None] = None
+    tool_frame: ClassVar[Literal["figures", "name", "none"]] = "none"
 
     @abstractmethod
     def read(
@@ -92,10 +96,40 @@ class Controller(Format):
         """Actions of a command, and what of it is not defined ("": nothing). Errors as :func:`by_table`."""
         return by_table(event, motions, table, scaled=self.scaled, stops=self.own_stop)
 
-    def between(self, program: JointProgram) -> Between:
-        """What comes between the moves, with its actions in this language."""
-        table = program.cell.commands
-        return between(program.motions, lambda event, motions: self.means(event, motions, table))
+    def between(self, program: JointProgram, options: WriteOptions) -> Between:
+        """What comes between the moves, with its actions in this language; with several tools their frames too."""
+        table, frames = program.cell.commands, self._frames(program, options)
+
+        def means(event: Event, motions: Motions) -> tuple[tuple[Action, ...], str]:
+            actions, missing = self.means(event, motions, table)
+            # What the changer's routine leaves behind is not relied on: the frame comes after it.
+            return (*actions, frames[int(event.value)]) if event.kind == "tool" and frames else actions, missing
+
+        return between(program.motions, means)
+
+    def _frames(self, program: JointProgram, options: WriteOptions) -> tuple[Action, ...]:
+        """Of each of the path's tools how its frame is chosen; none where there is one tool, or no such words."""
+        if self.tool_frame == "none" or len(np.unique(program.motions.tool)) < 2:
+            return ()
+        tools = self.tools(program, options)
+        if len(set(tools)) < 2:
+            return ()
+        if self.tool_frame == "name":
+            return tuple(Action("frame", tool.name) for tool in tools)
+        return tuple(Action("frame", value=self.tool_value(tool.T, options)) for tool in tools)
+
+    def tools(self, program: JointProgram, options: WriteOptions) -> tuple[ToolData, ...]:
+        """Of each of the path's tools its data on the controller."""
+        convention = self.convention(program.robot, external_count(program), options)
+        return tools_of_job(program, convention, options, lambda number, place: self.tool_name(options, number, place))
+
+    def tool_name(self, options: WriteOptions, number: int, place: int) -> str:
+        """Name of the data of one tool of several."""
+        return f"{options.tool_name}_{number}"
+
+    def tool_value(self, T: Array, options: WriteOptions) -> str:
+        """A tool's frame (4, 4) m as the language sets it."""
+        raise NotImplementedError
 
     def reader(self, program: JointProgram) -> Reader:
         """Reads the actions of this language by the names of the program's cell."""
@@ -108,7 +142,7 @@ class Controller(Format):
     def coordinates(self, job: Job, part: slice) -> tuple[Array, Sequence[int]]:
         """Coordinates (m, k) of moves, joint angles or tool frames, and the decimals of each."""
         if job.kind == "cartesian":
-            return self._placed(job, job.program.T_part_tool[part])
+            return self._placed(job.options, job.program.T_part_tool[part])
         angles = job.angles(part)
         return angles, (job.options.decimals.angle,) * angles.shape[1]
 
@@ -165,7 +199,7 @@ class Controller(Format):
         """See :class:`Format`."""
         self.check_commands(program.cell.commands)
         convention = self.convention(program.robot, external_count(program), options)
-        job = job_of(program, kind, options, convention, self.between(program))
+        job = job_of(program, kind, options, convention, self.tools(program, options), self.between(program, options))
         files = self._files(job, templates)
         joint_rapid = int((program.motions.rapid & job.commands.joint)[1:].sum())
         notes = self.notes(job)
@@ -177,11 +211,15 @@ class Controller(Format):
 
     def frame(self, job: Job, T: Array | None) -> tuple[str, ...] | None:
         """A frame (4, 4) m as text; None stays None."""
-        return None if T is None else formatted(*self._placed(job, T[None]))[0]
+        return None if T is None else self.frame_words(T, job.options)
 
-    def _placed(self, job: Job, T: Array) -> tuple[Array, Sequence[int]]:
+    def frame_words(self, T: Array, options: WriteOptions) -> tuple[str, ...]:
+        """A frame (4, 4) m as text."""
+        return formatted(*self._placed(options, T[None]))[0]
+
+    def _placed(self, options: WriteOptions, T: Array) -> tuple[Array, Sequence[int]]:
         """Positions mm and orientations of frames (m, 4, 4) m, and the decimals of each."""
-        decimals, turned = job.options.decimals, self.orientation.write(T[:, :3, :3])
+        decimals, turned = options.decimals, self.orientation.write(T[:, :3, :3])
         digits = getattr(decimals, self.orientation.decimals)
         return np.column_stack([T[:, :3, 3] * 1e3, turned]), (decimals.length,) * 3 + (digits,) * turned.shape[1]
 
@@ -236,13 +274,16 @@ class Controller(Format):
                 formatted(job.externals(part), job.external_decimals),
                 self.configurations(job, part),
                 self._speeds(job, part),
+                motions.tool[part].tolist(),
                 strict=True,
             )
-            for i, line, new, rapid, jointly, stop, words, axes, sides, speed in rows:
+            for i, line, new, rapid, jointly, stop, words, axes, sides, speed, tool in rows:
                 changed = speed if speed != said else None
                 said = speed
                 here = job.between.happenings.get(i, ())
-                yield Move(i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here)
+                yield Move(
+                    i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, job.tools[tool].name
+                )
 
     def _precision_notes(self, job: Job) -> list[str]:
         """Say where the decimals alone move the tool by more than ``WANTED``."""
@@ -279,7 +320,9 @@ class Controller(Format):
         if kind == "joint":
             travel = external[:, :linear] * 1e-3
             table = np.radians(external[:, linear]) if program.cell.turntable is not None else np.zeros(program.n)
-            T = tool_in_part(program.robot, program.cell, convention.radians(found.words), travel, table)
+            T = tool_in_part(
+                program.robot, program.cell, convention.radians(found.words), travel, table, program.T_flange_tool
+            )
         else:
             T = framed(self.orientation.read(found.words[:, 3:]), found.words[:, :3] * 1e-3)
         away, turned = frame_distance(T, program.T_part_tool)
@@ -292,7 +335,7 @@ class Controller(Format):
             pace=self.pace(found, wanted, options),
             same_moves=bool((found.joint == self.joint_moves(wanted, kind)).all()),
             same_sides=kind == "joint" or self._same_sides(found, program, convention),
-            commands=difference(self.between(program).actions, found.actions, found.where),
+            commands=difference(self.between(program, options).actions, found.actions, found.where),
         )
 
     def _check_same(self, found: ReadMoves, program: JointProgram, kind: Kind) -> None:

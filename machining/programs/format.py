@@ -18,7 +18,7 @@ from machining.cell import Cell
 from machining.cell.schema import CommandsTable, Strict
 from machining.programs.happenings import Undefined
 from machining.programs.job import Kind
-from machining.programs.program import JointProgram, frame_distance, tool_in_part
+from machining.programs.program import JointProgram, frame_distance
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.files.written import written_whole
@@ -207,7 +207,7 @@ class Neutral(Format):
         if back.n != program.n:
             raise InputError(f"{self.name} program", value=f"{back.n} moves", allowed=f"{program.n}, as written")
         by_frames = frame_distance(back.T_part_tool, program.T_part_tool)
-        by_joints = frame_distance(tool_in_part(robot, cell, back.q, back.travel, back.table), program.T_part_tool)
+        by_joints = frame_distance(back.reached(), program.T_part_tool)
         feed, wanted = back.motions.feed, program.motions.feed
         known = np.isfinite(wanted)
         return RoundTrip(

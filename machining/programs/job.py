@@ -5,7 +5,7 @@ That is speeds, kinds of moves and times, and what happens between moves; and mo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -17,6 +17,7 @@ from machining.programs.happenings import NOTHING, Between, Happening
 from machining.programs.program import JointProgram, frame_distance
 from machining.programs.source_text import SourceText
 from machining.programs.write_options import WriteOptions
+from machining.tooling import tools_of
 from machining.toolpaths.motions import Motions
 from robots import InputError
 from robots.arrays import Array, Bools
@@ -55,6 +56,8 @@ def commands(program: JointProgram, options: WriteOptions) -> Commands:
     joint = np.full(program.n, False)
     if options.rapid == "joint":
         joint |= program.motions.rapid
+    # The routine of the tool changer may end anywhere; every controller finds the way to a joint target.
+    joint |= program.motions.changes
     joint[:1] = True
     return Commands(speed, joint, _durations(program, speed, np.radians(options.rotation_deg_s), options))
 
@@ -96,7 +99,7 @@ class Move:
     ``number`` from 1; ``line`` of the source, ``new_line`` where it differs from the move before; ``rapid``;
     ``joint``: a joint move; ``stop``: no blending at its end; ``words``: coordinates; ``external``: axes beyond the
     arm; ``configuration``; ``feed``: where it changes, else None; ``before``: happenings;
-    ``place``: index from 0 within arrays of data.
+    ``place``: index from 0 within arrays of data; ``tool``: name of the tool's data.
     """
 
     number: int
@@ -111,14 +114,47 @@ class Move:
     configuration: Sequence[object]
     feed: str | None
     before: Sequence[Happening]
+    tool: str
+
+
+@dataclass(frozen=True, eq=False)
+class ToolData:
+    """A tool as a controller has it: ``name``, and its frame ``T`` (4, 4) m in the controller's flange frame."""
+
+    name: str
+    T: Array
+
+
+# Name of a tool's data by the tool's number and its place among those used.
+Naming = Callable[[int, int], str]
+
+
+def tools_of_job(
+    program: JointProgram, convention: Convention, options: WriteOptions, naming: Naming
+) -> tuple[ToolData, ...]:
+    """Of each of the path's tools its data; one for all where all have one frame, else as ``naming`` calls them.
+
+    Tools without a move share that of the first that is used.
+    """
+    back, tools = np.linalg.inv(convention.T_flange), tools_of(program.cell, program.motions)
+    used = np.unique(program.motions.tool).tolist()
+    if len({id(tools[i]) for i in used}) == 1:
+        return (ToolData(options.tool_name, back @ tools[used[0]].T_flange_tool),) * len(tools)
+    made: dict[int, ToolData] = {}
+    for place, i in enumerate(used):
+        number, name = program.motions.tools[i].number, ""
+        name = naming(i + 1 if number is None else number, place)
+        taken = name in [one.name for one in made.values()]
+        made[i] = ToolData(f"{name}_{i + 1}" if taken else name, back @ tools[i].T_flange_tool)
+    return tuple(made.get(i, made[used[0]]) for i in range(len(tools)))
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
     """What the writers share.
 
-    ``T_base``: part frame in the controller's robot frame, None where the program cannot state it; ``T_tool`` in the
-    controller's flange frame.
+    ``T_base``: part frame in the controller's robot frame, None where the program cannot state it; ``tools``: those of
+    the path, in the order of its table.
     """
 
     program: JointProgram
@@ -128,12 +164,22 @@ class Job:
     commands: Commands
     between: Between
     T_base: Array | None
-    T_tool: Array
+    tools: tuple[ToolData, ...]
 
     @property
     def n(self) -> int:
         """Number of moves."""
         return self.program.n
+
+    @property
+    def first_tool(self) -> ToolData:
+        """The tool of the first move."""
+        return self.tools[int(self.program.motions.tool[0])]
+
+    @property
+    def used(self) -> tuple[ToolData, ...]:
+        """The tools that move, each once, in the order of the path's table."""
+        return tuple(dict.fromkeys(self.tools))
 
     def angles(self, part: slice) -> Array:
         """Controller's joint angles (m, dof) deg."""
@@ -229,7 +275,12 @@ def formatted(values: Array, decimals: Sequence[int]) -> list[tuple[str, ...]]:
 
 
 def job_of(
-    program: JointProgram, kind: Kind, options: WriteOptions, convention: Convention, between: Between = NOTHING
+    program: JointProgram,
+    kind: Kind,
+    options: WriteOptions,
+    convention: Convention,
+    tools: tuple[ToolData, ...],
+    between: Between = NOTHING,
 ) -> Job:
     """Collect what a writer needs. Raises InputError for an empty program, or feeds that are not known."""
     if program.n == 0:
@@ -238,13 +289,14 @@ def job_of(
     # A part that turns has no fixed frame: the controller couples it to the turntable.
     if convention.T_base is not None and program.cell.turntable is None:
         T_base = np.linalg.inv(program.cell.T_world_base0 @ convention.T_base) @ program.cell.T_world_part0
-    T_tool = np.linalg.inv(convention.T_flange) @ program.cell.tool.T_flange_tool
-    return Job(program, kind, options, convention, commands(program, options), between, T_base, T_tool)
+    return Job(program, kind, options, convention, commands(program, options), between, T_base, tools)
 
 
 def farthest(program: JointProgram) -> float:
     """Farthest (m) that the tip can be from any joint axis."""
-    return stretched_length(program.robot, program.cell.tool.T_flange_tool[:3, 3])
+    tools = tools_of(program.cell, program.motions)
+    tips = (tools[i].T_flange_tool[:3, 3] for i in np.unique(program.motions.tool).tolist())
+    return max(stretched_length(program.robot, tip) for tip in tips)
 
 
 def plain(value: float, digits: int = 7) -> str:

@@ -24,12 +24,13 @@ from machining.posture.problem import Course, course_at
 from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective
-from machining.toolpaths.conversion import one_tool
+from machining.tooling import numbered, require_tools
+from machining.toolpaths.conversion import entered
 from machining.toolpaths.engagement import mills
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.path_error import PathError
 from robots import InputError, require_one_of, require_positive
-from robots.arrays import Array, Bools, finite
+from robots.arrays import Array, Bools, Integers, finite
 from robots.progress import Progress
 
 # Rounds of putting points in; each divides what is left by the square of the pieces.
@@ -51,8 +52,8 @@ class PostSettings:
     reference : (3,) direction in the part frame that gamma counts from, see :class:`machining.Task`
     near : (n, dof) rad at each move: branch and turns nearest to these are taken, for a given gamma only
     seed : of the search for joint angles, for arms without a closed form
-    clearance : (k, dof) rad, (k, axes) m -> (k,) m, free space around the arm with the linear axes there; it is asked
-        instead of the drive's own, which knows of one place only
+    clearance : (k, dof) rad, (k, axes) m, (k,) tools of the motions -> (k,) m, free space around the arm with the
+        linear axes there and those tools; asked instead of the drive's own, which knows of one place and tool only
     """
 
     gamma: float | Array | GammaRange = 0.0
@@ -65,7 +66,7 @@ class PostSettings:
     reference: Array | None = None
     near: Array | None = None
     seed: int = 0
-    clearance: Callable[[Array, Array], Array] | None = None
+    clearance: Callable[[Array, Array, Integers], Array] | None = None
 
     def __post_init__(self) -> None:
         require_positive("tolerance of joint programs", self.tolerance, "m")
@@ -119,15 +120,16 @@ def post(
     Raises
     ------
     InputError
-        A path of more than one tool, axes out of their limits, as :func:`machining.optimise_path` where the path
+        A tool that the cell does not have, axes out of their limits, as :func:`machining.optimise_path` where the path
         cannot be driven, or a move that no number of points makes straight enough.
     """
     settings = settings or PostSettings()
-    one_tool(motions)
     if motions.n == 0:
         raise InputError(f"tool path {motions.source} has no motion")
+    require_tools(cell, motions)
+    motions = entered(numbered(cell, motions))
     travel = _travel(cell, settings, motions.n)
-    split = np.ones(motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~motions.rapid
+    split = _straight(motions, settings)
     reach = float(np.abs(cell.T_base_part(travel[:1], [settings.table])[0, :3, 3]).sum()) or 1.0
     pieces = pieces_for(motions, 4.0 * settings.tolerance, max(reach, 0.5), only=split)
     n, given = motions.n, settings.gamma
@@ -144,7 +146,7 @@ def post(
         posted = _posted(model, state, settings, progress)
         progress = None
         state = replace(state, gamma=posted.course.gamma)
-        may = np.ones(state.motions.n, dtype=np.bool_) if settings.rapid == "linear" else ~state.motions.rapid
+        may = _straight(state.motions, settings)
         bend = posted.bend
         coarse = may & (bend > settings.tolerance)
         if not coarse.any():
@@ -172,6 +174,11 @@ def repost(model: fem.ArmModel, posted: Posted, points: Array) -> Posted:
     motions = replace(program.motions, points=np.asarray(points, dtype=np.float64))
     state = replace(posted.state, motions=motions, gamma=program.gamma, near=program.q)
     return _posted(model, state, posted.settings, None)
+
+
+def _straight(motions: Motions, settings: PostSettings) -> Bools:
+    """Moves (n,) that go straight: those at feed, and rapid ones if asked for, but for the way to another tool."""
+    return ~motions.changes if settings.rapid == "linear" else ~motions.rapid
 
 
 def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
@@ -219,11 +226,12 @@ def _posted(model: fem.ArmModel, state: PostState, settings: PostSettings, progr
 def _course(model: fem.ArmModel, state: PostState, settings: PostSettings, progress: Progress | None) -> Course:
     """Postures at every move; points that repeat the one before share its posture."""
     task, (first, place) = state.task, state.places
-    free = np.asarray(state.motions.rapid[first][1:]) if settings.rapid == "joint" else None
+    loose = np.asarray(~_straight(state.motions, settings)[first][1:])
+    free = loose if loose.any() else None
     drive, clear = settings.drive, settings.clearance
     if clear is not None:
-        travel = state.travel[first]
-        drive = replace(drive, clearance_at=lambda q, point: clear(q, travel[point]))
+        travel, tool = state.travel[first], state.motions.tool[first]
+        drive = replace(drive, clearance_at=lambda q, point: clear(q, travel[point], tool[point]))
     near = None if state.near is None else state.near[first]
     generator = np.random.default_rng(settings.seed)
     chosen = settings.gamma if state.gamma is None else state.gamma[first]
@@ -242,5 +250,7 @@ def _bend(program: JointProgram) -> Array:
     """Distance (n,) m of the tip from the straight line when all axes are half-way to each move's end."""
     points = program.motions.points
     half = [0.5 * (values[1:] + values[:-1]) for values in (program.q, program.travel, program.table, points)]
-    tip = tool_in_part(program.robot, program.cell, *half[:3])[:, :3, 3]
+    tip = tool_in_part(program.robot, program.cell, half[0], half[1], half[2], program.tool_at(slice(1, None)))[
+        :, :3, 3
+    ]
     return np.append(np.zeros(min(1, program.n)), np.linalg.norm(tip - half[3], axis=1))

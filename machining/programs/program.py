@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from machining.cell import Cell
+from machining.tooling import tool_frames
 from machining.toolpaths.motions import Motions
 from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Integers, finite
@@ -70,14 +72,26 @@ class JointProgram:
 
     def reached(self) -> Array:
         """Tool frames (n, 4, 4) in the part frame that the joint coordinates give, by forward kinematics."""
-        return tool_in_part(self.robot, self.cell, self.q, self.travel, self.table)
+        return tool_in_part(self.robot, self.cell, self.q, self.travel, self.table, self.T_flange_tool)
+
+    @cached_property
+    def T_flange_tool(self) -> Array:  # noqa: N802 - letters of a matrix
+        """Tool frames on the flange: (4, 4) m where all moves have one tool, else (n, 4, 4)."""
+        return tool_frames(self.cell, self.motions)
+
+    def tool_at(self, rows: slice | Integers) -> Array:
+        """Tool frames on the flange at some moves: (4, 4) m where all moves have one tool, else (k, 4, 4)."""
+        return self.T_flange_tool if self.T_flange_tool.ndim == 2 else self.T_flange_tool[rows]
 
 
-def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array) -> Array:
-    """Tool frames (n, 4, 4) in the part frame at joint angles q (n, dof) rad, travels (n, k) m and table (n,) rad."""
+def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array, T_flange_tool: Array) -> Array:
+    """Tool frames (n, 4, 4) in the part frame at joint angles q (n, dof) rad, travels (n, k) m and table (n,) rad.
+
+    ``T_flange_tool`` (4, 4) or (n, 4, 4) m.
+    """
     T = forward_kinematics(robot, q).T_flange
     part = np.linalg.inv(cell.T_world_part(table))
-    return np.asarray(part @ cell.T_world_base(travel) @ T @ cell.tool.T_flange_tool)
+    return np.asarray(part @ cell.T_world_base(travel) @ T @ T_flange_tool)
 
 
 def frame_distance(A: Array, B: Array) -> tuple[Array, Array]:

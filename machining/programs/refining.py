@@ -12,6 +12,7 @@ import numpy as np
 
 from machining.cell import Cell
 from machining.task import REPEATED, Task, ToolPath
+from machining.tooling import tool_frames
 from machining.toolpaths.motions import Motions
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
@@ -42,17 +43,21 @@ class PostState:
         still[1:] = (np.linalg.norm(np.diff(motions.points, axis=0), axis=1) < REPEATED) & (
             np.linalg.norm(np.diff(motions.axes, axis=0), axis=1) < REPEATED
         )
+        # The same point with another tool is another posture.
+        still &= ~motions.changes
         return np.flatnonzero(~still), np.cumsum(~still) - 1
 
     @cached_property
     def task(self) -> Task:
         """The path as a task of the robot."""
         motions, (kept, _) = self.motions, self.places
+        T_tool = tool_frames(self.cell, motions)
         # Linear axes shift the part against the base; they do not turn it.
         T = self.cell.T_base_part(self.travel[kept], np.full(len(kept), self.table))
         path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
         shift = T[:, :3, 3] - T[0, :3, 3]
-        return Task(path, self.cell.tool.T_flange_tool, T[0], self.reference, shift if shift.any() else None)
+        on_flange = T_tool if T_tool.ndim == 2 else T_tool[kept]
+        return Task(path, on_flange, T[0], self.reference, shift if shift.any() else None)
 
     def tool_frames(self, gamma: Array) -> Array:
         """Tool frames (n, 4, 4) in the part frame at gamma (n,) rad."""

@@ -11,6 +11,7 @@ two ways may differ by as much.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from machining.inputs import as_units
 from machining.task import Task
 from robots import InputError, Robot
 from robots.arrays import Array
+from robots.frames import by_frame
 from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
 from robots.inverse.wrist import BOUNDARY
@@ -67,6 +69,14 @@ def fast_sweep(
     compiled = kernels() if gamma.size >= FEWEST and not model.robot.couplings else None
     if compiled is None:
         return None
+    if task.T_flange_tool.ndim == 3:
+        return _tool_by_tool(compiled, model, task, quantity, force, gamma)
+    return _one_tool(compiled, model, task, quantity, force, gamma)
+
+
+def _one_tool(
+    compiled: ModuleType, model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array
+) -> tuple[Array, NDArray[np.int8], Array | None] | None:
     try:
         arm = spherical_wrist_arm(model.robot)
     except InputError:  # another kind of arm
@@ -85,6 +95,30 @@ def fast_sweep(
     if stiffness:
         with np.errstate(divide="ignore"):
             np.divide(1.0, value, out=value)
+    return q, reason, value
+
+
+def _tool_by_tool(
+    compiled: ModuleType, model: fem.ArmModel, task: Task, quantity: str, force: Array | None, gamma: Array
+) -> tuple[Array, NDArray[np.int8], Array | None] | None:
+    """:func:`fast_sweep` of a path along which tools are changed; None where one of them takes the other way."""
+    n, m = gamma.shape
+    found = None
+    for rows, T in by_frame(task.T_flange_tool, n):
+        one = replace(task.at(rows), T_flange_tool=T)
+        part = _one_tool(compiled, model, one, quantity, None if force is None else force[rows], gamma[rows])
+        if part is None:
+            return None
+        if found is None:
+            found = [None if p is None else np.empty((n, m, *p.shape[1:]), dtype=p.dtype) for p in part]
+        for whole, p in zip(found, part, strict=True):
+            if whole is not None and p is not None:
+                whole[rows] = p.reshape(len(rows), m, *p.shape[1:])
+    assert found is not None  # noqa: S101 - a path has points
+    q, reason, value = (None if p is None else p.reshape(n * m, *p.shape[2:]) for p in found)
+    # Only the value may be left out.
+    assert q is not None  # noqa: S101
+    assert reason is not None  # noqa: S101
     return q, reason, value
 
 

@@ -75,14 +75,14 @@ class Objective:
         normal, forces = task.normals[point], self.forces(task.path.n)
         force = None if forces is None else forces[point]
         if self.quantity == "k_fs":
-            value = stiffness_index(model, q, normal, task.tip)
+            value = stiffness_index(model, q, normal, task.tip_at(point))
         elif force is not None and self.minimised:
-            d = fem.deflection(model, q, np.hstack([force, np.zeros_like(force)]), task.tip)[:, :3]
+            d = fem.deflection(model, q, np.hstack([force, np.zeros_like(force)]), task.tip_at(point))[:, :3]
             if len(d) and beyond_small(model.robot, d).all():
                 refuse_beyond(model.robot, d, f"{self.quantity} under the force on the tool")
             value = displaced(self.quantity, d, normal)
         else:
-            value = self.of_compliance(translational(model, q, task.tip), normal, force)
+            value = self.of_compliance(translational(model, q, task.tip_at(point)), normal, force)
         self.check_finite(value, point)
         return np.asarray(value)
 

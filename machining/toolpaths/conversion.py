@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,6 @@ from robots.arrays import Array, Bools, Integers
 from robots.errors import listed
 
 # Tools of a file that a message names.
-MOST_NAMED = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +111,8 @@ class GivenPath:
     """A path and where it comes from.
 
     ``free`` (n - 1,): segments between its cuts: rapid moves, plunges, ramps; ``moves`` (n,) of the source that end at
-    its points, ``count`` of them in all; ``notes``: what was odd about the file; ``drilled``: nothing mills sideways.
+    its points, ``count`` of them in all; ``notes``: what was odd about the file; ``drilled``: nothing mills sideways;
+    ``motions``: the source, None for a table.
     """
 
     path: ToolPath
@@ -121,6 +121,7 @@ class GivenPath:
     count: int
     notes: tuple[Note, ...] = ()
     drilled: bool = False
+    motions: Motions | None = None
 
     def acting(self, force: CuttingForce) -> CuttingForce:
         """A cutting force along this path, cut by cut; errors as :meth:`drilling`."""
@@ -135,6 +136,23 @@ class GivenPath:
             A milling force without coefficients for plunging, where nothing is milled sideways.
         """
         return Thrust(force) if self.drilled and isinstance(force, MillingForce) else force
+
+
+def entered(motions: Motions) -> Motions:
+    """The same, and where a tool's first move is at feed it is a rapid one: the tool comes from the changer.
+
+    A note says so, with the lines.
+    """
+    at_feed = motions.changes & ~motions.rapid
+    if not at_feed.any():
+        return motions
+    text = "a tool's first move is at feed: it is driven as a rapid one"
+    return replace(
+        motions,
+        rapid=motions.rapid | at_feed,
+        feed=np.where(at_feed, np.nan, motions.feed),
+        notes=(*motions.notes, Note(int(motions.line[at_feed][0]), text, int(at_feed.sum()))),
+    )
 
 
 def read_given_path(
@@ -155,7 +173,7 @@ def read_given_path(
     ------
     InputError
         As :func:`machining.read_path`, :func:`machining.toolpaths.read_toolpath`,
-        :func:`machining.toolpaths.selection.select`, :func:`one_tool` and :func:`machining.toolpaths.to_tool_path`.
+        :func:`machining.toolpaths.selection.select` and :func:`machining.toolpaths.to_tool_path`.
     """
     is_table = kind == "csv" or (kind is None and file.suffix.lower() == ".csv")
     if is_table and not content(file).startswith(MARK.encode()):
@@ -164,10 +182,10 @@ def read_given_path(
         return _milled_rows(read_path(file))
     motions = read_toolpath(file, kind=kind, options=options)
     motions = select(motions, operations=operations, tool_numbers=tool_numbers)
-    one_tool(motions)
+    motions = entered(motions)
     cutting, milled = to_tool_path(motions), mills(motions.points, motions.axes, motions.cutting)
     notes = (*motions.notes, *_left_out(int((motions.cutting & ~milled).sum()), bool(milled.any())))
-    return GivenPath(cutting.path, cutting.free, cutting.moves, motions.n, notes, drilled=not milled.any())
+    return GivenPath(cutting.path, cutting.free, cutting.moves, motions.n, notes, not milled.any(), motions)
 
 
 def _left_out(count: int, any_milled: bool) -> tuple[Note, ...]:
@@ -191,21 +209,7 @@ def _milled_rows(path: ToolPath) -> GivenPath:
     )
 
 
-def one_tool(motions: Motions) -> None:
-    """Raise InputError for a tool path of several tools, where a cell has one on the flange."""
-    used = np.unique(motions.tool)
-    if len(used) > 1:
-        said = [tool.name or str(tool.number) for tool in (motions.tools[i] for i in used)]
-        named = [_named(motions, int(i)) for i in used]
-        raise InputError(
-            f"tool path {motions.source} uses {len(used)} tools",
-            value=listed(said),
-            allowed=f"one at a time, for a cell has one tool on the flange: {'; '.join(named[:MOST_NAMED])}",
-            remedy="choose with --tool-number or --operation (tool_numbers=, operations= in Python)",
-        )
-
-
-def _named(motions: Motions, tool: int) -> str:
+def named_tool(motions: Motions, tool: int) -> str:
     """A tool by its number, and the operations that it is used in, as far as the file names them."""
     number = motions.tools[tool].number
     names = [motions.operations[i] for i in np.unique(motions.operation[motions.tool == tool])]

@@ -181,6 +181,11 @@ class Motions:
         return len(self.points)
 
     @property
+    def changes(self) -> Bools:
+        """Moves (n,) that are the first with another tool than the move before had."""
+        return np.append(np.zeros(min(1, self.n), dtype=np.bool_), np.diff(self.tool) != 0)
+
+    @property
     def cutting(self) -> Bools:
         """Moves (n,) at feed; the first point has no move that leads to it, so it is not one of them."""
         out = ~self.rapid

@@ -50,7 +50,7 @@ def contact_of(found: Verification, offence: Offence, poses: int = POSES) -> Con
     move, share = _move_at(at)
     values = found.courses.at(move, share)[0]
     q, travel, table = found.axes.parts(values)
-    seen = nearest(found.scene, offence.bodies, q[0], travel[0], float(table[0]))
+    seen = nearest(found.scene_at(int(move[0])), offence.bodies, q[0], travel[0], float(table[0]))
     base = found.program.cell.T_world_base(travel)[0]
     points = seen.points @ base[:3, :3].T + base[:3, 3]
     line = int(found.program.motions.line[move[0]])
@@ -70,5 +70,11 @@ def _move_at(place: Array) -> tuple[Integers, Array]:
 
 def _gaps(found: Verification, bodies: tuple[str, str], places: Array) -> Array:
     """Distances of two bodies at places along the program, m."""
-    values, _ = found.courses.at(*_move_at(places))
-    return gaps(found.scene, bodies, *found.axes.parts(values))
+    move, share = _move_at(places)
+    q, travel, table = found.axes.parts(found.courses.at(move, share)[0])
+    out = np.full(len(move), np.inf)
+    for rows, scene in found.by_scene(move):
+        # A body of another tool is not there.
+        if all(name in scene.body_names for name in bodies):
+            out[rows] = gaps(scene, bodies, q[rows], travel[rows], table[rows])
+    return out

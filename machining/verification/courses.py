@@ -142,16 +142,17 @@ class Courses:
         shape = len(moves), pieces + 1
         return values.reshape(*shape, -1), np.asarray(followed.reshape(shape).all(axis=1))
 
-    def frames(self, values: Array) -> Array:
-        """Tool frames (m, 4, 4) in the part frame at coordinates (m, a)."""
-        return tool_in_part(self.program.robot, self.program.cell, *self.axes.parts(values))
+    def frames(self, values: Array, move: Integers) -> Array:
+        """Tool frames (m, 4, 4) in the part frame at coordinates (m, a), with the tools of moves (m,)."""
+        program = self.program
+        return tool_in_part(program.robot, program.cell, *self.axes.parts(values), program.tool_at(move))
 
     def _flange(self, move: Integers, share: Array, values: Array) -> Array:
         """Flange frames (m, 4, 4) in the base on straight moves."""
         cell = self.program.cell
         _, travel, table = self.axes.parts(values)
         T = frames_between(self.reached[move - 1], self.reached[move], share)
-        return np.asarray(cell.T_base_part(travel, table) @ T @ inverse(cell.tool.T_flange_tool))
+        return np.asarray(cell.T_base_part(travel, table) @ T @ inverse(self.program.tool_at(move)))
 
 
 def courses_of(program: JointProgram, interpolation: Interpolation) -> Courses:
@@ -160,6 +161,7 @@ def courses_of(program: JointProgram, interpolation: Interpolation) -> Courses:
     straight = np.full(program.n, interpolation == "linear")
     if interpolation == "mixed":
         straight = program.motions.cutting
+    straight = straight & ~program.motions.changes
     straight[:1] = False
     return Courses(program, axes, axes.of(program), straight)
 

@@ -97,7 +97,7 @@ def _off_the_line(courses: Courses, moves: Integers, *, even: bool) -> tuple[Arr
     wanted = courses.program.T_part_tool
     share = np.linspace(0.0, 1.0, PIECES + 1)[1:-1]
     move, s = np.repeat(moves, len(share)), np.tile(share, len(moves))
-    frames = courses.frames(courses.even(move, s) if even else courses.at(move, s)[0])
+    frames = courses.frames(courses.even(move, s) if even else courses.at(move, s)[0], move)
     start, way = wanted[move - 1, :3, 3], wanted[move, :3, 3] - wanted[move - 1, :3, 3]
     length = np.einsum("ni,ni->n", way, way)
     r = frames[:, :3, 3] - start

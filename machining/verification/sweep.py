@@ -8,7 +8,8 @@ its ends are c0 and c1 and no two bodies move against each other by more than L 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -168,6 +169,26 @@ class Swept:
                 self.hit[m], self.hit_pair[m] = share[i], pair[i]
             elif 0.0 <= d < self.safety - EQUAL and not share[i] >= self.low[m]:
                 self.low[m], self.low_pair[m] = share[i], pair[i]
+
+
+def together(parts: Sequence[Swept]) -> Swept:
+    """Sweeps of different moves of one program, with different bodies, as one.
+
+    ``parts``: at least one; of each move one of them has figures.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    names = tuple(dict.fromkeys(name for part in parts for name in part.names))
+    out = replace(parts[0], names=names, samples=sum(part.samples for part in parts))
+    for field in ("distance", "proven", "hit", "low", "unproven", "lost"):
+        # Each move has figures in one part at most.
+        stack = np.stack([getattr(part, field) for part in parts])
+        setattr(out, field, np.fmin.reduce(stack))
+    for field in ("pair", "hit_pair", "low_pair"):
+        places = [np.array([names.index(name) for name in part.names] + [-1]) for part in parts]
+        own = [place[getattr(part, field)] for place, part in zip(places, parts, strict=True)]
+        setattr(out, field, np.max(own, axis=0))
+    return out
 
 
 class _Intervals(NamedTuple):

@@ -11,6 +11,7 @@ import numpy as np
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
 from machining.programs.program import JointProgram
+from machining.tooling import tools_of
 from machining.verification.commands import command_offences, has_commands
 from machining.verification.courses import Courses, MovingAxes, courses_of
 from machining.verification.demands import Demands
@@ -26,24 +27,26 @@ from machining.verification.offences import (
     worst_first,
 )
 from machining.verification.path_checks import PathChecks, path_checks
-from machining.verification.sweep import Swept, sweep
+from machining.verification.sweep import Swept, sweep, together
 from machining.verification.timing import Timing, timing_of
 from robots import InputError
-from robots.progress import Progress
+from robots.arrays import Bools, Integers
+from robots.progress import Progress, report_progress
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
     """Result of :func:`verify`; arrays are over the program's n moves.
 
-    ``offences`` in the order of the program, equal ones of neighbouring moves merged. ``swept``: distances of all
+    ``scenes``: of each of the path's tools. ``offences`` in the order of the program, equal ones of neighbouring moves
+    merged. ``swept``: distances of all
     checked pairs; ``rapid``: of cutter and part in rapid moves, None where there is neither. ``not_looked_at``: what
     could not be checked, and why. ``notes``: what was assumed about bodies.
     """
 
     program: JointProgram
     demands: Demands
-    scene: Scene
+    scenes: tuple[Scene, ...]
     courses: Courses
     offences: tuple[Offence, ...]
     swept: Swept
@@ -57,6 +60,14 @@ class Verification:
     def axes(self) -> MovingAxes:
         """All axes."""
         return self.courses.axes
+
+    def scene_at(self, move: int) -> Scene:
+        """The bodies that are there in a move."""
+        return self.scenes[int(self.program.motions.tool[move])]
+
+    def by_scene(self, move: Integers) -> list[tuple[Integers, Scene]]:
+        """Places in ``move`` (m,) with the bodies that are there in these moves."""
+        return _by_scene(self.scenes, self.program.motions.tool[move])
 
     @property
     def errors(self) -> tuple[Offence, ...]:
@@ -117,13 +128,24 @@ def verify(
             allowed=", ".join(arm.robot.coordinates),
             remedy="give the model that the program was made for",
         )
-    scene = scene_of(program.cell, arm)
+    scenes = _scenes(program, arm)
     courses = courses_of(program, demands.interpolation)
     safety = program.cell.safety if demands.safety is None else demands.safety
-    swept = sweep(
-        courses, scene, safety=safety, resolution=demands.resolution, horizon=demands.horizon, progress=progress
+    swept = together(
+        [
+            sweep(
+                courses,
+                scene,
+                moves=moves,
+                safety=safety,
+                resolution=demands.resolution,
+                horizon=demands.horizon,
+                progress=_from(progress, done, program.n),
+            )
+            for moves, done, scene in _in_turn(program, scenes)
+        ]
     )
-    rapid = _rapid_contacts(courses, scene, demands)
+    rapid = _rapid_contacts(courses, scenes, demands)
     timing = timing_of(courses, demands.smoothing)
     path = path_checks(courses, demands)
     reported = Reported(courses)
@@ -133,14 +155,57 @@ def verify(
         *path_offences(reported, path, demands),
         *command_offences(reported),
     ]
-    notes = (*scene.notes, *dict.fromkeys(str(note) for note in program.motions.notes))
-    unknown = _not_looked_at(courses, scene, timing)
-    return Verification(program, demands, scene, courses, merged(found), swept, rapid, timing, path, unknown, notes)
+    notes = tuple(
+        dict.fromkeys([*(note for scene in scenes for note in scene.notes), *map(str, program.motions.notes)])
+    )
+    unknown = _not_looked_at(courses, scenes, timing)
+    return Verification(program, demands, scenes, courses, merged(found), swept, rapid, timing, path, unknown, notes)
 
 
-def _rapid_contacts(courses: Courses, scene: Scene, demands: Demands) -> Swept | None:
-    """Sweep of cutter and part alone, in rapid moves."""
-    moves = courses.program.motions.rapid
+def _scenes(program: JointProgram, arm: ArmBodies) -> tuple[Scene, ...]:
+    """The bodies that are there with each of the path's tools; those without a move share the first's."""
+    tools = tools_of(program.cell, program.motions)
+    made: dict[int, Scene] = {}
+    for i in np.unique(program.motions.tool).tolist():
+        if id(tools[i]) not in made:
+            made[id(tools[i])] = scene_of(program.cell.with_tool(tools[i]), arm)
+    first = next(iter(made.values()))
+    return tuple(made.get(id(tool), first) for tool in tools)
+
+
+def _by_scene(scenes: tuple[Scene, ...], tool: Integers) -> list[tuple[Integers, Scene]]:
+    which = np.array([scenes.index(scene) for scene in scenes], dtype=np.int64)[tool]
+    return [(np.flatnonzero(which == i), scenes[i]) for i in np.unique(which).tolist()]
+
+
+def _in_turn(program: JointProgram, scenes: tuple[Scene, ...]) -> list[tuple[Bools, int, Scene]]:
+    """Moves (n,) with each set of bodies, how many come before in the count of progress, and the bodies."""
+    out, done = [], 0
+    for rows, scene in _by_scene(scenes, program.motions.tool):
+        moves = np.zeros(program.n, dtype=np.bool_)
+        moves[rows] = True
+        out.append((moves, done, scene))
+        done += len(rows)
+    return out
+
+
+def _from(progress: Progress | None, before: int, total: int) -> Progress | None:
+    """Progress of a part of the moves, with so many done before."""
+    return None if progress is None else lambda done, _: report_progress(progress, before + done, total)
+
+
+def _rapid_contacts(courses: Courses, scenes: tuple[Scene, ...], demands: Demands) -> Swept | None:
+    """Sweeps of cutter and part alone, in rapid moves."""
+    rapid = courses.program.motions.rapid
+    parts = [
+        _rapid_contacts_with(courses, scene, rapid & moves, demands)
+        for moves, _, scene in _in_turn(courses.program, scenes)
+    ]
+    found = [part for part in parts if part is not None]
+    return together(found) if found else None
+
+
+def _rapid_contacts_with(courses: Courses, scene: Scene, moves: Bools, demands: Demands) -> Swept | None:
     cutters = [i for i, m in enumerate(scene.members) if m.kind == CUTTER]
     parts = [i for i, m in enumerate(scene.members) if m.kind == PART]
     if not (moves.any() and cutters and parts):
@@ -156,12 +221,13 @@ def _rapid_contacts(courses: Courses, scene: Scene, demands: Demands) -> Swept |
     return sweep(courses, alone, moves=moves, resolution=demands.resolution, horizon=demands.horizon)
 
 
-def _not_looked_at(courses: Courses, scene: Scene, timing: Timing) -> tuple[str, ...]:
+def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) -> tuple[str, ...]:
     """What could not be checked, in words."""
     axes, cell, motions = courses.axes, courses.program.cell, courses.program.motions
     slow, weak = ([axes.names[i] for i in np.flatnonzero(np.isinf(rate))] for rate in (axes.speed, axes.acceleration))
     no_feed, no_time = int((motions.cutting & np.isnan(motions.feed)).sum()), int(np.isnan(timing.time).sum())
-    no_shapes = not axes.dof or not any(m.frame for m in scene.members)
+    no_shapes = not axes.dof or not any(m.frame for m in scenes[0].members)
+    bare = not any(tool.holder or tool.cutter for tool in (scene.cell.tool for scene in scenes))
     said = (
         (slow, f"Speeds of {', '.join(slow)}: the cell gives no limits."),
         (weak, f"Accelerations of {', '.join(weak)}: the cell gives no limits."),
@@ -169,12 +235,14 @@ def _not_looked_at(courses: Courses, scene: Scene, timing: Timing) -> tuple[str,
         (no_time, f"Time of {no_time} moves, so that of the program."),
         (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
         (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
-        (not (cell.tool.holder or cell.tool.cutter), "Collisions of the tool: the cell gives no bodies of it."),
+        (bare, "Collisions of the tool: the cell gives no bodies of it."),
         (cell.floor is None, "Collisions with the floor: the cell has none."),
         (no_shapes, "Collisions of the arm: the model gives no shapes."),
     )
     return (
         *(text for unknown, text in said if unknown),
-        *(f"Collisions of {a} with {b}: they overlap at home." for a, b in scene.switched_off),
+        *dict.fromkeys(
+            f"Collisions of {a} with {b}: they overlap at home." for scene in scenes for a, b in scene.switched_off
+        ),
         *(f"Collisions of {a} with {b}: the cell allows them." for a, b in cell.allowed_contacts),
     )

@@ -41,7 +41,8 @@ def inverse_kinematics(
     Parameters
     ----------
     T_base_tool : (n, 4, 4), lengths in m
-    T_flange_tool : (4, 4), default the robot's own tool; ``numpy.eye(4)`` for targets of the flange
+    T_flange_tool : (4, 4), or (n, 4, 4) one a target; default the robot's own tool; ``numpy.eye(4)`` for targets of
+        the flange
     near : (6,) or (n, 6) rad: among equivalent angles the nearest to these are returned, and where a target leaves
         joints free (see :class:`robots.inverse.branches.InverseSolutions`) these are kept. Default: the middle of the
         ranges
@@ -55,9 +56,10 @@ def inverse_kinematics(
     targets = as_frames(T_base_tool, "target frames")
     tool = robot.T_flange_tool if T_flange_tool is None else np.asarray(T_flange_tool, dtype=np.float64)
     tool = as_frames(tool[None] if tool.ndim == 2 else tool, "tool frame")
-    if len(tool) != 1:
-        raise InputError("tool frame", value=f"shape {tool.shape}", allowed="(4, 4)", remedy="give one tool")
-    flange = targets @ inverse(tool[0])
+    if len(tool) not in (1, len(targets)):
+        allowed = f"(4, 4) or ({len(targets)}, 4, 4)"
+        raise InputError("tool frame", value=f"shape {tool.shape}", allowed=allowed, remedy="give one tool a target")
+    flange = targets @ inverse(tool)
     wanted = as_near(robot, near, len(targets))
     if why_not_spherical(robot) is None:
         arm = spherical_wrist_arm(robot)

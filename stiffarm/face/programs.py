@@ -147,7 +147,7 @@ def post(
             travel=np.zeros(axes) if axes else None,
             tolerance=tolerance_um * 1e-6,
             seed=seed,
-            clearance=setup.clearance(),
+            clearance=setup.clearance(motions),
         )
         stiffness = stiffness_uncertainty(arm.model.as_designed, arm.description, arm.own)
         request = PostRequest(motions, setup, settings, targets, WriteOptions(), stiffness=stiffness)

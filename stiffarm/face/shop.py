@@ -129,13 +129,13 @@ def posture(
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
-        task = setup.task(given.path)
+        task = setup.task(given)
         cut = None if cut is None else replace(cut, force=given.acting(cut.force))
         request = PostureRequest(
             task,
             Objective(quantity, None if cut is None else cut.force.along(task).force, aim),
             GammaRange.of_degrees(*gamma_deg),
-            setup.drive(Drive()),
+            setup.drive(Drive(), given=given),
             seed=seed,
             cut=cut,
             left_out=tuple(effects_left_out(arm)),
@@ -185,6 +185,8 @@ def place(
     from machining.cutting import stiffness_uncertainty
     from machining.placement import Goal, How, Problem, space_of
     from machining.placement.study import place_along
+    from machining.setup import Setup
+    from machining.tooling import require_tools
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
 
@@ -197,6 +199,7 @@ def place(
         described = read_cell(Path(cell))
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
+        require_tools(described, given.motions)
         scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
         problem = Problem(
             model=arm.model,
@@ -209,6 +212,7 @@ def place(
             clearance=described.safety,
             free=given.free,
             stiffness=stiffness_uncertainty(arm.model, arm.description, arm.own),
+            tools=Setup(described, None if scene is None else scene.arm).tools(given),
         )
         found = place_along(problem, given, How(mode), () if scene is None else scene.notes, mapped=False)
     return Placement(arm.name, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from robots.arrays import Array, Integers
 from stiffarm.pages.parts import chain_data, column_matrix, packed
 
 KIND_NAMES = {ARM: "arm", HOLDER: "holder", CUTTER: "cutter", CARRIAGE: "carriage", FIXED: "fixture", PART: "part"}
+TOOL_KINDS = (KIND_NAMES[HOLDER], KIND_NAMES[CUTTER])
 # Most triangles of one body; closed surfaces with more are thinned out, hulls are small anyway.
 MOST_TRIANGLES = 6000
 
@@ -70,15 +72,23 @@ def placed_in_world(scene: Scene, surfaces: list[BodySurface], q: Array, travel:
     return placed
 
 
-def cell_data(scene: Scene, most: int) -> dict[str, Any]:
-    """Arm and cell for ``cellScene`` of ``shop_scene.js``, with about ``most`` triangles in all."""
-    cell = scene.cell
+def cell_data(scene: Scene, most: int, others: Sequence[Scene] = ()) -> dict[str, Any]:
+    """Arm and cell for ``cellScene`` of ``shop_scene.js``, with about ``most`` triangles in all.
+
+    ``others``: the same with other tools; a tool's bodies bear its place, 0 for that of ``scene``, then theirs.
+    """
+    cell, every = scene.cell, (scene, *others)
+    share = most // max(1, sum(len(one.members) for one in every))
+    drawn = [
+        (body, place) for place, one in enumerate(every) for body in body_surfaces(one, share)
+        if place == 0 or body.kind in TOOL_KINDS
+    ]  # fmt: skip
     return {
         "chain": chain_data(scene.arm.robot),
         "cell": {
             "base": column_matrix(cell.T_world_base0),
             "part": column_matrix(cell.T_world_part0),
-            "tool": column_matrix(cell.tool.T_flange_tool),
+            "tools": [column_matrix(one.cell.tool.T_flange_tool) for one in every],
             "rails": [axis.direction.tolist() for axis in cell.linear_axes],
             "table": None
             if cell.turntable is None
@@ -93,7 +103,8 @@ def cell_data(scene: Scene, most: int) -> dict[str, Any]:
                 "frame": int(body.frame),
                 "v": packed(body.vertices, "<f4"),
                 "t": packed(body.triangles, "<u4"),
+                "tool": place if body.kind in TOOL_KINDS else None,
             }
-            for body in body_surfaces(scene, most // max(1, len(scene.members)))
+            for body, place in drawn
         ],
     }

@@ -225,6 +225,13 @@ def tool_of(robot: Robot, text: str | None) -> Array:
     return robot.T_flange_tool if text is None else parse_frame(text, "--tool")
 
 
+def tool_words(T: Array) -> str:
+    """Tool frames on the flange in words: (4, 4) m, or (n, 4, 4) where tools are changed, each in its order."""
+    if T.ndim == 2:
+        return frame_words(T)
+    return ", then ".join(dict.fromkeys(map(frame_words, T)))
+
+
 def frame_words(T: Array) -> str:
     """A frame as a user would type it."""
     xyz, turn = T[:3, 3] * 1e3, np.degrees(rpy_of(T[:3, :3]))

@@ -121,7 +121,7 @@ def posed(robot: Robot, q: Array, cell: Cell | None = None) -> JointProgram:
     cell = cell or Cell(tool=Tool(spindle()))
     n = len(q)
     travel, table = np.zeros((n, len(cell.linear_axes))), np.zeros(n)
-    T = tool_in_part(robot, cell, q, travel, table)
+    T = tool_in_part(robot, cell, q, travel, table, cell.tool.T_flange_tool)
     motions = motions_of(np.ascontiguousarray(T[:, :3, 3]), -T[:, :3, 2], rapid=np.zeros(n, dtype=np.bool_))
     motions = replace(motions, feed=np.full(n, 0.02))
     zeros = np.zeros(n, dtype=np.int64)

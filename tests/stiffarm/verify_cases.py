@@ -136,7 +136,7 @@ def parallelogram_program() -> JointProgram:
     robot = arm_of("xr701").robot
     q = middle_pose(robot) + 0.1 * np.arange(4.0)[:, None] * np.array([1.0, -1.0, 0.5, 1.0, -1.0, 2.0])
     travel, turned = np.linspace(0.0, 0.9, 4)[:, None], np.linspace(0.0, 1.2, 4)
-    T = tool_in_part(robot, cell, q, travel, turned)
+    T = tool_in_part(robot, cell, q, travel, turned, cell.tool.T_flange_tool)
     none = np.zeros(4, dtype=np.int64)
     motions = Motions(
         points=T[:, :3, 3], axes=-T[:, :3, 2], rapid=np.ones(4, dtype=np.bool_), feed=np.full(4, np.nan),

@@ -17,13 +17,15 @@ from machining.programs.neutral import BLOCK, SCHEMA, columns, joints_of, progra
 from machining.programs.program import JointProgram
 from machining.programs.source_text import comment
 from machining.toolpaths.events import ordered
+from machining.toolpaths.motions import Tool
 from robots import InputError, Robot
+from robots.arrays import Integers
 from robots.files.csv_text import rows_text
 from robots.inverse.branches import BRANCH_NAMES
 from robots.inverse.singularities import branch_of
 from robots.inverse.spherical_wrist import why_not_spherical
 
-# Columns in words, which are not read back.
+# Columns in words; of these only tools are read back.
 WORDS = ("tool", "operation", "branch")
 
 
@@ -90,9 +92,22 @@ class Csv(Neutral):
         names = BRANCH_NAMES if told else ()
         # The line of the schema and that of the names come first.
         lines = np.arange(3, 3 + len(values))
+        tools, tool = _tools([record[wanted.index("tool")] for record in records[1:]])
         return program_of(
-            robot, cell, table, where, lines, tool=none, operation=none, source=where, branch=branch, names=names
-        )
+            robot, cell, table, where, lines, tools=tools, tool=tool, operation=none, source=where, branch=branch,
+            names=names,
+        )  # fmt: skip
+
+
+def _tools(words: list[str]) -> tuple[tuple[Tool, ...], Integers]:
+    """Tools of a column of words, each a number and a name or one of them, and the place of each row's."""
+    places = {word: i for i, word in enumerate(dict.fromkeys(words))}
+    return tuple(map(_tool, places)) or (Tool(),), np.array([places[word] for word in words], dtype=np.int64)
+
+
+def _tool(word: str) -> Tool:
+    number, _, name = word.strip().partition(" ")
+    return Tool(int(number), name.strip()) if number.isdecimal() and len(number) < 10 else Tool(None, word.strip())
 
 
 FORMAT = Csv()

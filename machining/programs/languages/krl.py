@@ -86,12 +86,14 @@ class Krl(Controller):
     main, part = (("{name}.src", "main.j2"),), "{name}_{number:03d}.src"
     speed_unit = 1.0
     terminals = (1, 8192)
+    tool_frame = "figures"
     actions = (
         Pattern("output", re.compile(r"\s*\$OUT\[(?P<name>\d+)\]\s*=\s*(?P<on>TRUE|FALSE)\s*$", re.IGNORECASE)),
         Pattern("analog", re.compile(r"\s*\$ANOUT\[(?P<name>\d+)\]\s*=\s*(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
         Pattern("wait", re.compile(r"\s*WAIT\s+SEC\s+(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
         Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*\(\s*(?P<value>\d+)\s*\)\s*$")),
         Pattern("stop", re.compile(r"\s*HALT\s*$", re.IGNORECASE)),
+        Pattern("frame", re.compile(r"\s*\$TOOL\s*=\s*\{(?P<value>[^{}]*)\}\s*$", re.IGNORECASE)),
     )
     asks = re.compile(r"\s*IF\s+\$IN\[(?P<name>\d+)\]\s+THEN\s*$", re.IGNORECASE)
 
@@ -102,10 +104,14 @@ class Krl(Controller):
         turn = (controller_deg < 0.0) @ (1 << np.arange(6))
         return np.stack([status, turn], axis=1).astype(np.int64)
 
+    def tool_value(self, T: Array, options: WriteOptions) -> str:
+        """See :class:`Controller`."""
+        return ",".join(f"{name} {value}" for name, value in zip(CARTESIAN, self.frame_words(T, options), strict=True))
+
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
         return {
-            "tool": self.frame(job, job.T_tool),
+            "tool": self.frame(job, job.first_tool.T),
             "base": self.frame(job, job.T_base),
             "ptp_blend": plain(job.options.own(KrlOptions).ptp_blend_percent),
         }

@@ -37,7 +37,9 @@ _SPEED = re.compile(r"\s*vMove\.v_tcp\s*:=\s*([^;]+);", re.IGNORECASE)
 _GRAMMAR = Grammar(
     main=".mod",
     comment="!",
-    move=re.compile(r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,.*;", re.IGNORECASE),
+    move=re.compile(
+        r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,\s*(\w+).*;", re.IGNORECASE
+    ),
     readable="MoveL [[...]], MoveAbsJ [[...]]",
     motion=re.compile(r"\b(?:Move(?:L|J|C|AbsJ|Ext|Circ)\w*|SearchL|SearchC|Trigg[LJC])\b", re.IGNORECASE),
     opens=re.compile(r"^\s*(?:FOR|WHILE|TEST)\b|^\s*IF\b.*\bTHEN\b", re.IGNORECASE),
@@ -70,6 +72,7 @@ class Rapid(Controller):
     orientation = QUATERNION
     speed_unit = 1e-3
     scaled = False
+    tool_frame = "name"
     actions = (
         Pattern("output", re.compile(r"\s*SetDO\s+(?P<name>\w+)\s*,\s*(?P<on>[01])\s*;", re.IGNORECASE)),
         Pattern("analog", re.compile(r"\s*SetAO\s+(?P<name>\w+)\s*,\s*(?P<value>[\d.]+)\s*;", re.IGNORECASE)),
@@ -94,7 +97,7 @@ class Rapid(Controller):
         known = load.tool_mass_kg is not None
         return {
             "unused": (UNUSED,) * (EXTERNALS - external),
-            "tool": self.frame(job, job.T_tool) if known else None,
+            "tools": [(tool.name, self.frame(job, tool.T) if known else None) for tool in job.used],
             "base": self.frame(job, job.T_base),
             "mass": plain(load.tool_mass_kg or 0.0),
             "centre": [f"{v:.3f}" for v in load.tool_centre_mm],
@@ -106,11 +109,14 @@ class Rapid(Controller):
         self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
     ) -> Iterator[ReadMove | Action]:
         """See :class:`Controller`; MoveL, MoveJ and MoveAbsJ with the target in the instruction are read."""
-        speed = np.nan
+        speed, tool = np.nan, ""
         for line in _GRAMMAR.lines(files, self.reader(program)):
             if line.action is not None:
                 yield line.action
             elif line.move is not None:
+                if line.move[3] != tool:
+                    tool = line.move[3]
+                    yield Action("frame", tool)
                 yield _moved(line.where, line.move, speed)
             elif (said := _SPEED.match(line.code)) is not None:
                 speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3
@@ -118,7 +124,8 @@ class Rapid(Controller):
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
         o = job.options
-        unknown = f"the load of the tool is not known: tooldata {o.tool_name} has to stand on the controller"
+        names = ", ".join(tool.name for tool in job.used)
+        unknown = f"the load of the tool is not known: tooldata {names} has to stand on the controller"
         return super().notes(job) + ([unknown] if o.own(RapidOptions).tool_mass_kg is None else [])
 
 

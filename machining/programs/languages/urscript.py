@@ -68,11 +68,13 @@ class UrScript(Controller):
     )
     main = (("{name}.script", "main.j2"),)
     terminals = (0, 7)
+    tool_frame = "figures"
     actions = (
         Pattern("output", re.compile(_OUT.format("digital", "on", "True|False"))),
         Pattern("analog", re.compile(_OUT.format("analog", "value", r"[\d.]+"))),
         Pattern("wait", re.compile(r"\s*sleep\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
         Pattern("stop", re.compile(r"\s*popup\(.*\bblocking\s*=\s*True\s*\)\s*$")),
+        Pattern("frame", re.compile(r"\s*set_tcp\(\s*p\[(?P<value>[^\[\]]*)\]\s*\)\s*$")),
         Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\(\s*(?P<value>\d+)\s*\)\s*$")),
     )
     asks = re.compile(r"\s*if\s+get_standard_digital_in\(\s*(?P<name>\d+)\s*\)\s*:\s*$")
@@ -90,8 +92,12 @@ class UrScript(Controller):
 
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
-        pose = [*job.T_tool[:3, 3], *Rotation.from_matrix(job.T_tool[:3, :3]).as_rotvec()]
-        return {"tcp": [f"{v:.9f}" for v in pose]}
+        return {"tcp": self.tool_value(job.first_tool.T, job.options)}
+
+    def tool_value(self, T: Array, options: WriteOptions) -> str:
+        """See :class:`Controller`: m and a rotation vector in rad."""
+        pose = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec()]
+        return ", ".join(f"{v:.9f}" for v in pose)
 
     def coordinates(self, job: Job, part: slice) -> tuple[Array, Sequence[int]]:
         """See :class:`Controller`: in rad."""

@@ -38,7 +38,7 @@ _SPEED = re.compile(r"\s*(\w+)\.tvel\s*=\s*(\S+)\s*$")
 _GRAMMAR = Grammar(
     main="start.pgx",
     comment="//",
-    move=re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+)\s*,\s*(\w+)\s*\)\s*$"),
+    move=re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+(?:\[\d+\])?)\s*,\s*(\w+)\s*\)\s*$"),
     readable="movel or movej to pPath[i] or jPath[i]",
     motion=re.compile(r"\b(?:movel|movej|movec|movejf|compliantMove\w*)\s*\("),
     opens=re.compile(r"^\s*(?:if|for|while|do|switch)\b"),
@@ -74,6 +74,7 @@ class Val3(Controller):
     speed_unit = 1e-3
     scaled = False
     own_stop = False
+    tool_frame = "name"
     actions = (
         Pattern("output", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<on>true|false)\s*$")),
         Pattern("wait", re.compile(r"\s*delay\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
@@ -88,6 +89,10 @@ class Val3(Controller):
         other = np.stack(sides(robot, q, controller_deg), axis=1).astype(int)
         return np.asarray(CONFIGURATIONS[np.arange(3), other])
 
+    def tool_name(self, options: WriteOptions, number: int, place: int) -> str:
+        """See :class:`Controller`: a place in the array of tools."""
+        return f"{options.tool_name}[{place}]"
+
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
         axes = external_axes(job.program, slice(None))
@@ -98,7 +103,7 @@ class Val3(Controller):
                 remedy="choose another format, or split the path where they move",
             )
         return {
-            "tool": self.frame(job, job.T_tool),
+            "tools": [self.frame(job, tool.T) for tool in job.used],
             "base": self.frame(job, job.T_base),
             "external": formatted(job.externals(slice(0, 1)), job.external_decimals)[0],
             "blend": "off" if job.options.blend_mm == 0.0 else job.kind,
@@ -117,10 +122,14 @@ class Val3(Controller):
         data = _data(*file_of(files, ".dtx"))
         external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
         speeds: dict[str, float] = {}
+        tool = ""
         for line in _GRAMMAR.lines(files, self.reader(program)):
             if line.action is not None:
                 yield line.action
             elif line.move is not None:
+                if line.move[4] != tool:
+                    tool = line.move[4]
+                    yield Action("frame", tool)
                 yield _moved(line.where, line.move, data, external, speeds)
             elif (said := _SPEED.match(line.code)) is not None:
                 speeds[said[1]] = number(f"{line.where}, tvel", said[2]) * 1e-3

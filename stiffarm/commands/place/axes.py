@@ -10,6 +10,7 @@ import numpy as np
 from machining.placement.study import PlacedStep, scene_for
 from machining.placement.sweeping import distances
 from machining.posture.points import GammaRange
+from machining.setup import Setup
 from robots import ModelDescription
 from robots.arrays import Array, Integers
 from stiffarm.commands.posture.axes_page import AxesStudy, kept, thinned_angles
@@ -26,13 +27,16 @@ def axes_study(step: PlacedStep, model: str | Path, description: ModelDescriptio
     scene = problem.scene or scene_for(step.cell, str(model), description)[0]
     if scene is None:
         return None
+    tools = problem.tools
+    if tools is not None and not tools.scenes:
+        tools = Setup(step.cell, scene.arm).tools(step.given)
     error = after.error
     rows = kept(problem.path.n, np.array([np.abs(error.normal).argmax(), after.stiffness.argmin()]))
     e, table = after.e[rows], after.table
     looked, objective = problem.looked_at(e, table, rows)
 
     def clear(q: Array, point: Integers) -> Array:
-        return distances(problem, q, e[point], table)
+        return distances(problem, q, e[point], table, rows[point])
 
     drive = replace(problem.drive, clearance_at=clear, clearance_least=problem.clearance)
     task = problem.task_at(e, table, rows)
@@ -40,7 +44,8 @@ def axes_study(step: PlacedStep, model: str | Path, description: ModelDescriptio
         model=problem.arm,
         task=task,
         drive=problem.drive if problem.scene is None else drive,
-        scene=scene,
+        scenes=(scene,) if tools is None else tools.scenes,
+        place=np.zeros(len(rows), dtype=np.int64) if tools is None else tools.place[rows],
         looked=looked,
         objective=objective,
         words="surface error" if problem.goal.minimised else "stiffness along the force",

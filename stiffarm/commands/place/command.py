@@ -17,6 +17,7 @@ from machining.placement import AIMS, MODES, Goal, How, Problem, space_of
 from machining.placement.study import PlacedStep, place_along, scene_for
 from machining.setup import Setup
 from machining.stiffness.criterion import Criterion
+from machining.tooling import require_tools
 from machining.toolpaths import read_given_path
 from robots import InputError
 from robots.files.csv_text import columns_text
@@ -190,6 +191,7 @@ def place(
         cutting = given_path.drilling(cutting)
         goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
         how = _how(mode, anywhere, cost, gamma_course)
+        require_tools(described, given_path.motions)
         scene, notes = scene_for(described, model, given.description) if collisions else (None, ())
         problem = Problem(
             model=given.model,
@@ -202,6 +204,7 @@ def place(
             clearance=described.safety if clearance is None else clearance * 1e-3,
             free=given_path.free,
             stiffness=stiffness_uncertainty(given.model, given.description, given.own),
+            tools=Setup(described, None if scene is None else scene.arm).tools(given_path),
         )
         frame.reads(path=path, cell=cell, milling=milling)
         with frame.folder_if() as folder:

@@ -96,10 +96,11 @@ def why_words(problem: Problem, look: Look) -> str:
     if stopped is None:
         return look.shortfall.words if look.shortfall is not None else ""
     where = f"at point {stopped.point} with gamma {np.degrees(stopped.gamma):.4g} deg"
-    if look.why != "collision" or problem.scene is None:
+    scenes = problem.by_scene(np.array([stopped.point]))
+    if look.why != "collision" or not scenes:
         return f"near a singularity {where}"
     e, table = problem.space.sites(look.x[None])
-    pair = clearance(problem.scene, stopped.q[None], e, table, within=problem.clearance + BEYOND).nearest(0)
+    pair = clearance(scenes[0][1], stopped.q[None], e, table, within=problem.clearance + BEYOND).nearest(0)
     return f"collision {where}" if pair is None else f"{pair[0]} and {pair[1]} too near {where}"
 
 

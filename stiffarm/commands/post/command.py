@@ -236,7 +236,7 @@ def post(
                 table=followed.table,
                 near=followed.joints_at_moves(motions.rapid),
             )
-        settings = replace(settings, clearance=setup.clearance(settings.table))
+        settings = replace(settings, clearance=setup.clearance(motions, settings.table))
         request = PostRequest(
             motions,
             setup,
@@ -286,7 +286,8 @@ def _followed(file: Path, cell: Cell, motions: Motions, options: Mapping[str, st
 def _check(program: JointProgram, followed: Placement) -> None:
     """Raise InputError unless the placement's tool frames are the program's; say where its branches are not."""
     given = np.flatnonzero(~program.inserted)[followed.moves]
-    wanted = tool_in_part(program.robot, program.cell, followed.q, followed.travel, program.table[given])
+    axes = followed.q, followed.travel, program.table[given]
+    wanted = tool_in_part(program.robot, program.cell, *axes, program.tool_at(given))
     away, turned = frame_distance(wanted, program.T_part_tool[given])
     if max(away.max(), turned.max()) > SAME_FRAME:
         raise InputError(

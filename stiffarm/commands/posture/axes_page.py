@@ -42,7 +42,8 @@ class AxesStudy:
 
     Attributes
     ----------
-    model, task, drive, scene : arm, path on the part, limits, bodies
+    model, task, drive : arm, path on the part, limits
+    scenes, place : bodies with each tool, and (n,) whose are there at each point
     looked, objective, words : what the map's colour is of: the task with the directions that it is looked at in, and
         what it is called
     angles : (m,) rad of the map
@@ -54,7 +55,8 @@ class AxesStudy:
     model: fem.ArmModel
     task: Task
     drive: Drive
-    scene: Scene
+    scenes: tuple[Scene, ...]
+    place: Integers
     looked: Task
     objective: Objective
     words: str
@@ -90,7 +92,7 @@ def cells_of(study: AxesStudy) -> AxesCells:
         study.model, study.looked, study.objective, study.drive, study.angles, postures=True,
         generator=np.random.default_rng(0),
     )  # fmt: skip
-    cause, causes = causes_of(made, study.model.robot, study.scene, study.e, study.table)
+    cause, causes = causes_of(made, study.model.robot, study.scenes, study.place, study.e, study.table)
     error = None
     if study.error is not None and study.force is not None:
         error = errors_of(made, study.task, study.model, study.force, study.q, study.error)
@@ -102,10 +104,11 @@ def axes_data(study: AxesStudy) -> dict[str, Any]:
     cells = cells_of(study)
     made, what = cells.map, shown(study.objective.quantity)
     assert made.q is not None  # noqa: S101 - it was made with postures
-    names = {member.body.name for member in study.scene.members}
+    names = {member.body.name for scene in study.scenes for member in scene.members}
     value = what.factor * made.value
     return {
-        **cell_data(study.scene, MOST_TRIANGLES),
+        **cell_data(study.scenes[0], MOST_TRIANGLES, study.scenes[1:]),
+        "tool": packed(study.place, "<u1"),
         "n": len(study.gamma),
         "m": len(study.angles),
         "closed": bool(np.ptp(study.angles) + np.median(np.diff(study.angles)) > 2.0 * np.pi - 1e-6),
@@ -139,10 +142,11 @@ def eye_of(study: AxesStudy) -> Array:
     """From the worst point of the course to an eye that sees it past the arm and the fixtures."""
     bad = study.value * (1.0 if study.objective.minimised else -1.0) if study.error is None else np.abs(study.error)
     i = int(bad.argmax())
-    surfaces = body_surfaces(study.scene, COARSE)
-    placed = placed_in_world(study.scene, surfaces, study.q[i], study.e[i], study.table)
+    scene = study.scenes[study.place[i]]
+    surfaces = body_surfaces(scene, COARSE)
+    placed = placed_in_world(scene, surfaces, study.q[i], study.e[i], study.table)
     others = [x[b.triangles] for b, x in zip(surfaces, placed, strict=True) if b.kind not in ("part", "cutter")]
-    cell = study.scene.cell
+    cell = scene.cell
     place = (cell.T_world_part(np.array([study.table]))[0] @ np.append(study.task.path.points[i], 1.0))[:3]
     base = cell.T_world_base(study.e[i][None])[0, :3, 3]
     # Not the point alone: what is about it is looked at too.

@@ -16,6 +16,7 @@ from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
 from machining.setup import Setup
 from machining.stiffness.objective import DISPLACEMENTS
 from machining.toolpaths import read_given_path
+from machining.toolpaths.conversion import GivenPath
 from robots import InputError
 from robots.arrays import Array
 from robots.files.csv_text import columns_text
@@ -152,7 +153,7 @@ def posture(
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(tool_path.notes, path)
-        task = setup.task(tool_path.path, parse_reference(reference))
+        task = setup.task(tool_path, parse_reference(reference))
         cut = None if cut is None else replace(cut, force=tool_path.acting(cut.force))
         drive = Drive(
             speed=parse_speed(given.robot, speed),
@@ -166,7 +167,7 @@ def posture(
             task,
             _objective(quantity, aim, None if cut is None else cut.force.along(task).force),
             _gammas(gamma),
-            setup.drive(drive),
+            setup.drive(drive, given=tool_path),
             float(np.radians(before)),
             seed,
             cut,
@@ -184,7 +185,7 @@ def posture(
                 "effects_left_out": effects_left_out(given),
             }
             if folder is not None:
-                _write(folder, setup, model, given, posed, content)
+                _write(folder, setup, model, given, posed, content, tool_path)
         frame.answer(content, lambda: _show(posed))
 
 
@@ -202,7 +203,9 @@ def _gammas(text: str) -> GammaRange:
     return GammaRange(gammas - FIXED_HALF_WIDTH, gammas + FIXED_HALF_WIDTH, 2)
 
 
-def _write(folder: OutputFolder, setup: Setup, model: str, given: Arm, posed: Posed, content: dict[str, Any]) -> None:
+def _write(
+    folder: OutputFolder, setup: Setup, model: str, given: Arm, posed: Posed, content: dict[str, Any], path: GivenPath
+) -> None:
     from stiffarm.commands.posture.axes import axes_study
     from stiffarm.commands.posture.axes_page import NAME, axes_page
     from stiffarm.commands.posture.report import write_report
@@ -210,7 +213,7 @@ def _write(folder: OutputFolder, setup: Setup, model: str, given: Arm, posed: Po
     folder.write_json("posture.json", content)
     folder.write_text("posture.csv", columns_text(posture_payload.columns(posed)))
     title = given.description.title.split(" (")[0]
-    study = axes_study(posed, setup, model, given.description)
+    study = axes_study(posed, setup, model, given.description, path)
     if study is not None:
         folder.write_text(NAME, axes_page(study, title))
     write_report(posed, title, folder)

@@ -15,7 +15,7 @@ from robots.arrays import Array
 from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.session.json_text import number, numbers
-from stiffarm.session.parsing import frame_words
+from stiffarm.session.parsing import frame_words, tool_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
 
@@ -44,7 +44,7 @@ def payload(posed: Posed) -> dict[str, Any]:
             "count": request.gammas.count,
         },
         "gamma_counts_from": numbers(np.asarray(request.task.reference)),
-        "tool_on_flange": frame_words(request.task.T_flange_tool),
+        "tool_on_flange": tool_words(request.task.T_flange_tool),
         "part_in_base": frame_words(request.task.T_base_part),
         "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
         "all_solutions_found": posed.found.sure,
@@ -169,7 +169,7 @@ def remarks(posed: Posed) -> list[str]:
         out.append("Joint speeds were not looked at: give --speed, or a cell file with joint speeds.")
     elif np.isnan(request.task.path.times).any():
         out.append("Points without a feed: between them joint speeds could not be looked at.")
-    if request.drive.clearance_of is None:
+    if request.drive.clearance_of is None and request.drive.clearance_at is None:
         out.append("Collisions were not looked at: give a cell file with --cell.")
     if posed.milling is None:
         out.append("No error was predicted: give --force or --milling.")

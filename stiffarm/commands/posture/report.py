@@ -13,7 +13,7 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.numbers import known_to, ranged, significant
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import frame_words
+from stiffarm.session.parsing import frame_words, tool_words
 
 MEANINGS = {
     CHOSEN: "gamma, branch and turns of the joints chosen for the whole path at once, so that it can be driven",
@@ -214,7 +214,7 @@ def how_section(posed: Posed) -> Section:
         "How it was found",
         (
             Text(
-                f"Tool on the flange {frame_words(task.T_flange_tool)}; part in the base frame "
+                f"Tool on the flange {tool_words(task.T_flange_tool)}; part in the base frame "
                 f"{frame_words(task.T_base_part)}. {request.gammas.count} angles gamma, all branches and turns of the "
                 "joints at every point; the course through them by dynamic programming, then on finer grids about it. "
                 "Costs beside the objective: "

@@ -73,7 +73,7 @@ def offence_picture(
     style.require_folder(path)
     spot = spot_of(found, offence)
     near, (camera, hidden) = _half_width(spot), view_of(found, spot)
-    surfaces = body_surfaces(found.scene)
+    surfaces = body_surfaces(found.scene_at(spot.move))
     placed = _placed(found, surfaces, spot)
     floor = _floor(found, placed)
     whole = [*_painted(surfaces, placed, spot), *floor]
@@ -101,7 +101,7 @@ def offence_picture(
 def _placed(found: Verification, surfaces: list[BodySurface], spot: Spot) -> list[Array]:
     """Vertices of all bodies in the world, in the pose of the offence."""
     q, travel, table = found.axes.parts(spot.values[None])
-    return placed_in_world(found.scene, surfaces, q[0], travel[0], float(table[0]))
+    return placed_in_world(found.scene_at(spot.move), surfaces, q[0], travel[0], float(table[0]))
 
 
 def _half_width(spot: Spot) -> float:
@@ -111,7 +111,7 @@ def _half_width(spot: Spot) -> float:
 def view_of(found: Verification, spot: Spot) -> tuple[style.Camera, tuple[str, ...]]:
     """The camera that shows most of an offence's bodies, and the names of bodies that still stand before its place."""
     near = _half_width(spot)
-    surfaces = body_surfaces(found.scene, COARSE)
+    surfaces = body_surfaces(found.scene_at(spot.move), COARSE)
     corners = [x[b.triangles] for b, x in zip(surfaces, _placed(found, surfaces, spot), strict=True)]
     seen = [
         near_points(spot.place, dense(x.reshape(-1, 3), np.arange(x.size // 3).reshape(-1, 3)), 0.3 * near)

@@ -34,14 +34,15 @@ def replay_page(found: Verification, title: str) -> str:
 
 def replay_data(found: Verification) -> dict[str, Any]:
     """Everything that the page shows: kinematics, bodies, points, offences; arrays as base64, little end first."""
-    program, scene = found.program, found.scene
+    program, scenes = found.program, list(dict.fromkeys(found.scenes))
+    tool = np.array([scenes.index(scene) for scene in found.scenes])
     spots = [spot_of(found, o) if k < SEARCHED else spot_of(found, o, 1) for k, o in enumerate(shown_offences(found))]
     kept = kept_points(found, also=[spot.move for spot in spots])
     distance = np.minimum(found.swept.distance, found.swept.within)
     time = np.cumsum(found.timing.time + program.motions.dwell)
     timed = bool(np.isfinite(time).all())
     return {
-        **cell_data(scene, MOST_TRIANGLES),
+        **cell_data(scenes[0], MOST_TRIANGLES, scenes[1:]),
         "axes": [
             {"name": name, "linear": bool(linear), "lower": _bound(low), "upper": _bound(high)}
             for name, linear, low, high in zip(
@@ -55,6 +56,7 @@ def replay_data(found: Verification) -> dict[str, Any]:
         "move": packed(kept, "<i4"),
         "line": packed(program.motions.line[kept], "<i4"),
         "rapid": packed(program.motions.rapid[kept], "<u1"),
+        "tool": packed(tool[program.motions.tool[kept]], "<u1"),
         "feed": packed(program.motions.feed[kept] * 6e4, "<f4"),
         "clearance": packed(_least_between(distance, kept) * 1e3, "<f4"),
         "horizon": found.swept.within * 1e3,

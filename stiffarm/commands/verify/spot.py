@@ -63,14 +63,14 @@ def spot_of(found: Verification, offence: Offence, poses: int = POSES) -> Spot:
     values, line = offence.worst_values, int(found.program.motions.line[offence.worst])
     names = found.axes.names
     axis = names.index(offence.axis) if offence.axis in names else -1
-    place, bodies = _of_axis(found, values, axis) if axis >= 0 else _of_tool(found, values)
+    place, bodies = _of_axis(found, offence, axis) if axis >= 0 else _of_tool(found, offence)
     return Spot(offence, None, values, offence.worst, line, place, bodies)
 
 
-def _of_axis(found: Verification, values: Array, axis: int) -> tuple[Array, tuple[str, ...]]:
+def _of_axis(found: Verification, offence: Offence, axis: int) -> tuple[Array, tuple[str, ...]]:
     """The joint's origin and the body that it moves; of a linear axis the foot and what carries it."""
-    program, dof, scene = found.program, found.axes.dof, found.scene
-    q, travel, _ = found.axes.parts(values[None])
+    program, dof, scene = found.program, found.axes.dof, found.scene_at(offence.worst)
+    q, travel, _ = found.axes.parts(offence.worst_values[None])
     base = program.cell.T_world_base(travel)[0]
     if axis < dof:
         origin = forward_kinematics(program.robot, q).p[0, axis + 1]
@@ -82,9 +82,10 @@ def _of_axis(found: Verification, values: Array, axis: int) -> tuple[Array, tupl
     return base[:3, 3], tuple(carried[-1:]) if axis < dof + found.axes.travels else ()
 
 
-def _of_tool(found: Verification, values: Array) -> tuple[Array, tuple[str, ...]]:
+def _of_tool(found: Verification, offence: Offence) -> tuple[Array, tuple[str, ...]]:
     """The tip and the cutter."""
-    table = found.axes.parts(values[None])[2]
-    tip = found.program.cell.T_world_part(table)[0] @ found.courses.frames(values[None])[0]
-    cutters = [m.body.name for m in found.scene.members if m.kind == CUTTER]
+    values = offence.worst_values[None]
+    table = found.axes.parts(values)[2]
+    tip = found.program.cell.T_world_part(table)[0] @ found.courses.frames(values, np.array([offence.worst]))[0]
+    cutters = [m.body.name for m in found.scene_at(offence.worst).members if m.kind == CUTTER]
     return np.asarray(tip[:3, 3]), tuple(cutters[:1])

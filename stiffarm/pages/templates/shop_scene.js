@@ -28,7 +28,9 @@ const gridLines = [];
 }
 
 const eye = { azimuth: -1.05, height: 0.42, distance: 4, focus: [0, 0, 0.7] };
-const tipAt = F => at(mul(F[dof + 1], D.cell.tool), 0, 0, 0);
+let tool = 0; // Place of the tool that is on the flange.
+const shown = b => b.tool === null || b.tool === tool;
+const tipAt = F => at(mul(F[dof + 1], D.cell.tools[tool]), 0, 0, 0);
 function look(name, F) { // A view by name of the arm in a pose.
   const b = at(F[0], 0, 0, 0), t = tipAt(F);
   eye.focus = name === "tool" ? t : [0.5 * (b[0] + t[0]), 0.5 * (b[1] + t[1]), 0.5 * (b[2] + t[2]) + 0.35];
@@ -90,6 +92,7 @@ function makeGL() {
     gl.viewport(0, 0, w, h); gl.clearColor(...shades.sky, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT); gl.enable(gl.DEPTH_TEST);
     gl.useProgram(solid); set(solid, "V", V); set(solid, "P", P);
     bodies.forEach((b, k) => {
+      if (!shown(b)) return;
       set(solid, "M", F[b.frame]); gl.uniform3fv(gl.getUniformLocation(solid, "colour"), hot.get(b.name) ?? b.colour);
       attribute(solid, "pos", meshes[k].pos, 3); attribute(solid, "nor", meshes[k].nor, 3); gl.drawArrays(gl.TRIANGLES, 0, meshes[k].count);
     });
@@ -114,7 +117,7 @@ function make2D() {
     const stroke = (T, a, b, colour, width) => { const p = flat(T, ...a), q = flat(T, ...b); if (!p || !q) return; pen.strokeStyle = colour; pen.lineWidth = width * ratio; pen.beginPath(); pen.moveTo(p[0], p[1]); pen.lineTo(q[0], q[1]); pen.stroke(); };
     for (const [a, b] of gridLines) stroke(V, a, b, css(shades.grid), 1);
     const faces = [];
-    for (const b of bodies) {
+    for (const b of bodies.filter(shown)) {
       const T = mul(V, F[b.frame]), R = [...T.slice(0, 12), 0, 0, 0, 1], base = hot.get(b.name) ?? b.colour;
       for (let f = 0; f < b.pos.length; f += 9) {
         const n = at(R, b.nor[f], b.nor[f + 1], b.nor[f + 2]), p = [0, 3, 6].map(j => flat(T, b.pos[f + j], b.pos[f + j + 1], b.pos[f + j + 2]));
@@ -167,7 +170,7 @@ function flatPoint(x) { // Where a point of the world is on the page, in pixels 
   return k < 0.02 ? null : [0.5 * canvas.clientWidth * (1 + P[0] * p[0] / k), 0.5 * canvas.clientHeight * (1 - P[5] * p[1] / k)];
 }
 return {
-  frames, tipAt, look, eye, hands, flatPoint, share, keepShape, TABLE, shades: () => shades, renderer, trouble, recolour: () => renderer.recolour(),
+  hold(k) { tool = k; }, frames, tipAt, look, eye, hands, flatPoint, share, keepShape, TABLE, shades: () => shades, renderer, trouble, recolour: () => renderer.recolour(),
   draw: (F, hot) => renderer.draw(F, hot),
 };
 }

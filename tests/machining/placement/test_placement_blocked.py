@@ -25,8 +25,8 @@ def test_stiff_postures_that_collide_do_not_hide_free_ones(kr60: fem.ArmModel, m
     free = survey(problem, (3,)).grid[1]
     bad: set[bytes] = set()
 
-    def blocked(_: Any, q: Any, e: Any, table: float) -> tuple[str, int]:
-        del e, table
+    def blocked(_: Any, q: Any, e: Any, table: float, point: Any) -> tuple[str, int]:
+        del e, table, point
         if len(bad) < 60:
             bad.add(q.tobytes())
         return ("collision", 2) if q.tobytes() in bad else ("", -1)
@@ -44,8 +44,8 @@ def test_a_point_that_stops_one_angle_is_asked_at_all_others(
     problem = problem_of(kr60, cell_of(rail()), line(3, 0.1), gamma=FINE)
     asked: list[int] = []
 
-    def blocked(_: Any, q: Any, e: Any, table: float) -> tuple[str, int]:
-        del q, e, table
+    def blocked(_: Any, q: Any, e: Any, table: float, point: Any) -> tuple[str, int]:
+        del q, e, table, point
         asked.append(1)
         return "collision", 2
 
@@ -78,8 +78,8 @@ def test_branches_may_change_at_rapid_moves_only(kr60: fem.ArmModel, monkeypatch
     stops = {sites.q[0, 0, b, p].tobytes() for b in range(8) for p in ((2, 3) if b == two[0] else (0, 1))}
     stops |= {sites.q[0, 0, b, p].tobytes() for b in range(8) for p in (2, 3) if b not in two}
 
-    def blocked(_: Any, q: Any, e: Any, table: float) -> tuple[str, int]:
-        del e, table
+    def blocked(_: Any, q: Any, e: Any, table: float, point: Any) -> tuple[str, int]:
+        del e, table, point
         hit = [i for i, pose in enumerate(q) if pose.tobytes() in stops]
         return ("collision", hit[0]) if hit else ("", -1)
 

@@ -32,13 +32,13 @@ def gamma_of(problem: Problem, q: Array) -> Array:
 def patched(problem: Problem, monkeypatch: pytest.MonkeyPatch, bad: Any) -> None:
     """Poses collide where ``bad`` (gamma (m,), q) says so."""
 
-    def blocked(_: Problem, q: Array, e: Array, table: float) -> tuple[str, int]:
-        del e, table
+    def blocked(_: Problem, q: Array, e: Array, table: float, point: Any) -> tuple[str, int]:
+        del e, table, point
         hit = np.flatnonzero(bad(gamma_of(problem, q), q))
         return ("collision", int(hit[0])) if len(hit) else ("", -1)
 
-    def stopped(_: Problem, q: Array, e: Array, table: float) -> Array:
-        del e, table
+    def stopped(_: Problem, q: Array, e: Array, table: float, point: Any) -> Array:
+        del e, table, point
         return np.where(bad(gamma_of(problem, q), q), freedom.CAUSES.index("collision"), freedom.CAUSES.index(""))
 
     monkeypatch.setattr(freedom, "blocked", blocked)

@@ -53,7 +53,7 @@ def between(program: JointProgram, share: float) -> Array:
     """Distance of the tip from the straight line when every axis has gone this share of each move."""
     q = program.q[:-1] + share * np.diff(program.q, axis=0)
     travel = program.travel[:-1] + share * np.diff(program.travel, axis=0)
-    tip = tool_in_part(program.robot, program.cell, q, travel, program.table[1:])[:, :3, 3]
+    tip = tool_in_part(program.robot, program.cell, q, travel, program.table[1:], program.T_flange_tool)[:, :3, 3]
     points = program.motions.points
     return np.asarray(np.linalg.norm(tip - (points[:-1] + share * np.diff(points, axis=0)), axis=1))
 

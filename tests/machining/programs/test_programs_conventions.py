@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from program_cases import PLAIN, cell_of, posed, program_of, rail, random_poses, turntable
 
-from machining.programs.convention import convention_for
+from machining.programs.convention import Convention, convention_for
 from machining.programs.formats import parse_options, write_program
-from machining.programs.job import job_of
+from machining.programs.job import ToolData, job_of, tools_of_job
 from machining.programs.languages.krl import Krl
 from machining.programs.languages.rapid import Rapid
 from machining.programs.languages.val3 import Val3
@@ -22,6 +22,7 @@ from machining.programs.orientation import (
     xyz_degrees,
     zyx_degrees,
 )
+from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot, forward_kinematics, inverse_kinematics, load_robot
 from robots.arrays import Array
@@ -82,13 +83,18 @@ def test_conventions_give_the_controllers_own_kinematics(robot: Robot, rng: np.r
     np.testing.assert_allclose(convention.radians(convention.controller_deg(q)), q, atol=1e-14)
 
 
+def tools(program: JointProgram, convention: Convention) -> tuple[ToolData, ...]:
+    """Data of the program's one tool."""
+    return tools_of_job(program, convention, WriteOptions(), lambda number, place: f"tool_{number}_{place}")
+
+
 def test_kuka_base_times_target_is_the_flange_times_tool() -> None:
     program = program_of(n=5)
     convention = convention_for(program.robot, 0, "krl", None)
-    job = job_of(program, "cartesian", WriteOptions(), convention)
+    job = job_of(program, "cartesian", WriteOptions(), convention, tools(program, convention))
     assert job.T_base is not None
     for angles, target in zip(convention.controller_deg(program.q), program.T_part_tool, strict=True):
-        np.testing.assert_allclose(kuka_kr60(angles)[0] @ job.T_tool, job.T_base @ target, atol=1e-12)
+        np.testing.assert_allclose(kuka_kr60(angles)[0] @ job.first_tool.T, job.T_base @ target, atol=1e-12)
 
 
 def test_base_of_a_robot_that_does_not_stand_in_the_world_frame() -> None:
@@ -97,7 +103,7 @@ def test_base_of_a_robot_that_does_not_stand_in_the_world_frame() -> None:
     travel = np.linspace(-0.2, 0.2, 5)[:, None]
     program = program_of(n=5, cell=cell, travel=travel)
     convention = convention_for(program.robot, 1, "krl", None)
-    job = job_of(program, "cartesian", WriteOptions(), convention)
+    job = job_of(program, "cartesian", WriteOptions(), convention, tools(program, convention))
     assert job.T_base is not None
     np.testing.assert_allclose(stand @ job.T_base, cell.T_world_part0, atol=1e-12)
 
@@ -243,11 +249,11 @@ def test_signs_offsets_and_frames_by_their_definition() -> None:
     convention = convention_for(program.robot, 0, "val3", parse_options({"arm": table}, "options").arm)
     q = np.radians([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
     np.testing.assert_allclose(convention.controller_deg(q), [[9.0, 22.0, 27.0, 44.0, 45.0, 66.0]], atol=1e-12)
-    job = job_of(program, "cartesian", WriteOptions(), convention)
+    job = job_of(program, "cartesian", WriteOptions(), convention, tools(program, convention))
     assert job.T_base is not None
     own_base, own_flange = shift(0.1, 0.0, 0.642) @ turn("z", 90.0), shift(0.0, 0.0, 0.05) @ turn("y", 90.0)
     np.testing.assert_allclose(own_base @ job.T_base, program.cell.T_world_part0, atol=1e-12)
-    np.testing.assert_allclose(own_flange @ job.T_tool, program.cell.tool.T_flange_tool, atol=1e-12)
+    np.testing.assert_allclose(own_flange @ job.first_tool.T, program.cell.tool.T_flange_tool, atol=1e-12)
 
 
 def test_the_bundled_tx200_does_not_claim_to_know_the_controllers_world() -> None:

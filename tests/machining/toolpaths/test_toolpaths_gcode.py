@@ -259,7 +259,7 @@ def test_a_whole_dwell_that_looks_like_milliseconds_is_remarked_on(tmp_path: Pat
         ("G68.2 P2 Q1 X0 Y0 Z0", "other angles or points"),
         ("CYCLE800(1,,0,192,0,0,0,0,90,0,0,0,0,-1)", "CYCLE800 of mode 192"),
         ("CYCLE800(NaN,,NaN,)", "CYCLE800 with 'NAN'"),
-        ("CYCLE800(,\"\",,7,1e990,,,1)", "CYCLE800 with '1E990'"),
+        ('CYCLE800(,"",,7,1e990,,,1)', "CYCLE800 with '1E990'"),
         (f"X#{'9' * 400}", "an expression without a finite value"),
         ("G51 X0 Y0 P2", "scaling"),
         ("G16", "polar"),

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from machining.cell import Cell
+from machining.tooling import require_tools
 from machining.toolpaths import read_given_path, read_toolpath, to_tool_path
 from machining.toolpaths.engagement import mills, plunges
 from machining.toolpaths.events import added, ordered
@@ -123,7 +125,7 @@ def test_several_tools_and_no_choice_names_the_options(file: Path) -> None:
     with pytest.raises(
         InputError, match=r"tool number 1 for 'ROUGH', 'FINISH'; tool number 2 for 'HOLES'.*--tool-number or"
     ):
-        read_given_path(file)
+        require_tools(Cell(), read_given_path(file).motions)
     table = file.with_name("path.csv")
     table.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n1,0,0,0,0,1\n", encoding="utf-8")
     with pytest.raises(InputError, match="neither operations nor tools"):

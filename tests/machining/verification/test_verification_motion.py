@@ -259,7 +259,7 @@ def test_straight_moves_follow_one_branch() -> None:
     s = np.linspace(0.0, 1.0, 21)
     values, followed = courses.at(np.ones(21, dtype=np.int64), s)
     assert followed.all()
-    T = courses.frames(values)
+    T = courses.frames(values, np.ones(21, dtype=np.int64))
     wanted = given.motions.points[0] + s[:, None] * (given.motions.points[1] - given.motions.points[0])
     np.testing.assert_allclose(T[:, :3, 3], wanted, atol=1e-10)
     target = given.cell.T_base_part() @ T

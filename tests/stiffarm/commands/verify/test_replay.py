@@ -51,13 +51,13 @@ def test_the_data_are_the_programs(found: Verification) -> None:
 
 
 def test_bodies_hold_their_solids(found: Verification) -> None:
-    surfaces = body_surfaces(found.scene)
-    assert [s.name for s in surfaces] == [m.body.name for m in found.scene.members]
-    for surface, member in zip(surfaces, found.scene.members, strict=True):
+    surfaces = body_surfaces(found.scenes[0])
+    assert [s.name for s in surfaces] == [m.body.name for m in found.scenes[0].members]
+    for surface, member in zip(surfaces, found.scenes[0].members, strict=True):
         nodes = np.vstack([solid.nodes for solid in member.body.solids])
         radius = max(solid.radius for solid in member.body.solids)
         np.testing.assert_allclose(surface.vertices.max(axis=0), nodes.max(axis=0) + radius, atol=1e-9)
-    world = placed_in_world(found.scene, surfaces, found.program.q[0], np.zeros(0), 0.0)
+    world = placed_in_world(found.scenes[0], surfaces, found.program.q[0], np.zeros(0), 0.0)
     part = next(x for s, x in zip(surfaces, world, strict=True) if s.name == "part")
     np.testing.assert_allclose(part.mean(axis=0), [1.3, 0.1, 0.65], atol=1e-9)
 
@@ -110,7 +110,7 @@ addEventListener("load", () => setTimeout(() => {
 
 def check_frames(found: Verification, frames: list[list[float]], move: int) -> None:
     """The page's frames half-way through a move are the project's, in the world frame."""
-    courses, scene = found.courses, found.scene
+    courses, scene = found.courses, found.scenes[0]
     values, _ = courses.at(np.array([move]), np.array([0.5]))
     q, travel, table = courses.axes.parts(values)
     R, p = (x[0] for x in scene.frames(q, travel, table))
