@@ -85,7 +85,7 @@ def tool_frames(cell: Cell, motions: Motions) -> Array:
 
 
 def given_frames(cell: Cell, given: GivenPath) -> Array:
-    """Tool frames on the flange at a path's points; errors as :func:`require_tools`. A table has one tool."""
+    """Tool frames on the flange at a path's points; errors as :func:`require_tools`."""
     if given.motions is None:
         return cell.tool.T_flange_tool
     require_tools(cell, given.motions)

@@ -16,6 +16,8 @@ from robots.arrays import Array, Bools, Integers
 ROUNDING = 1.0 + 1e-9
 # Up to so many pairs of states all are looked at; a search tree for the near ones only pays beyond.
 FEW_PAIRS = 2000
+# Layers whose links are worked out at once.
+RUN = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +57,18 @@ class Links:
     unit: Array
     weight: float
 
-    def turn(self, i: int) -> float:
-        """How far gamma may change from layer i to the next, rad."""
-        return float(np.asarray(self.gamma_step).reshape(-1)[i if np.ndim(self.gamma_step) else 0])
+    def turns(self, some: slice) -> Array:
+        """How far gamma may change from layers to the next, (k,) rad."""
+        return np.broadcast_to(np.asarray(self.gamma_step, dtype=np.float64), len(self.step))[some]
 
-    def cost(self, i: int, dq: Array) -> Array:
-        """Cost (...) of motions dq (..., dof) rad from layer i to the next."""
+    def cost(self, i: int | slice, dq: Array) -> Array:
+        """Cost (...) of motions dq (..., dof) rad from layer i to the next; of several: dq (layers, ..., dof)."""
         if self.weight == 0.0:
             return np.zeros(dq.shape[:-1])
-        return np.asarray(self.weight * ((dq / self.unit[i]) ** 2).mean(axis=-1))
+        unit = self.unit[i]
+        if unit.ndim == 2:
+            unit = np.expand_dims(unit, tuple(range(1, dq.ndim - 1)))
+        return np.asarray(self.weight * ((dq / unit) ** 2).mean(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -84,17 +89,21 @@ def cheapest_course(layers: Layers, links: Links) -> Integers | Gap:
     """Indices (n,) of the states of the cheapest course, or where all courses end."""
     total = layers.cost[layers.rows(0)]
     back: list[Integers] = []
+    known: list[Array] = []
     for i in range(layers.n - 1):
         onto = layers.rows(i + 1)
         if (onto.stop - onto.start) * len(total) <= FEW_PAIRS:
-            through = total[:, None] + _dense(layers, links, i)
+            if not known:
+                known = _dense_run(layers, links, i)
+            through = total[:, None] + known.pop()
             source = through.argmin(axis=0)
             best = through[source, np.arange(len(source))]
         else:
+            known = []
             a, b = _pairs(layers, links, i, np.isfinite(total))
             dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
             best, source = _least(total[a] + links.cost(i, dq), a, b, onto.stop - onto.start)
-        if not np.isfinite(best).any():
+        if not best.min() < np.inf:
             return _gap(layers, links, i, np.isfinite(total))
         total = best + layers.cost[onto]
         back.append(source)
@@ -117,7 +126,7 @@ def highest_floor(layers: Layers, links: Links) -> float | Gap:
 def course_cost(layers: Layers, links: Links, course: Integers) -> float:
     """Cost of a course; its links are not checked."""
     dq = np.diff(layers.q[course], axis=0)
-    return float(layers.cost[course].sum() + sum(float(links.cost(i, dq[i])) for i in range(len(dq))))
+    return float(layers.cost[course].sum() + links.cost(slice(None), dq).sum())
 
 
 def summed(steps: Array, knots: Integers) -> Array:
@@ -125,15 +134,25 @@ def summed(steps: Array, knots: Integers) -> Array:
     return np.asarray(np.add.reduceat(steps, knots[:-1], axis=0) if len(knots) > 1 else steps[:0])
 
 
-def _dense(layers: Layers, links: Links, i: int) -> Array:
-    """Cost (k, m) of every link from layer i to the next, inf where there is none."""
-    dq = layers.q[layers.rows(i + 1)] - layers.q[layers.rows(i)][:, None]
-    far = (np.abs(dq) > links.step[i] * ROUNDING).any(axis=2)
-    most = links.turn(i)
-    if np.isfinite(most):
-        turn = layers.gamma[layers.rows(i + 1)] - layers.gamma[layers.rows(i)][:, None]
-        far |= _short_way(turn) > most * ROUNDING + 1e-12
-    return np.where(far, np.inf, links.cost(i, dq))
+def _dense_run(layers: Layers, links: Links, i: int) -> list[Array]:
+    """Costs (k, m) of all links from layer i to the next, and from those after it that have as many states; last first.
+
+    Along most of a path every point allows the same branches: the links of many points are worked out together.
+    """
+    sizes = np.diff(layers.start[i : i + RUN + 2])
+    k, m = int(sizes[0]), int(sizes[1])
+    others = np.flatnonzero(sizes[1:] != m)
+    count = 1 if k != m else int(others[0]) if len(others) else len(sizes) - 1
+    first = int(layers.start[i])
+    rows = first + np.arange(k) + k * np.arange(count)[:, None]
+    onto = first + k + np.arange(m) + m * np.arange(count)[:, None]
+    dq = layers.q[onto][:, None] - layers.q[rows][:, :, None]
+    far = (np.abs(dq) > links.step[i : i + count, None, None] * ROUNDING).any(axis=3)
+    most = links.turns(slice(i, i + count))
+    if np.isfinite(most).any():
+        turn = layers.gamma[onto][:, None] - layers.gamma[rows][:, :, None]
+        far |= _short_way(turn) > most[:, None, None] * ROUNDING + 1e-12
+    return list(np.where(far, np.inf, links.cost(slice(i, i + count), dq)))[::-1]
 
 
 def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers, Integers]:
@@ -149,7 +168,7 @@ def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers
         a, b = found["i"].astype(np.int64), found["j"].astype(np.int64)
     else:
         a, b = (index.ravel() for index in np.indices((len(A), len(B))))
-    most = links.turn(i)
+    most = float(links.turns(slice(i, i + 1))[0])
     if np.isfinite(most):
         turn = layers.gamma[layers.rows(i + 1)][b] - layers.gamma[layers.rows(i)][sources][a]
         near = _short_way(turn) <= most * ROUNDING + 1e-12

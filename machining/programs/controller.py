@@ -139,6 +139,10 @@ class Controller(Format):
         """What the templates of this language know beyond others. Raises InputError for what it cannot hold."""
         return {}
 
+    def pattern(self, job: Job) -> str:
+        """Coordinates of a move with their names, ``%s`` for each: words, configuration, axes beyond the arm; or ""."""
+        return ""
+
     def coordinates(self, job: Job, part: slice) -> tuple[Array, Sequence[int]]:
         """Coordinates (m, k) of moves, joint angles or tool frames, and the decimals of each."""
         if job.kind == "cartesian":
@@ -259,6 +263,7 @@ class Controller(Format):
     def _moves(self, job: Job, first: int, last: int) -> Iterator[Move]:
         """Moves ``first`` to ``last`` (not with it), a block at a time."""
         said: str | None = None
+        pattern = self.pattern(job)
         motions, joint = job.program.motions, job.commands.joint
         for start in range(first, last, BLOCK):
             part = slice(start, min(start + BLOCK, last))
@@ -281,9 +286,11 @@ class Controller(Format):
                 changed = speed if speed != said else None
                 said = speed
                 here = job.between.happenings.get(i, ())
+                named = pattern % (*words, *sides, *axes) if pattern else ""
                 yield Move(
-                    i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, job.tools[tool].name
-                )
+                    i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, job.tools[tool].name,
+                    named,
+                )  # fmt: skip
 
     def _precision_notes(self, job: Job) -> list[str]:
         """Say where the decimals alone move the tool by more than ``WANTED``."""

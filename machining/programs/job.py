@@ -99,7 +99,8 @@ class Move:
     ``number`` from 1; ``line`` of the source, ``new_line`` where it differs from the move before; ``rapid``;
     ``joint``: a joint move; ``stop``: no blending at its end; ``words``: coordinates; ``external``: axes beyond the
     arm; ``configuration``; ``feed``: where it changes, else None; ``before``: happenings;
-    ``place``: index from 0 within arrays of data; ``tool``: name of the tool's data.
+    ``place``: index from 0 within arrays of data; ``tool``: name of the tool's data; ``named``: all
+    coordinates with the names that the language has for them.
     """
 
     number: int
@@ -115,6 +116,7 @@ class Move:
     feed: str | None
     before: Sequence[Happening]
     tool: str
+    named: str
 
 
 @dataclass(frozen=True, eq=False)

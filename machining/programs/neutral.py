@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from machining import magnitudes as limits
 from machining.cell import Cell
@@ -78,9 +79,9 @@ def _nullable(column: Array) -> list[float | None]:
     return [v if math.isfinite(v) else None for v in column.tolist()]
 
 
-def table_of(names: Sequence[str], rows: Sequence[Sequence[float]], where: str) -> dict[str, Array]:
+def table_of(names: Sequence[str], rows: ArrayLike, where: str) -> dict[str, Array]:
     """Columns (n,) by name, NaN where not known. Raises InputError for a number that is out of its range."""
-    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(names))
+    values = np.asarray(rows, dtype=np.float64).reshape(-1, len(names))
     table = dict(zip(names, values.T.copy(), strict=True))
     for name, column in table.items():
         least, most = _RANGES.get(name, (-LARGEST_ANGLE, LARGEST_ANGLE))

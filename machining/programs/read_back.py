@@ -95,6 +95,18 @@ def number(where: str, text: str) -> float:
     return value
 
 
+def numbers(where: str, texts: Sequence[str]) -> list[float]:
+    """Numbers that a program can hold; errors as :func:`number`."""
+    try:
+        values = list(map(float, texts))
+    except ValueError:
+        return [number(where, text) for text in texts]
+    joined = "".join(texts)
+    if joined.isascii() and "_" not in joined and all(-LARGEST <= value <= LARGEST for value in values):
+        return values
+    return [number(where, text) for text in texts]
+
+
 def whole(where: str, text: str) -> int:
     """A whole number. Raises InputError for anything else."""
     value = number(where, text)
@@ -162,10 +174,14 @@ class Grammar:
         for i, line in enumerate(body.splitlines(), 1):
             code = _STRING.sub('""', line).partition(self.comment)[0]
             where = f"{source}, line {i}"
+            move = self.move.match(code)
+            if move is not None and depth == 0 and not self.jumps.search(code):
+                # Most lines: nothing begins, ends or is switched in them.
+                yield Line(where, code, move)
+                continue
             if self.jumps.search(code):
                 raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
             depth = max(0, depth + len(self.opens.findall(code)) - len(self.closes.findall(code)))
-            move = self.move.match(code)
             if self.motion.search(code):
                 if move is None:
                     raise InputError(where, value=code.strip()[:80], allowed=self.readable)

@@ -18,6 +18,7 @@ import functools
 import os
 from collections.abc import Iterator, Mapping
 from importlib import resources
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -139,9 +140,8 @@ def rendered(made: Sandbox, name: str, context: Mapping[str, Any]) -> Iterator[s
     made.budget = Budget.of(name, moves)
     room = PRINTED + PRINTED_PER_MOVE * moves
     try:
-        stream = made.get_template(name).stream(**context)
-        stream.enable_buffering(BUFFER)
-        for piece in stream:
+        tokens = made.get_template(name).generate(**context)
+        while piece := "".join(islice(tokens, BUFFER)):
             room -= len(piece)
             if room < 0:
                 raise made.budget.too_long(PRINTED, PRINTED_PER_MOVE)

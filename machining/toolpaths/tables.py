@@ -92,6 +92,42 @@ def read_path(path: str | Path) -> ToolPath:
     header, rows = _rows(path)
     _check_header(path, header)
     faults = Faults(path.name)
+    table = _plain_table(header, rows)
+    if table is None:
+        table = _checked_table(header, rows, faults)
+    points = np.stack([table[name] for name in POINT], axis=1) * 1e-3
+    normals = np.stack([table[name] for name in NORMAL], axis=1)
+    axes = np.stack([table[name] for name in AXIS], axis=1) if AXIS[0] in header else normals
+    feed = table[FEED] * (1e-3 / 60.0) if FEED in header else np.full(len(points), np.nan)
+    return ToolPath(points, normals, axes, feed)
+
+
+def _plain_table(header: list[str], rows: list[tuple[int, list[str]]]) -> dict[str, Array] | None:
+    """Columns (n,) of a table without a fault; None where a look at each row has to say what is wrong."""
+    if any(len(row) != len(header) for _, row in rows) or any("_" in cell for _, row in rows for cell in row):
+        return None
+    try:
+        values = np.array([[cell or "nan" for cell in row] for _, row in rows], dtype=np.float64)
+    except ValueError:
+        return None
+    table = dict(zip(header, values.T.copy(), strict=True))
+    for place, (name, values_of) in enumerate(table.items()):
+        column = COLUMNS[name]
+        good = (values_of >= column.least) & (values_of <= column.most)
+        if column.empty:
+            good |= np.array([not row[place] for _, row in rows])
+        if not good.all():
+            return None
+    groups = [group for group in (NORMAL, AXIS) if group[0] in header]
+    if any((np.max([np.abs(table[name]) for name in group], axis=0) < SHORTEST).any() for group in groups):
+        return None
+    places = np.stack([table[name] for name in (*POINT, *(AXIS if AXIS[0] in header else ()))], axis=1)
+    repeated = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) < REPEATED * 1e3
+    return None if repeated.any() else table
+
+
+def _checked_table(header: list[str], rows: list[tuple[int, list[str]]], faults: Faults) -> dict[str, Array]:
+    """Columns (n,), row by row; raises InputErrors for all bad rows."""
     values = [_numbers(line, row, header, faults, REMEDY) for line, row in rows]
     last: Array | None = None
     for (line, _), value in zip(rows, values, strict=True):
@@ -107,12 +143,7 @@ def read_path(path: str | Path) -> ToolPath:
             )
         last = point
     faults.raise_if_any("tool path")
-    table = {name: np.array([value[name] for value in values]) for name in header}
-    points = np.stack([table[name] for name in POINT], axis=1) * 1e-3
-    normals = np.stack([table[name] for name in NORMAL], axis=1)
-    axes = np.stack([table[name] for name in AXIS], axis=1) if AXIS[0] in header else normals
-    feed = table[FEED] * (1e-3 / 60.0) if FEED in header else np.full(len(points), np.nan)
-    return ToolPath(points, normals, axes, feed)
+    return {name: np.array([value[name] for value in values]) for name in header}
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:

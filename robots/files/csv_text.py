@@ -42,7 +42,14 @@ def as_read(text: str) -> str:
 def write_rows(stream: IO[str], rows: Iterable[Iterable[object]], ends: str = "\n") -> None:
     """Write rows of cells; ``ends``: what a line ends with."""
     # csv.writer leaves a lone carriage return without quotation marks where lines end in another sign.
-    stream.writelines(",".join(_quoted(cell(value)) for value in row) + ends for row in rows)
+    stream.writelines(",".join([_written(value) for value in row]) + ends for row in rows)
+
+
+def _written(value: object) -> str:
+    """A cell with its quotation marks; most are plain numbers, which need none."""
+    if type(value) is float:
+        return repr(value) if value == value else ""
+    return repr(value) if type(value) is int else _quoted(cell(value))
 
 
 def _quoted(text: str) -> str:

@@ -31,6 +31,7 @@ MOST_KEPT = 256 * 2**20
 DEEPEST = 64
 # Beyond 64 bits whole numbers fit no array.
 _LARGEST_WHOLE = 2**63 - 1
+_SCALARS = {int, float, bool, type(None)}
 # A key of more parts than that; in a list of numbers commas stand between the dots.
 _DOTTED = re.compile(rf"""(?<![\w.-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -167,10 +168,9 @@ def parse_json(text: str, where: str, *, remedy: str = "mend the file at that pl
         data = json.loads(
             text.removeprefix("\ufeff"),
             parse_constant=_no_constant,
-            parse_float=_finite,
             object_pairs_hook=_each_once,
         )
-        _check_content(data)
+        _check_content(data, finite=True)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where} is not valid JSON ({_reason(error)})", remedy=remedy) from error
     return data
@@ -216,18 +216,29 @@ def _check_keys(text: str) -> None:
         raise ValueError(f"nested more than {DEEPEST} deep")
 
 
-def _check_content(data: object) -> None:
-    """Refuse what is nested deeper than :data:`DEEPEST`, and whole numbers that fit no array."""
+def _check_content(data: object, *, finite: bool = False) -> None:
+    """Refuse what is nested deeper than :data:`DEEPEST`, whole numbers that fit no array, infinite ones if asked."""
     level: list[Any] = [[data]]
     for _ in range(DEEPEST + 1):
-        inner = [node for outer in level for node in (outer.values() if isinstance(outer, dict) else outer)]
+        inner = [
+            node
+            for outer in level
+            for node in (outer.values() if isinstance(outer, dict) else () if _plain(outer) else outer)
+        ]
         for node in inner:
             if type(node) is int and not -_LARGEST_WHOLE <= node <= _LARGEST_WHOLE:
                 raise ValueError(f"the whole number {shortened(str(node), 20)} is beyond 64 bits")
+            if finite and type(node) is float and not math.isfinite(node):
+                raise ValueError(f"{node} is beyond the largest number")
         level = [node for node in inner if type(node) in (dict, list)]
         if not level:
             return
     raise ValueError(f"nested more than {DEEPEST} deep")
+
+
+def _plain(row: list[Any]) -> bool:
+    """Whether a list has nothing but numbers, all of them of a usual size: most rows of a table."""
+    return _SCALARS.issuperset(map(type, row)) and max(map(abs, filter(None, row)), default=0) <= _LARGEST_WHOLE
 
 
 def _reason(error: Exception) -> str:
@@ -239,13 +250,6 @@ def _reason(error: Exception) -> str:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a number")
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text[:20]} is beyond the largest number")
-    return value
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

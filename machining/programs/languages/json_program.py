@@ -67,10 +67,11 @@ class Json(Neutral):
             "notes": [{"line": note.line, "text": note.text, "count": note.count} for note in m.notes],
             "columns": columns(robot, cell),
         }
+        encode = json.JSONEncoder(allow_nan=False).encode
         yield json.dumps(head, indent=1, allow_nan=False)[:-2] + ',\n "moves": [\n'
         for first in range(0, program.n, BLOCK):
             last = min(first + BLOCK, program.n)
-            text = ",\n".join(json.dumps(row, allow_nan=False) for row in rows(program, first, last))
+            text = ",\n".join(map(encode, rows(program, first, last)))
             yield text + ("\n" if last == program.n else ",\n")
         yield " ]\n}\n"
 
@@ -166,12 +167,14 @@ def _table(data: Mapping[str, Any], wanted: list[str], where: str) -> dict[str, 
     if _list(data, "columns", where) != wanted:
         raise InputError(f"{where}, columns", allowed=", ".join(wanted))
     rows = _list(data, "moves", where)
+    known = {int, float, bool, type(None)}
     for i, row in enumerate(rows):
-        if not isinstance(row, list) or len(row) != len(wanted):
+        if type(row) is not list or len(row) != len(wanted):
             raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {len(wanted)} values")
-        if not all(v is None or isinstance(v, int | float) for v in row):
+        if not known.issuperset(map(type, row)):
             raise InputError(f"{where}, move {i + 1}", allowed="numbers, true, false or null")
-    return table_of(wanted, [[np.nan if v is None else float(v) for v in row] for row in rows], where)
+    # What is null becomes NaN.
+    return table_of(wanted, np.array(rows, dtype=np.float64), where)
 
 
 def _others(data: Mapping[str, Any], table: Mapping[str, Array], where: str) -> dict[str, Any]:

@@ -34,9 +34,9 @@ from machining.cell.schema import Strict
 from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.convention import sides
-from machining.programs.job import Job, plain
+from machining.programs.job import Job, external_count, plain
 from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, number, whole
+from machining.programs.read_back import Grammar, ReadMove, number, numbers, whole
 from machining.programs.write_options import Percent, WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
@@ -108,6 +108,12 @@ class Krl(Controller):
         """See :class:`Controller`."""
         return ",".join(f"{name} {value}" for name, value in zip(CARTESIAN, self.frame_words(T, options), strict=True))
 
+    def pattern(self, job: Job) -> str:
+        """See :class:`Controller`."""
+        names = (*CARTESIAN, "S", "T") if job.kind == "cartesian" else AXES
+        external = (f"E{i + 1}" for i in range(external_count(job.program)))
+        return ",".join(f"{name} %s" for name in (*names, *external))
+
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
         return {
@@ -137,18 +143,21 @@ class Krl(Controller):
 
 
 def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
-    values: dict[str, float] = {}
-    for item in found[2].split(","):
-        pair = item.split()
+    pairs = [item.split() for item in found[2].split(",")]
+    for pair in pairs:
         if len(pair) != 2:
-            raise InputError(where, value=item.strip()[:40], allowed="a name and a number")
-        values[pair[0].upper()] = number(where, pair[1])
+            raise InputError(where, value=" ".join(pair)[:40], allowed="a name and a number")
+    given = [pair[0].upper() for pair in pairs]
+    values = dict(zip(given, numbers(where, [pair[1] for pair in pairs]), strict=True))
     externals = [values[f"E{i}"] for i in range(1, 7) if f"E{i}" in values]
     for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
         if all(name in values for name in names):
             words, joint = [values[name] for name in names], found[1].upper() == "PTP"
             said = ("S", "T") if "S" in values and "T" in values else ()
-            turns = [whole(f"{where}, {name}", f"{values[name]:g}") for name in said]
+            turns = [
+                int(values[name]) if values[name].is_integer() else whole(f"{where}, {name}", f"{values[name]:g}")
+                for name in said
+            ]
             return ReadMove(where, kind, words, externals, joint, turns, speed)
     raise InputError(where, value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
 

@@ -24,7 +24,7 @@ from machining.programs.convention import sides
 from machining.programs.job import Job, external_count, plain
 from machining.programs.orientation import QUATERNION
 from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, number, whole
+from machining.programs.read_back import Grammar, ReadMove, number, numbers, whole
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
@@ -131,7 +131,7 @@ class Rapid(Controller):
 
 def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
     order, lists = found[1].lower(), re.findall(r"\[([^\[\]]*)\]", found[2])
-    values = [[number(where, item) for item in part.split(",")] for part in lists]
+    values = [numbers(where, part.split(",")) for part in lists]
     lengths = [len(part) for part in values]
     used = [v for v in values[-1] if v < 8.9e9] if values else []
     if order == "moveabsj" and lengths == [ARM, EXTERNALS]:

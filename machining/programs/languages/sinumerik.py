@@ -21,7 +21,7 @@ from machining.programs.actions import Action, Pattern, by_table, digits
 from machining.programs.controller import Controller
 from machining.programs.job import Commands, Job, Kind, farthest, plain
 from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number, numbers
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event, Motions
 from robots import InputError
@@ -135,6 +135,12 @@ class Sinumerik(Controller):
             "blend_deg": plain(blend),
         }
 
+    def pattern(self, job: Job) -> str:
+        """See :class:`Controller`; the F word is none of the coordinates."""
+        names, dof = job.options.own(SinumerikOptions).names_of(job.program), job.program.robot.dof
+        arm, others = ("".join(f" {name}=%s" for name in some) for some in (names[:dof], names[dof:]))
+        return f"{arm}%.0s{others}"
+
     def configurations(self, job: Job, part: slice) -> list[tuple[str]]:
         """F words of moves: 1/min, or deg/min over all axes; the first move has none."""
         time = job.commands.duration[part]
@@ -163,7 +169,9 @@ class Sinumerik(Controller):
             elif line.move is not None:
                 order, text = line.move.groups()
                 values = _values(line.where, text, axes)
-                way = 0.0 if before is None else float(np.linalg.norm(np.subtract(values, before)))
+                way = 0.0
+                if not inverse and before is not None:
+                    way = float(np.linalg.norm(np.subtract(values, before)))
                 time = _time(line.where, text, inverse, way) if order == "1" else np.nan
                 yield ReadMove(line.where, "joint", values[:dof], values[dof:], order == "0", duration=time)
                 before = values
@@ -193,14 +201,15 @@ def _values(where: str, text: str, axes: Sequence[str]) -> list[float]:
     missing = [name for name in axes if name not in words]
     if missing:
         raise InputError(where, value=f"no {', '.join(missing)}", allowed="a word for every axis in every block")
-    return [number(where, words[name]) for name in axes]
+    return numbers(where, [words[name] for name in axes])
 
 
 def _time(where: str, text: str, inverse: bool, way: float) -> float:
     feed = _FEED.search(text.upper())
-    if feed is None or number(where, feed[1]) <= 0.0:
+    rate = 0.0 if feed is None else number(where, feed[1])
+    if rate <= 0.0:
         raise InputError(where, value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
-    return 60.0 / number(where, feed[1]) if inverse else 60.0 * way / number(where, feed[1])
+    return 60.0 / rate if inverse else 60.0 * way / rate
 
 
 FORMAT = Sinumerik()

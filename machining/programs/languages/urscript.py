@@ -23,7 +23,7 @@ from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.job import Commands, Job, plain
 from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number, numbers
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array
@@ -120,7 +120,7 @@ class UrScript(Controller):
             if line.action is not None:
                 yield line.action
             elif line.move is not None:
-                angles = [number(line.where, item) for item in line.move[1].split(",")]
+                angles = numbers(line.where, line.move[1].split(","))
                 if len(angles) != ARM:
                     raise InputError(line.where, value=f"{len(angles)} angles", allowed=f"{ARM}")
                 time = _TIME.search(line.move[2])

@@ -62,8 +62,8 @@ def compare(program: JointProgram, language: str, templates: Path) -> None:
         ("rapid/moves.j2", '    {{ "MoveJ"', '    IF TRUE {{ "MoveJ"', "IF TRUE MoveJ"),
         ("rapid/moves.j2", "{% set w = m.words %}", "{% set w = m.words %}\nWHILE TRUE DO", "motion within a loop"),
         ("rapid/moves.j2", "{% for m in moves %}", "GOTO away;\n{% for m in moves %}", "a jump"),
-        ("krl/moves.j2", "S {{ m.configuration[0] }}", "S 1.5", "a whole number"),
-        ("krl/moves.j2", "S {{ m.configuration[0] }}", "S 7", "configuration of the arm"),
+        ("krl/moves.j2", "m.named", 'm.named ~ ",S 1.5"', "a whole number"),
+        ("krl/moves.j2", "m.named", 'm.named ~ ",S 7"', "configuration of the arm"),
         ("krl/moves.j2", "$VEL.CP = {{ m.feed }}", "$VEL.CP = 7", "speeds differ"),
     ],
 )

@@ -46,19 +46,26 @@ class Shop:
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
     place = tmp_path_factory.mktemp("walk")
+    # From a copy: building leaves folders behind.
+    packages = [path.name for path in ROOT.iterdir() if (path / "__init__.py").is_file() and path.name != "tests"]
+    source = place / "source"
+    for name in packages:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source)
     made = subprocess.run(  # noqa: S603
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(place), str(ROOT)],
+        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(place), str(source)],
         capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
     if made.returncode and re.search("connection|index|resolve|network", made.stderr, re.IGNORECASE):
         pytest.skip("no package index, so no setuptools to build a wheel with")
     assert made.returncode == 0, made.stderr
-    packages, folder = place / "packages", place / "empty"
+    installed, folder = place / "packages", place / "empty"
     (wheel,) = place.glob("stiffarm-*.whl")
-    shutil.unpack_archive(wheel, packages, "zip")
+    shutil.unpack_archive(wheel, installed, "zip")
     folder.mkdir()
-    shop = Shop(folder, packages)
-    assert shop("-c", "import stiffarm; print(stiffarm.__file__)").startswith(str(packages))
+    shop = Shop(folder, installed)
+    assert shop("-c", "import stiffarm; print(stiffarm.__file__)").startswith(str(installed))
     shutil.copy(EXAMPLE / "cell.toml", folder)
     shop(str(EXAMPLE / "make_part.py"), str(folder))
     return shop
