@@ -83,6 +83,10 @@ def round_trip(
     return format_of(name, kind).round_trip(program, files, kind, options or WriteOptions())
 
 
+# Bytes of a neutral program: a million moves are 300 MB of JSON.
+LARGEST = 2**30
+
+
 def read_program(path: Path, robot: Robot, cell: Cell) -> JointProgram:
     """A neutral program for the robot and cell that it was written for.
 
@@ -99,7 +103,7 @@ def read_program(path: Path, robot: Robot, cell: Cell) -> JointProgram:
             allowed=f"{' or '.join(NEUTRAL)}, {SCHEMA}",
             remedy="write the program with `stiffarm post` in one of these formats; controllers' own are not replayed",
         )
-    return NEUTRAL[kind].program(read_text(path, "program"), robot, cell, path.name)
+    return NEUTRAL[kind].program(read_text(path, "program", most=LARGEST), robot, cell, path.name)
 
 
 def read_options(path: str | Path) -> WriteOptions:
