@@ -162,3 +162,27 @@ def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
         )
         assert run.returncode == 0, run.stderr
     assert (tmp_path / "calibrated.toml").is_file()
+
+
+def test_the_citation_is_that_of_this_version() -> None:
+    """As GitHub and Zenodo read it (Citation File Format 1.2.0): what they need is there, and the version is ours."""
+    import tomllib
+
+    yaml = pytest.importorskip("yaml")
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"cff-version", "message", "title", "authors", "version", "license"} <= set(cited)
+    assert cited["cff-version"] == "1.2.0"
+    assert (cited["version"], cited["license"]) == (project["version"], project["license"])
+    assert all({"type", "title", "authors"} <= set(reference) for reference in cited["references"])
+
+
+def test_the_page_for_language_models_names_pages_that_are_there() -> None:
+    """A heading, a summary, and lists of links (llmstxt.org); each to a file of this tree."""
+    text = (ROOT / "llms.txt").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line]
+    assert lines[0].startswith("# ")
+    assert lines[1].startswith("> ")
+    links = LINK.findall(text)
+    assert len(links) > 15
+    assert [link for link in links if not (ROOT / link).is_file()] == []
