@@ -186,3 +186,17 @@ def test_the_page_for_language_models_names_pages_that_are_there() -> None:
     links = LINK.findall(text)
     assert len(links) > 15
     assert [link for link in links if not (ROOT / link).is_file()] == []
+
+
+def test_answers_to_questions_say_what_the_pages_behind_them_say() -> None:
+    """Figures of the page of questions are those of the pages that it leads to, rounded."""
+    questions = (DOCS / "start" / "questions.md").read_text(encoding="utf-8")
+    assert len(re.findall(r"^### .*\?$", questions, re.MULTILINE)) >= 30
+    study = (DOCS / "validation" / "diagnosis_study.md").read_text(encoding="utf-8")
+    family = re.search(r"the right family leads in \d+ \(([\d.]+) %\)", study)
+    wrong = re.search(r"A wrong name was given in \d+ \(([\d.]+) %\)", study)
+    assert family
+    assert wrong
+    said = " ".join(questions.split())
+    assert f"the right family leads in {float(family[1]):.0f} % of the sets" in said
+    assert f"a wrong name is given in {float(wrong[1]):.0f} % of all sets" in said
