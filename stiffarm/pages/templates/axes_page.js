@@ -2,7 +2,7 @@
 const D = JSON.parse(document.getElementById("data").textContent), $ = id => document.getElementById(id);
 const N = D.n, M = D.m, A = D.axes.length, RAILS = D.cell.rails.length;
 const F32 = text => unpack(text, Float32Array);
-const length = F32(D.length), angles = F32(D.gamma), Q = F32(D.q), travel = F32(D.travel), held = unpack(D.tool, Uint8Array), value = F32(D.value), tips = F32(D.tips);
+const length = F32(D.length), angles = F32(D.gamma), Q = F32(D.q), travel = F32(D.travel), toolAt = unpack(D.tool, Uint8Array), value = F32(D.value), tips = F32(D.tips);
 const cause = unpack(D.cause, Uint8Array), zone = unpack(D.zone, Uint8Array), error = D.error && F32(D.error);
 const first = { gamma: F32(D.course.gamma), q: F32(D.course.q), value: F32(D.course.value), error: D.course.error && F32(D.course.error) };
 const STEP = M > 1 ? angles[1] - angles[0] : 1, LOW = D.closed ? angles[0] : angles[0], HIGH = D.closed ? angles[0] + 360 : angles[M - 1];
@@ -74,7 +74,7 @@ function drawArm() {
   const hot = new Map(), why = D.causes[barred(state.at)];
   why.bodies.forEach((name, k) => hot.set(name, k ? scene.shades().other : scene.shades().bad));
   const F = scene.frames(coordinates(state.at));
-  scene.hold(held[state.at]);
+  scene.hold(toolAt[state.at]);
   scene.draw(F, hot);
   const p = scene.flatPoint(at(mul(F[scene.TABLE], D.cell.part), tips[3 * state.at], tips[3 * state.at + 1], tips[3 * state.at + 2]));
   $("mark").hidden = !p;
