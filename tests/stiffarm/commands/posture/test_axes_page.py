@@ -167,7 +167,7 @@ def test_the_arm_follows_the_course_in_the_browser(study: AxesStudy, tmp_path: P
 
 def check_frames(study: AxesStudy, frames: list[list[float]], i: int, q: NDArray[np.float64]) -> None:
     """Frames of the page are those of the pose."""
-    R, p = (x[0] for x in study.scene.frames(q[None], study.e[i][None], np.array([study.table])))
+    R, p = (x[0] for x in study.scenes[0].frames(q[None], study.e[i][None], np.array([study.table])))
     got = np.array(frames).reshape(-1, 4, 4).swapaxes(1, 2)
     np.testing.assert_allclose(got[:, :3, :3], R, atol=2e-6)
     np.testing.assert_allclose(got[:, :3, 3], p, atol=2e-6)
