@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +36,8 @@ class Tool:
     """Tool on the flange: ``T_flange_tool`` (4, 4) m with its origin at the tip, bodies in the flange frame.
 
     ``holder``: spindle, holder and whatever else may touch nothing. ``cutter``: bodies that may touch the part.
-    ``number`` and ``name``: what the tool changer and tool paths call it, where there are several.
+    ``number`` and ``name``: what the tool changer and tool paths call it, where there are several; ``milling``: its
+    milling file.
     """
 
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
@@ -43,6 +45,7 @@ class Tool:
     cutter: tuple[Body, ...] = ()
     number: int | None = None
     name: str = ""
+    milling: Path | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_flange_tool", as_frame("tool frame on the flange", self.T_flange_tool))

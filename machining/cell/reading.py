@@ -108,7 +108,13 @@ def _changed(key: str, table: ChangedToolTable, folder: Path) -> Tool:
     """A tool of the changer by its number, or by its name."""
     numbered = key.isascii() and key.isdecimal() and len(key) < 10
     name = table.name or ("" if numbered else key)
-    return replace(_tool(table, folder), number=int(key) if numbered else None, name=name)
+    milling = None if table.milling is None else folder / table.milling
+    if milling is not None and not milling.is_file():
+        raise InputError(
+            f"milling file of tool {key} not found", value=table.milling,
+            remedy="give its path relative to the cell file",
+        )  # fmt: skip
+    return replace(_tool(table, folder), number=int(key) if numbered else None, name=name, milling=milling)
 
 
 def _linear_axis(table: LinearAxisTable, folder: Path) -> LinearAxis:

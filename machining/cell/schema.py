@@ -133,9 +133,13 @@ class ToolTable(Placed):
 
 
 class ChangedToolTable(ToolTable):
-    """A tool of the changer under ``[tools.KEY]``; ``name``: what tool paths call it, where the key is its number."""
+    """A tool of the changer under ``[tools.KEY]``; ``name``: what tool paths call it, where the key is its number.
+
+    ``milling``: its milling file beside the cell file; it acts where a command is given neither force nor milling file.
+    """
 
     name: Annotated[str, Field(min_length=1, max_length=80)] | None = None
+    milling: str | None = None
 
 
 class PartTable(Placed):

@@ -17,7 +17,7 @@ path holds for feeds per tooth far below the diameter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -221,6 +221,24 @@ def mean_torque(mill: EndMill, engagement: Engagement, chip: Array, values: Arra
     tangential = values[0] * chip * sine + values[1]
     share = mill.teeth * engagement.axial_depth * width / (2.0 * np.pi)
     return np.asarray(0.5 * mill.diameter * share * tangential)
+
+
+class Bending(Protocol):
+    """What :func:`machining.cutting.surface_error` takes for a tool that bends."""
+
+    @property
+    def compliance(self) -> float:
+        """Compliance across the tool axis, m/N."""
+        ...
+
+    @property
+    def relative_sd(self) -> float:
+        """Standard deviation of it as a share."""
+        ...
+
+    def matrices(self, axes: Array) -> Array:
+        """Compliance (n, 3, 3) m/N for tool axes (n, 3), unit vectors."""
+        ...
 
 
 @dataclass(frozen=True)

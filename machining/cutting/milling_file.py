@@ -11,7 +11,7 @@ from pydantic import Field
 
 from machining.cell.schema import Positive, Strict
 from machining.cutting.coefficients import CuttingCoefficients, PlungeCoefficients, published, shop_coefficients
-from machining.cutting.end_mill import EndMill, Engagement, ToolBending, down_milling, slotting, up_milling
+from machining.cutting.end_mill import Bending, EndMill, Engagement, ToolBending, down_milling, slotting, up_milling
 from machining.cutting.force import ASSUMED_SD, CuttingForce, MillingForce
 from robots import InputError
 from robots.files.reading import parse_toml, read_text
@@ -27,7 +27,7 @@ class Cut:
     """The cutting force, and the tool's own bending (None: not given, taken as rigid)."""
 
     force: CuttingForce
-    tool: ToolBending | None = None
+    tool: Bending | None = None
 
 
 class _Mill(Strict):

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 import fem
 from fem.statics.small_displacements import refuse_beyond
-from machining.cutting.end_mill import ToolBending
+from machining.cutting.end_mill import Bending
 from machining.cutting.equilibrium import Balance, Balanced, balanced
 from machining.cutting.force import CuttingForce, ForceAlong, MillingForce
 from machining.cutting.process_axes import weights
@@ -127,7 +127,7 @@ def surface_error(
     force: CuttingForce,
     *,
     stiffness: StiffnessUncertainty | None = None,
-    tool: ToolBending | None = None,
+    tool: Bending | None = None,
     balance: Balance | None = None,
 ) -> SurfaceError:
     """Predict the surface error for given postures.
@@ -200,9 +200,7 @@ def surface_error(
     )
 
 
-def cutting_deflection(
-    model: fem.ArmModel, task: Task, q: Array, force: Array, tool: ToolBending | None = None
-) -> Array:
+def cutting_deflection(model: fem.ArmModel, task: Task, q: Array, force: Array, tool: Bending | None = None) -> Array:
     """How far (n, 3) m a force (n, 3) N, base axes, moves the tool: as :func:`surface_error`, without its uncertainty.
 
     Raises

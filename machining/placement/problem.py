@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 import fem
 from machining.cell import Cell, Scene
+from machining.cutting.each_tool import ForceOfEach
 from machining.cutting.force import ByRuns, ConstantForce, CuttingForce
 from machining.cutting.process_axes import weights
 from machining.cutting.stiffness_uncertainty import StiffnessUncertainty, assumed_uncertainty
@@ -205,6 +206,8 @@ class Problem:
         """The cutting force, run by run of cutting moves."""
         if self.free is None or not self.free.any():
             return self.goal.force
+        if isinstance(self.goal.force, ForceOfEach):
+            return self.goal.force.at(self.goal.force.tool, self.free)
         return ByRuns(self.goal.force, self.free)
 
     def looked_at(self, e: ArrayLike, table: float, rows: Integers) -> tuple[Task, Objective]:

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import fem
-from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, ToolBending, surface_error
+from machining.cutting import CuttingForce, ForceAlong, StiffnessUncertainty, SurfaceError, surface_error
+from machining.cutting.each_tool import ForceOfEach
+from machining.cutting.end_mill import Bending
 from machining.cutting.force import along_cuts
 from machining.cutting.plunging import with_thrust
 from machining.cutting.surface_error import cutting_deflection
@@ -73,7 +75,7 @@ def compensate(
     nominal: Posted,
     force: CuttingForce,
     *,
-    tool: ToolBending | None = None,
+    tool: Bending | None = None,
     stiffness: StiffnessUncertainty | None = None,
     cap: float = CAP,
     ramp: float = RAMP,
@@ -132,6 +134,8 @@ def milling_force(force: CuttingForce, task: Task, cutting: Bools) -> ForceAlong
     InputError
         Nothing is milled; else as the force.
     """
+    if isinstance(force, ForceOfEach):
+        return force.joined(task, lambda one, part, rows: milling_force(one, part, cutting[rows]))
     cuts, path = cuts_of(task, cutting), task.path
     plunging = plunges(path.points, path.axes, cutting)
     found = along_cuts(force, task, cuts, at_start=False) if cuts else None

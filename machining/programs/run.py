@@ -12,6 +12,7 @@ import fem
 from doe.absolute.readings import Payload
 from doe.absolute.real_arm import RealArm
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
+from machining.cutting.each_tool import BendingOfEach, ForceOfEach
 from machining.posture.points import GammaRange
 from machining.programs.approach import Approach, Approached, approached
 from machining.programs.calibrated_arm import CAP as ARM_CAP
@@ -127,17 +128,17 @@ def run_post(
     flexible, model = _with_some_springs(model, request.settings)
     posted = post(model, cell, request.motions, request.settings, progress)
     found, corrected = None, None
+    cut = None if request.cut is None else _with_each_tool(request.cut, posted)
     if request.payload is not None:
         cap = ARM_CAP if request.cap is None else request.cap
         arm = RealArm(real, request.payload)
         corrected = correct(
-            model, arm, posted, cut=request.cut, stiffness=request.stiffness, cap=cap, ramp=request.ramp
+            model, arm, posted, cut=cut, stiffness=request.stiffness, cap=cap, ramp=request.ramp
         )  # fmt: skip
-    elif request.cut is not None:
+    elif cut is not None:
         cap = CAP if request.cap is None else request.cap
-        force, tool = request.cut.force, request.cut.tool
         found = compensate(
-            model, posted, force, tool=tool, stiffness=request.stiffness, cap=cap, ramp=request.ramp
+            model, posted, cut.force, tool=cut.tool, stiffness=request.stiffness, cap=cap, ramp=request.ramp
         )  # fmt: skip
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
@@ -160,6 +161,16 @@ def run_post(
             )
         run.written[target], run.trips[target] = written, trip
     return run
+
+
+def _with_each_tool(cut: Cut, posted: Posted) -> Cut:
+    """The cut at the points of a program; forces of each tool go by the tool that is there."""
+    tool = posted.program.motions.tool[posted.state.places[0]]
+    return replace(
+        cut,
+        force=cut.force.at(tool) if isinstance(cut.force, ForceOfEach) else cut.force,
+        tool=cut.tool.at(tool) if isinstance(cut.tool, BendingOfEach) else cut.tool,
+    )
 
 
 def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty) -> Drawn:

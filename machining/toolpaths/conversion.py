@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from machining.cutting.each_tool import BendingOfEach, ForceOfEach
+from machining.cutting.end_mill import Bending
 from machining.cutting.force import ByRuns, CuttingForce, MillingForce
 from machining.cutting.plunging import Thrust
 from machining.task import REPEATED, ToolPath
@@ -125,7 +127,16 @@ class GivenPath:
 
     def acting(self, force: CuttingForce) -> CuttingForce:
         """A cutting force along this path, cut by cut; errors as :meth:`drilling`."""
-        return ByRuns(force, self.free) if self.free.any() and not self.drilled else self.drilling(force)
+        found = self.drilling(force)
+        if not self.free.any() or self.drilled:
+            return found
+        return found.at(found.tool, self.free) if isinstance(found, ForceOfEach) else ByRuns(found, self.free)
+
+    def bending(self, tool: Bending | None) -> Bending | None:
+        """Bending along this path: of each tool where it is."""
+        if isinstance(tool, BendingOfEach) and self.motions is not None:
+            return tool.at(self.motions.tool[self.moves])
+        return tool
 
     def drilling(self, force: CuttingForce) -> CuttingForce:
         """A cutting force, of the end teeth where the tool only plunges and drills.
@@ -135,6 +146,9 @@ class GivenPath:
         InputError
             A milling force without coefficients for plunging, where nothing is milled sideways.
         """
+        if isinstance(force, ForceOfEach) and self.motions is not None:
+            forces = tuple(None if one is None else self.drilling(one) for one in force.forces)
+            return replace(force, forces=forces).at(self.motions.tool[self.moves])
         return Thrust(force) if self.drilled and isinstance(force, MillingForce) else force
 
 

@@ -119,6 +119,7 @@ def posture(
     from machining import Drive, GammaRange, Objective
     from machining.cutting import stiffness_uncertainty
     from machining.posture.posing import FIXED, PostureRequest, pose_along
+    from machining.tool_cuts import cut_of_tools
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
     from stiffarm.session.task_setup import effects_left_out
@@ -130,7 +131,10 @@ def posture(
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
         task = setup.task(given)
-        cut = None if cut is None else replace(cut, force=given.acting(cut.force))
+        if cut is None and given.motions is not None:
+            cut = cut_of_tools(setup.cell, given.motions)
+        if cut is not None:
+            cut = replace(cut, force=given.acting(cut.force), tool=given.bending(cut.tool))
         request = PostureRequest(
             task,
             Objective(quantity, None if cut is None else cut.force.along(task).force, aim),

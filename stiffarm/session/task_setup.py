@@ -12,7 +12,7 @@ import typer
 import machining.cell as cells
 from fem.arm import Arm
 from machining.setup import Setup
-from machining.toolpaths.motions import Note
+from machining.toolpaths.motions import Motions, Note
 from robots import InputError, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
@@ -129,6 +129,22 @@ def effects_left_out(given: Arm) -> list[str]:
 def parse_speed(robot: Robot, text: str | None) -> Array | None:
     """Joint speeds (dof,) rad/s of ``--speed``."""
     return None if text is None else np.radians(parse_joint_figures(robot, text, "--speed"))
+
+
+def cut_of(cell: cells.Cell, motions: Motions | None, force: str | None, axes: str, milling: Path | None) -> Cut | None:
+    """The cutting force of ``--force`` or ``--milling``, else that of the cell's milling files; None: there is none.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_cut`, a milling file of a tool, or a tool that the cell does not have.
+    """
+    given = read_cut(force, axes, milling)
+    if given is not None or motions is None or not any(tool.milling for tool in cell.tools):
+        return given
+    from machining.tool_cuts import cut_of_tools
+
+    return cut_of_tools(cell, motions)
 
 
 def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:

@@ -12,7 +12,7 @@ import typer
 from fem.arm import Arm
 from machining import Drive
 from machining.cell import read_cell
-from machining.cutting import CuttingForce, stiffness_uncertainty
+from machining.cutting import stiffness_uncertainty
 from machining.placement import AIMS, MODES, Goal, How, Problem, space_of
 from machining.placement.study import PlacedStep, place_along, scene_for
 from machining.setup import Setup
@@ -39,8 +39,8 @@ from stiffarm.session.task_setup import (
     SingularOpt,
     TcpOpt,
     UnitsOpt,
+    cut_of,
     parse_speed,
-    read_cut,
     say_notes,
 )
 
@@ -179,7 +179,6 @@ def place(
     what stops it) and placement.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        cutting = _force(force, force_axes, milling)
         given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True).as_designed
         require_springs(given, "placement")
         described = read_cell(cell)
@@ -188,10 +187,16 @@ def place(
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         given_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(given_path.notes, path)
-        cutting = given_path.drilling(cutting)
+        require_tools(described, given_path.motions)
+        cut = cut_of(described, given_path.motions, force, force_axes, milling)
+        if cut is None:
+            raise InputError(
+                "place needs a cutting force", allowed="--force, --milling, or milling files of the cell's tools",
+                remedy="give one of them",
+            )  # fmt: skip
+        cutting = given_path.drilling(cut.force)
         goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
         how = _how(mode, anywhere, cost, gamma_course)
-        require_tools(described, given_path.motions)
         scene, notes = scene_for(described, model, given.description) if collisions else (None, ())
         problem = Problem(
             model=given.model,
@@ -216,13 +221,6 @@ def place(
             if folder is not None:
                 _write(folder, model, given, step, content)
         frame.answer(content, lambda: _show(step))
-
-
-def _force(force: str | None, axes: str, milling: Path | None) -> CuttingForce:
-    cut = read_cut(force, axes, milling)
-    if cut is None:
-        raise InputError("place needs a cutting force", allowed="--force or --milling", remedy="give one of the two")
-    return cut.force
 
 
 def _criterion(alpha: float | None, beta: float | None) -> Criterion | None:

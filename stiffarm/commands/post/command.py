@@ -46,10 +46,10 @@ from stiffarm.session.task_setup import (
     SingularOpt,
     TcpOpt,
     UnitsOpt,
+    cut_of,
     effects_left_out,
     parse_reference,
     parse_speed,
-    read_cut,
     read_setup,
     say_notes,
 )
@@ -197,15 +197,9 @@ def post(
         targets = parse_targets(formats, coordinates)
         given = frame.model(model, links, load_path, without="the programs", sets=sets, shown=True)
         setup = read_setup(model, given, cell, tool, part)
-        cut = read_cut(force, force_axes, milling)
         carried = payload_of(given.description, payload, compensate=compensate)
         side = coming.parse_approach(approach, approach_deg, given.robot)
-        if compensate and cut is None and carried is None:
-            raise InputError(
-                "--compensate needs a cutting force",
-                remedy="give --force or --milling, or a model that positions have calibrated",
-            )
-        if cut is not None and not compensate:
+        if (force or milling) and not compensate:
             raise InputError(
                 "--force or --milling without --compensate",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
@@ -214,6 +208,12 @@ def post(
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
         say_notes(motions.notes, path)
+        cut = cut_of(setup.cell, motions, force, force_axes, milling) if compensate else None
+        if compensate and cut is None and carried is None:
+            raise InputError(
+                "--compensate needs a cutting force",
+                remedy="give --force or --milling, or a model that positions have calibrated",
+            )
         alone = {"--travel": travel, "--gamma": gamma}
         followed = None if placement is None else _followed(placement, setup.cell, motions, alone)
         written = WriteOptions() if options is None else read_options(options)

@@ -48,10 +48,10 @@ from stiffarm.session.task_setup import (
     SingularOpt,
     TcpOpt,
     UnitsOpt,
+    cut_of,
     effects_left_out,
     parse_reference,
     parse_speed,
-    read_cut,
     read_setup,
     say_notes,
 )
@@ -147,14 +147,15 @@ def posture(
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True).as_designed
         setup = read_setup(model, given, cell, tool, part)
-        cut = read_cut(force, force_axes, milling)
         require_springs(given, "posture")
         expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(tool_path.notes, path)
         task = setup.task(tool_path, parse_reference(reference))
-        cut = None if cut is None else replace(cut, force=tool_path.acting(cut.force))
+        cut = cut_of(setup.cell, tool_path.motions, force, force_axes, milling)
+        if cut is not None:
+            cut = replace(cut, force=tool_path.acting(cut.force), tool=tool_path.bending(cut.tool))
         drive = Drive(
             speed=parse_speed(given.robot, speed),
             jump=float(np.radians(jump)),
