@@ -13,7 +13,7 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -165,15 +165,20 @@ def parse_json(text: str, where: str, *, remedy: str = "mend the file at that pl
     than :data:`DEEPEST` are refused: none of them is a value that a program wrote on purpose.
     """
     try:
-        data = json.loads(
-            text.removeprefix("\ufeff"),
-            parse_constant=_no_constant,
-            object_pairs_hook=_each_once,
-        )
-        _check_content(data, finite=True)
+        data = _loaded(text)
+        if not _check_content(data):
+            # Once more, to say which number it is.
+            _loaded(text, _finite)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where} is not valid JSON ({_reason(error)})", remedy=remedy) from error
     return data
+
+
+def _loaded(text: str, number: Callable[[str], float] | None = None) -> Any:
+    """JSON without constants that are no numbers and without a key twice; ``number`` reads floats."""
+    return json.loads(
+        text.removeprefix("\ufeff"), parse_constant=_no_constant, parse_float=number, object_pairs_hook=_each_once
+    )
 
 
 def _place(path: Path | str) -> str:
@@ -216,9 +221,10 @@ def _check_keys(text: str) -> None:
         raise ValueError(f"nested more than {DEEPEST} deep")
 
 
-def _check_content(data: object, *, finite: bool = False) -> None:
-    """Refuse what is nested deeper than :data:`DEEPEST`, whole numbers that fit no array, infinite ones if asked."""
+def _check_content(data: object) -> bool:
+    """Refuse what is nested deeper than :data:`DEEPEST`, and whole numbers of no array; whether all are finite."""
     level: list[Any] = [[data]]
+    finite = True
     for _ in range(DEEPEST + 1):
         inner = [
             node
@@ -228,11 +234,10 @@ def _check_content(data: object, *, finite: bool = False) -> None:
         for node in inner:
             if type(node) is int and not -_LARGEST_WHOLE <= node <= _LARGEST_WHOLE:
                 raise ValueError(f"the whole number {shortened(str(node), 20)} is beyond 64 bits")
-            if finite and type(node) is float and not math.isfinite(node):
-                raise ValueError(f"{node} is beyond the largest number")
+            finite = finite and (type(node) is not float or math.isfinite(node))
         level = [node for node in inner if type(node) in (dict, list)]
         if not level:
-            return
+            return finite
     raise ValueError(f"nested more than {DEEPEST} deep")
 
 
@@ -250,6 +255,13 @@ def _reason(error: Exception) -> str:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not a number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:20]} is beyond the largest number")
+    return value
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
