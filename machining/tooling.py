@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machining.toolpaths.conversion import GivenPath, named_tool
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
@@ -15,6 +14,7 @@ from robots.errors import listed
 if TYPE_CHECKING:
     from machining.cell.cell import Cell
     from machining.cell.cell import Tool as CellTool
+    from machining.toolpaths.conversion import GivenPath
     from machining.toolpaths.motions import Motions, Tool
 
 
@@ -45,7 +45,7 @@ def tools_of(cell: Cell, motions: Motions) -> tuple[CellTool, ...]:
             line = int(motions.line[int(np.argmax(motions.tool == i))])
             number = motions.tools[i].number
             raise InputError(
-                f"tool path {motions.source}, line {line}: the cell file has no table of {named_tool(motions, i)}",
+                f"tool path {motions.source}, line {line}: the cell file has no table of {_named(motions, i)}",
                 value=motions.tools[i].name or number,
                 allowed=listed(f"[tools.{one.name if one.number is None else one.number}]" for one in cell.tools),
                 remedy=f"add [tools.{motions.tools[i].name or 'NAME' if number is None else number}] with the frame of "
@@ -70,7 +70,7 @@ def require_tools(cell: Cell, motions: Motions | None) -> None:
     raise InputError(
         f"tool path {motions.source} uses {len(used)} tools",
         value=listed(said),
-        allowed=f"one, where the cell has one: {'; '.join(named_tool(motions, i) for i in used[:MOST_NAMED])}",
+        allowed=f"one, where the cell has one: {'; '.join(_named(motions, i) for i in used[:MOST_NAMED])}",
         remedy="give the cell file a table of each, [tools.NUMBER], or choose with --tool-number or --operation "
         "(tool_numbers=, operations= in Python)",
     )
@@ -109,3 +109,11 @@ def _found(cell: Cell, tool: Tool) -> CellTool | None:
             return one
     name = tool.name.strip().lower()
     return next((one for one in cell.tools if name and one.name.strip().lower() == name), None)
+
+
+def _named(motions: Motions, tool: int) -> str:
+    """A tool by its number, and the operations that it is used in, as far as the file names them."""
+    number = motions.tools[tool].number
+    names = [motions.operations[i] for i in np.unique(motions.operation[motions.tool == tool])]
+    said = listed([repr(name) for name in names if name.strip()])
+    return ("no number" if number is None else f"tool number {number}") + (f" for {said}" if said else "")

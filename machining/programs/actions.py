@@ -31,7 +31,7 @@ class Action:
     ``value``: number of a tool), "stop" (``name`` of the input that ends it, where the language has no stop),
     "optional_stop" (``name`` of the input that asks for it, ``value`` that of "stop"); languages with
     commands of their own have "spindle" (``name`` "cw", "ccw" or "off", ``value`` rpm), "coolant" (``name``, ``on``)
-    and "tool" (``value``); several tools make "frame" (``name`` of the tool's data, or ``value``: its
+    and "tool" (``value``); several tools make "tool_frame" (``name`` of the tool's data, or ``value``: its
     figures). ``value`` is text with the digits that are written.
     """
 
@@ -213,7 +213,9 @@ def difference(
         for action in read:
             if left and left[0].same(action):
                 left = left[1:]
-            elif action.kind not in ("wait", "stop", "optional_stop") and not (action.kind == "frame" and move == 0):
+            elif action.kind not in ("wait", "stop", "optional_stop") and not (
+                action.kind == "tool_frame" and move == 0
+            ):
                 return _wrong(move, where, action, "not in the tool path there", [] if not left else left[:1])
         if left:
             return _wrong(move, where, left[0], "missing", [])

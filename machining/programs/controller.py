@@ -115,8 +115,8 @@ class Controller(Format):
         if len(set(tools)) < 2:
             return ()
         if self.tool_frame == "name":
-            return tuple(Action("frame", tool.name) for tool in tools)
-        return tuple(Action("frame", value=self.tool_value(tool.T, options)) for tool in tools)
+            return tuple(Action("tool_frame", tool.name) for tool in tools)
+        return tuple(Action("tool_frame", value=self.tool_value(tool.T, options)) for tool in tools)
 
     def tools(self, program: JointProgram, options: WriteOptions) -> tuple[ToolData, ...]:
         """Of each of the path's tools its data on the controller."""

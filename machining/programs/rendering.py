@@ -31,7 +31,7 @@ from robots import InputError
 from robots.files.reading import read_text
 
 # Pieces of a template joined before they are handed on; each is a few characters.
-BUFFER = 4096
+BUFFER = 512
 # Characters that a template may print, and those for each move: the bundled ones need some 200.
 PRINTED, PRINTED_PER_MOVE = 10_000_000, 10_000
 # Bytes of a template; the bundled ones have 3 kB.

@@ -23,7 +23,6 @@ from machining.toolpaths.source import content
 from machining.toolpaths.tables import MARK, read_path
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.errors import listed
 
 # Tools of a file that a message names.
 
@@ -221,11 +220,3 @@ def _milled_rows(path: ToolPath) -> GivenPath:
     return GivenPath(
         path, free, rows, len(milled), _left_out(int((~milled[1:]).sum()), not drilled and not whole), drilled
     )
-
-
-def named_tool(motions: Motions, tool: int) -> str:
-    """A tool by its number, and the operations that it is used in, as far as the file names them."""
-    number = motions.tools[tool].number
-    names = [motions.operations[i] for i in np.unique(motions.operation[motions.tool == tool])]
-    said = listed([repr(name) for name in names if name.strip()])
-    return ("no number" if number is None else f"tool number {number}") + (f" for {said}" if said else "")

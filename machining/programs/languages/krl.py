@@ -93,7 +93,7 @@ class Krl(Controller):
         Pattern("wait", re.compile(r"\s*WAIT\s+SEC\s+(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
         Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*\(\s*(?P<value>\d+)\s*\)\s*$")),
         Pattern("stop", re.compile(r"\s*HALT\s*$", re.IGNORECASE)),
-        Pattern("frame", re.compile(r"\s*\$TOOL\s*=\s*\{(?P<value>[^{}]*)\}\s*$", re.IGNORECASE)),
+        Pattern("tool_frame", re.compile(r"\s*\$TOOL\s*=\s*\{(?P<value>[^{}]*)\}\s*$", re.IGNORECASE)),
     )
     asks = re.compile(r"\s*IF\s+\$IN\[(?P<name>\d+)\]\s+THEN\s*$", re.IGNORECASE)
 

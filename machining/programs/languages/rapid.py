@@ -116,7 +116,7 @@ class Rapid(Controller):
             elif line.move is not None:
                 if line.move[3] != tool:
                     tool = line.move[3]
-                    yield Action("frame", tool)
+                    yield Action("tool_frame", tool)
                 yield _moved(line.where, line.move, speed)
             elif (said := _SPEED.match(line.code)) is not None:
                 speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3

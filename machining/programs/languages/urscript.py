@@ -74,7 +74,7 @@ class UrScript(Controller):
         Pattern("analog", re.compile(_OUT.format("analog", "value", r"[\d.]+"))),
         Pattern("wait", re.compile(r"\s*sleep\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
         Pattern("stop", re.compile(r"\s*popup\(.*\bblocking\s*=\s*True\s*\)\s*$")),
-        Pattern("frame", re.compile(r"\s*set_tcp\(\s*p\[(?P<value>[^\[\]]*)\]\s*\)\s*$")),
+        Pattern("tool_frame", re.compile(r"\s*set_tcp\(\s*p\[(?P<value>[^\[\]]*)\]\s*\)\s*$")),
         Pattern("call", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\(\s*(?P<value>\d+)\s*\)\s*$")),
     )
     asks = re.compile(r"\s*if\s+get_standard_digital_in\(\s*(?P<name>\d+)\s*\)\s*:\s*$")

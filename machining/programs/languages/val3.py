@@ -129,7 +129,7 @@ class Val3(Controller):
             elif line.move is not None:
                 if line.move[4] != tool:
                     tool = line.move[4]
-                    yield Action("frame", tool)
+                    yield Action("tool_frame", tool)
                 yield _moved(line.where, line.move, data, external, speeds)
             elif (said := _SPEED.match(line.code)) is not None:
                 speeds[said[1]] = number(f"{line.where}, tvel", said[2]) * 1e-3
