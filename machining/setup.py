@@ -11,7 +11,7 @@ import numpy as np
 import machining.cell as cells
 from machining.posture.drive import Drive
 from machining.task import Task, ToolPath
-from machining.tooling import given_frames, require_tools, tools_of
+from machining.tooling import given_frames, require_tools, the_one_tool, tools_of
 from robots.arrays import Array, Integers
 
 if TYPE_CHECKING:
@@ -73,18 +73,15 @@ class Setup:
             return replace(drive, clearance_at=clear_at)
         return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=zone))
 
-    def tools(self, given: GivenPath, *, collisions: bool = True) -> Tools | None:
-        """What is on the flange along a path; None where that is the cell's one tool. Errors as :meth:`clearance`.
-
-        Without ``collisions`` there are no scenes in it.
-        """
+    def tools(self, given: GivenPath) -> Tools | None:
+        """What is on the flange along a path; None where that is the cell's one tool. Errors as :meth:`clearance`."""
         require_tools(self.cell, given.motions)
         if given.motions is None or not self.cell.tools:
             return None
         used, place = np.unique(given.motions.tool[given.moves], return_inverse=True)
         tools = tools_of(self.cell, given.motions)
         scenes: tuple[Scene, ...] = ()
-        if collisions and self.arm is not None:
+        if self.arm is not None:
             scenes = tuple(cells.scene_of(self.cell.with_tool(tools[i]), self.arm) for i in used.tolist())
         frames = np.broadcast_to(given_frames(self.cell, given), (given.path.n, 4, 4))
         return Tools(frames, scenes, place.astype(np.int64))
@@ -124,6 +121,7 @@ class Setup:
 
         A path alone has the cell's one tool.
         """
-        path = given if isinstance(given, ToolPath) else given.path
-        T = self.cell.tool.T_flange_tool if isinstance(given, ToolPath) else given_frames(self.cell, given)
-        return Task(path, T, self.cell.T_base_part()[0], reference)
+        T_base_part = self.cell.T_base_part()[0]
+        if isinstance(given, ToolPath):
+            return Task(given, the_one_tool(self.cell, "the path").T_flange_tool, T_base_part, reference)
+        return Task(given.path, given_frames(self.cell, given), T_base_part, reference)

@@ -30,14 +30,13 @@ def tools_of(cell: Cell, motions: Motions) -> tuple[CellTool, ...]:
     Raises
     ------
     InputError
-        A tool that the cell's table does not have.
+        A tool that the cell's table does not have; errors as :func:`the_one_tool`.
     """
     used = np.unique(motions.tool)
     if not cell.tools:
         return (cell.tool,) * len(motions.tools)
     if len(used) == 1 and motions.tools[int(used[0])].number is None and not motions.tools[int(used[0])].name:
-        # A path that names no tool has the one that is on the flange.
-        return (cell.tool,) * len(motions.tools)
+        return (the_one_tool(cell, f"tool path {motions.source}"),) * len(motions.tools)
     out = [cell.tool] * len(motions.tools)
     for i in used.tolist():
         found = _found(cell, motions.tools[i])
@@ -53,6 +52,23 @@ def tools_of(cell: Cell, motions: Motions) -> tuple[CellTool, ...]:
             )
         out[i] = found
     return tuple(out)
+
+
+def the_one_tool(cell: Cell, path: str) -> CellTool:
+    """The tool that is on the flange for a path that names none.
+
+    Raises
+    ------
+    InputError
+        The cell has tools of a changer, and none that is there without it.
+    """
+    if cell.tools and np.array_equal(cell.tool.T_flange_tool, np.eye(4)) and not (cell.tool.holder or cell.tool.cutter):
+        raise InputError(
+            f"{path} names no tool",
+            allowed="a tool of the path, for the cell file has tables of a changer's tools only",
+            remedy="add [tool] to the cell file: what is on the flange without a change",
+        )
+    return cell.tool
 
 
 def require_tools(cell: Cell, motions: Motions | None) -> None:
@@ -87,7 +103,7 @@ def tool_frames(cell: Cell, motions: Motions) -> Array:
 def given_frames(cell: Cell, given: GivenPath) -> Array:
     """Tool frames on the flange at a path's points; errors as :func:`require_tools`."""
     if given.motions is None:
-        return cell.tool.T_flange_tool
+        return the_one_tool(cell, "the table of points").T_flange_tool
     require_tools(cell, given.motions)
     frames = tool_frames(cell, given.motions)
     return frames if frames.ndim == 2 else frames[given.moves]

@@ -22,6 +22,7 @@ from machining.task import Task, tool_path
 from machining.toolpaths import read_toolpath
 from machining.toolpaths.conversion import read_given_path
 from machining.toolpaths.motions import Motions
+from machining.toolpaths.motions import Tool as Named
 from machining.verification import verify
 from robots import InputError, forward_kinematics
 from robots.arrays import Array
@@ -162,6 +163,15 @@ def test_a_tool_that_the_cell_lacks_is_named_with_its_line(kr60: fem.ArmModel, m
         posted(kr60, motions, cell_of(tool(1, 0.2)))
     with pytest.raises(InputError, match=r"uses 2 tools.*\[tools.NUMBER\], or choose"):
         posted(kr60, motions, Cell(T_world_part0=PART, tool=tool(1, 0.2)))
+
+
+def test_a_path_without_tools_needs_one_on_the_flange(kr60: fem.ArmModel, motions: Motions) -> None:
+    """Else its points would be reached with the flange itself, and nobody would notice."""
+    bare = replace(motions, tools=(Named(),), tool=np.zeros(motions.n, dtype=np.int64), events=())
+    with pytest.raises(InputError, match=r"part.cls names no tool.*add \[tool\]"):
+        posted(kr60, bare)
+    program = posted(kr60, bare, replace(cell_of(), tool=tool(9, 0.2)))
+    np.testing.assert_allclose(program.T_flange_tool, on_flange(0.2))
 
 
 def test_a_path_that_names_tools_takes_their_numbers_from_the_cell(kr60: fem.ArmModel, motions: Motions) -> None:
