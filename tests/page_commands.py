@@ -1,0 +1,63 @@
+"""The commands that pages show, as their reader would type them: one after the other, in a folder of the page's own.
+
+Comments above a block, which no reader sees, say what a page leaves to its reader:
+``<!-- run with: readings.csv=doe/data/xr701_gotlih.csv MODEL=xr701 -->`` copies a file of this tree under the name that
+the block has for it, and puts a word in the place of one in capitals; ``<!-- not run: why -->`` leaves the block out,
+``<!-- not run (study, map slice): why -->`` those commands of it.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from test_house import ROOT
+
+MARKS = r"(?P<marks>(?:^ *<!-- [^\n]*? -->\n+)*)"
+BLOCK = re.compile(MARKS + r"^ *```(?:sh|bash|console)\n(?P<body>.*?)^ *```", re.MULTILINE | re.DOTALL)
+RUN_WITH = re.compile(r"<!-- run with: (.+?) -->")
+NOT_RUN = re.compile(r"<!-- not run(?: \(([^)]+)\))?: (.+?) -->")
+
+
+@dataclass(frozen=True)
+class Typed:
+    """A line of a page: the words behind ``stiffarm`` or, of ``cd``, all; ``skipped``: why it is not run."""
+
+    words: tuple[str, ...]
+    given: Mapping[str, str]
+    skipped: str = ""
+
+
+def typed(text: str) -> Iterator[Typed]:
+    """Lines of a page's examples that are commands of ``stiffarm``, and changes of the folder."""
+    for block in BLOCK.finditer(text):
+        marks = block["marks"]
+        given = dict(one.split("=", 1) for some in RUN_WITH.findall(marks) for one in some.split())
+        out = {name.strip(): why for names, why in NOT_RUN.findall(marks) for name in names.split(",")}
+        for line in block["body"].replace("\\\n", " ").splitlines():
+            words = tuple(re.split(r"(?:^|\s)#", line)[0].replace("'", "").split())
+            if words[:1] == ("cd",):
+                yield Typed(words, given, out.get("", ""))
+            elif words[:1] == ("stiffarm",):
+                said = " ".join(words[1:])
+                yield Typed(words[1:], given, next((why for name, why in out.items() if said.startswith(name)), ""))
+
+
+def filled_in(words: tuple[str, ...], given: Mapping[str, str]) -> list[str]:
+    """The words with what a page leaves to its reader; what stands in brackets goes where nothing is given for it."""
+    text = " ".join(words)
+    for part in re.findall(r"\[[^\]]+\]", text):
+        needed = set(re.findall(r"\b[A-Z]{4,}\b", part))
+        text = text.replace(part, part[1:-1] if needed <= given.keys() else "")
+    return [re.sub(r"^[A-Z]+\b", lambda found: given.get(found[0], found[0]), word) for word in text.split()]
+
+
+def lay_out(given: Mapping[str, str], folder: Path) -> None:
+    """Copy files under the names that a block has for them; from this tree or from what the page has made so far."""
+    for name, source in given.items():
+        if not name.isupper():
+            made = folder / source
+            shutil.copy(made if made.exists() else ROOT / source, folder / name)
