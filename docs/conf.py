@@ -15,6 +15,7 @@ import gallery_pages  # noqa: E402
 import gallery_runs  # noqa: E402
 import key_pages  # noqa: E402
 import package_pages  # noqa: E402
+import signatures  # noqa: E402
 
 project = "stiffarm"
 author = "The stiffarm maintainers"
@@ -65,3 +66,4 @@ def setup(app: object) -> None:
     gallery_pages.setup(app)  # type: ignore[arg-type]
     app.connect("autodoc-process-docstring", docstrings.readable, priority=400)  # type: ignore[attr-defined]
     app.connect("autodoc-process-signature", docstrings.short)  # type: ignore[attr-defined]
+    app.connect("html-page-context", signatures.plain)  # type: ignore[attr-defined]

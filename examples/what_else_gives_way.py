@@ -37,7 +37,7 @@ assert {"tool-compliance", "joint-tilt:j3"} <= set(why.effects)
 assert after < 0.7 * before
 
 # %%
-# Joint 3 tilts in its bearing, and the tool or the sensor gives way: gear springs can
+# Joint 3 tilts in its bearing, and the tool or the sensor deflects: gear springs can
 # hold neither. The third name is not sure. A frame of forces that is turned and a zero
 # error of joint 1 move all readings alike, so the verdict is ambiguous and asks you to
 # look at the set-up.

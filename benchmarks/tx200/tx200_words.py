@@ -93,7 +93,7 @@ of directional stiffness in percent.
 
 EFFECTIVE = """
 The worst poses have a force without lever about any gear axis; gears alone are rigid there. Effective stiffnesses of
-the refitted gears (1e6 N m/rad): {springs}. A refit puts what gives way elsewhere into the gears: the wrist's come out
+the refitted gears (1e6 N m/rad): {springs}. A refit puts what deflects elsewhere into the gears: the wrist's come out
 several times too soft.
 """
 

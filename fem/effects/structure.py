@@ -64,7 +64,7 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     ]  # fmt: skip
     own_axis = stiffness("stiffness_z", "N/m", soft / 1.5e-7, stiff / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
-        "tool-compliance", "the tool or sensor gives way, mostly across its axis", "model",
+        "tool-compliance", "the tool or sensor deflects, mostly across its axis", "model",
         (*across, own_axis, _heading("flange's x")), _across("tool", slice(0, 2)), "tool-compliance",
     )  # fmt: skip
     if model.bar is not None:

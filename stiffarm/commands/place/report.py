@@ -111,7 +111,7 @@ def other_aim_words(step: PlacedStep) -> str:
         return ""
     where = step.placed.problem.space.words(step.map.grid[best].x)
     return (
-        f" The aim was {AIM_WORDS[goal.aim]}; if the softest point decides, `--aim worst` does better: about "
+        f" The target was {AIM_WORDS[goal.aim]}; if the softest point decides, `--aim worst` does better: about "
         f"{significant(worst[best])} N/mm near {where}."
     )
 
