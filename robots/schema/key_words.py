@@ -99,7 +99,7 @@ KEY_WORDS: Final = MappingProxyType(
         "FrameRow": {**_PLACED, "axis": "Direction of the joint's axis in this frame. Default: z."},
         "Flange": _PLACED,
         "Placed": _PLACED,
-        "Tool": {**_PLACED, "stiffness": "How much the tool or a force sensor deflects, flange axes. Default: rigid."},
+        "Tool": {**_PLACED, "stiffness": "Stiffness of the tool or a force sensor, flange axes. Default: rigid."},
         "LoadPlacement": {
             "point": "What points that readings bring themselves are off by, flange axes.",
             "offset": "Distance of the load from the point that is read, flange axes.",
