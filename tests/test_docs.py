@@ -23,6 +23,7 @@ LONGEST_README = 90
 FENCE = re.compile(r"^(`{3,}|~{3,}).*?^\1", re.MULTILINE | re.DOTALL)
 FENCE_BODY = re.compile(r"^ *```\w*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+PICTURE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
 TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # A file of this tree as texts name it, beginning with one of its folders.
 MENTIONED = re.compile(
@@ -75,6 +76,13 @@ def test_readme_is_short_and_opens_with_the_two_commands() -> None:
 @pytest.mark.parametrize("page", [ROOT / "README.md", *pages()], ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
     assert broken_links(page) == []
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *pages()], ids=lambda p: str(p.relative_to(ROOT)))
+def test_pictures_have_alternative_text(page: Path) -> None:
+    """What the site makes of it, axe judges (tests/stiffarm/pages/test_site.py)."""
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    assert [target for alt, target in PICTURE.findall(text) if len(alt.split()) < 2] == []
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:

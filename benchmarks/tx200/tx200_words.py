@@ -112,5 +112,5 @@ NOTES = """
 X) is the default: the wrist centre of the origin is then at 1344 - 194 = 1150 mm, a round figure, and all of the window
 is reached. With flange axes parallel to the base's (`base`) it is not.
 
-![Map](tx200_map.png)
+![Stiffness of the TX200 over a window of its workspace](tx200_map.png)
 """

@@ -74,6 +74,10 @@ class Tab:
         elif kind == "Network.requestWillBeSent" and what["request"]["url"].startswith(("http:", "https:")):
             self.faults.append(what["request"]["url"])
 
+    def own_faults(self) -> list[str]:
+        """What the page is to blame for: a browser without a graphics card speaks of that."""
+        return [text for text in self.faults if "software WebGL" not in text and "GL Driver" not in text]
+
     def show(self, page: Path, width: int = 1400, height: int = 900, scheme: Scheme = "light") -> None:
         """Open a page in a window of this size."""
         self.ask("Emulation.setEmulatedMedia", media="", features=[{"name": "prefers-color-scheme", "value": scheme}])

@@ -127,11 +127,6 @@ def test_data_and_labels(study: AxesStudy) -> None:
     assert len(rows) <= 161
 
 
-def faults(page: Any) -> list[str]:
-    """What the page is to blame for: a browser without a graphics card speaks of that."""
-    return [text for text in page.faults if "software WebGL" not in text and "GL Driver" not in text]
-
-
 @pytest.mark.slow
 @needs_browser
 def test_the_arm_follows_the_course_in_the_browser(study: AxesStudy, tmp_path: Path) -> None:
@@ -162,7 +157,7 @@ def test_the_arm_follows_the_course_in_the_browser(study: AxesStudy, tmp_path: P
         page.run(f"{api}.reset(), 0")
         assert page.run(f"{api}.summary()[4]") == 0
         drag_and_keys(page, api)
-        assert faults(page) == []
+        assert page.own_faults() == []
 
 
 def check_frames(study: AxesStudy, frames: list[list[float]], i: int, q: NDArray[np.float64]) -> None:
@@ -213,7 +208,7 @@ def test_everyone_can_use_it(study: AxesStudy, tmp_path: Path, width: int, schem
         page.show(file, width, 900, scheme)
         assert page.run("document.documentElement.scrollWidth") == width
         assert page.grave() == []
-        assert faults(page) == []
+        assert page.own_faults() == []
 
 
 def test_one_gamma_has_no_map() -> None:
