@@ -177,8 +177,11 @@ class AptState:
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False
 
-    def _fault(self, what: str, value: str, allowed: str | None, remedy: str | None = None) -> None:
-        self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy)
+    def _fault(
+        self, what: str, value: str, allowed: str | None, remedy: str | None = None, site: str | None = None
+    ) -> None:
+        site = site or raised_at(1)
+        self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy, site=site)
 
     def _fedrat(self, s: Statement) -> None:
         if "RAPID" in s.parts:
