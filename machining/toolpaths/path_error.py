@@ -32,6 +32,4 @@ class PathError(InputError):
     def at(self, points: int | Integers, where: str) -> PathError:
         """The same at other points, of a finer path or under another name."""
         what = f"{where}: {self.what}"
-        return PathError(
-            points, what, value=self.value, allowed=self.allowed, remedy=self.remedy, site=self.site
-        )
+        return PathError(points, what, value=self.value, allowed=self.allowed, remedy=self.remedy, site=self.site)
