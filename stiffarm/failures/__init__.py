@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 from robots import InputError, InputErrors
 
@@ -54,9 +55,12 @@ def catalogue() -> Mapping[str, Failure]:
             entries = tomllib.loads(file.read_text(encoding="utf-8"))
             area = entries.pop("area")
             for code, entry in entries.items():
-                lists = {key: tuple(entry.pop(key, ())) for key in ("covers", "says")}
-                found[code] = Failure(code, area, **entry, **lists)
+                found[code] = Failure(code, area, **{key: _fixed(value) for key, value in entry.items()})
     return dict(sorted(found.items()))
+
+
+def _fixed(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def covering(site: str, text: str) -> list[tuple[str, Failure]]:

@@ -18,6 +18,7 @@ from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
+from robots.errors import raised_at
 
 # What to do about motion in more than one frame.
 FRAMES = "say which coordinates are wanted: --read frames=written or frames=absolute (frames= in Python)"
