@@ -11,6 +11,7 @@ sys.path[:0] = [str(HERE / "_site"), str(HERE.parent)]
 
 import command_pages  # noqa: E402 - found beside this file
 import docstrings  # noqa: E402
+import failure_pages  # noqa: E402
 import gallery_pages  # noqa: E402
 import gallery_runs  # noqa: E402
 import key_pages  # noqa: E402
@@ -61,6 +62,7 @@ html_theme_options = {"navigation_with_keys": True}
 def setup(app: object) -> None:
     """Write the generated pages, then let docstrings be read as they are meant."""
     command_pages.write(HERE / "reference" / "commands")
+    failure_pages.write(HERE / "reference" / "failures")
     key_pages.write(HERE / "reference" / "keys")
     package_pages.write(HERE / "reference" / "python")
     gallery_pages.setup(app)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice, product
@@ -17,6 +18,9 @@ NAMES_SHOWN = 12
 _LONGEST_VALUE, _LONGEST_TEXT, _LONGEST_OF_SEVERAL = 500, 2000, 1000
 # A name is taken as another mistyped where so much of the letters agree (difflib's ratio): one slip in four letters.
 _CLOSE = 0.75
+# Modules that only put into words what others have found; and what Python adds to a function's name.
+_WORDING = frozenset({__name__, "robots.faults"})
+_UNNAMED = re.compile(r"\.?<\w+>")
 # Longer texts are no names, and more of them nobody has mistyped.
 _LONGEST_NAME, _MOST_NAMES = 60, 200
 
@@ -61,6 +65,23 @@ def line_ranges(lines: Iterable[int]) -> str:
     return listed(str(a) if a == b else f"{a}-{b}" for a, b in ranges)
 
 
+def raised_at(above: int = 0) -> str:
+    """Where an error is made, as ``module:function``, which the catalogue of failures knows it by.
+
+    Functions that only put an error into words are passed over; ``above``: so many callers more.
+    """
+    frame = sys._getframe(1)
+    while frame.f_back is not None and _only_words(frame.f_globals["__name__"], frame.f_locals.get("self")):
+        frame = frame.f_back
+    for _ in range(above):
+        frame = frame.f_back or frame
+    return f"{frame.f_globals['__name__']}:{_UNNAMED.sub('', frame.f_code.co_qualname)}"
+
+
+def _only_words(module: str, self: object) -> bool:
+    return module in _WORDING or isinstance(self, ValueError)
+
+
 class InputError(ValueError):
     """Bad input: what is wrong, which value, what is allowed, and what to do. The message is one printable line.
 
@@ -70,12 +91,20 @@ class InputError(ValueError):
     value : the offending value as the user wrote it, if there is one
     allowed : the allowed range or form
     remedy : what the user can do about it
+    site : where the error was made (:func:`raised_at`), if another error is passed on in other words
     """
 
     def __init__(
-        self, what: str, *, value: object = None, allowed: str | None = None, remedy: str | None = None
+        self,
+        what: str,
+        *,
+        value: object = None,
+        allowed: str | None = None,
+        remedy: str | None = None,
+        site: str | None = None,
     ) -> None:
         self.what, self.value, self.allowed, self.remedy = what, value, allowed, remedy
+        self.site = site or raised_at()
         text = shortened(what)
         if value is not None:
             text += f": got {_shown(value)}"

@@ -20,14 +20,14 @@ def main() -> None:
     try:
         refuse_strangers()
     except ImportError as error:
-        tell(f"stiffarm: {error}")
+        tell(f"stiffarm: {error}. More: stiffarm help X003")
         raise SystemExit(EXIT_BAD_INPUT) from None
     from stiffarm.cli import app
 
     try:
         app(prog_name="stiffarm")
     except OSError as error:  # of --help and --version, on a full disk; commands tell of theirs themselves
-        tell(f"stiffarm: the system refused: {error}")
+        tell(f"stiffarm: the system refused: {error}. More: stiffarm help X001")
         silence(1)  # Python would try to write the rest again at exit, and complain about that itself
         raise SystemExit(EXIT_OTHER) from None
 

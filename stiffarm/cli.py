@@ -59,6 +59,7 @@ COMMANDS: dict[str, Entry] = {
     "place": Entry("place", "place", MACHINE, "Find where the base should stand for the stiffest cut."),
     "post": Entry("post", "post", MACHINE, "Write robot programs from a tool path and read them back."),
     "verify": Entry("verify", "verify_command", MACHINE, "Check a program for collisions, limits and singularities."),
+    "help": Entry("help", "help_command", USE, "Explain an error or warning by its code."),
     "serve": Entry("serve", "serve_command", MACHINE, "Answer questions of other programs, line by line."),
 }
 
@@ -117,9 +118,21 @@ def _printable() -> Iterator[None]:
     except Exception as error:
         if isinstance(message := getattr(error, "message", None), str):
             close = getattr(error, "possibilities", None)
-            error.message = one_line(message) + (f". Did you mean {' or '.join(close)}?" if close else "")  # type: ignore[attr-defined]
+            text = one_line(message) + (f". Did you mean {' or '.join(close)}?" if close else "")
+            error.message = _coded(text, error)  # type: ignore[attr-defined]
             error.possibilities = None  # type: ignore[attr-defined]
         raise
+
+
+def _coded(text: str, error: Exception) -> str:
+    """What the command line says of wrong options, with the code of the failure."""
+    from stiffarm.failures import MORE, covering
+
+    found = covering(f"click:{type(error).__name__}", text)
+    if not found or MORE in text:
+        return text
+    end = "" if not text or text.endswith((".", "?")) else "."
+    return f"{text}{end} {MORE} {found[0][1].code}".lstrip()
 
 
 app = typer.Typer(

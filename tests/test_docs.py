@@ -16,7 +16,7 @@ from stiffarm.cli import COMMANDS, command_of
 DOCS = ROOT / "docs"
 # Written by the build (docs/conf.py).
 GENERATED = (
-    *(DOCS / "reference" / name for name in ("commands", "keys", "python")),
+    *(DOCS / "reference" / name for name in ("commands", "failures", "keys", "python")),
     DOCS / "gallery" / "scripts",
 )
 LONGEST_README = 90

@@ -19,8 +19,9 @@ class PathError(InputError):
         value: object = None,
         allowed: str | None = None,
         remedy: str | None = None,
+        site: str | None = None,
     ) -> None:
-        super().__init__(what, value=value, allowed=allowed, remedy=remedy)
+        super().__init__(what, value=value, allowed=allowed, remedy=remedy, site=site)
         self.points = np.atleast_1d(np.asarray(points, dtype=np.int64))
 
     @property
@@ -30,4 +31,5 @@ class PathError(InputError):
 
     def at(self, points: int | Integers, where: str) -> PathError:
         """The same at other points, of a finer path or under another name."""
-        return PathError(points, f"{where}: {self.what}", value=self.value, allowed=self.allowed, remedy=self.remedy)
+        what = f"{where}: {self.what}"
+        return PathError(points, what, value=self.value, allowed=self.allowed, remedy=self.remedy, site=self.site)

@@ -12,6 +12,7 @@ from machining import magnitudes as limits
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.errors import raised_at
 from robots.faults import Faults
 
 Vector = tuple[float, float, float]
@@ -30,6 +31,7 @@ class StatementError(ValueError):
     def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None) -> None:
         super().__init__(what)
         self.what, self.allowed, self.remedy = what, allowed, remedy
+        self.site = raised_at()
 
 
 class Recorder:
@@ -179,7 +181,8 @@ class Recorder:
             self._notes[text] = (first, count + 1)
 
     def error(self, line: int, what: str, **parts: Any) -> None:
-        """Fault of a line; 0: of the file."""
+        """Fault of a line; 0: of the file. ``parts``: as those of :class:`robots.InputError`."""
+        parts.setdefault("site", raised_at(1))
         if isinstance(parts.get("value"), str):
             parts["value"] = clean(parts["value"])
         where = f"{self.source}, line {line}: " if line else f"{self.source}: "

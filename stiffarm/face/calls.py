@@ -49,7 +49,7 @@ def in_order(values: Mapping[str, float], names: Sequence[str], argument: str, u
 
 def _of_arguments(error: InputError) -> InputError:
     allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
-    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy)
+    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy, site=error.site)
 
 
 def _words(text: str) -> str:

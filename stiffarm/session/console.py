@@ -50,7 +50,15 @@ def kept_messages() -> Iterator[list[str]]:
 
 
 def say(message: str) -> None:
-    """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal."""
+    """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal.
+
+    A warning that the catalogue of failures knows carries its code.
+    """
+    if message.startswith("note: ") or "WARNING: " in message:
+        from stiffarm.failures import warning_of
+
+        known = warning_of(message)
+        message += f" [{known.code}]" if known else ""
     if (kept := _kept.get()) is not None:
         kept.append(one_line(message))
         return
@@ -65,7 +73,9 @@ def say_notes(notes: Iterable[str]) -> None:
 
 def say_error(error: InputError) -> None:
     """An error, on stderr: one line, or one for each fault."""
-    for line in f"stiffarm: {error}".split("\n"):
+    from stiffarm.failures import said
+
+    for line in f"stiffarm: {said(error)}".split("\n"):
         say(line)
 
 
@@ -217,6 +227,10 @@ def _check_stdout() -> None:
 
 
 def _unforeseen(error: Exception) -> str:
+    from stiffarm.failures import INTERNAL, SYSTEM, with_code
+
     if isinstance(error, OSError):
-        return f"the system refused: {error}. To fix it: check free space and access rights, then run again"
-    return f"internal error: {type(error).__name__}: {error} (run again with --debug and report it)"
+        text = f"the system refused: {error}. To fix it: check free space and access rights, then run again"
+        return with_code(text, SYSTEM)
+    text = f"internal error: {type(error).__name__}: {error} (run again with --debug and report it)"
+    return with_code(text, INTERNAL)

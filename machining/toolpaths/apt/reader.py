@@ -179,7 +179,7 @@ class _Reader(AptMotion):
                 self.recorder.event(self.line, word, readable(s.rest), note=f"word {readable(word)} is not read")
         except StatementError as fault:
             self.arc = None
-            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed)
+            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, site=fault.site)
         self._settle()
 
     def _comment(self, number: int, text: str) -> None:

@@ -18,6 +18,7 @@ from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
+from robots.errors import raised_at
 
 # What to do about motion in more than one frame.
 FRAMES = "say which coordinates are wanted: --read frames=written or frames=absolute (frames= in Python)"
@@ -177,8 +178,11 @@ class AptState:
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False
 
-    def _fault(self, what: str, value: str, allowed: str | None, remedy: str | None = None) -> None:
-        self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy)
+    def _fault(
+        self, what: str, value: str, allowed: str | None, remedy: str | None = None, site: str | None = None
+    ) -> None:
+        site = site or raised_at(1)
+        self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy, site=site)
 
     def _fedrat(self, s: Statement) -> None:
         if "RAPID" in s.parts:

@@ -132,7 +132,8 @@ class Modes:
 
     def refuse(self, fault: StatementError, statement: str) -> None:
         """Keep a fault of the line that is read."""
-        self.recorder.error(self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy)
+        self.recorder.error(self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy,
+                            site=fault.site)  # fmt: skip
 
     def skips_deleted(self, raw: str) -> bool:
         """Whether a block that starts with a slash is left out, as an event; else a note says that it is read."""

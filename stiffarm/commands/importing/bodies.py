@@ -139,7 +139,9 @@ def _check_scale(robot: Robot, body: str, name: str, surface: BodySurface) -> No
         check_scale(name, surface.nodes, np.zeros((1, 3)), expected_span(robot, body), SPAN_RATIO)
     except InputError as error:
         remedy = f"{error.remedy}; in a URDF that is <mesh ... scale=...>"
-        raise InputError(error.what, value=error.value, allowed=error.allowed, remedy=remedy) from error
+        raise InputError(
+            error.what, value=error.value, allowed=error.allowed, remedy=remedy, site=error.site
+        ) from error
 
 
 def _staying_rigid(

@@ -1,0 +1,1 @@
+"""`stiffarm help`: a failure explained by its code."""
