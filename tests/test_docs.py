@@ -150,6 +150,18 @@ def test_a_command_that_does_not_exist_is_found() -> None:
     assert [unknown_words(words) for words in typed_commands(page)] == [["--posse"], ["mapp"], ["xr701"]]
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "decisions").glob("[!i]*.md")), ids=lambda p: p.stem)
+def test_decisions_stand_under_their_day(page: Path) -> None:
+    """Newest last; each paragraph begins with its decision in bold, or goes on with the one before."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    days = [line for line in lines if line.startswith("#")][1:]
+    assert days
+    assert all(re.fullmatch(r"## \d{4}-\d\d-\d\d", day) for day in days)
+    assert days == sorted(set(days))
+    first = [lines[k + 2] for k, line in enumerate(lines) if line in days]
+    assert all(line.startswith("**") for line in first)
+
+
 @pytest.mark.slow
 def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
     blocks = re.findall(
