@@ -217,9 +217,9 @@ HEAD = """# Performance
 How many times as fast as what else one would take. Each ratio was measured in one run with its peer, unless its row
 says otherwise; times are those of one machine, and stand on the pages behind the table.
 """
-NOTE = """A range is that over the rows of its page: over arms, or over cases. Of memory it is how many times less, of base
-positions how many times fewer. Rows with *before* compare stiffarm with itself; all others with a peer that anyone can
-install, or with the plain way of doing it.
+NOTE = """A range is that over the rows of its page: over arms, or over cases. Of memory it is how many times less, of
+base positions how many times fewer. Rows with *before* compare stiffarm with itself; all others with a peer that anyone
+can install, or with the plain way of doing it.
 """
 
 
