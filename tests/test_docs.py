@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -158,6 +160,18 @@ def test_a_command_that_does_not_exist_is_found() -> None:
     assert [unknown_words(words) for words in typed_commands(page)] == [["--posse"], ["mapp"], ["xr701"]]
 
 
+@pytest.mark.parametrize("page", sorted((DOCS / "decisions").glob("[!i]*.md")), ids=lambda p: p.stem)
+def test_decisions_stand_under_their_day(page: Path) -> None:
+    """Newest last; each paragraph begins with its decision in bold, or goes on with the one before."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    days = [line for line in lines if line.startswith("#")][1:]
+    assert days
+    assert all(re.fullmatch(r"## \d{4}-\d\d-\d\d", day) for day in days)
+    assert days == sorted(set(days))
+    first = [lines[k + 2] for k, line in enumerate(lines) if line in days]
+    assert all(line.startswith("**") for line in first)
+
+
 @pytest.mark.slow
 def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
     blocks = re.findall(
@@ -170,6 +184,41 @@ def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
         )
         assert run.returncode == 0, run.stderr
     assert (tmp_path / "calibrated.toml").is_file()
+
+
+def pasted(page: Path) -> Iterator[list[str]]:
+    """Lines of a page's shell blocks as words, those that install left out."""
+    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S):
+        for line in block.replace("\\\n", " ").splitlines():
+            if (words := shlex.split(line, comments=True)) and words[0] in ("stiffarm", "cp"):
+                yield words
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["start/five_minutes", "start/your_robot"])
+def test_a_page_can_be_pasted(name: str, tmp_path: Path) -> None:
+    """Every command works as written from a checkout's folder, and says what the page shows of it."""
+    page = DOCS / f"{name}.md"
+    (tmp_path / "docs").symlink_to(DOCS)
+    said = ""
+    for words in pasted(page):
+        if words[0] == "cp":
+            shutil.copy(tmp_path / words[1], tmp_path / words[2])
+            continue
+        run = subprocess.run(  # noqa: S603 - a page of our own
+            [sys.executable, "-m", "stiffarm", *words[1:]],
+            cwd=tmp_path,
+            capture_output=True,
+            encoding="utf-8",
+            check=False,
+        )
+        assert run.returncode == 0, (words, run.stderr)
+        said += run.stdout + run.stderr
+    shown = re.findall(r"^```text\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+    lines = [line.strip(" │") for block in shown for line in block.splitlines() if line != "..."]
+    assert lines
+    flat = " ".join(said.split())
+    assert [line for line in lines if " ".join(line.split()) not in flat] == []
 
 
 def test_the_citation_is_that_of_this_version() -> None:

@@ -29,7 +29,7 @@ def cached_superelement(
 
     Kept are the flexibility and one solution, the shell's freedoms under a wrench (:func:`_wrench`). What is read back
     is put into the shell's equations, once a process: that takes a product with the stiffness, a quarter of the time
-    of the factorisation that it saves (docs/decisions/index.md).
+    of the factorisation that it saves (docs/decisions/fem.md).
 
     ``couplings``: one for each interface. ``store``: another cache than :func:`meshes.array_cache.user_cache`.
     Links that one solver of :mod:`fem.elements.condensation` condensed serve where another is installed: they agree to

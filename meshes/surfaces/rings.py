@@ -17,7 +17,7 @@ from robots.arrays import Array, Integers
 SHARE_OF_WAY = 0.45
 SHRINK, MOST_SHRINKS = 0.75, 8
 # One bearing joins two links: where their rings' radii differ by more, the smaller takes the larger (see
-# docs/decisions/index.md for what that did to a FANUC's real readings).
+# docs/decisions/meshes.md for what that did to a FANUC's real readings).
 ONE_BEARING = 1.5
 
 

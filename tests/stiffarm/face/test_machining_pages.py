@@ -121,7 +121,7 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
 
 
 def test_the_documented_map_and_its_best_gamma(tmp_path: Path) -> None:
-    """The page of decisions: with every point at the rim it would be nearly the worst of the curve."""
+    """docs/decisions/machining.md: with every point at the rim it would be nearly the worst of the curve."""
     options = (
         "--x",
         "600:1600:50",

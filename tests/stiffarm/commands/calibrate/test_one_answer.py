@@ -47,7 +47,7 @@ def test_calibrate_diagnose_and_plan_agree(cli: Command, nine: str, path: str) -
             same = calibrated["springs"][joint]
             assert spring["k_Nm_per_rad"] == same["k_Nm_per_rad"]
             assert spring["interval95_Nm_per_rad"] == same["interval95_Nm_per_rad"]
-        # Half a digit of the last: intervals whose coverage is nearest 95 % (docs/decisions).
+        # Half a digit of the last: intervals whose coverage is nearest 95 % (docs/decisions/doe.md).
         assert calibrated["springs"]["j2"]["interval95_Nm_per_rad"] == pytest.approx([962_677.0, 2_962_380.0], rel=1e-5)
 
 
