@@ -24,6 +24,7 @@ def about(axis, angle):
 
 
 def along(x, z):
+    """4 x 4 shift along x and z."""
     T = np.eye(4)
     T[:3, 3] = x, 0.0, z
     return T
@@ -40,6 +41,7 @@ def flange(rows, q_deg):
 
 
 def main(empty, filled):
+    """Copy the empty table, with the flange positions that belong to its joint angles."""
     with (HERE / "dh.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     with open(empty, encoding="utf-8", newline="") as file:
