@@ -434,6 +434,7 @@ def test_bad_input_is_refused(cli: Command, tmp_path: Path, fitted: Path, case: 
     refusals = [line for line in outcome.err.splitlines() if line.startswith("stiffarm: ")]
     usage = "Usage:" in outcome.err
     assert len(refusals) == (0 if usage else 1), "one message, no more and no less"
+    assert "More: stiffarm help" in " ".join(outcome.err.replace("│", " ").split()), "no code"
 
 
 @pytest.mark.parametrize(
