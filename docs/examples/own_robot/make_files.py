@@ -24,6 +24,7 @@ def about(axis, angle):
 
 
 def along(x, z):
+    """4 x 4 shift."""
     T = np.eye(4)
     T[:3, 3] = x, 0.0, z
     return T
@@ -40,6 +41,7 @@ def flange(rows, q_deg):
 
 
 def main(empty, filled):
+    """Write the table with x, y and z."""
     with (HERE / "dh.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     with open(empty, encoding="utf-8", newline="") as file:
