@@ -1,4 +1,4 @@
-"""How many times as fast as what else one would take: one table from the pages that measured it.
+"""How many times as fast as the usual alternative: one table from the pages that measured it.
 
 ``python benchmarks/performance_ratios.py`` prints the page; ``--write`` puts it into docs/performance/index.md. Nothing
 is measured here: each ratio is read from a row of the page that its own benchmark wrote, named in the table's last
@@ -214,7 +214,7 @@ DETAILS = (
 
 HEAD = """# Performance
 
-How many times as fast as what else one would take. Each ratio was measured in one run with its peer, unless its row
+How many times as fast as the usual alternative. Each ratio was measured in one run with its peer, unless its row
 says otherwise; times are those of one machine, and stand on the pages behind the table.
 """
 NOTE = """A range is that over the rows of its page: over arms, or over cases. Of memory it is how many times less, of

@@ -29,8 +29,10 @@ def one_line(text: str) -> str:
     r"""The text as one line that a terminal only prints: what could move its cursor or end the line is spelled out.
 
     Names, titles and notes come from files, and these may hold anything: an escape character becomes ``\x1b``, a
-    newline ``\n``, a mark that turns the direction of writing ``\u202e``.
+    newline ``\n``, a mark that turns the direction of writing ``\u202e``. A blank that does not break, as pages have
+    it between a figure and its unit, is a blank.
     """
+    text = text.replace("\u00a0", " ")
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

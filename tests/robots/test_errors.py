@@ -14,6 +14,7 @@ def test_what_steers_a_terminal_is_spelled_out() -> None:
     assert line.isprintable()
     assert line == r"\x1b]0;owned\x07\x1b[2J\x9b31m\r\nfake: line\u2028\u202emirrored\x00\ud800"
     assert one_line("größer als 5 µm") == "größer als 5 µm"
+    assert one_line("below 1\u00a0%") == "below 1 %"
 
 
 @pytest.mark.parametrize("part", ["what", "value", "allowed", "remedy"])
