@@ -3,7 +3,8 @@
 Comments above a block, which no reader sees, say what a page leaves to its reader:
 ``<!-- run with: readings.csv=doe/data/xr701_gotlih.csv MODEL=xr701 -->`` copies a file of this tree under the name that
 the block has for it, and puts a word in the place of one in capitals; ``<!-- not run: why -->`` leaves the block out,
-``<!-- not run (study, map slice): why -->`` those commands of it.
+``<!-- not run (study, map slice): why -->`` those commands of it. Beside the commands ``cd``, ``cp`` and ``cat FILE >> FILE``
+are carried out. ``<!-- shown -->`` above a block of text says that its lines are among what the commands print.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from test_house import ROOT
 MARKS = r"(?P<marks>(?:^ *<!-- [^\n]*? -->\n+)*)"
 BLOCK = re.compile(MARKS + r"^ *```(?:sh|bash|console)\n(?P<body>.*?)^ *```", re.MULTILINE | re.DOTALL)
 RUN_WITH = re.compile(r"<!-- run with: (.+?) -->")
+SHOWN = re.compile(r"^<!-- shown -->\n+```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
+SHELL = ("cd", "cp", "cat")
 NOT_RUN = re.compile(r"<!-- not run(?: \(([^)]+)\))?: (.+?) -->")
 
 
 @dataclass(frozen=True)
 class Typed:
-    """A line of a page: the words behind ``stiffarm`` or, of ``cd``, all; ``skipped``: why it is not run."""
+    """A line of a page: the words behind ``stiffarm`` or, of the shell's own, all; ``skipped``: why it is not run."""
 
     words: tuple[str, ...]
     given: Mapping[str, str]
@@ -32,14 +35,14 @@ class Typed:
 
 
 def typed(text: str) -> Iterator[Typed]:
-    """Lines of a page's examples that are commands of ``stiffarm``, and changes of the folder."""
+    """Lines of a page's examples that are commands of ``stiffarm``, and the shell's own that they need."""
     for block in BLOCK.finditer(text):
         marks = block["marks"]
         given = dict(one.split("=", 1) for some in RUN_WITH.findall(marks) for one in some.split())
         out = {name.strip(): why for names, why in NOT_RUN.findall(marks) for name in names.split(",")}
         for line in block["body"].replace("\\\n", " ").splitlines():
             words = tuple(re.split(r"(?:^|\s)#", line)[0].replace("'", "").split())
-            if words[:1] == ("cd",):
+            if words and words[0] in SHELL:
                 yield Typed(words, given, out.get("", ""))
             elif words[:1] == ("stiffarm",):
                 said = " ".join(words[1:])
@@ -61,3 +64,25 @@ def lay_out(given: Mapping[str, str], folder: Path) -> None:
         if not name.isupper():
             made = folder / source
             shutil.copy(made if made.exists() else ROOT / source, folder / name)
+
+
+def by_the_shell(words: tuple[str, ...], folder: Path) -> Path:
+    """Carry out one of the shell's own; the folder that the page is in then."""
+    match words:
+        case ("cd", to):
+            return folder / to
+        case ("cp", source, name):
+            shutil.copy(folder / source, folder / name)
+        case ("cat", source, ">>", name):
+            with (folder / name).open("a", encoding="utf-8") as file:
+                file.write((folder / source).read_text(encoding="utf-8"))
+        case _:
+            raise ValueError(words)
+    return folder
+
+
+def not_said(text: str, said: str) -> list[str]:
+    """Lines that a page shows as printed, and that nothing printed; frames of tables and blanks do not count."""
+    flat = " ".join(said.split())
+    lines = [" ".join(line.strip(" │").split()) for block in SHOWN.findall(text) for line in block.splitlines()]
+    return [line for line in lines if line != "..." and line not in flat]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -184,42 +182,6 @@ def test_the_first_page_of_python_runs_as_it_stands(tmp_path: Path) -> None:
         )
         assert run.returncode == 0, run.stderr
     assert (tmp_path / "calibrated.toml").is_file()
-
-
-def pasted(page: Path) -> Iterator[list[str]]:
-    """Lines of a page's shell blocks as words, those that install left out."""
-    for block in re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S):
-        for line in block.replace("\\\n", " ").splitlines():
-            if (words := shlex.split(line, comments=True)) and words[0] in ("stiffarm", "cp"):
-                yield words
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["start/five_minutes", "start/your_robot", "how-to/post", "how-to/verify"])
-def test_a_page_can_be_pasted(name: str, tmp_path: Path) -> None:
-    """Every command works as written from a checkout's folder, and says what the page shows of it."""
-    page = DOCS / f"{name}.md"
-    (tmp_path / "docs").symlink_to(DOCS)
-    said = ""
-    for words in pasted(page):
-        if words[0] == "cp":
-            shutil.copy(tmp_path / words[1], tmp_path / words[2])
-            continue
-        run = subprocess.run(  # noqa: S603 - a page of our own
-            [sys.executable, "-m", "stiffarm", *words[1:]],
-            cwd=tmp_path,
-            capture_output=True,
-            encoding="utf-8",
-            check=False,
-        )
-        # A program that must not run is an answer.
-        assert run.returncode in ({0, 1} if words[1] == "verify" else {0}), (words, run.stderr)
-        said += run.stdout + run.stderr
-    shown = re.findall(r"^```text\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
-    lines = [line.strip(" │") for block in shown for line in block.splitlines() if line != "..."]
-    assert lines
-    flat = " ".join(said.split())
-    assert [line for line in lines if " ".join(line.split()) not in flat] == []
 
 
 def test_the_files_of_an_own_effect_are_those_of_its_page() -> None:

@@ -10,19 +10,19 @@ import sys
 from pathlib import Path
 
 import pytest
-from page_commands import NOT_RUN, RUN_WITH, Typed, filled_in, lay_out, typed
+from page_commands import NOT_RUN, RUN_WITH, SHELL, Typed, by_the_shell, filled_in, lay_out, not_said, typed
 from test_docs import DOCS, pages
 from test_house import ROOT
 
 SHOWING = [
     page
     for page in (ROOT / "README.md", *pages())
-    if any(line.words[0] != "cd" for line in typed(page.read_text(encoding="utf-8")))
+    if any(line.words[0] not in SHELL for line in typed(page.read_text(encoding="utf-8")))
 ]
 
 
-def run(words: list[str], folder: Path) -> str:
-    """What a command says where it fails."""
+def run(words: list[str], folder: Path) -> tuple[str, str]:
+    """What a command says where it fails, and all that it prints."""
     done = subprocess.run(  # noqa: S603 - our own command
         [sys.executable, "-m", "stiffarm", *words],
         cwd=folder,
@@ -33,27 +33,32 @@ def run(words: list[str], folder: Path) -> str:
         timeout=600,
         check=False,
     )
-    return "" if done.returncode == 0 else f"stiffarm {' '.join(words)}: {done.returncode}: {done.stderr[-1500:]}"
+    failed = "" if done.returncode == 0 else f"stiffarm {' '.join(words)}: {done.returncode}: {done.stderr[-1500:]}"
+    return failed, done.stdout + done.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", SHOWING, ids=lambda p: str(p.relative_to(ROOT)))
 def test_commands_of_a_page_run_as_they_stand(page: Path, tmp_path: Path) -> None:
     shutil.copytree(DOCS / "examples", tmp_path / "docs" / "examples")
-    folder, failed = tmp_path, []
-    for line in typed(page.read_text(encoding="utf-8")):
+    folder, failed, said = tmp_path, [], ""
+    text = page.read_text(encoding="utf-8")
+    for line in typed(text):
         if line.skipped:
             continue
-        if line.words[0] == "cd":
-            folder = folder / line.words[1]
-            continue
         lay_out(line.given, folder)
-        failed.append(run(filled_in(line.words, line.given), folder))
+        if line.words[0] in SHELL:
+            folder = by_the_shell(line.words, folder)
+            continue
+        wrong, printed = run(filled_in(line.words, line.given), folder)
+        failed.append(wrong)
+        said += printed
     assert [one for one in failed if one] == []
+    assert not_said(text, said) == []
 
 
 def test_most_commands_are_run() -> None:
-    lines = [line for page in SHOWING for line in typed(page.read_text(encoding="utf-8")) if line.words[0] != "cd"]
+    lines = [line for page in SHOWING for line in typed(page.read_text(encoding="utf-8")) if line.words[0] not in SHELL]
     skipped = sum(bool(line.skipped) for line in lines)
     assert len(lines) > 80
     assert skipped < len(lines) / 3, f"{skipped} of {len(lines)} are not run"
@@ -90,3 +95,18 @@ def test_marks_are_read() -> None:
     ]
     assert filled_in(found[1].words, given) == ["run", "xr701", "a.csv", "--x", "1"]
     assert filled_in(("plan", "[DATA]", "x"), given) == ["plan", "x"]
+
+
+def test_files_are_copied_and_joined(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("one\n", encoding="utf-8")
+    text = "```sh\ncp a.toml b.toml\ncat a.toml >> b.toml\n```\n"
+    for line in typed(text):
+        assert by_the_shell(line.words, tmp_path) == tmp_path
+    assert (tmp_path / "b.toml").read_text(encoding="utf-8") == "one\none\n"
+    with pytest.raises(ValueError, match="mv"):
+        by_the_shell(("mv", "a", "b"), tmp_path)
+
+
+def test_what_a_page_shows_must_have_been_printed() -> None:
+    text = "<!-- shown -->\n```text\n│ j2 │  1.5 │\n...\n2 of 3\n```\n\n```text\nnobody says it\n```\n"
+    assert not_said(text, "┃ head\n│ j2 │ 1.5 │\n") == ["2 of 3"]
