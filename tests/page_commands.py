@@ -3,8 +3,9 @@
 Comments above a block, which no reader sees, say what a page leaves to its reader:
 ``<!-- run with: readings.csv=doe/data/xr701_gotlih.csv MODEL=xr701 -->`` copies a file of this tree under the name that
 the block has for it, and puts a word in the place of one in capitals; ``<!-- not run: why -->`` leaves the block out,
-``<!-- not run (study, map slice): why -->`` those commands of it. ``cd``, ``cp`` and ``cat FILE >> FILE`` are carried
-out too. ``<!-- shown -->`` above a block of text says that its lines are among what the commands print.
+``<!-- not run (study, map slice): why -->`` those commands of it. Beside the commands ``cd``, ``cp`` and
+``cat FILE >> FILE`` are carried out. ``<!-- shown -->`` above a block of text says that its lines are among what the
+commands print.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class RoundTrip:
                 "off the tool path",
                 value=f"{max(self.tip, self.travel) * 1e6:.3g} um, {max(self.turned, self.table) * 1e6:.3g} urad",
                 allowed=f"{tolerance * 1e6:g} um, {tolerance * 1e6:g} urad",
-                remedy="give more decimals in the options; in your own templates write coordinates as bundled ones do",
+                remedy="set more decimals in the file of --options; own templates write coordinates as bundled ones do",
             )
         if not self.same_sides:
             return InputError("configuration of the arm", value="another", allowed="the path's", remedy=template)

@@ -73,7 +73,7 @@ def _speed(motions: Motions, options: WriteOptions) -> Array:
             raise InputError(
                 f"feed of {int(unknown.sum())} moves, the first of source line {first}",
                 allowed="known for all moves that are not rapid",
-                remedy="give default_feed_mm_min in the options",
+                remedy="set default_feed_mm_min in the file of --options",
             )
         speed[unknown] = options.default_feed_mm_min * MM_MIN
     return np.asarray(speed)

@@ -32,6 +32,7 @@ ELSEWHERE = {
     "robots/library/models.py library_table": "bundled with the package",
     "doe/estimation/campaign.py bundled_campaign": "bundled with the package",
     "machining/programs/convention.py _bundled": "bundled with the package",
+    "stiffarm/failures/__init__.py catalogue": "bundled with the package",
     "stiffarm/pages/parts.py": "bundled with the package",
     "stiffarm/pages/report.py data": "a picture just drawn",
     "stiffarm/pages/report.py _size": "a picture just drawn",

@@ -13,7 +13,7 @@ from stiffarm.commands.place.positions import position_picture, position_values
 from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import known_to, ranged, significant
+from stiffarm.pages.numbers import known_to, ranged, significant, with_interval
 from stiffarm.pages.report import (
     Answer,
     Block,
@@ -186,8 +186,8 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
                 gamma_words(one).removesuffix(" deg"),
                 _within(one, "worst"),
                 _within(one, "mean"),
-                f"{statistics['rms'] * 1e6:.3g}",
-                f"{statistics['worst'] * 1e6:.3g}",
+                significant(statistics["rms"] * 1e6),
+                significant(statistics["worst"] * 1e6),
             )
         )
     return rows
@@ -200,7 +200,12 @@ COLUMNS = (
 
 def _within(one: Along, statistic: str) -> str:
     found = one.estimated()[statistic]
-    return f"{found.value * 1e-3:.4g} ({found.low * 1e-3:.3g} to {found.high * 1e-3:.3g})"
+    return with_interval(1e-3 * found.value, 1e-3 * found.low, 1e-3 * found.high, 4)
+
+
+def _mm(value: float) -> str:
+    """A position in mm, to 0.1 mm where it has that."""
+    return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")
 
 
 def where_words(step: PlacedStep, one: Along) -> str:
@@ -208,7 +213,9 @@ def where_words(step: PlacedStep, one: Along) -> str:
     out = []
     for axis, column in zip(step.cell.linear_axes, one.e.T * 1e3, strict=True):
         still = np.ptp(column) < 1e-6
-        out.append(f"{axis.name} {column[0]:.4g}" if still else f"{axis.name} {column.min():.4g} to {column.max():.4g}")
+        out.append(
+            f"{axis.name} {_mm(column[0])}" if still else f"{axis.name} {_mm(column.min())} to {_mm(column.max())}"
+        )
     words = ", ".join(out) + " mm" if out else ""
     if step.cell.turntable is not None:
         words += f"{'; ' if words else ''}turntable {np.degrees(one.table):.4g} deg"
@@ -255,11 +262,11 @@ def _pieces(step: PlacedStep) -> Table:
     ends = [*placed.first[1:], placed.problem.path.n]
     rows = []
     for a, b in zip(placed.first, ends, strict=True):
-        where = ", ".join(f"{v:.4g}" for v in placed.after.e[a] * 1e3)
+        where = ", ".join(_mm(v) for v in placed.after.e[a] * 1e3)
         gamma = np.degrees(placed.after.course.gamma[a:b])
         rows.append(
-            (f"{a} to {b - 1}", f"{arc_mm[a]:.4g} to {arc_mm[b - 1]:.4g}", where, f"{gamma.mean():.4g}",
-             f"{placed.after.stiffness[a:b].mean() * 1e-3:.4g}")
+            (f"{a} to {b - 1}", f"{_mm(arc_mm[a])} to {_mm(arc_mm[b - 1])}", where, f"{gamma.mean():.4g}",
+             significant(placed.after.stiffness[a:b].mean() * 1e-3, 4))
         )  # fmt: skip
     axes = ", ".join(axis.name for axis in step.cell.linear_axes)
     columns = ("points", "path, mm", f"{axes}, mm", "gamma, deg", "mean stiffness, N/mm")

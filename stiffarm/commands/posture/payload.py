@@ -14,6 +14,7 @@ from robots import Robot
 from robots.arrays import Array
 from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
+from stiffarm.pages.numbers import significant
 from stiffarm.session.json_text import number, numbers
 from stiffarm.session.parsing import frame_words, tool_words
 
@@ -137,8 +138,9 @@ def course_cells(posed: Posed, name: str, course: Course) -> tuple[str, ...]:
     mean, _ = posed.estimated(name)
     gamma = np.degrees([course.gamma.min(), course.gamma.max()])
     return (
-        name, f"{course.mean * factor:.4g}", f"{mean.low * factor:.3g} to {mean.high * factor:.3g}",
-        f"{course.worst * factor:.4g}", f"{gamma[0]:.4g} to {gamma[1]:.4g}",
+        name, significant(course.mean * factor, 4),
+        f"{significant(mean.low * factor)} to {significant(mean.high * factor)}",
+        significant(course.worst * factor, 4), f"{gamma[0]:.4g} to {gamma[1]:.4g}",
     )  # fmt: skip
 
 

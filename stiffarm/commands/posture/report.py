@@ -10,7 +10,7 @@ from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_m
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import known_to, ranged, significant
+from stiffarm.pages.numbers import known_to, ranged, significant, with_interval
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, tool_words
@@ -55,7 +55,10 @@ def lede(posed: Posed) -> str:
     angle = f"{low:.4g} deg" if high - low < 1e-6 else f"{low:.4g} to {high:.4g} deg"
     name, _, unit = words.partition(", ")
     path = posed.request.task.path
-    out = f"Gamma {angle} along the path: {name} {course.worst * factor:.4g} {unit}".strip() + " at the worst point"
+    out = (
+        f"Gamma {angle} along the path: {name} {significant(course.worst * factor, 4)} {unit}".strip()
+        + " at the worst point"
+    )
     if BEFORE in posed.others:
         gamma = np.degrees(posed.request.before)
         out += f", the mean {gain_words(posed, BEFORE)} against gamma {gamma:.4g} deg as programmed"
@@ -159,7 +162,7 @@ def error_sections(posed: Posed, pictures: Pictures) -> list[Section]:
     for name, error in milling.errors.items():
         found = error.estimated(np.random.default_rng(posed.request.seed))
         cells = [
-            f"{found[s].value * 1e6:.3g} ({found[s].low * 1e6:.3g} to {found[s].high * 1e6:.3g})"
+            with_interval(1e6 * found[s].value, 1e6 * found[s].low, 1e6 * found[s].high)
             for s in ("rms", "worst", "mean", "peak_to_valley")
         ]
         rows.append((name, *cells))
