@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 from machining.posture.courses import Links
 from machining.task import ToolPath
 from robots import InputError, Robot, require_at_least, singularity_distance
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
 
 # The unit of motion where neither speed nor jump bounds a joint's step.
 FREE_STEP = np.radians(20.0)
+# Poses whose frames are made at once: with more of them memory would grow with the path.
+BLOCK = 4_096
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +141,13 @@ class Drive:
 
 def limit_distance(robot: Robot, q: Array) -> Array:
     """Distance (k,) rad of poses q (k, dof) from the nearest limit of a joint or coupling; negative beyond."""
-    distance = np.minimum(q - robot.limits[:, 0], robot.limits[:, 1] - q).min(axis=1, initial=np.inf)
+    distance = np.full(len(q), np.inf)
+    for angle, (lower, upper) in zip(q.T, robot.limits, strict=True):
+        np.minimum(distance, np.minimum(angle - lower, upper - angle), out=distance)
     for c in robot.couplings:
         value = c.offset + q @ c.factors
-        distance = np.minimum(distance, np.minimum(value - c.lower, c.upper - value))
-    return np.asarray(distance)
+        np.minimum(distance, np.minimum(value - c.lower, c.upper - value), out=distance)
+    return distance
 
 
 def singular_distance(robot: Robot, q: Array) -> Array:
@@ -155,6 +159,11 @@ def singular_distance(robot: Robot, q: Array) -> Array:
     """
     if len(q) == 0:
         return np.zeros(0)
+    # In blocks: the frames of all bodies are some 1 kB a pose.
+    return np.concatenate([_singular_distance(robot, q[rows]) for rows in in_blocks(len(q), BLOCK)])
+
+
+def _singular_distance(robot: Robot, q: Array) -> Array:
     if why_not_spherical(robot) is not None:
         return singularity_distance(robot, q, point=np.zeros(3)).sigma_min
     arm = spherical_wrist_arm(robot)

@@ -53,7 +53,8 @@ class PostState:
         motions, (kept, _) = self.motions, self.places
         T_tool = tool_frames(self.cell, motions)
         # Linear axes shift the part against the base; they do not turn it.
-        T = self.cell.T_base_part(self.travel[kept], np.full(len(kept), self.table))
+        moving = self.travel[kept] if self.cell.linear_axes else None
+        T = self.cell.T_base_part(moving, np.array([self.table]))
         path = ToolPath(motions.points[kept], motions.axes[kept], motions.axes[kept], motions.feed[kept])
         shift = T[:, :3, 3] - T[0, :3, 3]
         on_flange = T_tool if T_tool.ndim == 2 else T_tool[kept]

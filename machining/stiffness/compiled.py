@@ -24,7 +24,7 @@ from fem.springs import ConstantSpring
 from machining.inputs import as_units
 from machining.task import Task
 from robots import InputError, Robot
-from robots.arrays import Array
+from robots.arrays import Array, in_blocks
 from robots.frames import by_frame
 from robots.inverse.solutions import as_frames
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 kernels = partial(compiled_loops, "machining.stiffness.kernels")
 # Fewer targets than this numpy has done in some 30 ms; loading numba takes 0.3 s, once.
 FEWEST = 5_000
+# Points whose tool frames are made at once: with more of them memory would grow with the path.
+POINTS = 8_192
 # Blocks that a thread takes at once.
 SHARE = 8
 # Tool axes farther from orthonormal than this are rounded figures; the inverse kinematics makes them orthonormal.
@@ -81,14 +83,14 @@ def _one_tool(
         arm = spherical_wrist_arm(model.robot)
     except InputError:  # another kind of arm
         return None
-    frames = task.tool_frames([0.0, 0.5 * np.pi])
-    R = frames[..., :3, :3]
-    if not arm.exact or np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() > ROUNDED:
+    if not arm.exact:
         return None
     compliance = axial_compliance(model) if quantity in _QUANTITIES else None
     what, along, stiffness = _QUANTITIES["k_fs" if compliance is None else quantity]
     figures = _figures(compiled, arm, model.robot, task, np.zeros(6) if compliance is None else compliance)
-    points = _points(arm, task, frames, _load(what, task, force))
+    points = _points(arm, task, _load(what, task, force))
+    if points is None:
+        return None
     q, reason, value = _run(compiled, figures, points, along, gamma)
     if compliance is None:
         return q, reason, None
@@ -219,7 +221,20 @@ def _load(what: str, task: Task, force: Array | None) -> Array:
     return force if what == "force" else as_units("force", force, len(force))
 
 
-def _points(arm: SphericalWristArm, task: Task, frames: Array, load: Array) -> Array:
-    """(n, 18) as the compiled code wants them; frames (n, 2, 4, 4) at gamma 0 and 90 deg."""
+def _points(arm: SphericalWristArm, task: Task, load: Array) -> Array | None:
+    """(n, 18) as the compiled code wants them; None where tool axes are rounded figures."""
+    out = np.empty((task.path.n, 18))
+    for rows in in_blocks(task.path.n, POINTS):
+        some = task.at(rows)
+        frames = some.tool_frames([0.0, 0.5 * np.pi])
+        R = frames[..., :3, :3]
+        if np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max() > ROUNDED:
+            return None
+        out[rows] = _points_at(arm, some, frames, load[rows])
+    return out
+
+
+def _points_at(arm: SphericalWristArm, task: Task, frames: Array, load: Array) -> Array:
+    """(n, 18) of some points; frames (n, 2, 4, 4) at gamma 0 and 90 deg."""
     tip, axis, x, y = frames[:, 0, :3, 3] - arm.p1, -frames[:, 0, :3, 2], frames[:, 0, :3, 0], frames[:, 1, :3, 0]
-    return np.ascontiguousarray(np.hstack([v @ arm.B1 for v in (tip, axis, x, y, load, task.normals)]))
+    return np.asarray(np.hstack([v @ arm.B1 for v in (tip, axis, x, y, load, task.normals)]))

@@ -8,10 +8,12 @@ from itertools import product
 
 import numpy as np
 
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.robot import LIMIT_TOLERANCE_RAD, Robot
 
 TURN = 2.0 * np.pi
+# Poses whose turns are tried at once.
+BLOCK = 8_192
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,18 @@ def every_turn(robot: Robot, q: Array) -> EquivalentPoses:
 
     Joints with ranges of less than a turn have one equivalent or none; +-360 deg has two, or three at its ends.
     """
+    targets, poses = [np.zeros(0, dtype=np.int64)], [np.zeros((0, robot.dof))]
+    # In blocks: what is tried is far more than what is kept.
+    for rows in in_blocks(len(q), BLOCK):
+        target, turned = _every_turn(robot, q[rows])
+        targets.append(target + rows.start)
+        poses.append(turned)
+    target = np.concatenate(targets)
+    return EquivalentPoses(target, np.zeros(len(target), dtype=np.int64), np.concatenate(poses))
+
+
+def _every_turn(robot: Robot, q: Array) -> tuple[Integers, Array]:
+    """Rows (s,) of q and their equivalents (s, dof) rad, a row's own side by side."""
     lower = robot.limits[:, 0] - LIMIT_TOLERANCE_RAD
     lowest = q + TURN * np.ceil((lower - q) / TURN)
     targets, poses = [], []
@@ -81,7 +95,7 @@ def every_turn(robot: Robot, q: Array) -> EquivalentPoses:
         poses.append(other[rows])
     target = np.concatenate(targets)
     order = np.argsort(target, kind="stable")
-    return EquivalentPoses(target[order], np.zeros(len(order), dtype=np.int64), np.concatenate(poses)[order])
+    return target[order], np.concatenate(poses)[order]
 
 
 def _combinations(robot: Robot, joints: range | list[int], *, both_ways: bool = True) -> Iterator[Array]:
