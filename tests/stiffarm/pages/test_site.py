@@ -49,11 +49,11 @@ SEARCHED: Mapping[str, tuple[str, str]] = {
     "How do I see the map in ParaView?": ("paraview map", "how-to/maps"),
     "How fast can I ask for the stiffness of a pose?": ("surrogate speed million poses", "how-to/surrogate"),
     "Why is my map blank in places?": ("map blank reach", "how-to/maps"),
-    "Where should I put the part?": ("where to put the part", "how-to/machining"),
+    "Where should I put the part?": ("where to put the part", "how-to/place"),
     "Which way should I turn the tool about its axis (gamma)?": ("gamma tool axis", "concepts/gamma"),
     "Does it read my CAM system's files?": ("heidenhain apt g-code", "how-to/operations"),
     "My path has several tools. Can I post it as one program?": ("several tools", "how-to/operations"),
-    "How do I know that the program is safe to run?": ("verify program collisions", "how-to/machining"),
+    "How do I know that the program is safe to run?": ("verify a program", "how-to/verify"),
     "Can it correct the path for the deflection?": ("compensate deflection", "how-to/positions"),
 }
 HITS = 5
