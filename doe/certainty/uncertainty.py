@@ -283,7 +283,9 @@ def _judged(
     span = high - low
     open_low = not math.isnan(ends[0]) and ends[0] <= low + AT_END * (abs(low) if low else span)
     open_high = not math.isnan(ends[1]) and ends[1] >= high - AT_END * (abs(high) if high else span)
-    outer = sorted([_outer_end(q, ends[0], open_low), _outer_end(q, ends[1], open_high)])
+    outer = sorted(
+        [_outer_end(q, ends[0], low if open_low else None), _outer_end(q, ends[1], high if open_high else None)]
+    )
     interval = (outer[0], outer[1]) if not math.isnan(ends[0]) else (math.nan, math.nan)
     status: Status = "determined"
     if open_low and open_high:
@@ -295,10 +297,13 @@ def _judged(
     return ParameterEstimate(q, q.outer(u), interval, sd, status, dof)
 
 
-def _outer_end(q: Parameter, u: float, is_open: bool) -> float:
-    """An end in the parameter's unit; a stiffness that may be rigid has no upper limit, one without stiffness none."""
-    if not is_open:
+def _outer_end(q: Parameter, u: float, bound: float | None) -> float:
+    """An end in the parameter's unit; ``bound``: the end of the range that the data do not exclude, if they do not.
+
+    Then there is no limit on that side: a stiffness may be rigid, an amplitude that has no sign may be none.
+    """
+    if bound is None:
         return q.outer(u)
-    if q.scale == "linear":
-        return math.copysign(math.inf, u)
-    return math.inf if q.outer(u) >= q.upper * (1.0 - 1e-3) else 0.0
+    if q.outer(bound) >= q.upper * (1.0 - 1e-3):
+        return math.inf
+    return 0.0 if q.lower >= 0.0 else -math.inf

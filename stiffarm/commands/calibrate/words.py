@@ -110,7 +110,7 @@ def interval_text(e: ParameterEstimate, factor: float | None = None) -> str:
     low, high = (v * (shown_unit(e.parameter)[0] if factor is None else factor) for v in e.interval)
     if math.isnan(low):
         return "-"
-    floor = -math.inf if e.parameter.scale == "linear" else 0.0
+    floor = 0.0 if e.parameter.lower >= 0.0 else -math.inf
     if math.isinf(high):
         return "none" if low <= floor else f">= {low:.3g}"
     return f"<= {high:.3g}" if low <= floor else f"{low:.3g} to {high:.3g}"
