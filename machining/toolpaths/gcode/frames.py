@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from machining.toolpaths.gcode.words import cycle_arguments
 from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
@@ -17,6 +16,8 @@ from robots.arrays import Array
 PROGRAMMABLE = ("TRANS", "ATRANS", "ROT", "AROT")
 # CYCLE800: swivel axis by axis; its other modes name the plane in other ways.
 AXIS_BY_AXIS = 0
+# Last digit of its third argument: the plane is a new one, or adds to the one in force.
+NEW, ADDED = 0, 1
 _ARGUMENTS = 14
 
 
@@ -96,23 +97,23 @@ def tilted(words: Mapping[str, float], scale: float) -> CoordinateFrame:
     return CoordinateFrame(turned("zxz", [words.get(letter, 0.0) for letter in "IJK"]), origin)
 
 
-def swivelled(arguments: str, scale: float) -> CoordinateFrame | None:
-    """CYCLE800 of Siemens, axis by axis; None where it swivels back (no arguments).
+def swivelled(given: Sequence[float], scale: float, before: CoordinateFrame) -> CoordinateFrame:
+    """CYCLE800 of Siemens, axis by axis; without arguments it swivels back, by its kind it adds to the one before.
+
+    ``given``: its arguments, NaN where there is none.
 
     Raises
     ------
     StatementError
-        Arguments that are no numbers, a plane by solid angle or projection, a swivel that adds to another.
+        A plane by solid angle or projection, or another kind.
     """
-    # The second is the name of a data record of the machine's.
-    given = cycle_arguments("CYCLE800", arguments, texts=(1,))
     if all(map(math.isnan, given)):
-        return None
+        return CoordinateFrame()
     number = [0.0 if math.isnan(value) else value for value in given] + [0.0] * (_ARGUMENTS - len(given))
     mode, kind = int(number[3]), int(number[2]) % 10
-    if mode >> 6 != AXIS_BY_AXIS or kind:
+    if mode >> 6 != AXIS_BY_AXIS or kind not in (NEW, ADDED):
         raise StatementError(
-            f"CYCLE800 of mode {mode}, kind {kind}", "swivel axis by axis (mode below 64), new (kind 0)",
+            f"CYCLE800 of mode {mode}, kind {kind}", "swivel axis by axis (mode below 64), new or added (kind 0 or 1)",
             "post the swivel axis by axis",
         )  # fmt: skip
     order = [mode >> 2 * k & 3 for k in range(3)]
@@ -121,8 +122,9 @@ def swivelled(arguments: str, scale: float) -> CoordinateFrame | None:
     R = np.eye(3)
     for axis, angle in zip(order, number[7:10], strict=True):
         R = R @ (turned("XYZ"[axis - 1], [angle]) if axis else np.eye(3))
-    before, behind = scale * np.array(number[4:7]), scale * np.array(number[10:13])
-    return CoordinateFrame(R, before + R @ behind, follows=number[13] != 0.0)
+    origin, behind = scale * np.array(number[4:7]), scale * np.array(number[10:13])
+    new = CoordinateFrame(R, origin + R @ behind, follows=number[13] != 0.0)
+    return before.then(new) if kind == ADDED else new
 
 
 def programmable(word: str, words: Mapping[str, float], scale: float, before: CoordinateFrame) -> CoordinateFrame:

@@ -15,7 +15,7 @@ from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
-from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block
+from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block, cycle_arguments
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -88,6 +88,9 @@ class _Reader(GcodeMotion):
             self._block(words)
         except StatementError as fault:
             self.refuse(fault, readable(raw).strip())
+            if self.unit is not None:
+                # The file is refused; the lines behind this one are judged as if the tool had come there.
+                self.here = self.target(words)
             return False
         return True
 
@@ -201,13 +204,13 @@ class _Reader(GcodeMotion):
         elif head == "MCALL":
             self.modal_cycle = None
         elif name in DRILLS:
-            one = hole(name, rest.rpartition(")")[0], self.scale)
+            one = hole(name, self._arguments(name, rest), self.scale)
             if name != head:
                 self.modal_cycle = one
             else:
                 self.drill_here(one)
         elif head == "CYCLE800":
-            self.put_into(swivelled(rest.rpartition(")")[0], self.scale) or CoordinateFrame())
+            self.put_into(swivelled(self._arguments(head, rest), self.scale, self.frame))
             self._swivelled()
         elif MOTION_WORDS.match(name) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
@@ -277,6 +280,11 @@ class _Reader(GcodeMotion):
             self._swivelled()
         else:
             self.put_into(CoordinateFrame())
+
+    def _arguments(self, name: str, rest: str) -> list[float]:
+        """Numbers of a cycle; ``rest``: what stands behind its opening bracket. Names of data records are none."""
+        texts = (1,) if name == "CYCLE800" else ()
+        return cycle_arguments(name, rest.rpartition(")")[0], self.values.value, texts)
 
     def _swivelled(self) -> None:
         """Table or head turn: what coordinates the tool then has is the machine's, unless nothing turns."""

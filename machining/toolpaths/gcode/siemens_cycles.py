@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from machining.toolpaths.cycles import Cycle
-from machining.toolpaths.gcode.words import cycle_arguments
 from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError
 
@@ -29,16 +28,16 @@ class Hole:
     cycle: Cycle
 
 
-def hole(name: str, arguments: str, scale: float) -> Hole:
-    """What a call such as ``CYCLE82(50,0,2,-20,,0.5)`` drills; ``scale`` m of its unit of length.
+def hole(name: str, given: Sequence[float], scale: float) -> Hole:
+    """What a call such as ``CYCLE82(50,0,2,-20,,0.5)`` drills; ``given``: its arguments, NaN where there is none.
+
+    ``scale``: m of its unit of length.
 
     Raises
     ------
     StatementError
         Planes or depth missing, pecks that get smaller, a tap without its pitch.
     """
-    given = cycle_arguments(name, arguments)
-
     def of(place: int) -> float:
         return given[place] if place < len(given) else math.nan
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
@@ -166,8 +166,10 @@ def _words(out: Block, text: str) -> None:
     out.bad = out.bad or text[end:].strip(" ,")
 
 
-def cycle_arguments(name: str, text: str, texts: Sequence[int] = ()) -> list[float]:
+def cycle_arguments(name: str, text: str, value: Callable[[str], float], texts: Sequence[int] = ()) -> list[float]:
     """Arguments between the brackets of a Siemens cycle; NaN for empty ones and for those at the places ``texts``.
+
+    ``value``: what an expression with variables comes to.
 
     Raises
     ------
@@ -177,13 +179,20 @@ def cycle_arguments(name: str, text: str, texts: Sequence[int] = ()) -> list[flo
     out = []
     for place, part in enumerate(text.split(",")):
         try:
-            value = float(part) if part.strip() and place not in texts else math.nan
-        except ValueError:
-            value = math.inf
-        if abs(value) > LARGEST or (math.isnan(value) and part.strip() and place not in texts):
+            number = _number(part, value) if part.strip() and place not in texts else math.nan
+        except StatementError:
+            number = math.inf
+        if abs(number) > LARGEST or (math.isnan(number) and part.strip() and place not in texts):
             raise StatementError(f"{name} with {part.strip()[:20]!r}", f"finite numbers of at most {LARGEST:g} in size")
-        out.append(value)
+        out.append(number)
     return out
+
+
+def _number(text: str, value: Callable[[str], float]) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return value(text.strip())
 
 
 def _put(out: Block, letter: str, number: str) -> None:

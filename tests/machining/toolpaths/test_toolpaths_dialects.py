@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from toolpath_cases import SAMPLES, apt, gcode
 
-from machining.toolpaths import read_toolpath
+from machining.toolpaths import Motions, read_toolpath
 from robots import InputErrors
 
 
@@ -28,6 +28,60 @@ def test_sinumerik_vectors_swivels_and_modal_cycles() -> None:
     np.testing.assert_allclose(at[20][-1], [10, 10, 20])
     np.testing.assert_allclose(at[21][-1], [20, 10, 20])
     np.testing.assert_allclose(at[23], [[20, 10, 100]])
+
+
+def swivel(
+    mode: int,
+    angles: tuple[str | float, ...],
+    origin: tuple[float, ...] = (0, 0, 50),
+    behind: tuple[float, ...] = (0, 0, 0),
+    status: int = 200000,
+    direction: int = 1,
+) -> str:
+    numbers = ",".join(map(str, (status, mode, *origin, *angles, *behind, direction)))
+    return f'CYCLE800(2,"TABLE",{numbers},,1)'
+
+
+@pytest.mark.parametrize(
+    ("mode", "angles", "zxz"),
+    [
+        # The mode names the axes in two bits each; the same planes by the Euler angles about z, x, z that G68.2 takes.
+        (57, (-15, 0, 0), (0, -15, 0)),
+        (54, (7, 0, 0), (90, 7, -90)),
+        (39, (-45, 54.365, 0), (-45, 54.365, 0)),
+        (39, (45, 54.365, 0), (45, 54.365, 0)),
+        (27, (13, 0, 0), (13, 0, 0)),
+        (30, (13, 0, 0), (90, 13, -90)),
+        (45, (13, 0, 0), (0, 13, 0)),
+        (57, ("R1", 0, 0), (0, 20, 0)),
+    ],
+)
+def test_a_swivel_is_the_plane_of_its_euler_angles(
+    tmp_path: Path, mode: int, angles: tuple[str | float, ...], zxz: tuple[float, ...]
+) -> None:
+    def read(on: str) -> Motions:
+        return gcode(tmp_path, f"R1=20\n{on}\nG1 X1 Y2 Z3 F100\nX4 Y-5 Z6\nM30\n")
+
+    siemens = read(swivel(mode, angles))
+    fanuc = read("G68.2 X0 Y0 Z50 I{} J{} K{}\nG53.1".format(*zxz))
+    np.testing.assert_allclose(siemens.points, fanuc.points, atol=1e-12)
+    np.testing.assert_allclose(siemens.axes, fanuc.axes, atol=1e-12)
+
+
+def test_a_swivel_may_add_to_the_one_before(tmp_path: Path) -> None:
+    first = swivel(57, (-15, 0, 0), behind=(0, 10, 0), direction=0)
+    second = swivel(54, (7, 0, 0), (35, -24, 0), status=200001)
+    m = gcode(tmp_path, f"{first}\n{second}\nG1 X0 Y0 Z0 F100\nM30\n")
+    # By hand: 10 - 24 mm along the y axis that the first one has tilted, then a turn by 7 deg about that axis.
+    c, s, c7, s7 = *(f(np.radians(15)) for f in (np.cos, np.sin)), *(f(np.radians(7)) for f in (np.cos, np.sin))
+    np.testing.assert_allclose(m.points * 1e3, [[35, -14 * c, 50 + 14 * s]], atol=1e-9)
+    np.testing.assert_allclose(m.axes, [[s7, s * c7, c * c7]], atol=1e-12)
+
+
+def test_a_refused_line_draws_no_faults_of_lines_behind_it(tmp_path: Path) -> None:
+    with pytest.raises(InputErrors) as refused:
+        gcode(tmp_path, "G0 X0 Y0 Z0\nG1 X15 F100 G41 D5\nY8\nG3 X10 Y13 R5\nM30\n")
+    assert "1 problem(s)" in str(refused.value)
 
 
 def test_tilted_plane_subprogram_and_variables() -> None:
