@@ -38,6 +38,7 @@ def hole(name: str, given: Sequence[float], scale: float) -> Hole:
     StatementError
         Planes or depth missing, pecks that get smaller, a tap without its pitch.
     """
+
     def of(place: int) -> float:
         return given[place] if place < len(given) else math.nan
 
