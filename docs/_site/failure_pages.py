@@ -10,9 +10,9 @@ import pages
 INTRODUCTION = """# Failures
 
 Every error of the command line ends with a code, and so do warnings that change how far results can be trusted.
-`stiffarm help CODE` prints
-the entry below. Codes never change and are never used again; a link to one is this page with `#` and the code in
-small letters, as in `#t012`. Errors of input exit with 2, others with 1 ([exit codes](../results.md)).
+`stiffarm help CODE` prints the entry below. Codes never change and are never used again; a link to one is this page
+with `#` and the code in small letters, as in `#t012`. Errors of input exit with 2, others with 1
+([exit codes](../results.md)).
 """
 
 

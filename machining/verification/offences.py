@@ -36,6 +36,7 @@ class Kind(StrEnum):
     UNPROVEN = "not proven free of collision"
     SPEED = "axis speed"
     ACCELERATION = "axis acceleration"
+    OTHER_POINT = "another point than the path's"
     DEVIATION = "deviation from the path"
 
 
@@ -51,11 +52,12 @@ KIND_WORDS = {
     Kind.SINGULARITY: "nearer to a singularity than allowed: small tool motion needs large joint motion",
     Kind.BRANCH_JUMP: "shoulder, elbow or wrist change sides, or a joint steps far while the tool hardly moves",
     Kind.UNFOLLOWED: "inverse kinematics lost the straight line between two points",
-    Kind.DEVIATION: "the tool leaves the programmed point or line",
+    Kind.OTHER_POINT: "with this tool and this part frame the joints lead elsewhere than the program says",
+    Kind.DEVIATION: "between its points the tool leaves the programmed line",
 }
 RANK = {kind: place for place, kind in enumerate(Kind)}
 # Kinds whose values are compared as shares of their limits: they may be in different units.
-RELATIVE = (Kind.SPEED, Kind.ACCELERATION, Kind.DEVIATION)
+RELATIVE = (Kind.SPEED, Kind.ACCELERATION, Kind.OTHER_POINT, Kind.DEVIATION)
 
 
 class Severity(StrEnum):
@@ -323,10 +325,11 @@ def path_offences(reported: Reported, path: PathChecks, demands: Demands) -> Ite
     for move in _where(path.changed.any(axis=1) | path.jumped):
         yield _branch_jump(reported, move, path, demands, bool(counted[move]))
     off = path.point > most
-    text = "the point reached is another"
-    yield from each(Kind.DEVIATION, off, 1.0, path.point, tolerance, "m", text=text)
-    text = "the tool stands otherwise at the point"
-    yield from each(Kind.DEVIATION, ~off & (path.point_turn > most_turn), 1.0, path.point_turn, turn, "rad", text=text)
+    text = "the tip is elsewhere"
+    yield from each(Kind.OTHER_POINT, off, 1.0, path.point, tolerance, "m", text=text)
+    text = "the tool is turned otherwise"
+    turned_there = ~off & (path.point_turn > most_turn)
+    yield from each(Kind.OTHER_POINT, turned_there, 1.0, path.point_turn, turn, "rad", text=text)
     # Where points are off, so is the line between them; that is said once.
     known = np.maximum(path.point, np.append(0.0, path.point[:-1]))
     known[:1] = 0.0

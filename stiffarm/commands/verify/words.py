@@ -30,6 +30,8 @@ REMEDIES: Final = MappingProxyType(
         Kind.SPEED: "Lower the feed there, or choose a posture with smaller joint steps.",
         Kind.ACCELERATION: "Lower the feed at the corner, or state how long the controller blends corners"
         " (`--smoothing`).",
+        Kind.OTHER_POINT: "Give the tool and the part frame that the program was made for: its cell file (`--cell`), or"
+        " `--tool` and `--part`; is it the robot of the program?",
         Kind.DEVIATION: "Put points closer together (`stiffarm post`), run straight lines (`--interpolation linear`),"
         " or allow more with `--tolerance`.",
     }

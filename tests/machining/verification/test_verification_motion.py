@@ -247,7 +247,7 @@ def test_a_point_that_is_not_reached() -> None:
     q[7, 0] += np.radians(0.02)
     found = verify(replace(base, q=q), ARM, Demands(smoothing=10.0))
     first = found.errors[0]
-    assert (first.kind, first.line) == (Kind.DEVIATION, 7 + 11)
+    assert (first.kind, first.line) == (Kind.OTHER_POINT, 7 + 11)
     reach = np.hypot(1.3, 0.1)
     assert first.value == pytest.approx(reach * np.radians(0.02), rel=0.1)
 
