@@ -96,8 +96,8 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
             allowed="known for " + ", ".join(f"{c.robot} ({', '.join(c.formats)})" for c in known),
-            remedy="give sign and offset_deg of each joint in [arm] of the file of --options, or formats in [controller] of the "
-            "model file, or write json or csv",
+            remedy="give sign and offset_deg of each joint in [arm] of the file of --options, or formats "
+            "in [controller] of the model file, or write json or csv",
         )
     rows = {("matrix", len(row)) for row in (found.matrix, *found.matrix) if found.matrix}
     for name, count in (("sign", len(found.sign)), ("offset_deg", len(found.offset_deg)), *rows):
