@@ -3,9 +3,10 @@
 Comments above a block, which no reader sees, say what a page leaves to its reader:
 ``<!-- run with: readings.csv=doe/data/xr701_gotlih.csv MODEL=xr701 -->`` copies a file of this tree under the name that
 the block has for it, and puts a word in the place of one in capitals; ``<!-- not run: why -->`` leaves the block out,
-``<!-- not run (study, map slice): why -->`` those commands of it. Beside the commands ``cd``, ``cp`` and
-``cat FILE >> FILE`` are carried out. ``<!-- shown -->`` above a block of text says that its lines are among what the
-commands print.
+``<!-- not run (study, map slice): why -->`` those commands of it. ``<!-- run in how-to/maps.md -->`` and
+``<!-- run in how-to/maps.md (map slice) -->`` leave out what that page runs word for word, but for ``--out``. Beside the
+commands ``cd``, ``cp`` and ``cat FILE >> FILE`` are carried out. ``<!-- shown -->`` above a block of text says that its
+lines are among what the commands print.
 """
 
 from __future__ import annotations
@@ -23,16 +24,21 @@ BLOCK = re.compile(MARKS + r"^ *```(?:sh|bash|console)\n(?P<body>.*?)^ *```", re
 RUN_WITH = re.compile(r"<!-- run with: (.+?) -->")
 SHOWN = re.compile(r"^<!-- shown -->\n+```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
 SHELL = ("cd", "cp", "cat")
+RUN_IN = re.compile(r"<!-- run in ([\w./-]+)(?: \(([^)]+)\))? -->")
 NOT_RUN = re.compile(r"<!-- not run(?: \(([^)]+)\))?: (.+?) -->")
 
 
 @dataclass(frozen=True)
 class Typed:
-    """A line of a page: the words behind ``stiffarm`` or, of the shell's own, all; ``skipped``: why it is not run."""
+    """A line of a page: the words behind ``stiffarm`` or, of the shell's own, all.
+
+    ``skipped``: why it is not run; ``run_in``: the page that runs it.
+    """
 
     words: tuple[str, ...]
     given: Mapping[str, str]
     skipped: str = ""
+    run_in: str = ""
 
 
 def typed(text: str) -> Iterator[Typed]:
@@ -41,13 +47,19 @@ def typed(text: str) -> Iterator[Typed]:
         marks = block["marks"]
         given = dict(one.split("=", 1) for some in RUN_WITH.findall(marks) for one in some.split())
         out = {name.strip(): why for names, why in NOT_RUN.findall(marks) for name in names.split(",")}
+        there = {name.strip(): page for page, names in RUN_IN.findall(marks) for name in names.split(",")}
         for line in block["body"].replace("\\\n", " ").splitlines():
             words = tuple(re.split(r"(?:^|\s)#", line)[0].replace("'", "").split())
             if words and words[0] in SHELL:
                 yield Typed(words, given, out.get("", ""))
             elif words[:1] == ("stiffarm",):
-                said = " ".join(words[1:])
-                yield Typed(words[1:], given, next((why for name, why in out.items() if said.startswith(name)), ""))
+                yield Typed(words[1:], given, _of(out, words[1:]), _of(there, words[1:]))
+
+
+def _of(marked: Mapping[str, str], words: tuple[str, ...]) -> str:
+    """What is marked of the commands that begin like this one."""
+    said = " ".join(words)
+    return next((value for name, value in marked.items() if said.startswith(name)), "")
 
 
 def filled_in(words: tuple[str, ...], given: Mapping[str, str]) -> list[str]:

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from page_commands import NOT_RUN, RUN_WITH, SHELL, Typed, by_the_shell, filled_in, lay_out, not_said, typed
+from page_commands import NOT_RUN, RUN_IN, RUN_WITH, SHELL, Typed, by_the_shell, filled_in, lay_out, not_said, typed
 from test_docs import DOCS, pages
 from test_house import ROOT
 
@@ -44,7 +44,7 @@ def test_commands_of_a_page_run_as_they_stand(page: Path, tmp_path: Path) -> Non
     folder, failed, said = tmp_path, [], ""
     text = page.read_text(encoding="utf-8")
     for line in typed(text):
-        if line.skipped:
+        if line.skipped or line.run_in:
             continue
         lay_out(line.given, folder)
         if line.words[0] in SHELL:
@@ -57,6 +57,12 @@ def test_commands_of_a_page_run_as_they_stand(page: Path, tmp_path: Path) -> Non
     assert not_said(text, said) == []
 
 
+def asked(line: Typed) -> list[str]:
+    """A command without the folder that it writes to."""
+    words = filled_in(line.words, line.given)
+    return words[: words.index("--out")] if "--out" in words else words
+
+
 def test_most_commands_are_run() -> None:
     lines = [line for page in SHOWING for line in typed(page.read_text(encoding="utf-8")) if line.words[0] not in SHELL]
     skipped = sum(bool(line.skipped) for line in lines)
@@ -65,12 +71,20 @@ def test_most_commands_are_run() -> None:
 
 
 @pytest.mark.parametrize("page", SHOWING, ids=lambda p: str(p.relative_to(ROOT)))
+def test_what_another_page_runs_is_there_word_for_word(page: Path) -> None:
+    for line in typed(page.read_text(encoding="utf-8")):
+        if line.run_in and not line.skipped:
+            there = typed((DOCS / line.run_in).read_text(encoding="utf-8"))
+            assert asked(line) in [asked(x) for x in there if not (x.skipped or x.run_in)], line.words
+
+
+@pytest.mark.parametrize("page", SHOWING, ids=lambda p: str(p.relative_to(ROOT)))
 def test_a_page_says_why_a_command_is_not_run(page: Path) -> None:
     """No mark is misspelt, stands away from its block, or leaves out a command that the block does not have."""
     text = page.read_text(encoding="utf-8")
     lines = list(typed(text))
     marks = re.findall(r"<!-- (?:not )?run\b.*", text)
-    assert [mark for mark in marks if not (RUN_WITH.fullmatch(mark) or NOT_RUN.fullmatch(mark))] == []
+    assert [mark for mark in marks if not any(known.fullmatch(mark) for known in (RUN_WITH, RUN_IN, NOT_RUN))] == []
     assert all("=" in word for some in RUN_WITH.findall(text) for word in some.split())
     for names, why in NOT_RUN.findall(text):
         assert why in {line.skipped for line in lines}, "no block below this mark"
