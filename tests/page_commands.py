@@ -4,9 +4,9 @@ Comments above a block, which no reader sees, say what a page leaves to its read
 ``<!-- run with: readings.csv=doe/data/xr701_gotlih.csv MODEL=xr701 -->`` copies a file of this tree under the name that
 the block has for it, and puts a word in the place of one in capitals; ``<!-- not run: why -->`` leaves the block out,
 ``<!-- not run (study, map slice): why -->`` those commands of it.
-``<!-- run in how-to/maps.md -->`` and ``<!-- run in how-to/maps.md (map slice) -->`` leave out what that page runs word for word, but for ``--out``. Beside the
-commands ``cd``, ``cp`` and ``cat FILE >> FILE`` are carried out. ``<!-- shown -->`` above a block of text says that its
-lines are among what the commands print.
+``<!-- run in how-to/maps.md -->`` and ``<!-- run in how-to/maps.md (map slice) -->`` leave out what that page runs word
+for word, but for ``--out``. Beside the commands ``cd``, ``cp`` and ``cat FILE >> FILE`` are carried out.
+``<!-- shown -->`` above a block of text says that its lines are among what the commands print.
 """
 
 from __future__ import annotations
