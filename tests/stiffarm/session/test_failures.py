@@ -10,7 +10,7 @@ import pytest
 from cli_runs import Command
 from error_sites import ROOT, Site, error_sites
 from prose_files import parts
-from test_house import sources
+from test_house import LAYERS, sources
 
 from machining.toolpaths.recorder import StatementError
 from machining.verification.offences import Kind
@@ -122,6 +122,18 @@ def test_a_warning_carries_its_code(capsys: pytest.CaptureFixture[str]) -> None:
     say("note: all is well")
     assert capsys.readouterr().err.splitlines() == ["note: a poor surrogate: 14 % RMS [W011]", "note: all is well"]
     assert warning_of("all is well") is None
+
+
+def test_the_words_of_a_warning_stand_in_the_code() -> None:
+    """A warning whose words were changed would lose its code."""
+    files = [path for package in LAYERS for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".j2")]
+    # Texts that run over lines, and places for values in them.
+    code = "\n".join(re.sub(r'"\s*\n\s*f?"', "", path.read_text(encoding="utf-8")) for path in files)
+    said = [(f.code, words) for f in ALL for words in f.says]
+    assert [(name, words) for name, words in said if words not in code] == []
+    # One example each, known by its own words alone.
+    examples = [(f.code, warning_of(f.example)) for f in ALL if f.says]
+    assert [name for name, known in examples if known is None or known.code != name] == []
 
 
 @pytest.mark.parametrize(
