@@ -178,7 +178,7 @@ def test_offences_without_bodies_are_drawn_at_the_tip(tmp_path: Path) -> None:
     program = replace(found.program, q=found.program.q + np.radians([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
     moved = verify(program, arm_of("kr60-3"))
     assert moved.errors
-    assert "deviation" in sentence(moved.errors[0])
+    assert "the tip is elsewhere" in sentence(moved.errors[0])
     assert offence_picture(moved, moved.errors[0], tmp_path / "tip.png", renderer="matplotlib").path.is_file()
 
 
