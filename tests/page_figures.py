@@ -26,7 +26,7 @@ from test_house import ROOT
 FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^ *\2", re.MULTILINE | re.DOTALL)
 SHOWN = re.compile(r"^<!-- shown -->\n+```text\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMENT = re.compile(r"^ *<!-- .*? -->$")
-MARK = re.compile(r"<!-- figures (?:(from|asserted by): (.+?)|(printed)) -->")
+MARK = re.compile(r"^ *<!-- figures (?:(from|asserted by): (.+?)|(printed)) -->$", re.MULTILINE)
 LIST = re.compile(r" *(?:[-*]|\d+\.) ")
 CODE = re.compile(r"`[^`]*`|\]\([^)]*\)|https?:\S+|doi:\S+")
 
@@ -35,7 +35,7 @@ GROUPED = r"\d{1,3}(?:[ ,]\d{3})+(?!\d)"
 PLAIN = r"\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 NUMBER = re.compile(rf"(?<![\w.,/^+-]){SIGN}({GROUPED}|{PLAIN})(?![\w^]|[.,]\d)")
 SIMPLE = r"(?:[munk]?m|[mu]?s|h|min|[kMG]B|kg|[mu]?rad|deg|k?N)"
-UNIT = rf"(?:%|per cent\b|points\b|times\b|x\b(?! ?\d)|{SIMPLE}(?:[ /](?:k?N|mm?|rad))*(?![\w/]))"
+UNIT = rf"(?:%|per cent\b|times\b|x\b(?! ?\d)|{SIMPLE}(?:[ /](?:k?N|mm?|rad))*(?![\w/]))"
 # Numbers of one unit: "16 to 40 %", "5, 8 and 11 mm", "96.2 +- 0.4 %".
 JOINED = r"(?:,| to| and| or| in place of| against| instead of| \+-|/) ?"
 OTHERS = rf"(?={JOINED}(?:[-+\u2212]?\d[\d .,]*{JOINED})*[-+\u2212]?\d[\d.]* ?{UNIT})"
@@ -86,7 +86,7 @@ def blocks(text: str) -> list[Block]:
             else:
                 out.append(Block(body, begin + 1, *mark))
             begin, waiting = None, None
-        if found := MARK.search(line):
+        if found := MARK.match(line):
             waiting = (found[1] or found[3], tuple((found[2] or "").split()))
         elif line.startswith("#"):
             depth = len(line) - len(line.lstrip("#"))
@@ -119,14 +119,14 @@ class Figure:
 
 def figures(block: Block) -> list[Figure]:
     """What of a block counts as a figure."""
-    text = LEVEL.sub("", CODE.sub("", block.text))
+    text = CODE.sub("", block.text)
     if block.is_table:
         return list(_of_cells(text))
     return _of_words(re.sub(r"^ *\d+\. ", "", text, flags=re.MULTILINE))
 
 
 def _of_words(text: str) -> list[Figure]:
-    text = NAMED.sub("", " ".join(text.split()))
+    text = NAMED.sub("", LEVEL.sub("", " ".join(text.split())))
     out = {}
     for found in WITH_UNIT.finditer(text):
         unit = re.search(UNIT, text[found.end(2) :])

@@ -174,8 +174,13 @@ def screening(model: ArmModel) -> Race:
     return Race(f"Sobol study, {len(u)} runs", fast, slow, slow / fast, float(difference))
 
 
-WORDS = (("XYZ", "X, Y and Z"), ("noise estimated", "noise and outliers estimated"), ("noise and intervals", "and intervals"),
-         ("12288 runs", "12 288 runs of 27 loaded poses"))  # fmt: skip
+# What the page calls a race.
+WORDS = (
+    ("XYZ", "X, Y and Z"),
+    ("noise estimated", "noise and outliers estimated"),
+    ("noise and intervals", "and intervals"),
+    ("12288 runs", "12 288 runs of 27 loaded poses"),
+)
 
 
 def table(races: list[Race]) -> str:
