@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -119,10 +119,29 @@ class Figure:
 
 def figures(block: Block) -> list[Figure]:
     """What of a block counts as a figure."""
-    text = CODE.sub("", block.text)
-    if block.is_table:
-        return list(_of_cells(text))
-    return _of_words(re.sub(r"^ *\d+\. ", "", text, flags=re.MULTILINE))
+    return [figure for _, some in rows(block) for figure in some]
+
+
+def rows(block: Block) -> list[tuple[frozenset[str], list[Figure]]]:
+    """Rows of a table, each with the cells that name it and its figures; of other blocks all in one."""
+    if not block.is_table:
+        return [(frozenset(), _of_words(re.sub(r"^ *\d+\. ", "", CODE.sub("", block.text), flags=re.MULTILINE)))]
+    heads, _, *lines = [
+        [plain(c).strip() for c in line.strip().strip("|").split("|")] for line in block.text.splitlines()
+    ]
+    out = []
+    for cells in lines:
+        names = frozenset(c for c in cells if c.strip("-") and not NUMBER.match(c))
+        found = [
+            f for k, (head, cell) in enumerate(zip(heads, cells, strict=False)) for f in _of_cell(head, cell, k == 0)
+        ]
+        out.append((names, found))
+    return out
+
+
+def plain(text: str) -> str:
+    """Without the signs that make words bold or code."""
+    return re.sub(r"[*`]", "", text)
 
 
 def _of_words(text: str) -> list[Figure]:
@@ -136,38 +155,48 @@ def _of_words(text: str) -> list[Figure]:
     return [out[k] for k in sorted(out)]
 
 
-def _of_cells(table: str) -> Iterator[Figure]:
+def _of_cell(head: str, cell: str, is_first: bool) -> list[Figure]:
     """Of a cell that begins with a number all, unless it is a row's name; of other cells as in words."""
-    heads, _, *rows = [[cell.strip(" *") for cell in line.strip().strip("|").split("|")] for line in table.splitlines()]
-    for row in rows:
-        for head, cell in zip(heads, row, strict=False):
-            if cell is row[0] and not re.fullmatch(rf"{NUMBER.pattern}(?: ?{UNIT})?", cell):
-                continue
-            if NUMBER.match(cell):
-                yield from (Figure(n[2], "%" in head + cell) for n in NUMBER.finditer(cell))
-            else:
-                yield from _of_words(cell)
+    if is_first and not re.fullmatch(rf"{NUMBER.pattern}(?: ?{UNIT})?", cell):
+        return []
+    if NUMBER.match(cell):
+        return [Figure(n[2], "%" in head + cell) for n in NUMBER.finditer(cell)]
+    return _of_words(cell)
 
 
 def numbers(text: str) -> list[float]:
-    """All numbers of a text, sorted by size; lines that begin with # are remarks."""
-    kept = "\n".join(line for line in text.splitlines() if not re.match(r"# ", line))
+    """All numbers of a text, sorted by size."""
     found = {
         abs(float(re.sub(r"[ ,_]", "", m)))
-        for m in re.findall(rf"(?<![\w.])(?:{GROUPED}|\d[\d_]*(?:\.\d+)?(?:e[-+]?\d+)?)", kept)
+        for m in re.findall(rf"(?<![\w.])(?:{GROUPED}|\d[\d_]*(?:\.\d+)?(?:e[-+]?\d+)?)", text)
     }
     return sorted(found)
 
 
 @cache
-def numbers_of(path: Path) -> tuple[float, ...]:
-    return tuple(numbers(path.read_text(encoding="utf-8")))
+def lines_of(path: Path) -> tuple[str, ...]:
+    """Lines of a results file without remarks; of CSV the commas stand apart, so that none joins thousands.
+
+    JSON is one line: its rows are not lines.
+    """
+    lines = path.read_text(encoding="utf-8").splitlines()
+    kept = [plain(line) for line in lines if not line.startswith("# ")]
+    if path.suffix == ".json":
+        return (" ".join(kept),)
+    return tuple(line.replace(",", ", ") if path.suffix == ".csv" else line for line in kept)
 
 
-def own(page: str, block: Block) -> list[float]:
-    """Numbers of the other tables of a page, and of what it shows as printed."""
+@cache
+def numbers_of(lines: tuple[str, ...], names: frozenset[str] = frozenset()) -> tuple[float, ...]:
+    """Numbers of the lines that have all the names of a table's row; of all, where no line has them."""
+    named = [line for line in lines if all(name in line for name in names)] if names else []
+    return tuple(numbers("\n".join(named or lines)))
+
+
+def own(page: str, block: Block) -> tuple[str, ...]:
+    """Lines of the other tables of a page, and of what it shows as printed."""
     tables = [b.text for b in blocks(page) if b.is_table and b.line != block.line]
-    return numbers("\n".join([*tables, *SHOWN.findall(page)]))
+    return tuple("\n".join([*tables, *SHOWN.findall(page)]).splitlines())
 
 
 def occurs(figure: Figure, among: Iterable[float]) -> bool:
@@ -193,10 +222,13 @@ def missing(page: Path) -> dict[int, list[str]]:
     for block in blocks(text):
         if block.kind != "from":
             continue
-        pools: list[Iterable[float]] = []
-        for name in block.named:
-            path = ROOT / name
-            pools.append(own(text, block) if path == page else numbers_of(path))
-        if lost := [f.said for f in figures(block) if not any(occurs(f, pool) for pool in pools)]:
+        files = [own(text, block) if ROOT / name == page else lines_of(ROOT / name) for name in block.named]
+        lost = [
+            f.said
+            for names, some in rows(block)
+            for f in some
+            if not any(occurs(f, numbers_of(lines, names)) for lines in files)
+        ]
+        if lost:
             out[block.line] = lost
     return out
