@@ -1,6 +1,7 @@
 """Do predictive intervals and the promises of `plan` hold where something is hidden? For docs/validation/forecasts.md.
 
-``--only left-out > benchmarks/calibration/results/left_out.txt`` keeps the first table's figures (five minutes).
+``--only left-out > benchmarks/calibration/results/left_out.txt`` keeps the first table's figures (five minutes),
+``--only plans > benchmarks/calibration/results/plans.txt`` those of promises on the test's arms (seven).
 
 Readings are made by the independent world (package `rehearsal`): springs up to twice as soft or stiff as the model's,
 bent links, wrong zeros and weights, noise of 3 % and 3 um, and an effect drawn from all that the arm can have; the
