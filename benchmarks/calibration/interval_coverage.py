@@ -20,6 +20,7 @@ from doe.estimation.noise import FEWEST_POSES
 
 HEADING = """# Coverage of calibration intervals
 
+<!-- figures from: docs/validation/calibration_coverage.md -->
 Where the noise is estimated together with the scatter between set-ups, 95 % intervals hold the truth in 92 to 97 % of
 the cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly a bias. Where set-ups scatter and the
 noise does not know it, they hold it in 14 to 18 %; where that scatter is taken for white noise, in 56 to 61 %. All

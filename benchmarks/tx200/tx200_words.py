@@ -4,10 +4,10 @@ from __future__ import annotations
 
 HEADING = """# The TX200's substitute stiffness model, on synthetic data
 
-From synthetic readings `identify` finds all 36 stiffnesses of the TX200. Its 95 % intervals hold the truth in 94.8 +-
-0.1 %; of directional stiffnesses in unseen poses 99.4 % are within 3 %, and the worst is off by 13.9 %. Constants
-where the truth varies, or readings under growing load alone, spoil that: coverage falls to 57.7 and 83 %. No reading
-of a real arm is on this page.
+From synthetic readings `identify` finds all 36 stiffnesses of the TX200. Its 95 % intervals hold the truth in
+{coverage} %; of directional stiffnesses in unseen poses {within} % are within 3 %, and the worst is off by {worst} %.
+Constants where the truth varies, or readings under growing load alone, spoil that: coverage falls to {constants} and
+{loading} %. No reading of a real arm is on this page.
 
 Written by `python benchmarks/tx200/tx200_stiffness.py --repeats {repeats} --write docs/validation/tx200_stiffness.md`.
 
