@@ -3,13 +3,15 @@
     python benchmarks/shop/post_chain.py [--sizes 10000,30000,100000] [--write]
 
 kr60-3 with rigid links, gamma chosen from a full turn, in a cell with spindle, table and floor. Each size runs in a
-process of its own, so that the memory is its own. ``--write`` writes docs/performance/toolpaths.md.
+process of its own, so that the memory is its own; so do `post` and `verify` with a million points. ``--write`` writes
+docs/performance/toolpaths.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -24,6 +26,8 @@ import numpy as np
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "performance" / "toolpaths.md"
 T = TypeVar("T")
+# Processor time (s) and greatest memory (MB) of each command.
+Costs = dict[str, tuple[float, float]]
 KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
     ("krl", "cartesian"),
     ("krl", "joint"),
@@ -31,16 +35,18 @@ KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
 )
 HEAD = """# A tool path through the whole chain
 
-<!-- figures from: benchmarks/shop/results/million_points.toml docs/performance/toolpaths.md -->
-From a CLS file of 100,000 points to verified programs it takes 21 s of processor time and at most 708 MB. Programs
-that were read back are within 0.005 um of the tool path. A million points go through too: `post` in 86 s and 3.8 GB,
-`verify` in 101 s and 3.2 GB (one angle gamma, JSON). Memory grows with the path: it is held as arrays.
+From a CLS file of {points:,} points to verified programs it takes {seconds:.0f} s of processor time and at most
+{peak:.1f} GB. Programs that were read back are within {off:.2g} um of the tool path. A path of a million points,
+at one angle gamma and as a JSON program: {million}. Memory grows with the path, which is
+held as arrays: by {post:.1f} kB a move in `post` and {verify:.1f} in `verify`.
 
 Written by `python benchmarks/shop/post_chain.py --write`: a CLS file read, gamma chosen from a full turn, points put in
 where joint motion would bend, KRL programs (Cartesian and joint) and JSON written and read back, the program verified
 in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that a busy machine does
 not count. MB: resident memory after the stage.
 """
+# What the commands are given for a path of 2,000 points, and of a million: its growth is that of memory.
+FEW, MANY = 2_000, 1_000_000
 
 CELL = """
 schema = "stiffarm-cell/1"
@@ -136,21 +142,68 @@ def _resident() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
 
-def page(results: list[dict[str, Any]]) -> str:
+def command(arguments: list[str], folder: Path) -> tuple[float, float]:
+    """Processor time (s) and greatest resident memory (MB) of one of the commands."""
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    with (folder / "said.txt").open("w") as said:
+        run = subprocess.Popen(  # noqa: S603 - our own interpreter
+            [sys.executable, "-m", "stiffarm", *arguments], cwd=folder, env=environment, stdout=said, stderr=said
+        )
+        _, status, used = os.wait4(run.pid, 0)
+    if status != 0:
+        raise SystemExit(f"{' '.join(arguments)}: {(folder / 'said.txt').read_text()}")
+    return used.ru_utime + used.ru_stime, used.ru_maxrss * 1024 / 1e6
+
+
+def commands(n: int) -> Costs:
+    """Processor time and memory of `post` and `verify` for a path of n points."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_cls(folder / "part.cls", n)
+        (folder / "cell.toml").write_text(CELL)
+        made = [
+            "--cell",
+            "cell.toml",
+            "--gamma",
+            "90",
+            "--links",
+            "rigid",
+            "--format",
+            "json",
+            "--coordinates",
+            "joint",
+        ]
+        return {
+            "post": command(["post", "kr60-3", "part.cls", *made, "--out", "program"], folder),
+            "verify": command(
+                ["verify", "kr60-3", "program/json/part.json", "--cell", "cell.toml", "--out", "checked"], folder
+            ),
+        }
+
+
+def page(results: list[dict[str, Any]], few: Costs, many: Costs) -> str:
     """The page's text."""
-    lines = [HEAD, "| stage | " + " | ".join(f"{r['points']:,} points, s | MB" for r in results) + " |"]
+    last = results[-1]
+    grown = {name: (many[name][1] - few[name][1]) / (MANY - FEW) * 1e3 for name in many}
+    head = HEAD.format(
+        points=last["points"],
+        seconds=sum(s for _, s, _ in last["stages"]),
+        peak=last["peak_mb"] * 1e-3,
+        off=max(r["off_path_m"] for r in results) * 1e6,
+        million=", ".join(f"`{name}` {s:.0f} s and {mb * 1e-3:.1f} GB" for name, (s, mb) in many.items()),
+        **grown,
+    )
+    lines = [head, "| stage | " + " | ".join(f"{r['points']:,} points, s | MB" for r in results) + " |"]
     lines.append("| --- |" + " --- | --- |" * len(results))
     for row in zip(*(r["stages"] for r in results), strict=True):
         lines.append(f"| {row[0][0]} | " + " | ".join(f"{s:.1f} | {mb:.0f}" for _, s, mb in row) + " |")
     totals = [f"**{sum(s for _, s, _ in r['stages']):.1f}** | peak {r['peak_mb']:.0f}" for r in results]
     lines.append("| **all** | " + " | ".join(totals) + " |")
-    off = max(r["off_path_m"] for r in results) * 1e6
-    lines.append(f"\nPrograms read back are within {off:.2g} um of the tool path.")
-    lines.append(f"By the clock the largest took {results[-1]['wall_s']:.0f} s.")
-    if len(results) > 1:
-        a, b = results[-2:]
-        more = (b["peak_mb"] - a["peak_mb"]) / (b["moves"] - a["moves"]) * 1e3
-        lines.append(f"Memory grows by {more:.1f} kB a move.")
+    lines += ["", "The commands, each from start to end, its report and tables included:", ""]
+    lines += [f"| command | {FEW:,} points, s | MB | {MANY:,} points, s | MB |", "| --- | --- | --- | --- | --- |"]
+    for name in many:
+        figures = " | ".join(f"{s:.1f} | {mb:.0f}" for s, mb in (few[name], many[name]))
+        lines.append(f"| `{name}` | {figures} |")
     return "\n".join(lines) + "\n"
 
 
@@ -169,7 +222,7 @@ def main() -> None:
             [sys.executable, __file__, "--one", str(int(size))], capture_output=True, text=True, check=True
         )
         results.append(json.loads(run.stdout.splitlines()[-1]))
-    text = page(results)
+    text = page(results, commands(FEW), commands(MANY))
     print(text)
     if arguments.write:
         PAGE.write_text(text, encoding="utf-8")
