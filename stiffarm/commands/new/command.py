@@ -49,8 +49,8 @@ def new(
         str,
         typer.Option(
             "--springs",
-            help="Springs of joints that have none: none (rigid until calibrated), or class (the middle of what arms "
-            "of this size have, marked as a prior).",
+            help="Springs of joints that have none: none (rigid until calibrated), or class (the middle of the "
+            "range for arms of this size, marked as a prior).",
         ),
     ] = "none",
     tip: Annotated[
@@ -65,7 +65,7 @@ def new(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Make a model file of an arm, and tables to check it by.
+    """Make a model file of a new arm, and tables to check it with.
 
     Give one of --mdh, --dh, --urdf and --like. Without any, an empty table is written to fill in. The folder gets the
     model with every key explained, a table of poses to read at the pendant (for `stiffarm robots check`), a first
