@@ -109,7 +109,7 @@ def _plausible(f: Found) -> Check:
     """Numbers within their ranges, give or take their uncertainty; too small is an effect only as a whole."""
     numbers = [(p, float(f.placed.values[k]), f.sd[p.name]) for k, p in free_numbers(f.placed)]
     if not numbers:
-        reason = "it has no number that could be implausible: it is there or it is not"
+        reason = "it has no parameter that could be implausible: it is present or not"
         return _judged("plausible-parameters", f.code, None, reason)
     sizes = [n for n in numbers if n[0].role == "amplitude"]
     nothing = all(too_small(*n) for n in sizes)

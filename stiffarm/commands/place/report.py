@@ -56,7 +56,7 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         motion_section(step, pictures),
         how_section(step),
     ]
-    missing = [text for text in remarks(step) if "were not looked at" in text]
+    missing = [text for text in remarks(step) if "not checked" in text]
     answer = Answer(sure=sure_words(step), todo=TODO + other_aim_words(step), picture=position, warnings=tuple(missing))
     write_page(folder, title, lede(step), _key_figures(step), sections, "where should the robot stand?", answer=answer)
 
@@ -119,7 +119,7 @@ def other_aim_words(step: PlacedStep) -> str:
 def sure_words(step: PlacedStep) -> str:
     """How far the figures can be trusted."""
     collisions = step.placed.problem.scene is not None
-    looked = "Collisions are looked at in the points of the path." if collisions else ""
+    looked = "Collisions are checked at the points of the path." if collisions else ""
     return (
         f"{sentence(step.placed.problem.uncertainty)} Static stiffness of the arm and its axes only. {looked}".strip()
     )
@@ -278,13 +278,13 @@ def remarks(step: PlacedStep) -> list[str]:
     placed = step.placed
     out = list(placed.notes)
     if placed.why_no_before is not None:
-        out.append(f"As it stands the path cannot be driven: {placed.why_no_before}.")
+        out.append(f"From the present place the arm cannot follow the path: {placed.why_no_before}.")
     if placed.why_no_fixed is not None:
-        out.append(f"No single position takes the whole path: {placed.why_no_fixed}.")
+        out.append(f"From no single position can the arm follow the whole path: {placed.why_no_fixed}.")
     if placed.problem.scene is None and not any("Collisions" in note for note in step.notes):
-        out.append("Collisions were not looked at.")
+        out.append("Collisions were not checked.")
     if np.isnan(placed.problem.path.times).any():
-        out.append("Points without a feed: there no speeds and accelerations were looked at.")
+        out.append("Some points have no feed: there speeds and accelerations were not checked.")
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
 
@@ -345,7 +345,7 @@ def how_section(step: PlacedStep) -> Section:
                     f"Model: {model.link_kind} links, {model.load_path} load path, unloaded arm; compliance "
                     "of linear axes acts at the base's origin, where the cell file gives one.",
                     "Static stiffness only: chatter, servo lag and the tool's own bending are not in it.",
-                    "Between path points and between positions of the base collisions are not looked at.",
+                    "Collisions between path points and between base positions are not checked.",
                 )
             ),
         ),

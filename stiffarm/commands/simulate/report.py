@@ -159,7 +159,7 @@ def _interval(given: Arm, q: Any, wrench: Any, k: float) -> tuple[float, float]:
 
 def _sure(given: Arm, result: Mapping[str, Any]) -> str:
     if result["rigid_joints"]:
-        return "Joints are held rigid, as asked: only the links give way."
+        return "Joints are held rigid, as asked: only the links deflect."
     if result["joints_without_spring"]:
         names = ", ".join(result["joints_without_spring"])
         return f"No spring is given for {names}: held rigid, so the arm is softer than said wherever a load turns them."

@@ -85,8 +85,8 @@ def assumed_springs(r: Power) -> str:
     if not r.assumed:
         return ""
     return (
-        f"No spring in the model for {', '.join(r.assumed)}: the middle of what arms of this size have is assumed. "
-        "All sizes and chances depend on it."
+        f"No spring in the model for {', '.join(r.assumed)}: the middle of the range for arms of this size is "
+        "assumed. All sizes and chances depend on it."
     )
 
 
