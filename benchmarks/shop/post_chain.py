@@ -31,14 +31,14 @@ KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
 )
 HEAD = """# A tool path through the whole chain
 
-From a CLS file of 100,000 points to verified programs it takes 21 s of processor time and at most 0.7 GB. Programs
-that were read back are within 0.005 um of the tool path. A million points go through too: `post` in 86 s and 3.8 GB,
+From a CLS file of 100,000 points to verified programs takes 21 s of processor time and at most 0.7 GB. Programs
+that were read back are within 0.005 um of the tool path. A million points work too: `post` in 86 s and 3.8 GB,
 `verify` in 101 s and 3.2 GB (one angle gamma, JSON). Memory grows with the path: it is held as arrays.
 
-Written by `python benchmarks/shop/post_chain.py --write`: a CLS file read, gamma chosen from a full turn, points put in
-where joint motion would bend, KRL programs (Cartesian and joint) and JSON written and read back, the program verified
-in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that a busy machine does
-not count. MB: resident memory after the stage.
+Written by `python benchmarks/shop/post_chain.py --write`: a CLS file is read, gamma chosen from a full turn, points
+inserted where joint motion would leave the straight line, KRL programs (Cartesian and joint) and JSON written and
+read back, and the program verified in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that
+other work on the machine does not count. MB: resident memory after the stage.
 """
 
 CELL = """
@@ -145,11 +145,11 @@ def page(results: list[dict[str, Any]]) -> str:
     lines.append("| **all** | " + " | ".join(totals) + " |")
     off = max(r["off_path_m"] for r in results) * 1e6
     lines.append(f"\nPrograms read back are within {off:.2g} um of the tool path.")
-    lines.append(f"By the clock the largest took {results[-1]['wall_s']:.0f} s.")
+    lines.append(f"In wall-clock time the largest took {results[-1]['wall_s']:.0f} s.")
     if len(results) > 1:
         a, b = results[-2:]
         more = (b["peak_mb"] - a["peak_mb"]) / (b["moves"] - a["moves"]) * 1e3
-        lines.append(f"Memory grows by {more:.1f} kB a move.")
+        lines.append(f"Memory grows by {more:.1f} kB per move.")
     return "\n".join(lines) + "\n"
 
 
