@@ -37,8 +37,8 @@ that were read back are within 0.005 um of the tool path. A million points work 
 
 Written by `python benchmarks/shop/post_chain.py --write`: a CLS file is read, gamma chosen from a full turn, points
 inserted where joint motion would leave the straight line, KRL programs (Cartesian and joint) and JSON written and
-read back, and the program verified in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that
-other work on the machine does not count. MB: resident memory after the stage.
+read back, and the program verified in a cell (continuous collision check). kr60-3, rigid links, one thread; processor
+time, so that other work on the machine does not count. MB: resident memory after the stage.
 """
 
 CELL = """
