@@ -39,7 +39,7 @@ AIM_WORDS = {
 # Changes smaller than this share are not worth moving a base.
 WORTHWHILE = 0.02
 MEANINGS = {
-    CHOSEN: "what was found in the mode that was asked for",
+    CHOSEN: "the best placement in the chosen mode",
     FIXED: "the best single position of the base, with the best single gamma",
     STAYING: "the base where it is now, with the best single gamma there",
     BEFORE: "the linear axes at 0 (mid-range where 0 is out of their limits), gamma 0",
@@ -80,7 +80,7 @@ def lede(step: PlacedStep) -> str:
     if placed.staying is not None:
         out += f" {_against(placed.after, placed.staying)}"
     elif placed.why_no_staying is not None:
-        out += " From where it stands now no gamma takes the whole path."
+        out += " From where it stands now, the arm cannot follow the whole path at any gamma."
     path = step.given.path
     return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
 
@@ -88,10 +88,10 @@ def lede(step: PlacedStep) -> str:
 def _against(after: Along, now: Along) -> str:
     """The softest point and the mean against the present place with its best gamma."""
     worst, mean = after.gain(now, "worst"), after.gain(now)
-    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} in the mean"
+    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} on average"
     if max(abs(worst.value - 1.0), abs(mean.value - 1.0)) < WORTHWHILE:
         return f"Its present place is as good, with gamma {gamma_words(now)}: moving the base changes {gains}."
-    return f"Against its present place with the best gamma there ({gamma_words(now)}) that is {gains}."
+    return f"Compared with its present place and the best gamma there ({gamma_words(now)}) that is {gains}."
 
 
 def percent_more(factor: float) -> str:
@@ -146,12 +146,14 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
     ]
     now = next((pair for pair in ((STAYING, placed.staying), (BEFORE, placed.before)) if pair[1] is not None), None)
     if now is None or now[1] is None:
-        out.append(KeyFigure("not at all", "can the path be driven from where the robot stands now"))
+        out.append(KeyFigure("not at all", "can the arm follow the path from where the robot stands now"))
     else:
         gain = after.gain(now[1], "worst")
         ends = [percent_more(v) for v in (gain.low, gain.high)]
         interval = "" if ends[0] == ends[1] else f"95 %: {ends[0]} to {ends[1]}"
-        out.append(KeyFigure(percent_more(gain.value), f"stiffness of the softest point, against: {now[0]}", interval))
+        out.append(
+            KeyFigure(percent_more(gain.value), f"stiffness of the softest point, compared with: {now[0]}", interval)
+        )
     error = after.error.estimated(np.random.default_rng(SEED))["rms"]
     return [
         *out,
@@ -248,10 +250,10 @@ def criterion_fold(step: PlacedStep) -> Fold:
         (
             Table("K_sf and its two terms", ("placement", "K_sf", "alpha sum k²", "beta (mean k)⁴"), rows),
             Text(
-                f"K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
+                "K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
                 f"{criterion.alpha:.3g} mm²/N², beta {criterion.beta:.3g} mm⁴/N⁴. The published criterion gives no "
-                "weights; unless they are given, those are taken that make both terms 1 at the largest mean stiffness "
-                "of the coarse grid, so K_sf of two tasks cannot be compared."
+                "weights; by default they make both terms 1 at the largest mean stiffness of the coarse grid, so "
+                "K_sf of two tasks cannot be compared."
             ),
         ),
     )
@@ -336,9 +338,9 @@ def how_section(step: PlacedStep) -> Section:
         (
             Text(
                 f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them "
-                f"looked at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A "
-                "coarse grid, its best basins by pattern search; steps and motion along the path by dynamic "
-                "programming on a grid, then finer about the result."
+                f"were evaluated, each over the path with {len(placed.problem.angles)} angles gamma and all "
+                "branches. A coarse grid, its best basins by pattern search; steps and motion along the path by "
+                "dynamic programming on a grid, then finer about the result."
             ),
             Bullets(
                 (

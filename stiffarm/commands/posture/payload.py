@@ -167,7 +167,7 @@ def remarks(posed: Posed) -> list[str]:
     if posed.found.why_no_fixed is not None:
         out.append(f"With no single gamma can the arm follow the whole path: {posed.found.why_no_fixed}.")
     if request.left_out:
-        out.append(f"Effects of the model that are not in this: {', '.join(request.left_out)}.")
+        out.append(f"Effects of the model that are not included: {', '.join(request.left_out)}.")
     if request.drive.speed is None:
         out.append("Joint speeds were not checked: give --speed, or a cell file with joint speeds.")
     elif np.isnan(request.task.path.times).any():
@@ -187,7 +187,7 @@ def remarks(posed: Posed) -> list[str]:
         if change.verdict == "larger" and not request.objective.minimised:
             out.append(
                 f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
-                'given: for the error itself ask for --quantity "normal displacement".'
+                'given: to optimise the error itself, use --quantity "normal displacement".'
             )
     out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
     out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])

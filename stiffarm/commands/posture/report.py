@@ -28,7 +28,7 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     sections = [courses_section(posed), *error_sections(posed, pictures)]
     sections += [motion_section(posed, pictures), how_section(posed)]
-    missing = [text for text in remarks(posed) if "not checked" in text or "not in this" in text]
+    missing = [text for text in remarks(posed) if "not checked" in text or "not included" in text]
     answer = Answer(
         sure=f"{sentence(posed.stiffness)} Static stiffness of the arm only.",
         todo=TODO,
