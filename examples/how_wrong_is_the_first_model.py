@@ -25,7 +25,7 @@ ax.legend()
 figure.savefig("how_wrong_is_the_first_model.png")
 
 times = (frame["dz_mm_measured"] / frame["dz_mm_simulated"]).median()
-print(f"The arm gives way {times:.0f} times as much as its links alone (median)")
+print(f"The arm deflects {times:.0f} times as much as its links alone (median)")
 assert times > 5
 
 # %%

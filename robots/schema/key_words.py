@@ -42,7 +42,7 @@ KEY_WORDS: Final = MappingProxyType(
             "joint": "The joints, from the base to the flange.",
             "flange": "The mounting plate in the last joint's frame.",
             "tool": "The tool point in the flange frame. Default: the flange itself.",
-            "base": "How the floor or pedestal gives way, base axes. Default: rigid.",
+            "base": "How the floor or pedestal deflects, base axes. Default: rigid.",
             "load": "Where test loads really act, if not at the tool point.",
             "link": "The links' casings. Without any, links are rigid.",
             "parallelogram": "The bar and crank that drive the forearm.",

@@ -66,7 +66,7 @@ def write_pose_report(
     load = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in result["load"].items() if v)
     lede = f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm; {most} gives most."
     answer = Answer(_sure(given, result), _todo(given, model), picture)
-    sections = [Section("What gives way", tuple(blocks)), _model(result)]
+    sections = [Section("What deflects", tuple(blocks)), _model(result)]
     write_page(folder, _title(given), lede, key, sections, QUESTION, "", answer)
 
 

@@ -148,7 +148,7 @@ def long_budget() -> PoseBudget:
 
 
 def energy_share() -> Figure:
-    return energy_share_figure(long_budget(), "Where the arm gives way", "q2 5 deg; load fz_N=−650")
+    return energy_share_figure(long_budget(), "Where the arm deflects", "q2 5 deg; load fz_N=−650")
 
 
 def workspace_kr60() -> Figure:
