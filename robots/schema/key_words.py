@@ -92,8 +92,8 @@ KEY_WORDS: Final = MappingProxyType(
             "covariance": "Their covariance, in SI; stiffnesses as compliances.",
         },
         "DHRow": {
-            "alpha": "Angle from the axis before to this one, about the x axis before (alpha_{i-1}).",
-            "a": "Distance from the axis before to this one, along the x axis before (a_{i-1}).",
+            "alpha": "Angle from the previous axis to this one, about the previous x axis (alpha_{i-1}).",
+            "a": "Distance from the previous axis to this one, along the previous x axis (a_{i-1}).",
             "d": "Distance along this axis.",
         },
         "FrameRow": {**_PLACED, "axis": "Direction of the joint's axis in this frame. Default: z."},

@@ -121,13 +121,13 @@ def _write_table(frame: Frame, name: str) -> None:
     def show() -> None:
         say(f"an empty table to fill in: {path}")
         say(
-            "a row for each joint: alpha_deg and a_mm from the axis before, d_mm along its own axis (modified "
+            "one row per joint: alpha_deg and a_mm from the previous axis, d_mm along its own axis (modified "
             "Denavit-Hartenberg parameters), theta_deg where its coordinate reads 0, its limits; last row: the flange"
         )
         say(f"then: {again}")
         say(
-            "with --dh in place of --mdh they are standard parameters: alpha_deg and a_mm to the axis after; remove "
-            "the row flange then, unless something comes after the last joint"
+            "for standard parameters (alpha_deg and a_mm to the next axis) use --dh in place of --mdh, and remove the "
+            "row flange unless there is an offset after the last joint"
         )
 
     frame.answer({"name": name, "table": str(path), "next": [again]}, show)

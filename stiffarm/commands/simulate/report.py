@@ -48,7 +48,7 @@ def write_pose_report(
     length = float(np.linalg.norm([d[n] for n in DISPLACEMENT_NAMES[:3]]))
     parts = {name: float(np.linalg.norm([part[n] for n in DISPLACEMENT_NAMES[:3]])) for name, part in _parts(result)}
     most = max(parts, key=parts.__getitem__, default="nothing")
-    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool; {most} gives most")]
+    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool, the largest share in {most}")]
     if k is not None:
         low, high = (np.nan, np.nan) if result["rigid_joints"] else _interval(given, q, wrench, k)
         known = np.isfinite(low)
@@ -64,7 +64,10 @@ def write_pose_report(
     picture = pictures.add(figure, "parts", "The parts' motions add up as vectors.") if parts else None
     pose = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in result["pose_deg"].items() if v) or "all joints at 0"
     load = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in result["load"].items() if v)
-    lede = f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm; {most} gives most."
+    lede = (
+        f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm, the largest share in "
+        f"{most}."
+    )
     answer = Answer(_sure(given, result), _todo(given, model), picture)
     sections = [Section("What deflects", tuple(blocks)), _model(result)]
     write_page(folder, _title(given), lede, key, sections, QUESTION, "", answer)
