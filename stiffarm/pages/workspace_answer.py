@@ -81,7 +81,7 @@ def interval_remark(found: WorkspaceStiffness) -> str:
             "There is no interval: no calibration left the covariance of its parameters. One that matches each pose by "
             "itself has none, nor have springs at their bounds."
         )
-    text = "Intervals (95\u00a0%) hold the uncertainty of the calibrated parameters"
+    text = "Intervals (95\u00a0%) include the uncertainty of the calibrated parameters"
     if found.open_names:
         return f"{text}, but not what the readings left open: {open_words(found.open_names, 4)}."
     return f"{text}."

@@ -149,8 +149,8 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             pictures.add(
                 bars_figure("", _sorted(errors), "RMS error (mm)", "pose", noise),
                 "predictions",
-                "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
-                "has bent itself to these readings.",
+                "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the "
+                "fit has adapted itself to these readings.",
             )
         )
     reasons = [f"pose {label}, left out: {why}" for label, why in c.skipped.items()]

@@ -256,8 +256,8 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
         if estimable(p, e.prediction)[1]:
             return "No scatter between set-ups was found in addition to that of the readings."
         return (
-            f"Scatter between set-ups cannot be told apart from that of the readings: this takes {FEWEST_POSES} poses "
-            "with several readings of one component each. If there is some, the intervals are too narrow."
+            f"Scatter between set-ups cannot be separated from that of the readings: this needs {FEWEST_POSES} "
+            "poses with several readings of one component each. If there is some, the intervals are too narrow."
         )
     ratios = [
         r for pair in zip(s.certainty.estimates, independent.estimates, strict=True) if (r := _width_ratio(*pair))

@@ -118,5 +118,5 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
     return [
         Text(proposal_text(n)),
         Table("Set-ups to measure next", heads, rows, (0, len(heads) - 1), folded=True),
-        Fold("What they are expected to tell", (Bullets(told),)),
+        Fold("What they are expected to show", (Bullets(told),)),
     ]
