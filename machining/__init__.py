@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from machining.posture.path import PathPosture, optimise_path
     from machining.posture.points import GammaRange, Postures, Sweep, best_of, best_postures, postures_at, sweep_gamma
     from machining.posture.posing import Posed, PostureRequest, pose_along
-    from machining.posture.problem import Course, course_at
+    from machining.posture.problem import Course
+    from machining.posture.stretches import course_at
     from machining.setup import Setup
     from machining.stiffness.cartesian import Blocks, blocks, cartesian_stiffness, in_axes, moved, translational
     from machining.stiffness.ellipsoid import StiffnessEllipsoid, ellipsoid_radius, stiffness_ellipsoid

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from page_commands import NOT_RUN, RUN_IN, RUN_WITH, SHELL, Typed, by_the_shell, filled_in, lay_out, not_said, typed
+from page_figures import not_printed
 from test_docs import DOCS, pages
 from test_house import ROOT
 
@@ -55,6 +56,7 @@ def test_commands_of_a_page_run_as_they_stand(page: Path, tmp_path: Path) -> Non
         said += printed
     assert [one for one in failed if one] == []
     assert not_said(text, said) == []
+    assert not_printed(text, said) == []
 
 
 def asked(line: Typed) -> list[str]:

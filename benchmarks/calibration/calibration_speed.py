@@ -1,6 +1,6 @@
 """Speed of calibration and of screening against the plain way on the same model, as ratios in one run.
 
-    python benchmarks/calibration/calibration_speed.py [--json]
+    python benchmarks/calibration/calibration_speed.py [--json] [--write]
 
 Calibration: ten stiffnesses (six springs about the axes, joint 2's two tilts, the base's two) from 1000 readings of Z
 or of X, Y and Z, with white noise, kr60-3 with beam links. The plain way is ``scipy.optimize.least_squares`` (trust
@@ -12,18 +12,21 @@ readings: nothing is kept from the one before.
 Screening: the runs of a Sobol study of the ten stiffnesses at 27 loaded poses, all at once against one
 ``fem.deflection`` of the model with the numbers put in after the other (a share of them, scaled).
 
-The ways take turns, so that a busy machine slows all; medians of the processor time are compared.
+The ways take turns, so that a busy machine slows all; medians of the processor time are compared. ``--write`` writes
+benchmarks/calibration/results/calibration_speed.json, and its table into docs/performance/calibration.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import statistics
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from SALib.sample import sobol
@@ -40,6 +43,8 @@ from fem.free.parameters import parameter
 from robots import load_description
 from robots.arrays import Array
 
+RESULTS = Path(__file__).parent / "results" / "calibration_speed.json"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "performance" / "calibration.md"
 ROBOT = "kr60-3"
 SPRINGS = tuple(f"j{k}" for k in range(1, 7))
 NAMES = (*(f"{joint}.stiffness" for joint in SPRINGS), "j2.rx", "j2.ry", "base.rx", "base.ry")
@@ -169,16 +174,45 @@ def screening(model: ArmModel) -> Race:
     return Race(f"Sobol study, {len(u)} runs", fast, slow, slow / fast, float(difference))
 
 
+# What the page calls a race.
+WORDS = (
+    ("XYZ", "X, Y and Z"),
+    ("noise estimated", "noise and outliers estimated"),
+    ("noise and intervals", "and intervals"),
+    ("12288 runs", "12 288 runs of 27 loaded poses"),
+)
+
+
+def table(races: list[Race]) -> str:
+    """The rows of the page: what has 1000 readings, and the screening."""
+    lines = ["| job | time, ms | plain, ms | ratio | differ |", "|---|---|---|---|---|"]
+    for r in races:
+        name = r.name
+        for one, other in WORDS:
+            name = name.replace(one, other)
+        if not name.startswith("500"):
+            plain, ratio = (f"{float(f'{x:.3g}'):.0f}" for x in (r.plain_ms, r.ratio))
+            differ = f"{r.relative_difference:.0e}".replace("e-0", "e-")
+            lines.append(f"| {name} | {r.fast_ms:.1f} | {plain} | {ratio} | {differ} |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    parser.add_argument("--write", action="store_true", help="write the results file, and the table of the page")
     arguments = parser.parse_args()
     model = build_model(load_description(ROBOT))
     races = [r for n, read in READINGS for r in calibration(model, n, read)] + [screening(model)]
+    head = {"robot": ROBOT, "parameters": len(NAMES), "repeats": REPEATS}
+    text = json.dumps({**head, "races": [asdict(r) for r in races]}, indent=2) + "\n"
+    if arguments.write:
+        RESULTS.write_text(text, encoding="utf-8")
+        page = PAGE.read_text(encoding="utf-8")
+        page = re.sub(r"^\| job \|.*\n(?:\|.*\n)+", table(races), page, flags=re.MULTILINE)
+        PAGE.write_text(page, encoding="utf-8")
     if arguments.json:
-        head = {"robot": ROBOT, "parameters": len(NAMES), "repeats": REPEATS}
-        json.dump({**head, "races": [asdict(r) for r in races]}, sys.stdout, indent=2)
-        sys.stdout.write("\n")
+        sys.stdout.write(text)
         return 0
     sys.stdout.write(f"{ROBOT}, beam links, {len(NAMES)} stiffnesses, medians of {REPEATS}\n")
     for r in races:

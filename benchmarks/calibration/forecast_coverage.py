@@ -1,5 +1,8 @@
 """Do predictive intervals and the promises of `plan` hold where something is hidden? For docs/validation/forecasts.md.
 
+``--only left-out > benchmarks/calibration/results/left_out.txt`` keeps the first table's figures (five minutes),
+``--only plans > benchmarks/calibration/results/plans.txt`` those of promises on the test's arms (seven).
+
 Readings are made by the independent world (package `rehearsal`): springs up to twice as soft or stiff as the model's,
 bent links, wrong zeros and weights, noise of 3 % and 3 um, and an effect drawn from all that the arm can have; the
 model that is calibrated knows nothing of it.
@@ -111,8 +114,8 @@ def planned_campaign(given: Arm, start: Measurements | None, n: int, seed: int, 
 
 def left_out(given: Arm, draws: int) -> dict[str, Tally]:
     """Readings at poses left out, with nothing hidden and with something."""
-    out = {"nothing": Tally(), "hidden": Tally()}
-    for case, code in (("nothing", "none"), ("hidden", None)):
+    out = {"nothing": Tally(), "an effect": Tally()}
+    for case, code in (("nothing", "none"), ("an effect", None)):
         for set_ups, world in campaigns(given, code, draws):
             out[case].add_left_out(given, set_ups.filled(world.measured()))
     return out

@@ -20,6 +20,7 @@ from doe.estimation.noise import FEWEST_POSES
 
 HEADING = """# Coverage of calibration intervals
 
+<!-- figures from: docs/validation/calibration_coverage.md -->
 If the noise is estimated together with the scatter between set-ups, 95 % intervals contain the true value in 92 to 97
 % of the cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly any bias. If set-ups scatter and
 the noise model leaves this out, they contain it in only 14 to 18 %; if that scatter is treated as white noise, in 56

@@ -2,7 +2,7 @@
 
     python -m benchmarks.links.surfaces FOLDER
     python -m benchmarks.links.compare FOLDER [--cases b,d] [--variants skin,open] [--links shell] [--page PAGE.md]
-        [--import=--wall-mm=8]
+        [--csv FILE.csv] [--import=--wall-mm=8]
 
 Each URDF goes through ``stiffarm import`` as a user's would, and the model that it writes through ``build_model``. The
 ratio of both flexibilities is taken along the truth's principal directions, where rotations count as lengths at the
@@ -100,6 +100,18 @@ def table(outcomes: list[Outcome]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def as_csv(outcomes: list[Outcome]) -> str:
+    """The same for pages to be checked against: of each link the mean and the extremes, and what it is warned of."""
+    lines = ["link,mean,least,most,least_over_all_loads,most_over_all_loads,said"]
+    for one in outcomes:
+        r, said = one.ratio, '"' + " ".join(" ".join(one.words).split()).replace('"', "'") + '"'
+        figures = (
+            ("",) * 5 if r is None else tuple(f"{x:.4f}" for x in (r.mean, r.along.min(), r.along.max(), *r.worst))
+        )
+        lines.append(",".join((one.name, *figures, said)))
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     """Import, compare, print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -108,6 +120,7 @@ def main() -> None:
     parser.add_argument("--variants", default=",".join(VARIANTS))
     parser.add_argument("--links", default="shell")
     parser.add_argument("--page", type=Path, help="file for the table")
+    parser.add_argument("--csv", type=Path, help="file for the figures")
     parser.add_argument(
         "--import", dest="options", action="append", default=[], help="option of import, --import=--x=y"
     )
@@ -121,6 +134,8 @@ def main() -> None:
     print(table(outcomes))
     if given.page is not None:
         given.page.write_text(table(outcomes))
+    if given.csv is not None:
+        given.csv.write_text(as_csv(outcomes))
 
 
 if __name__ == "__main__":

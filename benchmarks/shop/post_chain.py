@@ -31,7 +31,8 @@ KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
 )
 HEAD = """# A tool path through the whole chain
 
-From a CLS file of 100,000 points to verified programs takes 21 s of processor time and at most 0.7 GB. Programs
+<!-- figures from: benchmarks/shop/results/million_points.toml docs/performance/toolpaths.md -->
+From a CLS file of 100,000 points to verified programs takes 21 s of processor time and at most 708 MB. Programs
 that were read back are within 0.005 um of the tool path. A million points work too: `post` in 86 s and 3.8 GB,
 `verify` in 101 s and 3.2 GB (one angle gamma, JSON). Memory grows with the path: it is held as arrays.
 

@@ -192,8 +192,9 @@ def page(n: int = 1000) -> str:
     lines = [
         "# How long `stiffarm serve` takes",
         "",
+        "<!-- figures from: docs/performance/service.md -->",
         "A question about one pose is answered in 0.4 to 1.6 ms (median), the best angle about the tool axis",
-        "in 3 ms on a grid and in 18 ms refined. Starting a process for each point takes about 1200 times as long.",
+        "in 3 ms on a grid and in 18 ms refined. Starting a process for each point takes a thousand times as long.",
         "",
         "Written by `python benchmarks/shop/serve_speed.py --write`: KUKA KR60-3 with beam links, the cell of",
         "[examples/serve](../examples/serve/README.md), one client that waits for each answer, over pipes. Both",

@@ -37,9 +37,10 @@ CASES: tuple[tuple[str, dict[str, str], float], ...] = (
 CHECKED = 60
 HEAD = """# Speed of slices of extreme poses
 
+<!-- figures from: docs/performance/slices.md -->
 The stiffest or softest pose at every point of a slice takes 0.4 to 1.4 s, 10 to 13 times less than searching each
 point separately. A search four times as dense finds at most 0.03 % more, except with a tool beside the axis of joint
-6: there 7 % of the points checked are more than 1e-4 short, the worst by 19 %.
+6: there 7 % of the points checked are short, the worst by 19 %.
 
 Measured by `python benchmarks/statics/slice_speed.py --write`: processor seconds for the stiffest (or softest) pose at
 every point of the default xz slice, without files and pictures. *Before*: every point separately. *numpy*: the same

@@ -200,12 +200,22 @@ def page(model: ArmModel, tallies: list[tuple[Case, Tally]], repeats: int) -> st
     """The page as Markdown."""
     found = first(model)
     out = [words.HEADING.format(repeats=repeats, c=CAMPAIGN, um=1e6 * CAMPAIGN.noise_m, urad=1e6 * CAMPAIGN.noise_rad,
-                          percent=100.0 * CAMPAIGN.scatter)]  # fmt: skip
+                          percent=100.0 * CAMPAIGN.scatter, **_lead(tallies))]  # fmt: skip
     out += _coverage_part(tallies)
     out += _finding_part(model, found)
     out += _usual_part(model, found)
     out += _map_part(model, found)
     return "".join(out)
+
+
+def _lead(tallies: list[tuple[Case, Tally]]) -> dict[str, str]:
+    """The figures of the page's first paragraph: those of its table."""
+    row = {case.name: t.row() for case, t in tallies}
+    usual = row[CASES[0].name]
+    percent = {"within": usual["unseen_within_3"], "worst": usual["unseen_worst"]}
+    percent |= {"constants": row["constants asked for"]["coverage"], "loading": row["loading alone"]["coverage"]}
+    coverage = f"{100.0 * usual['coverage']:.1f} +- {100.0 * usual['standard_error']:.1f}"
+    return {"coverage": coverage, **{name: f"{100.0 * value:.1f}" for name, value in percent.items()}}
 
 
 def _coverage_part(tallies: list[tuple[Case, Tally]]) -> list[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 HEADING = """# The TX200's substitute stiffness model, on synthetic data
 
 From synthetic readings `identify` finds all 36 stiffnesses of the TX200. Its 95 % intervals contain the true value in
-94.9 +- 0.2 %; of the directional stiffnesses at unseen poses 97.7 % are within 3 %, and the worst is off by 13.8 %.
-With constant stiffnesses where the true ones vary, or with readings under growing load alone, coverage falls to 57.6
-and 84.3 %. No reading of a real arm is on this page.
+{coverage} %; of the directional stiffnesses at unseen poses {within} % are within 3 %, and the worst is off by
+{worst} %. With constant stiffnesses where the true ones vary, or with readings under growing load alone, coverage falls
+to {constants} and {loading} %. No reading of a real arm is on this page.
 
 Written by `python benchmarks/tx200/tx200_stiffness.py --repeats {repeats} --write docs/validation/tx200_stiffness.md`.
 

@@ -17,7 +17,8 @@ from machining.placement.problem import Problem
 from machining.placement.sweeping import distances
 from machining.posture.long_path import KNOTS, optimise_long_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course, course_at
+from machining.posture.problem import Course
+from machining.posture.stretches import course_at
 from machining.stiffness.cartesian import translational
 from machining.stiffness.criterion import Criterion, Terms
 from machining.stiffness.indices import directional_stiffness

@@ -19,7 +19,7 @@ from machining.placement.sweeping import Sites, check_reached, distances, sweep_
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, highest_floor, summed
 from machining.posture.drive import FREE_STEP, limit_distance
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import allowed
+from machining.posture.problem import allowed, none_left
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
@@ -193,7 +193,8 @@ def _knots(
     try:
         row, turned, soft = allowed(robot, drive, q, point, m)
     except PathError as error:
-        raise error.at(rows[error.points], "base moving along the path") from None
+        lost = none_left(error, rows[error.points], problem.path.n)
+        raise lost.at(lost.points, "base moving along the path") from None
     # Poses with room to the joint limits; all of a point where there are none of these.
     roomy = limit_distance(robot, turned) >= ROOM
     kept = roomy | (np.bincount(point[row[roomy]], minlength=m) == 0)[point[row]]

@@ -6,9 +6,11 @@ joint moves farther than it may. A course takes one state a layer.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robots.arrays import Array, Bools, Integers
 
@@ -43,6 +45,18 @@ class Layers:
         """States of layer i."""
         return slice(int(self.start[i]), int(self.start[i + 1]))
 
+    def kept(self, keep: Bools) -> Layers:
+        """Those of the states (k,) that are to be kept."""
+        start = np.concatenate([[0], np.cumsum(keep)]).astype(np.int64)[self.start]
+        return Layers(start, self.q[keep], self.gamma[keep], self.cost[keep], self.merit[keep])
+
+    def behind(self, before: Layers) -> Layers:
+        """These layers with the last one of others in front."""
+        rows = before.rows(before.n - 1)
+        start = np.concatenate([[0], self.start + (rows.stop - rows.start)])
+        pairs = ((getattr(before, name)[rows], getattr(self, name)) for name in ("q", "gamma", "cost", "merit"))
+        return Layers(start, *(np.concatenate(pair) for pair in pairs))
+
 
 @dataclass(frozen=True, eq=False)
 class Links:
@@ -56,6 +70,10 @@ class Links:
     gamma_step: float | Array
     unit: Array
     weight: float
+
+    def at(self, segments: slice) -> Links:
+        """Those of some segments."""
+        return Links(self.step[segments], self.turns(segments), self.unit[segments], self.weight)
 
     def turns(self, some: slice) -> Array:
         """How far gamma may change from layers to the next, (k,) rad."""
@@ -71,48 +89,102 @@ class Links:
         return np.asarray(self.weight * ((dq / unit) ** 2).mean(axis=-1))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gap:
-    """No link leads on from layer ``after``: the nearest pair of states ``before`` and ``behind`` of all layers.
+    """No link leads on from layer ``after``: ``poses`` (2, dof) rad of the nearest pair of states, there and behind.
 
-    ``dq`` (dof,) rad between them, ``excess`` the largest share of the allowed step; 1 or less if gamma is in the way.
+    ``excess``: the largest share of the allowed step between them; 1 or less if gamma is in the way.
     """
 
     after: int
-    before: int
-    behind: int
-    dq: Array
+    poses: Array
     excess: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """What is known at the last layer: ``value`` (k,) of each state, and for all layers but the first ``source``.
+
+    ``source`` (s,): which state of the layer before leads to it best, the layers one after another.
+    """
+
+    value: Array
+    source: NDArray[np.int32]
 
 
 def cheapest_course(layers: Layers, links: Links) -> Integers | Gap:
     """Indices (n,) of the states of the cheapest course, or where all courses end."""
-    total = layers.cost[layers.rows(0)]
-    back: list[Integers] = []
-    known: list[Array] = []
-    for i in range(layers.n - 1):
+    ahead = least_cost(layers, links, layers.cost[layers.rows(0)])
+    return ahead if isinstance(ahead, Gap) else trace(layers.start, ahead.source, int(np.argmin(ahead.value)))
+
+
+def least_cost(layers: Layers, links: Links, total: Array) -> Ahead | Gap:
+    """Least cost of each state of the last layer if those of the first have ``total`` (k,)."""
+    sources: list[Integers] = []
+    i = 0
+    while i < layers.n - 1:
         onto = layers.rows(i + 1)
-        if (onto.stop - onto.start) * len(total) <= FEW_PAIRS:
-            if not known:
-                known = _dense_run(layers, links, i)
-            through = total[:, None] + known.pop()
-            source = through.argmin(axis=0)
-            best = through[source, np.arange(len(source))]
-        else:
-            known = []
+        if (onto.stop - onto.start) * len(total) > FEW_PAIRS:
             a, b = _pairs(layers, links, i, np.isfinite(total))
             dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
             best, source = _least(total[a] + links.cost(i, dq), a, b, onto.stop - onto.start)
-        if not best.min() < np.inf:
-            return _gap(layers, links, i, np.isfinite(total))
-        total = best + layers.cost[onto]
-        back.append(source)
-    return _trace(layers, back, int(np.argmin(total)))
+            if not best.min() < np.inf:
+                return _gap(layers, links, i, np.isfinite(total))
+            total, i = best + layers.cost[onto], i + 1
+            sources.append(source)
+            continue
+        for known in _runs(_dense_run(layers, links, i)):
+            step = _side_by_side if len(known) > 1 else _crossing
+            totals, through, source = step(layers, i, total, known)
+            open_ = (through < np.inf).any(axis=1)
+            if not open_.all():
+                lost = int(np.argmin(open_))
+                return _gap(layers, links, i + lost, np.isfinite(totals[lost]))
+            total, i = totals[-1], i + len(known)
+            sources.append(source)
+    return Ahead(total, np.concatenate([np.zeros(0, dtype=np.int32), *sources], dtype=np.int32))
+
+
+def _runs(known: Array) -> Iterator[Array]:
+    """Costs (count, k, m) of links of layers, split where no states cross over between them, and singly elsewhere."""
+    count, k, m = known.shape
+    alone = np.zeros(count, dtype=np.bool_)
+    if k == m:
+        alone = np.asarray(~np.isfinite(known[:, ~np.eye(k, dtype=np.bool_)]).any(axis=1))
+    yield from np.split(known, np.flatnonzero(~(alone[1:] & alone[:-1])) + 1)
+
+
+# Costs of states at layer i and those after it, costs after each link, and the sources of all but layer i.
+_Costs = tuple[Sequence[Array], Array, Integers]
+
+
+def _side_by_side(layers: Layers, i: int, total: Array, known: Array) -> _Costs:
+    """Costs along layers whose states are linked with those at the same place only."""
+    count, k = known.shape[:2]
+    first = int(layers.start[i + 1])
+    steps = np.empty((2 * count + 1, k))
+    steps[0], steps[1::2] = total, np.diagonal(known, axis1=1, axis2=2)
+    steps[2::2] = layers.cost[first : first + count * k].reshape(count, k)
+    sums = np.cumsum(steps, axis=0)
+    return list(sums[::2]), sums[1::2], np.tile(np.arange(k), count)
+
+
+def _crossing(layers: Layers, i: int, total: Array, known: Array) -> _Costs:
+    """Costs from a layer to the next, any of whose states may be linked."""
+    through = total[:, None] + known[0]
+    source = through.argmin(axis=0)
+    best = through[source, np.arange(len(source))]
+    return (total, best + layers.cost[layers.rows(i + 1)]), best[None], source
 
 
 def highest_floor(layers: Layers, links: Links) -> float | Gap:
     """Largest merit that some course nowhere goes below, or where all courses end."""
-    floor = layers.merit[layers.rows(0)]
+    ahead = floors(layers, links, layers.merit[layers.rows(0)])
+    return ahead if isinstance(ahead, Gap) else float(ahead.value.max())
+
+
+def floors(layers: Layers, links: Links, floor: Array) -> Ahead | Gap:
+    """Floor of the best course to each state of the last layer if those to the first have ``floor`` (k,)."""
     for i in range(layers.n - 1):
         a, b = _pairs(layers, links, i, np.isfinite(floor))
         onto = layers.rows(i + 1)
@@ -120,7 +192,7 @@ def highest_floor(layers: Layers, links: Links) -> float | Gap:
         if not np.isfinite(lost).any():
             return _gap(layers, links, i, np.isfinite(floor))
         floor = np.minimum(-lost, layers.merit[onto])
-    return float(floor.max())
+    return Ahead(floor, np.zeros(0, dtype=np.int32))
 
 
 def course_cost(layers: Layers, links: Links, course: Integers) -> float:
@@ -134,8 +206,8 @@ def summed(steps: Array, knots: Integers) -> Array:
     return np.asarray(np.add.reduceat(steps, knots[:-1], axis=0) if len(knots) > 1 else steps[:0])
 
 
-def _dense_run(layers: Layers, links: Links, i: int) -> list[Array]:
-    """Costs (k, m) of all links from layer i to the next, and from those after it that have as many states; last first.
+def _dense_run(layers: Layers, links: Links, i: int) -> Array:
+    """Costs (count, k, m) of all links from layer i to the next, and from those after it that have as many states.
 
     Along most of a path every point allows the same branches: the links of many points are worked out together.
     """
@@ -152,7 +224,7 @@ def _dense_run(layers: Layers, links: Links, i: int) -> list[Array]:
     if np.isfinite(most).any():
         turn = layers.gamma[onto][:, None] - layers.gamma[rows][:, :, None]
         far |= _short_way(turn) > most[:, None, None] * ROUNDING + 1e-12
-    return list(np.where(far, np.inf, links.cost(slice(i, i + count), dq)))[::-1]
+    return np.where(far, np.inf, links.cost(slice(i, i + count), dq))
 
 
 def _pairs(layers: Layers, links: Links, i: int, open_: Bools) -> tuple[Integers, Integers]:
@@ -191,12 +263,18 @@ def _least(value: Array, a: Integers, b: Integers, size: int) -> tuple[Array, In
     return best, source
 
 
-def _trace(layers: Layers, back: list[Integers], last: int) -> Integers:
-    course = np.empty(layers.n, dtype=np.int64)
+def trace(start: Integers, source: NDArray[np.int32], last: int) -> Integers:
+    """Indices (n,) of the states of the course that ends in state ``last`` of the last of n layers.
+
+    ``start`` (n + 1,) and ``source`` as in :class:`Layers` and :class:`Ahead`.
+    """
+    n = len(start) - 1
+    course = np.empty(n, dtype=np.int64)
     course[-1] = last
-    for i in range(layers.n - 2, -1, -1):
-        course[i] = back[i][course[i + 1]]
-    return course + layers.start[:-1]
+    place = start - start[min(1, n)]
+    for i in range(n - 2, -1, -1):
+        course[i] = source[place[i + 1] + course[i + 1]]
+    return course + start[:-1]
 
 
 def _gap(layers: Layers, links: Links, i: int, open_: Bools) -> Gap:
@@ -208,4 +286,4 @@ def _gap(layers: Layers, links: Links, i: int, open_: Bools) -> Gap:
         if share[b] < least[0]:
             least = (float(share[b]), int(a), int(behind[b]))
     excess, a, b = least
-    return Gap(i, a, b, layers.q[b] - layers.q[a], excess)
+    return Gap(i, layers.q[[a, b]], excess)

@@ -18,7 +18,8 @@ from machining.posture.courses import Gap, Links, summed
 from machining.posture.drive import Drive
 from machining.posture.path import refine_course
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import Course, course_at, gap_error, problem_of, solve, states_of
+from machining.posture.problem import Course, gap_error, problem_of, states_of
+from machining.posture.stretches import GivenGamma, course_at, solve
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
@@ -122,14 +123,14 @@ class _Search:
         drive, clearance_at = self.drive, self.drive.clearance_at
         if clearance_at is not None:
             drive = replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
-        problem = problem_of(self.model, task, objective, self.gammas, drive, sweep, self.generator)
+        problem = problem_of(self.model, task, objective, self.gammas, drive, sweep.best_merit(), self.generator)
         n, links = self.task.path.n, self.drive.links(self.model.robot, self.task.path, self.free)
         share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
         problem = replace(problem, links=_between_knots(links, rate, knots, n), share=share)
         states = states_of(problem, sweep)
         found = solve(problem, states, problem.links)
         if isinstance(found, Gap) and self.passes == 0:
-            raise _at_points(gap_error(problem, states, found), knots)
+            raise _at_points(gap_error(problem, found), knots)
         if not isinstance(found, Gap):
             # Before the finer grids: a change of gamma that leads out of reach is no use refining.
             lost = self._lost(_between(knots, found.gamma, n))
@@ -137,7 +138,7 @@ class _Search:
                 return found, lost
         best = refine_course(problem, states, found, self.passes) if self.passes > 0 else found
         if isinstance(best, Gap):
-            raise _at_points(gap_error(problem, states, best), knots)
+            raise _at_points(gap_error(problem, best), knots)
         followed = self._follow(_between(knots, best.gamma, n))
         if isinstance(followed, PathError) and not isinstance(found, Gap) and best is not found:
             coarse = self._follow(_between(knots, found.gamma, n))
@@ -146,8 +147,7 @@ class _Search:
 
     def _lost(self, gamma: Array) -> PathError | None:
         try:
-            sweep = sweep_gamma(self.model, self.task, self.objective, gamma[:, None], generator=self.generator)
-            sweep.check_reached()
+            GivenGamma(self.model, self.task, self.objective, gamma, self.generator).best_merit()
         except PathError as error:
             return error
         return None

@@ -28,9 +28,9 @@ from machining.posture.problem import (
     gap_error,
     is_better,
     problem_of,
-    solve,
     states_of,
 )
+from machining.posture.stretches import solve
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
@@ -91,20 +91,20 @@ def optimise_path(
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
     sweep = sweep_gamma(model, task, objective, gammas.angles, generator=generator)
     said = _Said(progress, passes)
-    problem = problem_of(model, task, objective, gammas, drive, sweep, generator)
+    problem = problem_of(model, task, objective, gammas, drive, sweep.best_merit(), generator)
     said.next()
     states = states_of(problem, sweep)
     found = solve(problem, states, problem.links)
     said.next()
     best = refine_course(problem, states, found, passes, said.next) if passes > 0 else found
     if isinstance(best, Gap):
-        raise gap_error(problem, states, best)
+        raise gap_error(problem, best)
     each = best_postures(
         model, task, objective, gammas, sweep=sweep, starts=3 if passes > 0 else 0, generator=generator
     )
     said.next()
     fixed = solve(problem, states, replace(problem.links, gamma_step=0.0))
-    why = str(gap_error(problem, states, fixed)) if isinstance(fixed, Gap) else None
+    why = str(gap_error(problem, fixed)) if isinstance(fixed, Gap) else None
     sure = bool(sweep.sure.all())
     said.next()
     fixed_course = None if isinstance(fixed, Gap) else fixed
@@ -151,7 +151,7 @@ def _around(problem: Problem, centre: Array, half: float) -> Course | Gap:
         states = problem.states(problem.gammas.inside(centre[:, None] + half * OFFSETS))
     except InputError:
         # The line between two knots may leave the reach; then there is nothing to gain here.
-        return Gap(0, 0, 0, np.zeros(0), np.inf)
+        return Gap(0, np.zeros((2, 0)), np.inf)
     return solve(problem, states, problem.links)
 
 
@@ -205,4 +205,4 @@ def _each_point(problem: Problem, each: Postures) -> Course:
     free = Links(np.full_like(problem.links.step, np.inf), np.inf, problem.links.unit, 1.0)
     course = cheapest_course(layers, free)
     assert not isinstance(course, Gap)  # noqa: S101 - without limits there are no gaps
-    return course_of(problem, States(replace(layers, cost=cost), value[row], branch[row], sweep.names), course)
+    return course_of(problem, States(layers, value[row], branch[row], sweep.names).chosen(course), cost[course])

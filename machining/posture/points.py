@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,12 +116,29 @@ class Sweep:
         """Value with large is good, -inf where not valid, (n, m, b)."""
         return np.asarray(np.where(self.valid, self.objective.sign * self.value, -np.inf))
 
+    def at(self, rows: slice) -> Sweep:
+        """That of some of the points."""
+        parts = {name: getattr(self, name)[rows] for name in ("gamma", "q", "valid", "value", "reason", "sure")}
+        return replace(self, **parts)
+
+    @property
+    def lost(self) -> Integers:
+        """Points (k,) that cannot be reached at any angle."""
+        return np.flatnonzero(~self.valid.any(axis=(1, 2)))
+
     def check_reached(self) -> None:
         """Raise InputError if a point cannot be reached at any angle; it names the points and the reasons."""
-        lost = np.flatnonzero(~self.valid.any(axis=(1, 2)))
-        if len(lost) == 0:
-            return
-        first = int(lost[0])
+        if len(self.lost):
+            raise self.unreached(self.lost)
+
+    def best_merit(self) -> Array:
+        """The largest merit (n,) at each point. Raises InputError as :meth:`check_reached`."""
+        self.check_reached()
+        return np.asarray(self.merit.max(axis=(1, 2)))
+
+    def unreached(self, lost: Integers, start: int = 0) -> PathError:
+        """The error of points ``lost`` of a path, of which the first is here; ``start``: the path's number of row 0."""
+        first = int(lost[0]) - start
         found = Counter(self.reason[first].ravel().tolist())
         why = "; ".join(
             f"{times} of {self.reason[first].size} {Reason(code).words}"
@@ -129,10 +146,10 @@ class Sweep:
             if Reason(code) is not Reason.NO_SUCH
         )
         more = f" (and {len(lost) - 1} more: {', '.join(map(str, lost[1:6]))}{' ...' if len(lost) > 6 else ''})"
-        raise PathError(
+        return PathError(
             lost,
-            f"path point {first}{more if len(lost) > 1 else ''} cannot be reached at any of {self.gamma.shape[1]} "
-            f"angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
+            f"path point {int(lost[0])}{more if len(lost) > 1 else ''} cannot be reached at any of "
+            f"{self.gamma.shape[1]} angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
             f"{np.degrees(self.gamma[first].max()):.4g} deg",
             value=why or "no solution was found",
             allowed="one branch within joint limits",

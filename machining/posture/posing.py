@@ -23,7 +23,8 @@ from machining.posture.axes_map import AxesMap, axes_map
 from machining.posture.drive import Drive
 from machining.posture.path import PathPosture, optimise_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course, course_at
+from machining.posture.problem import Course
+from machining.posture.stretches import course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError

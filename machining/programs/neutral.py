@@ -123,7 +123,7 @@ def program_of(
         feed=table["feed_mm_min"] * MM_MIN,
         line=integers(table["line"]),
         spindle=table["spindle_rpm"] * RPM,
-        dwell=table["dwell_s"],
+        dwell=table["dwell_s"].copy(),
         **others,
     )
     return JointProgram(

@@ -20,7 +20,8 @@ from machining.cell import Cell
 from machining.posture.drive import Drive
 from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import Course, course_at
+from machining.posture.problem import Course
+from machining.posture.stretches import course_at
 from machining.programs.program import JointProgram, tool_in_part
 from machining.programs.refining import PostState, pieces_for
 from machining.stiffness.objective import Objective

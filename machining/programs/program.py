@@ -11,7 +11,10 @@ from machining.cell import Cell
 from machining.tooling import tool_frames
 from machining.toolpaths.motions import Motions
 from robots import Robot, forward_kinematics
-from robots.arrays import Array, Bools, Integers, finite
+from robots.arrays import Array, Bools, Integers, finite, in_blocks
+
+# Poses whose frames are held at once.
+BLOCK = 8_192
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +92,14 @@ def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array
 
     ``T_flange_tool`` (4, 4) or (n, 4, 4) m.
     """
-    T = forward_kinematics(robot, q).T_flange
-    part = np.linalg.inv(cell.T_world_part(table))
-    return np.asarray(part @ cell.T_world_base(travel) @ T @ T_flange_tool)
+    frames = np.empty((len(q), 4, 4))
+    # In blocks: the frames of all bodies are far more than what is kept.
+    for rows in in_blocks(len(q), BLOCK):
+        T = forward_kinematics(robot, q[rows]).T_flange
+        part = np.linalg.inv(cell.T_world_part(table[rows]))
+        tool = T_flange_tool if T_flange_tool.ndim == 2 else T_flange_tool[rows]
+        frames[rows] = part @ cell.T_world_base(travel[rows]) @ T @ tool
+    return frames
 
 
 def frame_distance(A: Array, B: Array) -> tuple[Array, Array]:

@@ -15,6 +15,8 @@ from robots import InputError
 from robots.arrays import Array, Bools
 
 STRAIGHT, IN_ORDER = "motion line after line", "keep moves out of loops, conditions and jumps in the template"
+# Moves that are kept as objects.
+BLOCK = 4096
 _STRING = re.compile(r'"[^"]*"')
 
 
@@ -62,11 +64,13 @@ def collected(moves: Iterable[ReadMove | Action]) -> ReadMoves:
     """
     rows: list[ReadMove] = []
     actions: list[tuple[int, Action]] = []
+    parts: list[ReadMoves] = []
+    first: ReadMove | None = None
     for move in moves:
         if isinstance(move, Action):
-            actions.append((len(rows), move))
+            actions.append((BLOCK * len(parts) + len(rows), move))
             continue
-        first = rows[0] if rows else move
+        first = first or move
         sizes = len(move.words), len(move.external)
         if move.kind != first.kind:
             what = f"{move.where}: {move.kind} coordinates after {first.kind} ones"
@@ -74,14 +78,30 @@ def collected(moves: Iterable[ReadMove | Action]) -> ReadMoves:
         if sizes != (len(first.words), len(first.external)):
             raise InputError(f"{move.where}: {sizes[0]} + {sizes[1]} coordinates", allowed="as many as in other moves")
         rows.append(move)
-    if not rows:
+        if len(rows) == BLOCK:
+            parts.append(_table(rows))
+            rows = []
+    if first is None:
         raise InputError("program", value="no move in it", allowed="one or more")
-    where, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
-    placed, axes = np.array(words), np.array(external).reshape(len(rows), -1)
-    if not (np.isfinite(placed).all() and np.isfinite(axes).all()):
+    if rows:
+        parts.append(_table(rows))
+    names = ("words", "external", "joint", "speed", "duration")
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    if not (np.isfinite(arrays["words"]).all() and np.isfinite(arrays["external"]).all()):
         raise InputError("coordinate in a program", allowed="finite numbers")
-    rates = np.array(speed), np.array(duration)
-    return ReadMoves(kinds[0], placed, axes, np.array(joint), list(configuration), *rates, where, actions)
+    configuration = [row for part in parts for row in part.configuration]
+    where = [place for part in parts for place in part.where]
+    return ReadMoves(first.kind, configuration=configuration, where=where, actions=actions, **arrays)
+
+
+def _table(rows: Sequence[ReadMove]) -> ReadMoves:
+    """Some moves as arrays, a tenth of what they are as objects."""
+    where, kinds, words, external, joint, configuration, speed, duration = zip(*rows, strict=True)
+    axes = np.array(external, dtype=np.float64).reshape(len(rows), -1)
+    rates = np.array(speed, dtype=np.float64), np.array(duration, dtype=np.float64)
+    return ReadMoves(
+        kinds[0], np.array(words, dtype=np.float64), axes, np.array(joint), list(configuration), *rates, where
+    )
 
 
 def number(where: str, text: str) -> float:

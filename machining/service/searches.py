@@ -18,7 +18,7 @@ from machining.placement.problem import Aim
 from machining.posture.drive import Drive
 from machining.posture.long_path import optimise_long_path
 from machining.posture.points import GammaRange, Postures, Sweep, refined_peaks, sweep_gamma
-from machining.posture.problem import course_at
+from machining.posture.stretches import course_at
 from machining.service.asked import Arm, best_first, flag_of, generator, middle, near_of, unit_of
 from machining.service.blocks import (
     Block,

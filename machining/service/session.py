@@ -15,10 +15,12 @@ from machining.service.state import State, state_of, vectors_of
 from machining.service.wire import (
     LONGEST_LINE,
     MOST_ROWS,
+    CodeOf,
     Fields,
     NotReadError,
     error_of,
     id_of,
+    no_code,
     numbers,
     read_line,
     write_line,
@@ -34,13 +36,19 @@ class Session(Arm):
     """A robot in its cell that answers requests.
 
     ``arm``: the arm's bodies, None: collisions are not looked at. ``facts``: what ``hello`` says besides, as versions
-    and file names. ``stopped``: a request asked for the end.
+    and file names. ``code_of``: the code of an error. ``stopped``: a request asked for the end.
     """
 
     def __init__(
-        self, model: fem.ArmModel, cell: Cell, arm: ArmBodies | None = None, facts: Mapping[str, Any] | None = None
+        self,
+        model: fem.ArmModel,
+        cell: Cell,
+        arm: ArmBodies | None = None,
+        facts: Mapping[str, Any] | None = None,
+        code_of: CodeOf = no_code,
     ) -> None:
         super().__init__(model, cell, arm)
+        self.code_of = code_of
         self.facts = dict(facts or {})
         self.stopped = False
 
@@ -49,12 +57,12 @@ class Session(Arm):
         try:
             request = read_line(line)
         except Exception as error:
-            return _refused(None, error)
+            return self.refusal(None, error)
         answer = self.reply(request)
         try:
             return write_line(answer)
         except ValueError as error:  # a number that JSON has none for
-            return _refused(answer["id"], error)
+            return self.refusal(answer["id"], error)
 
     def reply(self, request: Mapping[str, Any], within: str | None = None) -> dict[str, Any]:
         """The answer to a request; ``within``: the command that it is part of."""
@@ -63,8 +71,12 @@ class Session(Arm):
             name = id_of(request)
             found = self._run(request, within)
         except Exception as error:
-            return {"id": name, "ok": False, "error": error_of(error)}
+            return {"id": name, "ok": False, "error": error_of(error, self.code_of)}
         return {"id": name, "ok": True, **found}
+
+    def refusal(self, name: Any, error: Exception) -> bytes:
+        """The answer line to a request, ``name`` its id, that ended in an error."""
+        return write_line({"id": name, "ok": False, "error": error_of(error, self.code_of)})
 
     def _run(self, request: Mapping[str, Any], within: str | None) -> dict[str, Any]:
         do = request.get("do")
@@ -88,7 +100,7 @@ def serve(session: Session, requests: BinaryIO, write: Callable[[bytes], None], 
             while line and not line.endswith(b"\n"):
                 line = requests.readline(longest)
             allowed, remedy = f"at most {longest} bytes", "ask in several requests"
-            write(_refused(None, NotReadError("line", value="too long", allowed=allowed, remedy=remedy)))
+            write(session.refusal(None, NotReadError("line", value="too long", allowed=allowed, remedy=remedy)))
             continue
         write(session.answer(line))
 
@@ -171,10 +183,6 @@ def _one(fields: Fields, key: str, kept: Any) -> Any:
     if given is not None and given.ndim != 1:
         raise fields.fault(key, f"{len(given)} rows", "three numbers")
     return given
-
-
-def _refused(name: Any, error: Exception) -> bytes:
-    return write_line({"id": name, "ok": False, "error": error_of(error)})
 
 
 COMMANDS: dict[str, Callable[[Session, Fields], dict[str, Any]]] = {

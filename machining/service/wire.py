@@ -26,6 +26,14 @@ MOST = 1e9
 MOST_ROWS = 100_000
 
 
+# The code of an error in a catalogue of failures, None where it has none.
+CodeOf = Callable[[BaseException], str | None]
+
+
+def no_code(error: BaseException) -> None:
+    """No code: whoever answers has no catalogue."""
+
+
 class NotReadError(InputError):
     """A line that is no request."""
 
@@ -78,25 +86,19 @@ def write_line(answer: Mapping[str, Any]) -> bytes:
     return _ENCODER.encode(answer).encode("ascii") + b"\n"
 
 
-def error_of(error: BaseException) -> dict[str, Any]:
-    """What an answer says of an error: what, value, allowed, remedy; ``point`` of a path, ``problems`` of several."""
-    if not isinstance(error, InputError):
-        return {
-            "what": f"internal error: {type(error).__name__}: {str(error)[:SHOWN]}",
-            "value": None,
-            "allowed": None,
-            "remedy": "report it, with the request",
-        }
+def error_of(error: BaseException, code_of: CodeOf = no_code) -> dict[str, Any]:
+    """What an answer says of an error: what, value, allowed, remedy, code.
+
+    Besides ``point`` of a path, or ``problems`` of several errors. ``code_of``: the code, null where there is none.
+    """
+    said: dict[str, Any] = {"what": "", "value": None, "allowed": None, "remedy": None, "code": code_of(error)}
     if isinstance(error, InputErrors):
-        problems = [error_of(one) for one in error.errors[:20]]
-        what = f"{str(error).splitlines()[0][:SHOWN]}"
-        return {"what": what, "value": None, "allowed": None, "remedy": None, "problems": problems}
-    said: dict[str, Any] = {
-        "what": error.what,
-        "value": _short(error.value),
-        "allowed": error.allowed,
-        "remedy": error.remedy,
-    }
+        problems = [error_of(one, code_of) for one in error.errors[:20]]
+        return said | {"what": str(error).splitlines()[0][:SHOWN], "problems": problems}
+    if not isinstance(error, InputError):
+        what = f"internal error: {type(error).__name__}: {str(error)[:SHOWN]}"
+        return said | {"what": what, "remedy": "report it, with the request"}
+    said |= {"what": error.what, "value": _short(error.value), "allowed": error.allowed, "remedy": error.remedy}
     point = getattr(error, "point", None)
     return said if point is None else said | {"point": int(point)}
 

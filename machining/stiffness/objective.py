@@ -13,6 +13,7 @@ from machining.inputs import as_vectors
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.task import Task
+from machining.toolpaths.path_error import PathError
 from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
 
@@ -58,7 +59,7 @@ class Objective:
         """Force (n, 3) N at each of n points; errors as :func:`machining.inputs.as_vectors`."""
         return None if self.force is None else as_vectors("force", self.force, n, "N")
 
-    def at(self, rows: Integers, n: int) -> Objective:
+    def at(self, rows: slice | Integers, n: int) -> Objective:
         """The same at some of a path's n points."""
         force = self.forces(n)
         return self if force is None else replace(self, force=force[rows])
@@ -95,12 +96,17 @@ class Objective:
     def check_finite(self, value: Array, point: Integers) -> None:
         """Raise InputError for a value (k,) at the path points (k,) that is not finite."""
         if not np.isfinite(value).all():
-            raise InputError(
-                f"{self.quantity} at path point {int(point[np.argmax(~np.isfinite(value))])}",
-                value="not finite",
-                allowed="poses in which something deflects",
-                remedy="choose k_fs, or a model without rigid directions",
-            )
+            raise self.not_finite(int(point[np.argmax(~np.isfinite(value))]))
+
+    def not_finite(self, point: int) -> PathError:
+        """The error of a value that is not finite at a path point."""
+        return PathError(
+            point,
+            f"{self.quantity} at path point {point}",
+            value="not finite",
+            allowed="poses in which something deflects",
+            remedy="choose k_fs, or a model without rigid directions",
+        )
 
 
 def displaced(quantity: str, d: Array, normal: Array) -> Array:

@@ -17,13 +17,15 @@ from machining.cell import Cell, LinearAxis, Turntable
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from robots import Robot
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.frames import inverse
 from robots.inverse.search import refine
 
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move
 # leaves the line by nearly a parabola, whose top lies in the middle: eight pieces see it to 2 %.
 PIECES = 8
+# Poses that Newton's method is given at once.
+BLOCK = 8_192
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +123,9 @@ class Courses:
         """
         values = self.even(move, share)
         followed = np.ones(len(move), dtype=np.bool_)
-        rows = np.flatnonzero(self.straight[move] & (share > 0.0) & (share < 1.0))
-        if len(rows):
+        between = np.flatnonzero(self.straight[move] & (share > 0.0) & (share < 1.0))
+        for some in in_blocks(len(between), BLOCK):
+            rows = between[some]
             targets = self._flange(move[rows], share[rows], values[rows])
             q, met = refine(self.program.robot, values[rows, : self.axes.dof], targets)
             values[rows[met], : self.axes.dof] = q[met]

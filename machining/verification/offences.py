@@ -9,12 +9,12 @@ from enum import StrEnum
 import numpy as np
 
 from machining.cell.cell import LIMIT_TOLERANCE
-from machining.verification.courses import PIECES, Courses
+from machining.verification.courses import BLOCK, PIECES, Courses
 from machining.verification.demands import Demands
 from machining.verification.path_checks import SIGNS, PathChecks, counts
 from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 
 # Values that exceed their limits by a smaller share are equal to them: rounding.
 RATE_TOLERANCE = 1e-6
@@ -283,12 +283,12 @@ def _looked_at(courses: Courses) -> Iterator[tuple[int, float, Array]]:
         if not courses.straight[move]:
             yield move, 1.0, courses.points[move]
     straight = np.flatnonzero(courses.straight)
-    if len(straight):
-        values, _ = courses.sampled(straight)
+    for some in in_blocks(len(straight), BLOCK):
+        values, _ = courses.sampled(straight[some])
         beyond = _beyond(courses, values.reshape(-1, values.shape[2])).reshape(values.shape[:2])
         for row in _where(beyond.max(axis=1) > 0.0):
             piece = int(beyond[row].argmax())
-            yield int(straight[row]), piece / PIECES, values[row, piece]
+            yield int(straight[some][row]), piece / PIECES, values[row, piece]
 
 
 def _bounded(courses: Courses, values: Array) -> list[tuple[str, Array, float, float, str]]:

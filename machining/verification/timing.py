@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.verification.courses import PIECES, Courses, MovingAxes
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers, in_blocks
 
 # Shorter ways of the tip (m) count as none: the feed says nothing about turning on the spot.
 NO_WAY = 1e-9
+# Moves that are sampled at once.
+BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,19 +59,21 @@ def timing_of(courses: Courses, smoothing: float) -> Timing:
     motions, n = program.motions, program.n
     pieces = PIECES if courses.straight.any() else 1
     steps = np.zeros((n, pieces, axes.count))
-    moves = np.arange(1, n)
-    if n > 1:
-        steps[1:] = np.diff(courses.sampled(moves, pieces)[0], axis=1)
     way = np.zeros(n)
     way[1:] = np.linalg.norm(np.diff(program.T_part_tool[:, :3, 3], axis=0), axis=1)
     asked = np.where(motions.cutting & (way > NO_WAY), way / motions.feed, np.nan)
-    # The fastest piece sets the pace of a move at an even feed.
-    permitted = _longest(pieces * np.abs(steps).max(axis=1), axes.speed)
-    time = np.where(motions.rapid, _rapid(np.abs(steps).sum(axis=1), axes), permitted)
-    time = np.where(np.isnan(asked), time, np.fmax(asked, permitted))
+    time, speed = np.zeros(n), np.full((n, axes.count), np.nan)
+    for rows in in_blocks(n, BLOCK):
+        moves = np.arange(max(rows.start, 1), rows.stop)
+        steps[moves] = np.diff(courses.sampled(moves, pieces)[0], axis=1)
+        ways = np.abs(steps[rows])
+        # The fastest piece sets the pace of a move at an even feed.
+        permitted = _longest(pieces * ways.max(axis=1), axes.speed)
+        own = np.where(motions.rapid[rows], _rapid(ways.sum(axis=1), axes), permitted)
+        time[rows] = np.where(np.isnan(asked[rows]), own, np.fmax(asked[rows], permitted))
+        with np.errstate(invalid="ignore"):
+            speed[rows] = pieces * ways.max(axis=1) / asked[rows, None]
     time[:1] = 0.0
-    with np.errstate(invalid="ignore"):
-        speed = pieces * np.abs(steps).max(axis=1) / asked[:, None]
     acceleration, corner = _accelerations(courses, steps, time, smoothing)
     return Timing(time, asked, speed, acceleration, *corner)
 
@@ -94,23 +98,47 @@ def _accelerations(
     courses: Courses, steps: Array, time: Array, smoothing: float
 ) -> tuple[Array, tuple[Integers, Integers, Array]]:
     """Greatest acceleration (n, a) of each move, and the corners that ask for too much."""
-    n, pieces, count = steps.shape
+    n, _, count = steps.shape
     peak = np.full((n, count), np.nan)
-    none = np.zeros(0, dtype=np.int64)
-    known = np.isfinite(time)
-    if n < 2 or not known[courses.program.motions.cutting].any():
-        return peak, (none, none, np.zeros(0))
-    motions = courses.program.motions
-    # A move of unknown time is a rest so long that its neighbours do not meet.
-    span = np.where(known, np.maximum(time, 1e-12), 2.0 * smoothing)
+    corners: dict[tuple[int, int], float] = {}
+    motions, known = courses.program.motions, np.isfinite(time)
+    if n > 1 and known[motions.cutting].any():
+        # A move of unknown time is a rest so long that its neighbours do not meet.
+        span = np.where(known, np.maximum(time, 1e-12), 2.0 * smoothing)
+        starts = np.concatenate([[0.0], np.cumsum(span + motions.dwell)])
+        for rows in in_blocks(n, BLOCK):
+            # With the moves on either side that smoothing reaches.
+            first = int(np.searchsorted(starts, starts[rows.start] - smoothing, side="right")) - 1
+            last = int(np.searchsorted(starts, starts[rows.stop] + smoothing))
+            around = slice(max(first, 0), min(last, n))
+            top, found = _smoothed(courses, steps[around], span[around], known[around], around.start, rows, smoothing)
+            peak[rows] = top
+            for key, rate in found.items():
+                corners[key] = max(corners.get(key, 0.0), rate)
+        peak[~known] = np.nan
+    keys = np.array(list(corners), dtype=np.int64).reshape(-1, 2)
+    return peak, (keys[:, 0], keys[:, 1], np.array(list(corners.values())))
+
+
+def _smoothed(
+    courses: Courses, steps: Array, span: Array, known: Bools, first: int, wanted: slice, smoothing: float
+) -> tuple[Array, dict[tuple[int, int], float]]:
+    """Greatest acceleration (m, a) of the moves ``wanted``, and rates of corners by their move and axis.
+
+    ``steps`` (k, pieces, a), ``span`` (k,) s and ``known`` (k,) of these moves and those around, from ``first`` on.
+    """
+    k, pieces, count = steps.shape
+    motions, around = courses.program.motions, slice(first, first + k)
+    still = motions.rapid[around] | ~known
     v = steps / (span / pieces)[:, None, None]
-    v[motions.rapid | ~known] = 0.0
+    v[still] = 0.0
     # Every move: its pieces, then its dwell if it has one.
-    length = np.concatenate([np.repeat(span[:, None] / pieces, pieces, axis=1), motions.dwell[:, None]], axis=1).ravel()
-    v = np.concatenate([v, np.zeros((n, 1, count))], axis=1).reshape(-1, count)
-    rest = np.ones((n, pieces + 1), dtype=np.bool_)
-    rest[:, :pieces] = (motions.rapid | ~known)[:, None]
-    owner = np.repeat(np.arange(n), pieces + 1)
+    dwell = motions.dwell[around, None]
+    length = np.concatenate([np.repeat(span[:, None] / pieces, pieces, axis=1), dwell], axis=1).ravel()
+    v = np.concatenate([v, np.zeros((k, 1, count))], axis=1).reshape(-1, count)
+    rest = np.ones((k, pieces + 1), dtype=np.bool_)
+    rest[:, :pieces] = still[:, None]
+    owner = first + np.repeat(np.arange(k), pieces + 1)
     real = length > 0.0
     length, v, owner, rest = length[real], v[real], owner[real], np.concatenate([[True], rest.ravel()[real], [True]])
     edge = np.concatenate([[0.0], np.cumsum(length)])
@@ -118,22 +146,21 @@ def _accelerations(
     v = np.concatenate([np.zeros((1, count)), v, np.zeros((1, count))])
     change = np.unique(np.concatenate([edge - 0.5 * smoothing, edge + 0.5 * smoothing]))
     middle = 0.5 * (change[1:] + change[:-1])
+    owner = np.append(owner, first + k - 1)
+    move = owner[np.clip(np.searchsorted(edge, middle, side="right") - 1, 0, None)]
+    inside = (move >= wanted.start) & (move < wanted.stop)
+    middle, move = middle[inside], move[inside]
     ahead = np.searchsorted(edge, middle + 0.5 * smoothing, side="right")
     behind = np.searchsorted(edge, middle - 0.5 * smoothing, side="right")
     rate = np.abs(v[ahead] - v[behind]) / smoothing
     rate[rest[ahead] | rest[behind]] = 0.0
-    owner = np.append(owner, n - 1)
-    move = owner[np.clip(np.searchsorted(edge, middle, side="right") - 1, 0, None)]
-    top = np.zeros((n, count))
-    np.maximum.at(top, move, rate)
-    peak[known] = top[known]
-    beyond = np.argwhere(rate > courses.axes.acceleration * (1.0 + 1e-6))
+    top = np.zeros((wanted.stop - wanted.start, count))
+    np.maximum.at(top, move - wanted.start, rate)
     corners: dict[tuple[int, int], float] = {}
-    for row, axis in beyond:
+    for row, axis in np.argwhere(rate > courses.axes.acceleration * (1.0 + 1e-6)):
         # Of the corners that the smoothing spans, the sharpest is to blame; it is where the next move begins.
         at = np.arange(behind[row], ahead[row])
         sharpest = int(at[np.argmax(np.abs(v[at + 1, axis] - v[at, axis]))])
         key = int(owner[sharpest]), int(axis)
         corners[key] = max(corners.get(key, 0.0), float(rate[row, axis]))
-    keys = np.array(list(corners), dtype=np.int64).reshape(-1, 2)
-    return peak, (keys[:, 0], keys[:, 1], np.array(list(corners.values())))
+    return top, corners

@@ -10,9 +10,11 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
+# Rows that are turned into text at once.
+BLOCK = 4096
 # With the full-width signs, which some spreadsheets take for the plain ones.
 _FORMULA = re.compile(r"'*(?:\s*[=+\-@\uff1d\uff0b\uff0d\uff20]|[\t\r\n])")
 _QUOTED = re.compile(r'[",\r\n]')
@@ -70,11 +72,22 @@ def records_text(records: Iterable[Mapping[str, Any]]) -> str:
     return rows_text([names, *([record.get(name) for name in names] for record in kept)])
 
 
-def columns_text(columns: Mapping[str, Sequence[Any]], digits: int | None = None) -> str:
-    """Columns of one length as text; ``digits``: significant ones of numbers that are not whole, None: all."""
+def columns_parts(columns: Mapping[str, Sequence[Any]], digits: int | None = None) -> Iterator[str]:
+    """Columns of one length as text, some thousand rows at a time, so that long ones take no memory.
+
+    ``digits``: significant ones of numbers that are not whole, None: all.
+    """
 
     def short(value: Any) -> object:
         return f"{value:.{digits}g}" if digits and isinstance(value, float) and math.isfinite(value) else value
 
-    plain = [values.tolist() if hasattr(values, "tolist") else values for values in columns.values()]
-    return rows_text([columns, *(map(short, row) for row in zip(*plain, strict=True))])
+    yield rows_text([columns])
+    for first in range(0, max(map(len, columns.values()), default=0), BLOCK):
+        some = [values[first : first + BLOCK] for values in columns.values()]
+        plain = [values.tolist() if hasattr(values, "tolist") else values for values in some]
+        yield rows_text(map(short, row) for row in zip(*plain, strict=True))
+
+
+def columns_text(columns: Mapping[str, Sequence[Any]], digits: int | None = None) -> str:
+    """All of :func:`columns_parts` as one text."""
+    return "".join(columns_parts(columns, digits))

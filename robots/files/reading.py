@@ -26,7 +26,7 @@ from robots.files.published import heal_above
 # Far above any model, table or tool path (170 bytes of memory a move); a mesh of a million triangles has 50 MB.
 LARGEST_FILE = 256 * 2**20
 # Bytes kept for later readers of the same file; beyond that a file is read again and must still be the same.
-MOST_KEPT = 256 * 2**20
+MOST_KEPT = 16 * 2**20
 # No file of ours nests deeper than ten; parsers and those who walk their results recurse.
 DEEPEST = 64
 # Beyond 64 bits whole numbers fit no array.
@@ -112,17 +112,15 @@ def read_bytes(
     place = _place(path)
     if ledger is not None and (before := ledger.kept(place)) is not None:
         return before
-    heal_above(Path(place))
-    try:
-        data = _ordinary(path, kind, most, remedy)
-    except (OSError, ValueError) as error:  # ValueError: no path at all, as with a null character in it
-        if isinstance(error, InputError):
-            raise
-        reason = "it does not exist" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None)
-        raise InputError(f"{kind} {path} cannot be read ({reason or error})", remedy=remedy) from error
+    data = _read(path, kind, most, remedy)
     if ledger is not None and not ledger.enter(place, data):
         raise InputError(f"{kind} {path} has changed while this command was running", remedy="run the command again")
     return data
+
+
+def read_start(path: Path | str, kind: str, size: int) -> bytes:
+    """The first ``size`` bytes of an ordinary file of any size, not recorded; errors as :func:`read_bytes`."""
+    return _read(path, kind, None, "check the path", size)
 
 
 def read_sha256(path: Path | str, kind: str, *, remedy: str = "check the path") -> str:
@@ -188,8 +186,23 @@ def _place(path: Path | str) -> str:
         return str(path)
 
 
-def _ordinary(path: Path | str, kind: str, most: int, remedy: str) -> bytes:
-    """Read a file that is neither folder, pipe nor device; opening one of these would wait for ever, or never end."""
+def _read(path: Path | str, kind: str, most: int | None, remedy: str, start: int = -1) -> bytes:
+    """Read a file as :func:`_ordinary` does; what the system says against it becomes one error."""
+    heal_above(Path(_place(path)))
+    try:
+        return _ordinary(path, kind, most, remedy, start)
+    except (OSError, ValueError) as error:  # ValueError: no path at all, as with a null character in it
+        if isinstance(error, InputError):
+            raise
+        reason = "it does not exist" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None)
+        raise InputError(f"{kind} {path} cannot be read ({reason or error})", remedy=remedy) from error
+
+
+def _ordinary(path: Path | str, kind: str, most: int | None, remedy: str, start: int = -1) -> bytes:
+    """Read a file that is neither folder, pipe nor device; opening one of these would wait for ever, or never end.
+
+    ``most``: its largest size; None: any, and only ``start`` bytes of it are read.
+    """
     # Without O_NONBLOCK opening a pipe waits for its other end.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
     if not stat.S_ISREG(mode := os.stat(path).st_mode):
@@ -203,8 +216,12 @@ def _ordinary(path: Path | str, kind: str, most: int, remedy: str) -> bytes:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):  # it was changed between the two calls
             raise InputError(f"{kind} {path} cannot be read (no ordinary file)", remedy=remedy)
-        # One byte more than allowed tells a file that is longer than it says, as those in /proc.
-        data = file.read(most + 1) if status.st_size <= most else b""
+        if most is None:
+            return file.read(start)
+        data = file.read(status.st_size + 1) if status.st_size <= most else b""
+        # A file may be longer than it says, as those in /proc; one byte more than allowed tells.
+        if len(data) > status.st_size:
+            data += file.read(most + 1 - len(data))
     if status.st_size > most or len(data) > most:
         raise InputError(
             f"{kind} {path}: size",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, in_blocks
 from robots.errors import require_positive
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.spherical_wrist import SphericalWristArm, spherical_wrist_arm, why_not_spherical
@@ -16,6 +16,8 @@ from robots.robot import Robot
 # Smallest singular value of the Jacobian (lengths over the arm's) below which a pose is near a singular one: a hand
 # then turns or moves in some direction a hundred times slower than its joints.
 NEAR_SINGULAR = 0.01
+# Poses whose frames are held at once.
+BLOCK = 8_192
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,10 @@ def configuration(arm: SphericalWristArm, robot: Robot, q: Array) -> Array:
 
     Positive: front, up (in front), no flip. Their zeros are the singularities (elbow and wrist: pi as well).
     """
-    frames = forward_kinematics(robot, q)
-    centre = frames.p_flange + frames.R_flange @ arm.wrist.centre_flange - arm.p1
+    centre = np.empty((len(q), 3))
+    for rows in in_blocks(len(q), BLOCK):
+        frames = forward_kinematics(robot, q[rows])
+        centre[rows] = frames.p_flange + frames.R_flange @ arm.wrist.centre_flange - arm.p1
     x, y, _ = arm.B1.T @ centre.T
     shoulder = arm.front * (np.cos(q[:, 0]) * y - np.sin(q[:, 0]) * x)
     elbow = arm.elbow_up * _half_turn(arm.elbow_zero + arm.sign3 * q[:, 2])

@@ -84,6 +84,14 @@ def failure_of(error: InputError) -> Failure | None:
     return found[0][1] if found else None
 
 
+def code_of(error: BaseException) -> str | None:
+    """The code of an error of any kind; None of several at once, and of errors that others make."""
+    if not isinstance(error, InputError):
+        return INTERNAL
+    failure = failure_of(error)
+    return None if failure is None else failure.code
+
+
 def warning_of(text: str) -> Failure | None:
     """What the catalogue says of a warning; None of a mere remark."""
     for failure in catalogue().values():

@@ -8,7 +8,7 @@ import platform
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -119,7 +119,12 @@ class OutputFolder:
 
     def write_text(self, name: str, text: str) -> None:
         """Write a text file."""
-        self.path(name).write_text(text, encoding="utf-8")
+        self.write_parts(name, (text,))
+
+    def write_parts(self, name: str, parts: Iterable[str]) -> None:
+        """Write a text file whose parts are made one by one."""
+        with self.path(name).open("w", encoding="utf-8") as file:
+            file.writelines(parts)
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file."""

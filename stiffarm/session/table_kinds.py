@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from robots import InputError, ModelDescription, load_description
-from robots.files.reading import BYTE_ORDER_MARK, read_bytes
+from robots.files.reading import BYTE_ORDER_MARK, read_bytes, read_start
 
 
 class Kind(NamedTuple):
@@ -73,6 +73,8 @@ _SUFFIXES: Final = {
 }
 # A joint's table of a model file, in TOML; of a robot, in URDF.
 _MODEL: Final = re.compile(rb"^\[\[joint\]\]", re.M)
+# Bytes in which a table's header or a mark of the kind stands.
+START: Final = 65536
 _SCHEMA: Final = re.compile(rb'"schema"\s*:\s*"stiffarm-(program|surrogate)')
 
 
@@ -84,18 +86,23 @@ def kind_of(path: Path) -> Kind | None:
     if suffix == ".xlsx":
         return _of_workbook(path)
     try:
-        data = read_bytes(path, "file").removeprefix(BYTE_ORDER_MARK)
+        data = _enough(path, suffix).removeprefix(BYTE_ORDER_MARK)
     except InputError:
         return None
     if suffix == ".toml":
         return MODEL if _MODEL.search(data) else None
     if suffix in (".json", ".csv") and (found := _SCHEMA.search(data[:4096])):
         return PROGRAM if found[1] == b"program" else SURROGATE
-    if data[:512].lstrip().startswith((b"<?xml", b"<robot")) and b"<robot" in data[:65536]:
+    if data[:512].lstrip().startswith((b"<?xml", b"<robot")) and b"<robot" in data:
         return MODEL
     if suffix == ".csv":
-        return _of_text(data[:65536])
+        return _of_text(data)
     return _SUFFIXES.get(suffix)
+
+
+def _enough(path: Path, suffix: str) -> bytes:
+    """So much of a file that its kind can be told; joints may stand anywhere in a model's."""
+    return read_bytes(path, "file") if suffix == ".toml" else read_start(path, "file", START)
 
 
 def _of_text(start: bytes) -> Kind | None:

@@ -12,8 +12,10 @@ shell's are held flat at the clamp, where the plate is stiffer by up to ``1 / (1
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +40,16 @@ def test_published_values_are_rod_theorys(thickness: float, direction: Direction
     # plane, which bends at the clamp. A slip in a published digit would be larger.
     published = TWISTED_BEAM[thickness, direction]
     assert rod(thickness, direction) == pytest.approx(published, rel=0.012)
+
+
+@pytest.mark.parametrize(("thickness", "direction"), CASES)
+def test_the_page_has_these_figures(thickness: float, direction: Direction) -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "validation" / "shell_convergence_quad.md"
+    (line,) = re.findall(rf"^\| {thickness}, {direction} \|(.*)\|$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    published, found, ratio = (float(cell) for cell in line.split("|")[:3])
+    assert published == pytest.approx(TWISTED_BEAM[thickness, direction], rel=1e-3)
+    assert found == pytest.approx(rod(thickness, direction), rel=4e-4)  # four digits
+    assert ratio == pytest.approx(rod(thickness, direction) / TWISTED_BEAM[thickness, direction], abs=6e-4)
 
 
 @pytest.mark.parametrize(("thickness", "direction"), CASES)

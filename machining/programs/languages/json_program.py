@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -32,6 +33,9 @@ VALUES = {
     "operation": ("operation", 1.0), "tool": ("tool", 1.0), "spindle": ("spindle_rpm", RPM), "dwell": ("dwell_s", 1.0),
     "probe": ("on", 1.0),
 }  # fmt: skip
+# Characters of moves that are read at once, and where they begin if each has a line of its own.
+CHARACTERS = 2**20
+_MOVES = re.compile(r',\s*"moves":[ \t]*\[[ \t]*\r?\n')
 SIZES = ("diameter_mm", "corner_radius_mm", "length_mm")
 
 
@@ -83,7 +87,7 @@ class Json(Neutral):
         InputError
             No JSON, another schema, another robot, other axes; a missing key or column, a value of the wrong kind.
         """
-        data = parse_json(text, where, remedy="write the file again")
+        data, lines = _parsed(text, where)
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             found = data.get("schema") if isinstance(data, dict) else type(data).__name__
             raise InputError(f"{where}, schema", value=str(found)[:80], allowed=SCHEMA)
@@ -97,7 +101,6 @@ class Json(Neutral):
                 raise InputError(f"{where}, {key}", value=str(value)[:80], allowed=str(wanted))
         table = _table(data, columns(robot, cell), where)
         try:
-            lines = _lines(text, len(data["moves"]))
             return program_of(robot, cell, table, where, lines, **_others(data, table, where))
         except InputError:
             raise
@@ -118,15 +121,44 @@ class Json(Neutral):
         return None
 
 
-def _lines(text: str, n: int) -> Integers | None:
-    """Lines of the n moves where each row of them stands in a line of its own."""
-    lines = text.splitlines()
-    first = next((i for i, line in enumerate(lines) if '"moves"' in line), None)
-    if first is None:
-        return None
-    rows = [line.strip() for line in lines[first + 1 : first + 1 + n]]
-    alone = len(rows) == n and all(row.startswith("[") and row.rstrip(",").endswith("]") for row in rows)
-    return np.arange(first + 2, first + 2 + n) if alone else None
+def _parsed(text: str, where: str) -> tuple[Any, Integers | None]:
+    """What the file says, with ``moves`` (n, m) where each stands in a line of its own, and then their lines.
+
+    Of a long program the moves as Python's numbers would be four times as large as its text.
+    """
+    start, stop = _MOVES.search(text), text.rfind("]")
+    if start is not None and text[stop + 1 :].strip() == "}":
+        head = text[: start.start()] + "}"
+        try:
+            data = parse_json(head, where)
+            blocks = [_rows(block, where) for block in _blocks(text, start.end(), stop)]
+        except (InputError, ValueError):
+            # It is laid out in another way, or something is wrong, which the whole of it tells with its place.
+            blocks = []
+        if blocks and "moves" not in data:
+            moves, first = np.concatenate(blocks), text.count("\n", 0, start.end()) + 1
+            return data | {"moves": moves}, np.arange(first, first + len(moves))
+    return parse_json(text, where, remedy="write the file again"), None
+
+
+def _blocks(text: str, start: int, stop: int) -> Iterator[str]:
+    """Whole lines of a part of a text, some thousand at a time; without the white space at its end."""
+    while start < stop:
+        end = text.find("\n", start + CHARACTERS, stop)
+        end = stop if end < 0 else end + 1
+        block = text[start:end].rstrip()
+        if block:
+            yield block
+        start = end
+
+
+def _rows(block: str, where: str) -> Array:
+    """Moves (k, m) of lines with one each. Raises ValueError or InputError where they are not that."""
+    rows = parse_json(f"[{block.removesuffix(',')}]", where)
+    lines = [line.strip() for line in block.split("\n")]
+    if not (len(rows) == len(lines) and all(line.startswith("[") and line.rstrip(",").endswith("]") for line in lines)):
+        raise ValueError("not one move a line")
+    return _numbers(rows, len(rows[0]), where)
 
 
 def _event(event: Event) -> dict[str, Any]:
@@ -163,18 +195,26 @@ def _list(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
     return value
 
 
-def _table(data: Mapping[str, Any], wanted: list[str], where: str) -> dict[str, Array]:
+def _table(data: dict[str, Any], wanted: list[str], where: str) -> dict[str, Array]:
     if _list(data, "columns", where) != wanted:
         raise InputError(f"{where}, columns", allowed=", ".join(wanted))
-    rows = _list(data, "moves", where)
+    if not isinstance(data.get("moves"), np.ndarray):
+        moves = _numbers(_list(data, "moves", where), len(wanted), where)
+    # Taken out, so that it does not stand beside the table made of it.
+    elif (moves := data.pop("moves")).shape[1] != len(wanted):
+        raise InputError(f"{where}, moves", value=f"{moves.shape[1]} values each", allowed=f"{len(wanted)} values")
+    return table_of(wanted, moves, where)
+
+
+def _numbers(rows: Any, count: int, where: str) -> Array:
+    """Moves (k, count) of rows of that many numbers, null as NaN. Raises InputError for anything else."""
     known = {int, float, bool, type(None)}
     for i, row in enumerate(rows):
-        if type(row) is not list or len(row) != len(wanted):
-            raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {len(wanted)} values")
+        if type(row) is not list or len(row) != count:
+            raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {count} values")
         if not known.issuperset(map(type, row)):
             raise InputError(f"{where}, move {i + 1}", allowed="numbers, true, false or null")
-    # What is null becomes NaN.
-    return table_of(wanted, np.array(rows, dtype=np.float64), where)
+    return np.array(rows, dtype=np.float64)
 
 
 def _others(data: Mapping[str, Any], table: Mapping[str, Array], where: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from machining.stiffness.criterion import Criterion
 from machining.tooling import require_tools
 from machining.toolpaths import read_given_path
 from robots import InputError
-from robots.files.csv_text import columns_text
+from robots.files.csv_text import columns_parts
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
@@ -269,8 +269,8 @@ def _write(folder: OutputFolder, model: str, given: Arm, step: PlacedStep, conte
     from stiffarm.commands.posture.axes_page import NAME, axes_page
 
     folder.write_json("placement.json", content)
-    folder.write_text("placement.csv", columns_text(placement_payload.columns(step)))
-    folder.write_text(positions.NAME, columns_text(positions.position_columns(step.map)))
+    folder.write_parts("placement.csv", columns_parts(placement_payload.columns(step)))
+    folder.write_parts(positions.NAME, columns_parts(positions.position_columns(step.map)))
     title = given.description.title.split(" (")[0]
     study = axes_study(step, model, given.description)
     if study is not None:

@@ -19,7 +19,7 @@ from machining.toolpaths import read_given_path
 from machining.toolpaths.conversion import GivenPath
 from robots import InputError
 from robots.arrays import Array
-from robots.files.csv_text import columns_text
+from robots.files.csv_text import columns_parts
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.session.console import progress, say, show_table
@@ -213,7 +213,7 @@ def _write(
     from stiffarm.commands.posture.report import write_report
 
     folder.write_json("posture.json", content)
-    folder.write_text("posture.csv", columns_text(posture_payload.columns(posed)))
+    folder.write_parts("posture.csv", columns_parts(posture_payload.columns(posed)))
     title = given.description.title.split(" (")[0]
     study = axes_study(posed, setup, model, given.description, path)
     if study is not None:

@@ -16,6 +16,7 @@ from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
+from stiffarm.failures import code_of
 from stiffarm.session.console import EXIT_OTHER, say
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
@@ -69,7 +70,7 @@ def open_session(given: Arm, setup: Setup) -> Session:
         # A cell of --tool and --part has no name of its own.
         "cell": None if setup.arm is None else setup.cell.name,
     }
-    return Session(given.model, setup.cell, setup.arm, facts)
+    return Session(given.model, setup.cell, setup.arm, facts, code_of)
 
 
 class _Answers:

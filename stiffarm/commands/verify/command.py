@@ -12,7 +12,7 @@ from machining.cell import arm_of
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from robots import content_hash
-from robots.files.csv_text import columns_text, records_text
+from robots.files.csv_text import columns_parts, records_text
 from robots.joint_errors import designed
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import REMEDIES, distance_words, offence_words, sentence, value_words
@@ -119,7 +119,7 @@ def _write(folder: OutputFolder, found: Verification, title: str, content: dict[
 
     folder.write_json("verification.json", content)
     folder.write_text("offences.csv", records_text(offence_rows(found)))
-    folder.write_text("moves.csv", columns_text(move_columns(found)))
+    folder.write_parts("moves.csv", columns_parts(move_columns(found)))
     source = found.program.motions.source
     folder.write_text("replay.html", replay_page(found, f"{title}, {source}" if source else title))
     write_report(found, title, folder)

@@ -13,7 +13,7 @@ from machining.posture.drive import Drive
 from machining.posture.long_path import optimise_long_path
 from machining.posture.path import optimise_path
 from machining.posture.points import GammaRange
-from machining.posture.problem import course_at
+from machining.posture.stretches import course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
 from robots import InputError, forward_kinematics

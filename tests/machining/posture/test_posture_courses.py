@@ -84,5 +84,6 @@ def test_a_gap_names_the_nearest_pair() -> None:
     links = Links(np.full((2, 2), 0.1), np.inf, np.full((2, 2), 0.1), 1.0)
     gap = cheapest_course(layers, links)
     assert isinstance(gap, Gap)
-    assert (gap.after, gap.before, gap.behind) == (0, 0, 3)
+    assert gap.after == 0
+    assert np.array_equal(gap.poses, q[[0, 3]])
     assert gap.excess == pytest.approx(3.0)

@@ -16,7 +16,7 @@ from machining.cell import clearance
 from machining.cutting import ConstantForce
 from machining.placement import Goal, Problem, find_fixed, space_of
 from machining.posture.long_path import optimise_long_path
-from machining.posture.problem import course_at
+from machining.posture.stretches import course_at
 from machining.service import Session
 from robots import forward_kinematics
 

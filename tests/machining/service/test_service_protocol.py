@@ -109,7 +109,7 @@ def test_faults_are_answered_and_the_session_lives(session: Session, line: bytes
     wrong, after = run(session, line + b'\n{"id": 2, "do": "ping"}\n')
     assert not wrong["ok"]
     assert words in json.dumps(wrong["error"]), wrong
-    assert set(wrong["error"]) >= {"what", "value", "allowed", "remedy"}
+    assert set(wrong["error"]) >= {"what", "value", "allowed", "remedy", "code"}
     assert len(json.dumps(wrong)) < 4000
     assert after == {"id": 2, "ok": True}
 

@@ -18,6 +18,7 @@ import serve_speed
 from cli_runs import ROOT, environment, heed_ctrl_c, run_here
 
 from stiffarm.commands.serve.command import open_session
+from stiffarm.failures import catalogue
 from stiffarm.session.inputs import read_model
 from stiffarm.session.task_setup import read_setup
 
@@ -53,6 +54,7 @@ def test_a_conversation() -> None:
     answers = [json.loads(line) for line in out.splitlines()]
     assert [a["ok"] for a in answers] == [False, False, False, False, True]
     assert "too long" in answers[3]["error"]["value"]
+    assert {a["error"]["code"] for a in answers[:4]} <= set(catalogue())
     assert answers[4]["tool_mm_deg"] == [0, 0, 200, 0, 0, 0]
     assert process.returncode == 0
     assert "is ready" in err.decode()

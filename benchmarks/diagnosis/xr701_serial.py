@@ -1,0 +1,73 @@
+"""What a diagnosis makes of the XR701's real readings, taken for a serial chain: at 650 N and at all loads.
+
+    python benchmarks/diagnosis/xr701_serial.py [--write]
+
+``--write`` writes benchmarks/diagnosis/results/xr701_serial.json, which docs/concepts/diagnosis.md and
+docs/validation/xr701_tables.md have their figures from. It takes a minute or two.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+PATH = "load-path"
+RESULTS = Path(__file__).parent / "results" / "xr701_serial.json"
+# The third of the readings that the published scheme uses, and all of them.
+RUNS = {"650 N": ("--loads", "650"), "all loads": ()}
+
+
+def diagnosed(options: tuple[str, ...]) -> dict[str, Any]:
+    """The JSON of one diagnosis."""
+    command = [sys.executable, "-m", "stiffarm", "diagnose", "xr701", "--load-path", "serial", *options, "--json"]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=True)  # noqa: S603
+    content: dict[str, Any] = json.loads(done.stdout)
+    return content
+
+
+def kept(content: dict[str, Any]) -> dict[str, Any]:
+    """The figures that pages state, in their units; probabilities as shares."""
+    named = [*content["effects"], *content["provisional"]]
+    last = {c["code"]: c["probability"] for c in content["looks"][-1]["candidates"]}
+    gap = content["gap"]
+    return {
+        "verdict": content["verdict"],
+        "readings": content["readings"],
+        "effects": {one["code"]: one["probability"] for one in named},
+        "after_the_checks": content["stated_probability"],
+        "last_look": last,
+        "beyond_the_path": sum(p for code, p in last.items() if code not in ("none", PATH)),
+        "rms_mm": {
+            when: {key: value for key, value in gap[when].items() if key.endswith("_mm")}
+            for when in ("before", "after")
+        },
+        "share_of_pose": {one["pose"]: one["share"] for one in content["where"]["pose"]},
+        "odd_readings": [{key: one[key] for key in ("line", "load_N", "weight")} for one in content["odd_readings"]],
+        "law_over_the_load": [
+            {name: one["value"] for name, one in effect["parameters"].items()}
+            for effect in named
+            if effect["code"].startswith("learned-load")
+        ],
+        "not_testable": len(content["not_testable"]),
+    }
+
+
+def main() -> int:
+    """Diagnose twice, and print or keep what came of it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="write the results file")
+    write = parser.parse_args().write
+    text = json.dumps({name: kept(diagnosed(options)) for name, options in RUNS.items()}, indent=1) + "\n"
+    if write:
+        RESULTS.write_text(text, encoding="utf-8")
+    else:
+        sys.stdout.write(text)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
