@@ -78,7 +78,7 @@ def load_description(model: str | Path) -> ModelDescription:
             value=name,
             allowed=f"{', '.join((*bundled_names(), *([close] if close else [])))}, an arm of the library, or the path "
             "of a model TOML or a URDF",
-            remedy="check the path: there is no such file"
+            remedy="check the path: there is no such file; `stiffarm robots` lists the names of arms"
             if path.suffix or path.parent != Path()
             else "`stiffarm robots` lists all names; `stiffarm new` makes a model file of another arm",
         )
