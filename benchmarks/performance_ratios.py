@@ -113,7 +113,7 @@ FASTER = (
     Ratio("map of an index, 1500 points x 72 gamma", "numpy", *INDICES, "ratio", ("map, 1500",)),
     Ratio(
         "stiffest or softest pose at every point of a slice",
-        "our search of before, each point by itself; recorded, not run beside it",
+        "our earlier search, each point separately; recorded, not run again",
         "performance/slices.md",
         "benchmarks/statics/slice_speed.py",
         "times as fast",
@@ -195,31 +195,39 @@ DETAILS = (
     (
         "calibration",
         "Calibration and screening",
-        "A calibration, its intervals, a screening, against plain least squares.",
+        "A calibration, its intervals and a screening, compared with plain least squares.",
     ),
-    ("diagnosis", "A diagnosis", "Processor time and memory of a diagnosis, against the version of before."),
+    ("diagnosis", "A diagnosis", "Processor time and memory of a diagnosis, compared with the previous version."),
     (
         "indices",
         "Indices over planes and angles",
-        "k_fs at every point, angle and branch, against Jacobians from pinocchio.",
+        "k_fs at every point, angle and branch, compared with Jacobians from pinocchio.",
     ),
-    ("maps", "Maps", "A million poses with the full 6 x 6 compliance, against numpy, direct stiffness and pinocchio."),
-    ("slices", "Slices of extreme poses", "The stiffest pose at every point, against looking at each point by itself."),
-    ("queries", "Queries of a surrogate", "Queries per second, against scikit-learn."),
+    (
+        "maps",
+        "Maps",
+        "A million poses with the full 6 x 6 compliance, compared with numpy, direct stiffness and pinocchio.",
+    ),
+    (
+        "slices",
+        "Slices of extreme poses",
+        "The stiffest pose at every point, compared with searching each point separately.",
+    ),
+    ("queries", "Queries of a surrogate", "Queries per second, compared with scikit-learn."),
     ("toolpaths", "A tool path of 1e5 points", "Seconds and memory from the CLS file to verified programs."),
-    ("start", "Starting", "Processor time until a command answers, against `import numpy`."),
-    ("service", "The service for postprocessors", "Milliseconds an answer, against a process a point."),
+    ("start", "Starting", "Processor time until a command answers, compared with `import numpy`."),
+    ("service", "The service for postprocessors", "Milliseconds per answer, compared with one process per point."),
 )
 
 
 HEAD = """# Performance
 
-How many times as fast as the usual alternative. Each ratio was measured in one run with its peer, unless its row
-says otherwise; times are those of one machine, and stand on the pages behind the table.
+How many times as fast stiffarm is as the usual alternative. Each ratio was measured in one run with its peer, unless
+its row says otherwise. The times, all from one machine, are on the pages behind the table.
 """
-NOTE = """A range is that over the rows of its page: over arms, or over cases. Of memory it is how many times less, of
-base positions how many times fewer. Rows with *before* compare stiffarm with itself; all others with a peer that anyone
-can install, or with the plain way of doing it.
+NOTE = """A range covers the rows of its page: several arms, or several cases. For memory the ratio is how many times
+less, for base positions how many times fewer. Rows with *before* compare stiffarm with its earlier self; all others
+with a program that anyone can install, or with the plain method.
 """
 
 
@@ -273,12 +281,12 @@ def _two(x: float) -> str:
 
 def lasts(text: str) -> str:
     """How far the page says that its ratios repeat."""
-    said = re.search(r"give or take a (\w+)", " ".join(text.split()))
+    said = re.search(r"to within a (\w+)", " ".join(text.split()))
     return f"a {said[1]}" if said else "not stated"
 
 
 def lines(rows: Iterable[Ratio], heading: str) -> list[str]:
-    out = [f"| what | against | {heading} | give or take | measured on | repeat |", "|---|---|---|---|---|---|"]
+    out = [f"| what | against | {heading} | repeats to within | measured on | repeat |", "|---|---|---|---|---|---|"]
     for r in rows:
         text = (DOCS / r.page).read_text(encoding="utf-8")
         title = re.findall(r"^# (.+)$", text, re.MULTILINE)[0]

@@ -20,8 +20,8 @@ PAGE = ROOT / "docs" / "performance" / "start.md"
 PEER = ("-c", "import numpy")
 POSE = "q2_deg=5,q3real_deg=77.5"
 WHY = (
-    "A command imports only what it uses: packages load a name's module when the name is asked for, and the list of\n"
-    "commands needs none of them. Which modules each command loads is held by `tests/stiffarm/session/test_start.py`."
+    "A command imports only what it uses: packages load a module when one of its names is first used, and the list of\n"
+    "commands needs none of them. `tests/stiffarm/session/test_start.py` checks which modules each command loads."
 )
 COMMANDS = (
     ("--help",),
@@ -76,8 +76,8 @@ def main() -> None:
     if options.write:
         PAGE.write_text(
             "# How long commands take to start\n\n"
-            "`stiffarm --help` takes three times the processor time of `import numpy`, a query eight times, a pose of "
-            "`simulate` or\n`index` nine to ten times.\n"
+            "`stiffarm --help` takes three times the processor time of `import numpy`, a query eight times, one pose "
+            "with `simulate` or\n`index` nine to ten times.\n"
             "\nMeasured by `python benchmarks/start_time.py --write`: user and "
             f"system time of a process, least of {options.runs} runs.\n\n{text}\n\n{WHY}\n",
             encoding="utf-8",

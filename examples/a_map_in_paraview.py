@@ -2,7 +2,8 @@
 ================================
 
 A map of the whole workspace is saved as one file that ParaView opens; pyvista reads the
-same file in Python. All that is stiff enough for the job is cut out of it.
+same file in Python. The script cuts out the part of the workspace that is stiff enough
+for the job.
 """
 # Needs: OpenGL
 
@@ -37,8 +38,7 @@ assert 0.2 < share < 0.8
 
 # %%
 # In ParaView: open `map.vti`, apply *Threshold* to `stiffness_N_per_mm`, then *Clip*.
-# The file has all other quantities of the map and the joint angles of each point as
-# well.
+# The file also has all other quantities of the map and the joint angles of each point.
 #
 # Read on: :doc:`/how-to/maps`, :doc:`/reference/stiffness_map`. A plane of it with the
 # arm: :doc:`where_is_it_stiff`.

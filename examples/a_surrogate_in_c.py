@@ -1,9 +1,9 @@
 """Can a C program ask for the stiffness?
 =========================================
 
-The surrogate is written as one C99 header that needs the standard library alone, for a
-controller or a simulator. A small program asks it at many angles, and its answers are
-held against those of Python.
+The surrogate is written as one C99 header that needs only the standard library, for a
+controller or a simulator. A small program evaluates it at many angles, and its answers
+are compared with those of Python.
 """
 # Needs: a C compiler
 
@@ -52,9 +52,9 @@ assert len(in_c) == len(angles)
 assert off < 1e-9
 
 # %%
-# Beyond the ranges it was learned over the function returns a status and no value, as
-# Python does. The comment at the top of the header has the ranges, the units and the
-# errors against runs kept out of the fit.
+# Outside the range over which it was fitted, the function returns a status and no
+# value, as in Python. The comment at the top of the header gives the ranges, the units
+# and the errors on runs kept out of the fit.
 #
 # Read on: :doc:`/how-to/surrogate` (Python without imports, JavaScript, ONNX),
 # :doc:`/performance/queries`.

@@ -1,8 +1,8 @@
 """How stiff is it as the arm leans?
 ====================================
 
-A surrogate has learned the calibrated XR701 and answers in microseconds. Each answer
-has an error bar, in which the calibration's own uncertainty is included.
+A surrogate was fitted to the calibrated XR701 and answers in microseconds. Each answer
+has an error bar that includes the uncertainty of the calibration.
 """
 
 import matplotlib.pyplot as plt
@@ -35,8 +35,9 @@ assert last > 2 * first
 assert surrogate.learned.errors.max_relative < 1e-6
 
 # %%
-# The surrogate reproduces the model to rounding, so the band is what nine poses of
-# readings leave open: a better answer takes more readings, not a better fit.
+# The surrogate reproduces the model to rounding error, so the band is the uncertainty
+# that nine poses of readings leave: a better answer takes more readings, not a better
+# fit.
 #
 # Read on: :doc:`/how-to/surrogate`, :doc:`/validation/surrogate_accuracy`. Outside of
 # Python: :doc:`a_surrogate_in_c`.

@@ -1,9 +1,9 @@
 """How stiff are the joints of a real FANUC?
 ============================================
 
-The tool of a FANUC R-2000iC was pulled in 43 poses, and its displacement measured along
-three axes. From these readings every joint gets a stiffness, and an interval that says
-how sure it is.
+The tool of a FANUC R-2000iC was pulled in 43 poses, and its displacement was measured
+along three axes. From these readings every joint gets a stiffness, and an interval that
+says how sure it is.
 """
 
 import matplotlib.pyplot as plt
@@ -38,9 +38,9 @@ assert cal.identified == cal.free == 6
 assert 0.2 < left_out / whole < 0.5
 
 # %%
-# Each pose is predicted by a calibration that has not seen it, so the last line is what
-# six springs are worth at a pose of your own. All six are identified, and yet they
-# leave part of the readings unexplained.
+# Each pose is predicted by a calibration without it, so the last line is the error to
+# expect from six springs at a new pose. All six are identified, but they leave part of
+# the readings unexplained.
 #
 # Read on: :doc:`/how-to/calibrate`, :doc:`/validation/fanuc`. Next: what is left,
 # :doc:`what_else_gives_way`.

@@ -1,9 +1,9 @@
 """How accurate could a UR5 be?
 ===============================
 
-A tracker read where the flange of a UR5 really was, at 250 points of a grid; 20 other
-poses are held out. The calibration finds frames, geometry and the error of each joint
-over its angle.
+A tracker measured where the flange of a UR5 really was, at 250 points of a grid; 20
+other poses are held out. The calibration finds frames, geometry and the error of each
+joint as a function of its angle.
 """
 
 import matplotlib.pyplot as plt
@@ -36,9 +36,10 @@ assert held_out < 0.75 * geometry.left_out_rms_mm < 0.2 * before
 assert not [p.name for p in found.parameters if "stiffness" in p.name and p.value]
 
 # %%
-# Geometry mends most of it, and the wavy errors of single joints most of the rest.
-# Springs under the arm's own weight are free as well, and the readings give none of
-# them a value: what is left is not softness, but joints that turn unevenly.
+# Geometry corrects most of the error, and the periodic errors of single joints most of
+# the rest. Springs under the arm's own weight are free as well, but the readings give
+# none of them a value: the remaining error comes from joints that turn unevenly, not
+# from compliance.
 #
 # Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`. Why the poses held
 # out matter: :doc:`which_model_is_honest`.

@@ -1,8 +1,8 @@
 """How far does the tool sag under a load?
 ==========================================
 
-A calibrated XR701 stretches out and takes 650 N at its tool. The simulation says how
-far it sags, and which part gives way most.
+A calibrated XR701 stretches out under 650 N at its tool. The simulation says how far it
+sags, and which part deflects most.
 """
 
 import matplotlib.pyplot as plt
@@ -34,8 +34,8 @@ assert parts.idxmax() == "j3"
 assert share > 80
 
 # %%
-# A stiffer forearm would hardly help this arm: the drive of joint 3 is what gives way.
-# In other poses it is another part.
+# A stiffer forearm would hardly help this arm: most of the deflection is in the drive
+# of joint 3. In other poses it is in another part.
 #
-# Read on: :doc:`/how-to/shells` has fields of deformation, :doc:`/concepts/mechanics`
+# Read on: :doc:`/how-to/shells` shows deformation fields, :doc:`/concepts/mechanics`
 # how the parts add up.

@@ -1,8 +1,8 @@
 """How wrong is a model without joints?
 =======================================
 
-A model from drawings has links that bend and joints that do not. Here it stands beside
-what was measured on an XR701, reading by reading.
+A model from drawings has links that bend and joints that do not. Here it is compared
+with measurements on an XR701, reading by reading.
 """
 
 import matplotlib.pyplot as plt
@@ -25,12 +25,12 @@ ax.legend()
 figure.savefig("how_wrong_is_the_first_model.png")
 
 times = (frame["dz_mm_measured"] / frame["dz_mm_simulated"]).median()
-print(f"The arm gives way {times:.0f} times as much as its links alone (median)")
+print(f"The arm deflects {times:.0f} times as much as its links alone (median)")
 assert times > 5
 
 # %%
-# Most of an industrial arm's compliance is in its joints, and no drawing has them:
-# gears, bearings and their preload are told by measurements only. The points lie along
-# a line all the same, which is why a few springs mend the model.
+# Most of an industrial arm's compliance is in its joints, and no drawing shows it: the
+# stiffness of gears, bearings and their preload must be measured. The points
+# nevertheless lie along a line, which is why a few springs correct the model.
 #
 # Next: :doc:`which_springs`. Read on: :doc:`/concepts/mechanics`.

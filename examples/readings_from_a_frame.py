@@ -1,9 +1,9 @@
 """Does it notice wrong units?
 ==============================
 
-Readings come as a table, a sheet or a data frame, and somebody always types inches. The
-same readings are given twice here, once with deflections in inches under the name of
-millimetres.
+Readings come as a table, a spreadsheet or a data frame, and sooner or later someone
+enters inches. Here the same readings are given twice, once with deflections in inches
+in a column named millimetres.
 """
 
 import pandas as pd
@@ -30,8 +30,8 @@ print(f"Refused: {refused} of {len(frame)} readings in wrong units")
 assert refused == len(frame)
 
 # %%
-# An arm of this reach and payload cannot be as stiff as these figures say. The message
-# names the units that would make sense of them, and `confirm_units` lets a table pass
-# that is right as it is.
+# An arm of this reach and payload cannot be as stiff as these values imply. The message
+# names the units that would make sense of them. If the table is right as it is,
+# `confirm_units` accepts it.
 #
 # Read on: :doc:`/how-to/read_readings`, :doc:`/reference/measurement_table`.

@@ -1,8 +1,8 @@
 """What else gives way in the FANUC?
 ====================================
 
-Six springs leave a good part of what was measured on a FANUC R-2000iC unexplained. The
-diagnosis holds every effect of the catalogue against the readings and names what it can
+Six springs leave a good part of the readings of a FANUC R-2000iC unexplained. The
+diagnosis tests every effect of the catalogue against the readings and names what it can
 prove.
 """
 
@@ -38,10 +38,10 @@ assert after < 0.7 * before
 
 # %%
 # Joint 3 tilts in its bearing, and the tool or the sensor deflects: gear springs can
-# hold neither. The third name is not sure. A frame of forces that is turned and a zero
-# error of joint 1 move all readings alike, so the verdict is ambiguous and asks you to
-# look at the set-up.
+# represent neither. The third name is not sure. A rotated force frame and a zero error
+# of joint 1 change all readings in the same way, so the verdict is ambiguous and asks
+# you to check the set-up.
 #
-# The effects were chosen with all poses in view, which flatters the last line a little;
-# folds that choose anew are in :doc:`/validation/fanuc`. Read on:
+# The effects were chosen on all poses, which makes the last line a little too good;
+# :doc:`/validation/fanuc` has folds in which they are chosen again. Read on:
 # :doc:`/how-to/diagnose`, :doc:`/concepts/diagnosis`.

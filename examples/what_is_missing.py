@@ -1,9 +1,8 @@
 """Serial chain or parallelogram?
 =================================
 
-A bar of the XR701 carries the forearm's load past the upper arm; this model is told
-that the arm is a serial chain. Nine readings at one load are enough to find the
-mistake.
+A bar of the XR701 carries the forearm's load past the upper arm, but this model treats
+the arm as a serial chain. Nine readings at one load are enough to find the mistake.
 """
 
 import matplotlib.pyplot as plt
@@ -30,9 +29,9 @@ assert why.effects == ("load-path",)
 assert why.gap.held_out_after_mm < 0.85 * why.gap.held_out_before_mm
 
 # %%
-# The diagnosis knows nothing of this robot but its serial model, and asks every effect
-# that it may have. It names one only where the evidence leaves no other explanation,
-# and where it predicts poses better that took no part.
+# The diagnosis knows only the serial model of this robot, and tests every effect that
+# the arm may have. It names one only if the evidence leaves no other explanation and it
+# improves the prediction of poses left out of the fit.
 #
 # Read on: :doc:`/how-to/diagnose`; how often it is right:
 # :doc:`/validation/diagnosis_study`.

@@ -1,9 +1,9 @@
 """What should we measure next?
 ===============================
 
-Nine poses leave the wrist of the XR701 open: joint 4 has a lower limit only, joint 5
-stands at its bound. The plan chooses six set-ups that tell most beyond them, and writes
-the sheet to fill in.
+Nine poses do not identify the wrist of the XR701: joint 4 has only a lower limit, joint
+5 is at its bound. The plan chooses the six set-ups that add most, and writes the sheet
+to fill in.
 """
 
 import matplotlib.pyplot as plt
@@ -35,9 +35,9 @@ assert worth > 2 * len(frame)
 
 # %%
 # Fill in `sheet.csv` at the robot and read it together with the first table:
-# `sa.read_readings([sa.bundled("xr701"), "sheet.csv"], arm)`. Joint 4 gains most. What
-# the sentences promise includes the lack of fit that the readings so far show: repeats
-# alone do not average it away.
+# `sa.read_readings([sa.bundled("xr701"), "sheet.csv"], arm)`. Joint 4 gains most. The
+# forecast includes the lack of fit of the readings so far: repeats alone do not average
+# it away.
 #
-# Read on: :doc:`/how-to/plan`. Whether such promises are kept:
+# Read on: :doc:`/how-to/plan`. How often such forecasts come true:
 # :doc:`/validation/forecasts`.

@@ -1,8 +1,8 @@
 """What would eight poses show?
 ===============================
 
-Before anyone measures: of six things that may be wrong with a KUKA KR60-3, which would
-eight poses find, and which name? Each is drawn several times in its usual size.
+Before anyone measures: of six possible faults of a KUKA KR60-3, which would eight poses
+find, and which would they name? Each is drawn several times in its usual size.
 """
 
 import stiffarm as sa
@@ -24,9 +24,9 @@ assert "gauge-scale" not in certain
 assert len(certain) == len(suspects) - 1
 
 # %%
-# A gauge that reads a little too much looks like springs that are a little too soft: no
-# poses tell the two apart, only a check of the gauge does. Backlash and friction would
-# be seen, but rather not named; the last column says what they are taken for.
+# A gauge that reads slightly too much looks like springs that are slightly too soft: no
+# poses separate the two, only a check of the gauge does. Backlash and friction would be
+# seen but probably not named; the last column says what they would be mistaken for.
 #
 # Read on: :doc:`/how-to/rehearse`, :doc:`/validation/forecasts`. Next:
 # :doc:`what_to_measure_next`.

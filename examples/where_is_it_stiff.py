@@ -1,8 +1,8 @@
 """Where is a milling robot stiff?
 ==================================
 
-A KUKA KR60-3 reaches each point of a plane in many postures; the map takes the stiffest
-angle about the tool axis. Colours say how many newtons it takes to push the tool down
+A KUKA KR60-3 reaches each point of a plane in many postures; the map uses the stiffest
+angle about the tool axis. The colour is the force in newtons that pushes the tool down
 by a millimetre.
 """
 
@@ -24,8 +24,8 @@ assert most > 8 * least
 assert (stiffest["x_mm"] ** 2 + stiffest["z_mm"] ** 2) ** 0.5 < 1200
 
 # %%
-# Stiffness is no figure of a robot but of a place: near the column this arm is another
-# machine than at full reach. The springs of this model are those of a publication, so
-# your own robot's map needs your own readings.
+# A robot has no single stiffness: it depends on the place, and near the column this arm
+# is far stiffer than at full reach. The springs of this model are from a publication; a
+# map of your own robot needs your own readings.
 #
 # Read on: :doc:`/how-to/maps`. In three dimensions: :doc:`a_map_in_paraview`.

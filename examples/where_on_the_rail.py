@@ -1,8 +1,8 @@
 """Where on the rail should it stand?
 =====================================
 
-A TX200 on a rail mills a long skin on a bench; it may stand still, or move along with
-the cut. The joints' stiffnesses are made up here, as is the part.
+A TX200 on a rail mills a long skin on a bench. It may stand still, or move along during
+the cut. The joint stiffnesses and the part are made up.
 """
 
 import matplotlib.pyplot as plt
@@ -36,9 +36,9 @@ assert gain > 10
 assert moving.min() > still.min()
 
 # %%
-# At rest the best place is near the middle of the part, where one would have put it by
-# eye. What pays is to let the rail move, and then `stiffarm verify` has to find its
-# speeds and accelerations in order.
+# If it stands still, the best place is near the middle of the part, where one would
+# have put it by eye. Moving the rail gains more; `stiffarm verify` must then confirm
+# its speeds and accelerations.
 #
 # Read on: :doc:`/how-to/program`, :doc:`/validation/placement`. Next:
 # :doc:`write_and_verify`.

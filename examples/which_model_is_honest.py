@@ -1,9 +1,9 @@
 """Which model can you trust tomorrow?
 ======================================
 
-Four models are calibrated on one campaign of a UR10, series B, and judged by folds
-within it, as is usual. Then each predicts series C, another campaign of the same arm at
-other angles.
+Four models are calibrated on one campaign of a UR10, series B, and judged by
+cross-validation within it, as is usual. Then each predicts series C, another campaign
+of the same arm at other angles.
 """
 
 import matplotlib.pyplot as plt
@@ -43,15 +43,15 @@ assert in_c > 5 * table["series C"].drop("+ 4 harmonics").max()
 assert table["series C"].idxmin() == "+ error curves"
 
 # %%
-# **Folds within a campaign praise a model that fails in the next one.** By the folds
-# each model beats the one before. In series C the four harmonics are the worst by far:
-# joint 1 stands there at angles that series B never had, and harmonics run away beyond
-# the angles that were read.
+# **Cross-validation within a campaign praises a model that fails in the next one.** By
+# cross-validation each model beats the one before. In series C the model with four
+# harmonics is the worst by far: joint 1 stands at angles that series B never had, and
+# harmonics take large wrong values beyond the angles that were read.
 #
-# The model with springs promised less and nearly kept it. Folds flatter the error
-# curves as well, yet these predict series C best: they stay at zero where nothing was
-# read, and intervals there allow for what is not known. So hold out readings of another
-# campaign at other angles, and take the model that predicts those.
+# The model with springs promised less and nearly kept it. Cross-validation is too kind
+# to the error curves as well, yet these predict series C best: they stay at zero where
+# nothing was read, and their intervals there are wider. So hold out readings of another
+# campaign at other angles, and choose the model that predicts those.
 #
 # Read on: :doc:`/how-to/positions`, :doc:`/validation/positions`,
 # :doc:`/concepts/uncertainty`. The readings are those of Landgraf and others (MIT

@@ -1,9 +1,9 @@
 """How much does the right posture gain?
 ========================================
 
-A spindle may turn about its own axis: gamma is free at every point of a milling path.
-The posture that a KUKA KR60-3 can drive in one go is chosen for stiffness, and set
-beside the best fixed gamma.
+The arm may turn about the spindle axis: gamma can be chosen at every point of a milling
+path. A course that a KUKA KR60-3 can follow without a break is chosen for stiffness,
+and compared with the best fixed gamma.
 """
 
 import matplotlib.pyplot as plt
@@ -32,9 +32,9 @@ print(f"Gain over the best fixed gamma: {gain:.1f} % ({low:.1f} to {high:.1f} %)
 assert 0 < low < gain < high < 10
 
 # %%
-# The interval comes from the uncertainty of the joints' stiffnesses. A few percent is
-# what freedom about the tool axis is worth here, beside a fixed gamma that was chosen
-# well; where gamma was set by habit it is more.
+# The interval comes from the uncertainty of the joint stiffnesses. Here a variable
+# gamma gains a few percent over the best fixed one; over a gamma set by habit it gains
+# more.
 #
 # Read on: :doc:`/how-to/posture`, :doc:`/validation/path_posture`. Next:
 # :doc:`where_on_the_rail`.

@@ -1,7 +1,7 @@
 """Which springs do nine poses identify?
 ========================================
 
-A gauge read how far an ACMA XR701 gives way in nine poses, downwards only. Four springs
+A gauge read how far an ACMA XR701 deflects in nine poses, vertically only. Four springs
 are free, and the readings decide which of them get a value.
 """
 
@@ -28,10 +28,10 @@ assert closed == ["j2.stiffness", "j3.stiffness"]
 assert half < 10
 
 # %%
-# Only joints 2 and 3 get an interval with two ends. Joint 4 has a lower limit alone,
-# and joint 5 stands at its bound: vertical readings in these poses hardly turn the
-# wrist, so the readings do not say how stiff it is. A fit without intervals would have
-# printed four values, and two of them would mean nothing.
+# Only joints 2 and 3 get an interval with both limits. Joint 4 has only a lower limit,
+# and joint 5 is at its bound: vertical loads in these poses hardly turn the wrist, so
+# the readings do not say how stiff it is. A fit without intervals would have printed
+# four values, two of them meaningless.
 #
 # Read on: :doc:`/how-to/calibrate`, :doc:`/concepts/uncertainty`. Next: which poses
 # would tell more, :doc:`what_to_measure_next`.

@@ -1,9 +1,9 @@
 """Would we find a worn bearing?
 ================================
 
-A rehearsal hides an effect in made-up readings of a planned campaign, diagnoses them
-blind, and unveils the truth. Here the bearing of joint 3 of a KUKA KR60-3 tilts, and
-twelve poses are planned.
+A rehearsal hides an effect in simulated readings of a planned campaign, diagnoses them
+blind, and then shows the true effect. Here the bearing of joint 3 of a KUKA KR60-3
+tilts, and twelve poses are planned.
 """
 
 import stiffarm as sa
@@ -22,8 +22,8 @@ assert rehearsal.outcomes == ("named",)
 assert after < 0.1 * before
 
 # %%
-# The made-up robot shares no code with the diagnosis, so finding the effect means
-# something. Where a rehearsal ends in *unnamed* or *wrong*, plan other poses before
-# anyone is at the robot.
+# The simulated robot shares no code with the diagnosis, so finding the effect is a real
+# test. If a rehearsal ends in *unnamed* or *wrong*, plan other poses before you go to
+# the robot.
 #
 # Read on: :doc:`/how-to/rehearse`. All effects at once: :doc:`what_would_they_show`.

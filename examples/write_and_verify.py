@@ -1,8 +1,8 @@
 """Is the program safe to run?
 ==============================
 
-A KUKA program is written from a tool path, read back, and compared with what was meant.
-Then it is replayed in the cell: collisions, limits, speeds and singularities.
+A KUKA program is written from a tool path, read back, and compared with the path. Then
+it is replayed in the cell: collisions, limits, speeds and singularities.
 """
 
 import stiffarm as sa
@@ -28,9 +28,8 @@ assert nearest > 2 * 1e3 * checked.found.safety
 assert off < 1.0
 
 # %%
-# Whole moves are checked, not only their ends. The controller's frames and signs of
-# axes are as the machine was set up: what has to be checked there is in the program's
-# notes.
+# Whole moves are checked, not only their end points. Frames and axis signs depend on
+# how the controller was set up: the program's notes say what to check there.
 #
 # Read on: :doc:`/how-to/program`, :doc:`/how-to/operations`. Before the cut:
 # :doc:`which_posture`.

@@ -33,23 +33,21 @@ MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
     "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
-    "new": Entry("new", "new", MODEL, "Make a model file of an arm, and tables to check it by."),
+    "new": Entry("new", "new", MODEL, "Make a model file of a new arm, and tables to check it with."),
     "import": Entry(
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),
     "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),
     "export": Entry("export", "export", MODEL, "Write the shell model in one pose for CalculiX."),
-    "readings": Entry(
-        "readings", "readings", MEASURE, "Make a measurement table of what instruments and people write."
-    ),
+    "readings": Entry("readings", "readings", MEASURE, "Make a measurement table from instrument files or sheets."),
     "plan": Entry("plan", "plan", MEASURE, "Choose what to measure next and write a sheet to fill in."),
     "sensitivity": Entry("sensitivity", "sensitivity", MEASURE, "Show which parameters matter at which pose."),
     "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),
     "calibrate": Entry("calibrate", "calibrate", CALIBRATE, "Identify parameters from measured deflections."),
     "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
-    "rehearse": Entry("rehearse", "rehearse", MEASURE, "Say what a planned sheet would show, before anyone measures."),
-    "study": Entry("study", "study", CALIBRATE, "Score the diagnosis on sets whose truth is known."),
-    "compare": Entry("compare", "compare", CALIBRATE, "Say what differs between two results by more than noise."),
+    "rehearse": Entry("rehearse", "rehearse", MEASURE, "Forecast what a planned sheet would show, before you measure."),
+    "study": Entry("study", "study", CALIBRATE, "Score the diagnosis on readings whose true cause is known."),
+    "compare": Entry("compare", "compare", CALIBRATE, "Show what differs between two results by more than noise."),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
     "query": Entry("query", "query", USE, "Evaluate a surrogate at poses, with error bars."),
@@ -60,7 +58,7 @@ COMMANDS: dict[str, Entry] = {
     "post": Entry("post", "post", MACHINE, "Write robot programs from a tool path and read them back."),
     "verify": Entry("verify", "verify_command", MACHINE, "Check a program for collisions, limits and singularities."),
     "help": Entry("help", "help_command", USE, "Explain an error or warning by its code."),
-    "serve": Entry("serve", "serve_command", MACHINE, "Answer questions of other programs, line by line."),
+    "serve": Entry("serve", "serve_command", MACHINE, "Answer questions from other programs, line by line."),
 }
 
 
@@ -140,7 +138,9 @@ app = typer.Typer(
     cls=_Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="How stiff is my robot arm, here, in this pose, and why does the model disagree with my gauge?",
+    help="How stiff is my robot arm in this pose, and why does the model disagree with my gauge?",
+    epilog="To begin: stiffarm calibrate xr701 --free j2.stiffness,j3.stiffness --out cal (uses bundled readings). "
+    "Options of a command: stiffarm COMMAND --help.",
 )
 
 

@@ -227,5 +227,5 @@ def test_answers_to_questions_say_what_the_pages_behind_them_say() -> None:
     assert family
     assert wrong
     said = " ".join(questions.split())
-    assert f"the right family leads in {float(family[1]):.0f} % of the sets" in said
+    assert f"the right kind of effect ranks first in {float(family[1]):.0f} % of the sets" in said
     assert f"a wrong name is given in {float(wrong[1]):.0f} % of all sets" in said

@@ -23,9 +23,9 @@ SEEN = (
     "configuration for the same goal: 2 mm off in a file in which 0.1 mm is usual."
 )
 FIRST_RUN = (
-    "The first run was 200 of each kind: 95.0 % of all intervals held the truth, and of the worst parameter 89.5 % "
-    "(j1.frame.ry, on the rail; of 115 parameters there, each with a standard error of 1.5 %). Nothing was changed; "
-    "200 more of each were run to see whether that was chance."
+    "The first run was 200 of each kind: 95.0 % of all intervals contained the true value, and of the worst "
+    "parameter 89.5 % (j1.frame.ry, on the rail; of 115 parameters there, each with a standard error of 1.5 %). "
+    "Nothing was changed; 200 more of each were run to see whether that was chance."
 )
 HEADS = ("model", "ten-fold RMS (mm)", "largest (mm)", "in 95 % intervals", "carried over RMS (mm)", "largest (mm)",
          "in 95 % intervals", "independent: ten-fold, carried over (mm)")  # fmt: skip
@@ -71,7 +71,7 @@ def _springs(springs: dict[str, list[Any]]) -> str:
             parts.append(f"{joint} {value:.3g} ({low:.3g} to {high:.3g})")
         else:
             parts.append(f"{joint} above {low:.3g}" if status == "one-sided" else f"{joint} not identified")
-    return f"Springs with error curves beside them (N m/rad, 95 %): {'; '.join(parts)}."
+    return f"Springs, with error curves free as well (N m/rad, 95 %): {'; '.join(parts)}."
 
 
 def _wrong(words: list[str]) -> str:
@@ -82,14 +82,14 @@ def _reading(results: dict[str, Any], last: str) -> list[str]:
     b, c = (results[name][last] for name in ("UR10 B", "UR10 C"))
     return [
         "## What the residuals show", "",
-        "Most of what a rigid, calibrated UR leaves is no scatter and no elasticity: each joint is off by a smooth "
-        f"function of its own angle, some {1e3 * _height(b['curve']):.2f} mrad high with features of 10 to 20 "
-        "degrees, so of orders up to 30 and more (the law found, in series B and C by themselves: "
-        f"{1e6 * b['curve'][0]:.0f} and {1e6 * c['curve'][0]:.0f} urad an order, falling off beyond orders "
-        f"{b['curve'][1]:.0f} and {c['curve'][1]:.0f}). Four orders cannot follow that: they fit what happens to "
-        "lie at the angles read and run away beyond, where series C's joint 1 stands at angles that B never had. "
-        "Curves with a law of their own stay at zero there, with intervals as wide as curves are high.", "",
-        "With the curves beside them springs come out alike in two campaigns that share no session: joints 2 and "
+        "Most of the residual of a rigid, calibrated UR is neither scatter nor elasticity: each joint has an "
+        f"error that is a smooth function of its own angle, about {1e3 * _height(b['curve']):.2f} mrad high with "
+        "features of 10 to 20 degrees, that is, of orders up to 30 and more (the law found separately in series B "
+        f"and C: {1e6 * b['curve'][0]:.0f} and {1e6 * c['curve'][0]:.0f} urad an order, falling off beyond orders "
+        f"{b['curve'][1]:.0f} and {c['curve'][1]:.0f}). Four orders cannot follow that: they fit the angles that "
+        "were read and take large wrong values beyond them, and in series C joint 1 stands at angles that B never "
+        "had. The full error curves stay at zero there, with intervals as wide as the curves are high.", "",
+        "With the curves free as well, two campaigns without a common session give the same springs: joints 2 and "
         "3 of the UR10 agree between B and C within their intervals. The UR5's grid identifies no spring: only "
         "lower limits are given.", "",
     ]  # fmt: skip
@@ -125,11 +125,11 @@ def _coverage(folder: Path) -> list[str]:
     if not file.exists():
         return []
     c = json.loads(file.read_text(encoding="utf-8"))
-    out = ["## Do intervals hold the truth?", "",
-           "Made-up campaigns of a KUKA KR60-3 with known truth, by code that shares nothing with the estimate "
-           "(`benchmarks/absolute/position_coverage.py`): products of matrices, a pose at a time, joints that give way "
-           "by finite angles at the sagged pose. Truths are drawn anew for each campaign.", "",
-           "| campaign | repeats | intervals | hold the truth | worst parameter |",
+    out = ["## Do intervals contain the true value?", "",
+           "Campaigns of a KUKA KR60-3 with known parameters were simulated by code that shares nothing with the "
+           "estimate (`benchmarks/absolute/position_coverage.py`): products of matrices, one pose at a time, with "
+           "joints that deflect by finite angles at the sagged pose. Each campaign has newly drawn parameters.", "",
+           "| campaign | repeats | intervals | contain the true value | worst parameter |",
            "|---|---|---|---|---|"]  # fmt: skip
     for name, one in c.items():
         if name != "pooled":

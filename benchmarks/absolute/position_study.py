@@ -92,10 +92,11 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     out = [
         "# Diagnosis by positions: how often it is right", "",
         f"**The right family leads in {share(single, leads)} sets with one thing hidden; a name was given in "
-        f"{share(none, lambda r: bool(r['named']))} sets with nothing hidden.** The sets are those of a foreign world "
-        "(`benchmarks/worlds/survey`: Pinocchio, laws of its own, a tracker's noise, every arm with errors of its "
-        "geometry and gears); sizes were drawn before the program was run, with a chi-square of 30 or more of what "
-        "geometry, frames and declared springs leave. Each was diagnosed once, blind.", "", f"`{command}`", "",
+        f"{share(none, lambda r: bool(r['named']))} sets with nothing hidden.** The sets are from an independent "
+        "simulator (`benchmarks/worlds/survey`: Pinocchio, its own laws, a tracker's noise, every arm with errors "
+        "of geometry and gears). Sizes were drawn before the program was run, so that without the effect "
+        "chi-square rises by 30 or more after fitting geometry, frames and declared springs. Each set was "
+        "diagnosed once, blind.", "", f"`{command}`", "",
         "| of | share, 95 % interval |", "|---|---|",
         f"| right family leads | {share(single, leads)} |",
         f"| exact code leads | {share(single, lambda r: r['found'][:1] == [r['code']])} |",
@@ -104,8 +105,8 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
         f"| nothing hidden: a name | {share(none, lambda r: bool(r['named']))} |",
         f"| nothing hidden: anything but none | {share(none, lambda r: r['verdict'] != 'none')} |",
         f"| error at other poses grew | {share(grew, lambda r: r['unseen_mm'][1] > r['unseen_mm'][0])} |",
-        "", f"Errors at other poses fall to {np.median(shrunk):.2f} of what geometry alone leaves, in the median. "
-        f"A diagnosis takes {seconds:.1f} s of processor time in the median.", "",
+        "", f"Errors at other poses fall to {np.median(shrunk):.2f} times those with geometry alone (median). A "
+            f"diagnosis takes {seconds:.1f} s of processor time (median).", "",
         "| hidden | sets | right family leads | named, and nothing else |", "|---|---|---|---|",
     ]  # fmt: skip
     for kind in dict.fromkeys(family(r["code"]) for r in single):

@@ -78,11 +78,11 @@ CASES = (
     Case("outliers", "6 springs, 2 % of the readings 10 standard deviations off, robust", outliers=0.02),
     Case("outliers, plain", "the same, all readings at full weight", outliers=0.02, robust=False),
     Case(
-        "set-ups ignored", "set-ups scatter by 3 %, the noise is said to be white (and its size known)",
+        "set-ups ignored", "set-ups scatter by 3 %, the noise is assumed white (and its size known)",
         noise=replace(WHITE, pose_share=0.03), known=WHITE, robust=False,
     ),
     Case(
-        "set-ups as white", "set-ups scatter by 3 %, the noise is said to be white, as large as all scatter together",
+        "set-ups as white", "set-ups scatter by 3 %, the noise is assumed white, as large as all scatter together",
         noise=replace(WHITE, pose_share=0.03), known="white", robust=False,
     ),
     Case(

@@ -21,22 +21,22 @@ from doe.estimation.noise import FEWEST_POSES
 HEADING = """# Coverage of calibration intervals
 
 <!-- figures from: docs/validation/calibration_coverage.md -->
-Where the noise is estimated together with the scatter between set-ups, 95 % intervals hold the truth in 92 to 97 % of
-the cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly a bias. Where set-ups scatter and the
-noise does not know it, they hold it in 14 to 18 %; where that scatter is taken for white noise, in 56 to 61 %. All
-readings are made up; real ones have errors of the model too.
+If the noise is estimated together with the scatter between set-ups, 95 % intervals contain the true value in 92 to 97
+% of the cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly any bias. If set-ups scatter and
+the noise model leaves this out, they contain it in only 14 to 18 %; if that scatter is treated as white noise, in 56
+to 61 %. All readings are simulated; real ones also contain errors of the model.
 
 Written by `python benchmarks/calibration/interval_coverage.py --repeats {repeats} --write
 docs/validation/calibration_coverage.md`.
 
-Calibrations of made-up readings whose parameters are known: how often the 95 % intervals hold the truth. Every
-repeat draws parameters, poses, load directions and noise anew. Springs about the joint axes are drawn log-uniform
+The calibrations use simulated readings whose parameters are known, and count how often the 95 % intervals contain them.
+Every repeat draws new parameters, poses, load directions and noise. Springs about the joint axes are drawn log-uniform
 from 1e5 to 3e6 N m/rad, tilting stiffnesses from 5e5 to 5e6 N m/rad, translations of joints from 3e7 to 1e9 N/m,
 zero offsets with a standard deviation of 0.5 deg. Noise and parameters are estimated together, from a start that
-knows neither, except where the table says what the noise was said to be. White noise is {white:.0f} um and
+knows neither, except where the table states the noise that was assumed. White noise is {white:.0f} um and
 {turn:.0f} urad.
 
-*Coverage*: share of the intervals that hold the truth, with its binomial standard error; parameters that are
+*Coverage*: share of the intervals that contain the true value, with its binomial standard error; parameters that are
 "not identified" have no interval. An interval with an open end counts like any other. *Bias*: mean error in standard
 deviations of the estimate. *Time*: of one fit with intervals, one thread, median.
 
@@ -61,9 +61,9 @@ def table(results: list[tuple[str, Case, dict[str, float]]], repeats: int) -> st
         if r["combinations"]:
             share, n = r["coverage_of_combinations"], int(r["combinations"])
             out.append(
-                f"\nOf the {len(case.names)} stiffnesses ({robot}) most are seen only together; {n / repeats:.0f} "
-                f"combinations of them are determined in every repeat, and their intervals hold the truth in "
-                f"{100.0 * share:.1f} +- {100.0 * standard_error(share, n):.1f} %.\n"
+                f"\nOf the {len(case.names)} stiffnesses ({robot}) most are seen only in combination; "
+                f"{n / repeats:.0f} combinations of them are determined in every repeat, and their intervals "
+                f"contain the true value in {100.0 * share:.1f} +- {100.0 * standard_error(share, n):.1f} %.\n"
             )
     return "".join([*out, NOTES.format(fewest=FEWEST_POSES)])
 
@@ -71,26 +71,26 @@ def table(results: list[tuple[str, Case, dict[str, float]]], repeats: int) -> st
 NOTES = """
 What to know about them:
 
-- **Noise that has the set-up term keeps its word; noise that has not does not.** Where set-ups scatter by 3 % and the
-  noise is said to be the gauge's, some 15 % of the intervals hold the truth. It does not help to say that the noise
-  is white and as large as all scatter together: some 60 %. Six readings of one set-up share its error, so they
-  are not six pieces of news. `calibrate` estimates the term wherever there are {fewest} poses with several readings
-  of one component each, says how much narrower the intervals would be without it, and says so where the readings
-  cannot tell.
-- **Outliers.** With robust weights the intervals hold and stay narrow. At full weight they hold too, for outliers
-  this even are taken for more noise, but they are wider: fewer parameters have both limits.
-- **Nine readings** of four springs leave five degrees of freedom. What costs a little there is the search for
-  outliers: among so few, a good reading at two or three standard deviations is sometimes taken for one, and the noise
-  then comes out too small. Over 400 repeats the case gives 93.9 to 94.9 +- 0.6 %, with `--no-robust` 94.8 to
-  95.2 +- 0.6 %; the rest is chance, for the intervals of one repeat share its noise.
-- **Nine set-ups** are above 95 %, for a variance that was found to be zero counts as uncertain: with so few set-ups
-  readings can hardly tell which kind of scatter there is (`doe/certainty/uncertainty.py`).
-- **Open ends and bounds.** Stiffnesses cannot be negative, and an interval that is cut at a rigid joint holds a very
-  stiff one for certain; cases with many of them lie above 95 %.
-- **All six stiffnesses of every joint.** Loads at one end of the arm turn its joints alike, so most of 36
-  stiffnesses are seen only together. They are called not identified and have no interval; what is determined are
-  combinations, whose intervals are counted below the cases.
-- **Laws and zeros** are not linear: intervals are those of the profile likelihood, which is where the time goes.
+- **The noise model must include the scatter between set-ups.** If set-ups scatter by 3 % and the noise is assumed to
+  be the gauge's alone, about 15 % of the intervals contain the true value. White noise as large as all scatter
+  together does not help: about 60 %. Six readings of one set-up share its error, so they are not six independent
+  readings. `calibrate` estimates this scatter if there are {fewest} poses with several readings of one component
+  each, and says how much narrower the intervals would be without it. If the readings cannot determine it, `calibrate`
+  says so.
+- **Outliers.** With robust weights the intervals are right and stay narrow. At full weight they are right too, because
+  outliers as evenly spread as these count as more noise, but they are wider: fewer parameters have both limits.
+- **Nine readings** of four springs leave five degrees of freedom. The search for outliers costs a little there: among
+  so few, a good reading at two or three standard deviations is sometimes taken for an outlier, and the estimated
+  noise is then too small. Over 400 repeats the case gives 93.9 to 94.9 +- 0.6 %, with `--no-robust` 94.8 to 95.2 +-
+  0.6 %; the rest is chance, because the intervals of one repeat share its noise.
+- **Nine set-ups** are above 95 %, because a variance estimated as zero still counts as uncertain: with so few set-ups,
+  readings can hardly show which kind of scatter there is (`doe/certainty/uncertainty.py`).
+- **Open ends and bounds.** Stiffnesses cannot be negative, and an interval that is open towards rigid is certain to
+  contain a very stiff joint; cases with many of them lie above 95 %.
+- **All six stiffnesses of every joint.** Loads at one end of the arm turn its joints in similar ways, so most of the
+  36 stiffnesses are seen only in combination. They are not identified and have no interval; the combinations are
+  identified, and their intervals are counted below the cases.
+- **Laws and zeros** are not linear: their intervals come from the profile likelihood, which takes most of the time.
 """
 
 

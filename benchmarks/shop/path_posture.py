@@ -170,10 +170,11 @@ def section(model: fem.ArmModel, case: Case, picture: Path | None) -> list[str]:
 
 HEAD = """# Posture along a path
 
-Chosen for the whole path at once, the posture can be driven on all three paths, is 1.2 to 3.9 % stiffer in the mean
-and 3 to 11 % stiffer at the worst point than the best fixed gamma, and at most 3 % softer in the mean than the
-paper's rule, each point by itself, which jumps by 139 and 154 deg on two of them. Where all 32,768 courses can be
-tried, the search finds the best. The figures are those of tools that fit the paper; its own is not known.
+Chosen for the whole path at once, the posture can be followed on all three paths. It is 1.2 to 3.9 % stiffer on
+average and 3 to 11 % stiffer at the worst point than the best fixed gamma. It is at most 3 % softer on average than
+the paper's rule, which optimises each point separately and jumps by 139 and 154 deg on two of the paths. In a case
+small enough to try all 32,768 courses, the search finds the best. The figures are for tools that fit the paper; its
+own tool is not known.
 
 Written by `python benchmarks/shop/path_posture.py --write`. Arm and joint stiffnesses of the KUKA KR60-3 paper (Gao
 2024, doi:10.1109/ACCESS.2024.3435911), rigid links. The paper picks each point's best posture by itself; here gamma,

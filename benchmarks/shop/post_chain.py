@@ -35,15 +35,15 @@ KINDS: tuple[tuple[str, Literal["cartesian", "joint"]], ...] = (
 )
 HEAD = """# A tool path through the whole chain
 
-From a CLS file of {points:,} points to verified programs it takes {seconds:.0f} s of processor time and at most
-{peak:.1f} GB. Programs that were read back are within {off:.2g} um of the tool path. A path of a million points,
-at one angle gamma and as a JSON program: {million}. Memory grows with the path, which is
-held as arrays: by {post:.1f} kB a move in `post` and {verify:.1f} in `verify`.
+From a CLS file of {points:,} points to verified programs takes {seconds:.0f} s of processor time and at most
+{peak:.1f} GB. Programs that were read back are within {off:.2g} um of the tool path. A path of a million points, with
+one angle gamma and a JSON program, takes {million}. Memory grows with
+the path, which is held as arrays: by {post:.1f} kB a move in `post` and {verify:.1f} kB in `verify`.
 
-Written by `python benchmarks/shop/post_chain.py --write`: a CLS file read, gamma chosen from a full turn, points put in
-where joint motion would bend, KRL programs (Cartesian and joint) and JSON written and read back, the program verified
-in a cell (continuous collision check). kr60-3, rigid links, one thread; processor time, so that a busy machine does
-not count. MB: resident memory after the stage.
+Written by `python benchmarks/shop/post_chain.py --write`: a CLS file is read, gamma chosen from a full turn, points
+inserted where joint motion would leave the straight line, KRL programs (Cartesian and joint) and JSON written and
+read back, and the program verified in a cell (continuous collision check). kr60-3, rigid links, one thread; processor
+time, so that other work on the machine does not count. MB: resident memory after the stage.
 """
 # What the commands are given for a path of 2,000 points, and of a million: its growth is that of memory.
 FEW, MANY = 2_000, 1_000_000
@@ -190,7 +190,7 @@ def page(results: list[dict[str, Any]], few: Costs, many: Costs) -> str:
         seconds=sum(s for _, s, _ in last["stages"]),
         peak=last["peak_mb"] * 1e-3,
         off=max(r["off_path_m"] for r in results) * 1e6,
-        million=", ".join(f"`{name}` {s:.0f} s and {mb * 1e-3:.1f} GB" for name, (s, mb) in many.items()),
+        million=" and ".join(f"{s:.0f} s and {mb * 1e-3:.1f} GB in `{name}`" for name, (s, mb) in many.items()),
         **grown,
     )
     lines = [head, "| stage | " + " | ".join(f"{r['points']:,} points, s | MB" for r in results) + " |"]

@@ -194,11 +194,11 @@ def page(n: int = 1000) -> str:
         "",
         "<!-- figures from: docs/performance/service.md -->",
         "A question about one pose is answered in 0.4 to 1.6 ms (median), the best angle about the tool axis",
-        "in 3 ms on a grid and in 18 ms refined. A process for each point takes a thousand times as long.",
+        "in 3 ms on a grid and in 18 ms refined. Starting a process for each point takes a thousand times as long.",
         "",
         "Written by `python benchmarks/shop/serve_speed.py --write`: KUKA KR60-3 with beam links, the cell of",
         "[examples/serve](../examples/serve/README.md), one client that waits for each answer, over pipes. Both",
-        f"processes share {os.cpu_count()} processor(s) with others' work, so the slow end is the machine's. {n}",
+        f"processes share {os.cpu_count()} processor(s) with other work, which causes the slowest answers. {n}",
         f"requests each (best_angle {n // 20}); ms.",
         "",
         "| request | p50 | p99 | fastest |",
@@ -226,7 +226,7 @@ def page(n: int = 1000) -> str:
             f"squares from the last posture to 1e-9): p50 {np.percentile(seconds, 50) * 1e3:.2f} ms, p99 "
             f"{np.percentile(seconds, 99) * 1e3:.2f} ms, {100 * share:.0f} % solved;",
             f"`ik` over the pipe takes {ratio:.1f} times that. The loop finds one branch and keeps no limits; `ik`",
-            "looks at all eight and all turns within limits, and says why the others fail.",
+            "checks all eight and all turns within limits, and says why the others fail.",
             "",
         ]
     return "\n".join(lines)

@@ -38,12 +38,12 @@ CHECKED = 60
 HEAD = """# Speed of slices of extreme poses
 
 <!-- figures from: docs/performance/slices.md -->
-The stiffest or softest pose at every point of a slice takes 0.4 to 1.4 s, 10 to 13 times less than looking at each
-point by itself. A search four times as dense finds at most 0.03 % more, except with a tool beside the axis of joint
+The stiffest or softest pose at every point of a slice takes 0.4 to 1.4 s, 10 to 13 times less than searching each
+point separately. A search four times as dense finds at most 0.03 % more, except with a tool beside the axis of joint
 6: there 7 % of the points checked are short, the worst by 19 %.
 
 Measured by `python benchmarks/statics/slice_speed.py --write`: processor seconds for the stiffest (or softest) pose at
-every point of the default xz slice, without files and pictures. *Before*: every point by itself. *numpy*: the same
+every point of the default xz slice, without files and pictures. *Before*: every point separately. *numpy*: the same
 search without numba. *Denser*: by how much a search with four times as many orientations beats the map, at {checked}
 points: the worst and the share of points above 1e-4.
 
@@ -51,8 +51,8 @@ points: the worst and the share of points above 1e-4.
 |---|---|---|---|---|---|---|---|
 """
 TAIL = """
-Points give the poses that they found to their neighbours, where these climb on; a tool point beside the axis of joint 6
-leaves three free motions in place of two, and more peaks.
+Each point passes its pose to its neighbours, whose search continues from there. A tool point beside the axis of joint 6
+has three free motions instead of two, and more local optima.
 """
 
 

@@ -24,21 +24,21 @@ from stiffarm.pages.style import save_png
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "validation" / "xr701_map.md"
-HEAD = """# What the paper reads off the map of the XR701
+HEAD = """# The paper's findings on the map of the XR701
 
 Two of the paper's three findings hold in part in both models. The third, that soft and stiff regions lie close
-together in the middle of the workspace, holds in the model of the published scheme and not in the one that predicts
-left-out poses best. So it is a finding about how springs depend on angles that nobody has measured, rather than about
-the arm.
+together in the middle of the workspace, holds in the model of the published scheme but not in the one that predicts
+left-out poses best. So it depends on how the springs vary at angles that nobody has measured; it says little about the
+arm itself.
 
 Measured by `python benchmarks/surrogates/map_findings_page.py --write`.
 
 Gotlih, Karner, Gotlih and Brezocnik, "Experiment based structural stiffness calibration of a virtual robot model",
-section 3, read three things off their stiffness map: low stiffness far from the main Z axis and at large stretch, soft
-and stiff regions close together in the middle of the workspace, and q4 almost without influence. Here these are asked
-of 20 000 poses spread evenly over the joint ranges of two models that `stiffarm run xr701` calibrates: the one that
-predicts left-out poses best, and that of the published scheme. They have the same geometry and the same readings; what
-differs is how springs depend on the joint angles, between and beyond the measured poses.
+section 3, draw three conclusions from their stiffness map: low stiffness far from the main Z axis and at large stretch,
+soft and stiff regions close together in the middle of the workspace, and q4 almost without influence. Here they are
+checked at 20 000 poses spread evenly over the joint ranges of two models that `stiffarm run xr701` calibrates: the one
+that predicts left-out poses best, and that of the published scheme. Geometry and readings are the same; the models
+differ in how springs depend on the joint angles, between and beyond the measured poses.
 
 """
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 HEADING = """# The TX200's substitute stiffness model, on synthetic data
 
-From synthetic readings `identify` finds all 36 stiffnesses of the TX200. Its 95 % intervals hold the truth in
-{coverage} %; of directional stiffnesses in unseen poses {within} % are within 3 %, and the worst is off by {worst} %.
-Constants where the truth varies, or readings under growing load alone, spoil that: coverage falls to {constants} and
-{loading} %. No reading of a real arm is on this page.
+From synthetic readings `identify` finds all 36 stiffnesses of the TX200. Its 95 % intervals contain the true value in
+{coverage} %; of the directional stiffnesses at unseen poses {within} % are within 3 %, and the worst is off by
+{worst} %. With constant stiffnesses where the true ones vary, or with readings under growing load alone, coverage falls
+to {constants} and {loading} %. No reading of a real arm is on this page.
 
 Written by `python benchmarks/tx200/tx200_stiffness.py --repeats {repeats} --write docs/validation/tx200_stiffness.md`.
 
 The paper ("Postprocessor for Verification of Robot Movements with Additional Axis after Toolpath Optimization",
-section 2.1) gives every joint six stiffnesses over its angle, from displacements between neighbouring arms under known
-forces at the flange. Its readings and stiffnesses are not public. **Everything on this page is synthetic**: readings
-made up from drawn stiffnesses, which the identification never sees.
+section 2.1) gives every joint six stiffnesses as functions of its angle, from displacements between neighbouring links
+under known forces at the flange. Its readings and stiffnesses are not public. **Everything on this page is synthetic**:
+readings are simulated from stiffnesses drawn at random, which the identification never sees.
 
 - **Truth**: stiffness about the gear axes 2.4, 2.0, 1.4, 0.6, 0.4, 0.3 x 1e6 N m/rad (within the 100-270 kg class);
   across them 5 to 7.5 times that, as RV gearboxes' tilt to torsion (5 to 9, recalled from catalogues), but joint 2
@@ -28,11 +28,11 @@ made up from drawn stiffnesses, which the identification never sees.
 """
 
 COVERAGE = """
-## Do the intervals hold the truth? Are other poses predicted?
+## Do the intervals contain the true value? Are other poses predicted?
 
 Coverage of 95 % intervals of all 36 stiffnesses at the angles measured, with its standard error over repeats; mean
-error of the gears' stiffness; errors of directional stiffness (flange X, Y, Z) in random poses that nothing was
-identified from, and coverage of its intervals. All in percent.
+error of the gears' stiffness; errors of directional stiffness (flange X, Y, Z) at random poses that were not used for
+the identification, and coverage of its intervals. All in percent.
 
 | case | coverage | gears off by | poses: mean | 95th | worst | within 3 % | coverage there |
 |---|---|---|---|---|---|---|---|
@@ -44,27 +44,27 @@ Coverage of each stiffness in the first case (%; one figure has a standard error
 """
 
 PREDICTION = """
-Of directional stiffnesses in {n} unseen poses, over all repeats, {within:.1f} % are within 3 % of the truth,
-95 % within {p95:.1f} %; the worst is off by {worst:.1f} %. The worst are poses some seven times stiffer than the
-median: forces along flange Z with hardly a lever anywhere, so that most of the deflection comes from translations,
-which readings see worst. The paper's own model, against real readings that it was not made from (its Table 1;
-configurations are not given, so nothing of it can be repeated here):
+Of directional stiffnesses in {n} unseen poses, over all repeats, {within:.1f} % are within 3 % of the truth, 95 %
+within {p95:.1f} %; the worst is off by {worst:.1f} %. The worst are poses about seven times stiffer than the median:
+forces along flange Z with hardly a lever arm at any joint, so that most of the deflection comes from translations,
+which the readings determine worst. The paper compares its own model with real readings that were not used for it (its
+Table 1; configurations are not given, so this cannot be repeated here):
 
 | configuration | force (N) | measured (N/mm) | paper's model (N/mm) | error (%) |
 |---|---|---|---|---|
 """
 
 FINDING = """
-Real readings have what this synthetic arm has not: arms that bend, bearings away from the DH origin, loads that are
-not quite known. Three per cent on synthetic data is no promise of three per cent on a robot.
+A real arm has features that this synthetic one lacks: links that bend, bearings away from the DH origin, loads that
+are not exactly known. Three per cent on synthetic data does not promise three per cent on a robot.
 
 ## The paper's finding at joint 2
 
 With the arm at ({q}) deg and 600 N, flange Y bends joint 2 about X by {b.moment_x:.0f} N m and flange Z
 bends it about its gear axis by {b.moment_z:.0f} N m. By the identified model it twists by {b.twist_x_deg:.4f} deg
 about X and {b.twist_z_deg:.4f} deg about the gear axis. Over all angles the ratio under the same moment is
-{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f}); the paper's is 0.59. It comes out because it was put in: this shows that
-such readings tell it, not that the robot has it.
+{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f}); the paper's is 0.59. It agrees because it was built into the simulated arm:
+this shows that such readings can reveal it, not that the robot has it.
 """
 
 HYSTERESIS = """
@@ -84,17 +84,17 @@ A cross term between twist about X and moment about the gear axis of joint 2 was
 USUAL = """
 ## Gears alone, as usual
 
-Against six identified stiffnesses a joint, {n} random poses within limits with the flange above the floor; errors
-of directional stiffness in percent.
+Compared with six identified stiffnesses per joint, {n} random poses within limits with the flange above the floor;
+errors of directional stiffness in percent.
 
 | model | flange axis | signed mean | mean | 95th | worst |
 |---|---|---|---|---|---|
 """
 
 EFFECTIVE = """
-The worst poses have a force without lever about any gear axis; gears alone are rigid there. Effective stiffnesses of
-the refitted gears (1e6 N m/rad): {springs}. A refit puts what deflects elsewhere into the gears: the wrist's come out
-several times too soft.
+In the worst poses the force has no lever arm about any gear axis; a model of gears alone is rigid there. Effective
+stiffnesses of the refitted gears (1e6 N m/rad): {springs}. A refit attributes other deflections to the gears: those
+of the wrist come out several times too soft.
 """
 
 MAP = """

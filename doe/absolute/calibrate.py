@@ -73,7 +73,7 @@ class Positions:
         if any(one.kind == "spring" for one in self.found.moving.unknowns):
             out.append(
                 "stiffnesses are as right as the masses that load them: all masses a tenth too heavy make all "
-                "stiffnesses a tenth too high; links count as rigid, what they give way is in the joints' springs"
+                "stiffnesses a tenth too high; links count as rigid, their deflection is in the joints' springs"
             )
         return tuple(out)
 

@@ -2,7 +2,7 @@
 
 ``P = rail(x) o frames with errors o joints that turn by other angles than they say + what gives way under weight``.
 A joint turns by ``q + zero + ratio q + sum of others' shares + sum of sines and cosines of q``; its frame is moved by
-an error in its own axes before it turns. What gives way under weight is linear in the compliances
+an error in its own axes before it turns. What deflects under weight is linear in the compliances
 (:mod:`doe.absolute.weight`), at the angles that the joints really have and with levers of the arm as described: errors
 of a millimetre in a lever of a metre change a deflection of a millimetre by a micrometre. Derivatives leave out that
 these torques move a little with the angles; they are worked out anew after each step, so the estimate does not.

@@ -1,8 +1,8 @@
-"""What gives way under the weight of links and payloads: turns of joints about their axes, displacements by the rest.
+"""What deflects under the weight of links and payloads: turns of joints about their axes, displacements by the rest.
 
 A mass loads what comes before it, by the wrenches of :mod:`fem.statics.transfers`. A spring about a serial joint's axis
 turns that joint by compliance times torque: finite turns, for half the square of a sag of five milliradians already
-shortens an arm of a metre by twelve micrometres. What gives way in other directions, and all of an arm with a
+shortens an arm of a metre by twelve micrometres. What deflects in other directions, and all of an arm with a
 parallelogram, whose actuator sits elsewhere, moves the target linearly, ``T_target^T C T_mass w``. Both are linear in
 every compliance, and in a payload's mass and first moments.
 """

@@ -34,7 +34,7 @@ from robots.schema.joint_errors import Positions as PositionsTable
 
 SOURCE = "positions"
 NOT_AN_ARM = "check units, signs and zeros of the table and the model: errors this large are of another arm"
-RIGID_LINKS = "links count as rigid: what they give way is in the joints' springs"
+RIGID_LINKS = "links count as rigid: their deflection is in the joints' springs"
 NOT_HERE = ("payload", "mass", "rail", "growth", "drift", "reversal")
 GEOMETRIC = ("frame", "zero", "ratio", "coupling")
 IN_MODEL = (*GEOMETRIC, "spring")

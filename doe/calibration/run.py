@@ -168,7 +168,7 @@ def run_campaign(
                 progress(f"resumed: stage {stage.name} from {store.folder}")
             e = result.estimate
             error = rms_mm(e.residual, e.problem.component)
-            progress(f"{stage.name}: {len(e.u)} numbers on {len(e.problem)} readings, RMS {error:.3f} mm")
+            progress(f"{stage.name}: {len(e.u)} parameters on {len(e.problem)} readings, RMS {error:.3f} mm")
     whole = problem(model, data, (), effects=effects, history=history)
     residual = whole.value - whole.evaluate(np.zeros(0))[0]
     return Calibration(campaign, tuple(done), description, model, whole, residual, effects, tuple(studies))

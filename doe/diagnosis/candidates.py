@@ -213,7 +213,7 @@ def _finer(
 def impossible(s: Setting, effect: Effect) -> str | None:
     """Why these readings can say nothing about an effect, whatever its size; None if they might."""
     if effect.needs_history and not s.history.is_known:
-        return "the readings do not tell loading from unloading: give them a phase or a step"
+        return "the readings do not distinguish loading from unloading: give them a phase or a step"
     if effect.needs_clock and not np.isfinite(s.history.clock).all():
         return "the readings do not say in which order they were taken: number them in the column step"
     if effect.depends_on == "temperature" and not s.history.varies("temperature"):
@@ -283,5 +283,5 @@ def not_testable(s: Setting, r: Ranking, found: Sequence[str] = ()) -> dict[str,
 
 def _hidden(excess: float) -> str:
     if excess < 1e-6:
-        return "no reading moves with it, or the springs take up all that it does"
-    return f"springs and noise take up what it does: chi-square would rise by {excess:.1g}"
+        return "no reading depends on it, or the springs absorb all of it"
+    return f"springs and noise absorb it: chi-square would rise by {excess:.1g}"

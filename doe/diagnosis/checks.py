@@ -109,7 +109,7 @@ def _plausible(f: Found) -> Check:
     """Numbers within their ranges, give or take their uncertainty; too small is an effect only as a whole."""
     numbers = [(p, float(f.placed.values[k]), f.sd[p.name]) for k, p in free_numbers(f.placed)]
     if not numbers:
-        reason = "it has no number that could be implausible: it is there or it is not"
+        reason = "it has no parameter that could be implausible: it is present or not"
         return _judged("plausible-parameters", f.code, None, reason)
     sizes = [n for n in numbers if n[0].role == "amplitude"]
     nothing = all(too_small(*n) for n in sizes)
@@ -206,12 +206,12 @@ def _one_of_a_kind(d: Diagnosis, f: Found) -> Check:
     """Several joints with one fault are rather one fault that the catalogue does not have."""
     effect, joints = f.placed.effect, d.start.model.robot.joint_names
     if effect.place not in joints:
-        return _judged("one-of-a-kind", f.code, None, "it is of no joint")
+        return _judged("one-of-a-kind", f.code, None, "it does not act at a joint")
     others = [g.placed.effect for g in d.found if g.placed.effect.place in set(joints) - {effect.place}]
     alike = [other.code for other in others if other.family == effect.family]
     if not alike:
         return _judged("one-of-a-kind", f.code, True, "nothing of its family was found at another joint")
-    text = f"found beside {_listed(alike, ', ')}: one fault that the catalogue does not have is likelier"
+    text = f"found together with {_listed(alike, ', ')}: a single fault that is not in the catalogue is more likely"
     return _judged("one-of-a-kind", f.code, False, text)
 
 
@@ -224,7 +224,7 @@ def _nothing_left(d: Diagnosis) -> Check:
     """What the look with all of it in the model still gives to something else."""
     last = last_look(d)
     if last is None:
-        return _judged("nothing-left", "", None, "no look was made with all of it in the model")
+        return _judged("nothing-left", "", None, "the last look did not have all of it in the model")
     none, unknown = last.of(NONE).probability, last.of(UNKNOWN).probability
     further = max(1.0 - none - unknown, 0.0)
     text = f"the last look gives {_percent(unknown)} to something unknown and {_percent(further)} to further effects"
@@ -252,7 +252,7 @@ def _like_noise(d: Diagnosis, rng: np.random.Generator) -> Check:
     left = leftovers(w, rng)
     size = np.sum(left**2, axis=0)
     runs, every = {"leave a sum of squares as large": _as_much(size)}, processes(s)
-    for axis, words in (("pose", "as much of it smooth over the poses"), ("clock", "as much of it along the clock")):
+    for axis, words in (("pose", "as much of it smooth over the poses"), ("clock", "as much of it over time")):
         # Sizes only scale a process: one of each will do.
         some = [x.columns for x in every if x.axis == axis][:: len(SIZES)]
         if some:

@@ -79,12 +79,12 @@ def stiffness_with(
     Raises
     ------
     InputError
-        A direction in which nothing gives way; with ``or_rigid`` the stiffness there is inf.
+        A direction in which nothing deflects; with ``or_rigid`` the stiffness there is inf.
     """
     s2 = loads_in(model, q, directions) ** 2
     moved = np.einsum("nkjr,njr->nk", s2, np.broadcast_to(compliances, (len(q), *s2.shape[2:])))
     if not or_rigid and not (moved > 0.0).all():
-        raise InputError("directional stiffness: nothing gives way in a direction", remedy="identify more stiffnesses")
+        raise InputError("directional stiffness: nothing deflects in a direction", remedy="identify more stiffnesses")
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / moved)
 

@@ -172,5 +172,5 @@ def check_plannable(parameters: Sequence[Parameter]) -> None:
             raise InputError(
                 f"parameter {q.name}: a plan cannot vary walls",
                 allowed=f"{q.place}.modulus",
-                remedy="plan for the link's modulus: readings see only how the link gives way",
+                remedy="plan for the link's modulus: readings see only how the link deflects",
             )

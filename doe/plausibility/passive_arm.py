@@ -243,7 +243,7 @@ def refuse_frozen(model: ArmModel, data: Measurements) -> None:
             faults.append(
                 InputError(
                     f"{file}: every reading is 0",
-                    allowed="readings that differ from 0: every arm gives way under a load",
+                    allowed="readings that differ from 0: every arm deflects under a load",
                     remedy="check that the gauge touches, and that the columns hold what it read",
                 )
             )

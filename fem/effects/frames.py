@@ -43,7 +43,7 @@ def _turned_frame() -> Effect:
     )  # fmt: skip
     words = "the frame of forces and displacements is turned against the robot's base"
     share = EffectParameter("levelled", "ratio", "1", *LEVELLED, ASSUMED, role="shape", grid=LEVELLED, default=1.0,
-                            meaning="share of the turns about x and y that is there")  # fmt: skip
+                            meaning="share of the rotations about x and y that is present")  # fmt: skip
     return Effect("turned-frame", words, "frame", (*turns, share), law, "turned-frame")
 
 
@@ -67,7 +67,7 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
         for a in "xyz"
     ]
     yield Effect(
-        "tool-point-offset", "the read and loaded point is elsewhere on the flange", "load", tuple(point), _point,
+        "tool-point-offset", "the measured and loaded point is elsewhere on the flange", "load", tuple(point), _point,
         "load-point-offset", chance=0.3,
     )  # fmt: skip
     axes = forward_kinematics(model.robot, np.zeros((1, model.robot.dof))).axis[0]
@@ -75,7 +75,7 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
         yield _convention("sign", index, name, f"the sign of {name}'s angle is flipped", (), lambda q, v, k: -q[:, k])
         yield _convention(
             "offset", index, name, f"{name}'s angle counts from another zero, an eighth of a turn away or more",
-            (_choice("offset", "angle", "deg", OFFSETS, "what the angle is off by"),),
+            (_choice("offset", "angle", "deg", OFFSETS, "error of the angle"),),
             lambda q, v, k: q[:, k] + v[0],
         )  # fmt: skip
         parallel = bool(index and abs(axes[index] @ axes[index - 1]) > 1.0 - PARALLEL)
@@ -83,7 +83,7 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
         if parallel:
             yield _convention(
                 "coupling", index, name, f"{name}'s angle counts from the horizontal, not from the part before it",
-                (_choice("share", "ratio", "1", (-1.0, 1.0), "share of the angle before it that comes on top"),),
+                (_choice("share", "ratio", "1", (-1.0, 1.0), "share of the previous joint's angle that is added"),),
                 lambda q, v, k: q[:, k] + v[0] * q[:, k - 1],
             )  # fmt: skip
 

@@ -94,7 +94,7 @@ def _gravity_compensator(model: ArmModel) -> Effect:
 
     phase = EffectParameter(
         "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi),
-        meaning="lean where it does",
+        meaning="angle at which it does",
     )  # fmt: skip
     stiffer = share("share", 0.1, 0.4, "share by which it stiffens the joint at most", signed=False)
     return Effect(
@@ -153,7 +153,7 @@ def _preload(*, weighs: bool) -> EffectParameter:
     """
     return EffectParameter(
         "preload", "ratio", "1", 0.0, 1.5, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
-        meaning="share of the links' weight that hangs on the joint; 0: the law goes by the torque of the load alone",
+        meaning="share of the links' weight that loads the joint; 0: the law depends on the torque of the load alone",
         fine=True,
     )  # fmt: skip
 
@@ -177,9 +177,9 @@ def _hardening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
         return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - bent(tau + weight) + bent(weight)))
 
     power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65), default=1.0,
-                            meaning="1: a bend, below: bends all the way")  # fmt: skip
+                            meaning="1: changes at one torque; below 1: changes gradually")  # fmt: skip
     lost = share("share", 0.1, 0.9, "share of the compliance that is lost at large torques", signed=False)
-    knee = torque_shape("knee", torque, (0.06, 1.2), 5, "torque at which it bends")
+    knee = torque_shape("knee", torque, (0.06, 1.2), 5, "torque at which the stiffness changes")
     middle = knee.grid[len(knee.grid) // 2]
     return Effect(
         f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
@@ -205,7 +205,7 @@ def _softening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
     power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0, 3.0),
                             meaning="how steeply it grows", fine=True)  # fmt: skip
     added = share("share", 0.05, 0.7, "share of the compliance that is added at the torque named", signed=False)
-    at = torque_shape("torque", torque, (0.1, 1.5), 1, "torque that the share belongs to")
+    at = torque_shape("torque", torque, (0.1, 1.5), 1, "torque at which the share is reached")
     return Effect(
         f"softening:{joint.name}", f"joint {joint.name} gets softer with the torque", "arm",
         (added, at, power, _preload(weighs=weighs)), law, "softening", slot=SLOT,
@@ -243,8 +243,8 @@ def carried() -> EffectParameter:
     """The shape that says whether what sticks under no load is still there when the next load cycle begins."""
     return EffectParameter(
         "carried", "ratio", "1", 0.0, 2.0, "definition", role="shape", grid=(0.0, 1.0, 2.0), default=0.0,
-        meaning="0: each load cycle begins afresh; 1: what sticks stays until the arm moves on; 2: and only then the "
-        "gauge is zeroed anew", of_stays=True,
+        meaning="0: each load cycle starts released; 1: a stuck joint stays stuck until the arm moves on; 2: the "
+                "same, and the gauge is zeroed only then", of_stays=True,
     )  # fmt: skip
 
 
@@ -252,7 +252,7 @@ def zeroed() -> EffectParameter:
     """The shape that says when the gauge was zeroed, for laws that remember by themselves."""
     return EffectParameter(
         "zeroed", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=0.0,
-        meaning="0: the gauge is zeroed before each load cycle; 1: once, before the first one of a stay", of_stays=True,
+        meaning="0: the gauge is zeroed before each load cycle; 1: only before the first one at a pose", of_stays=True,
     )  # fmt: skip
 
 

@@ -55,10 +55,10 @@ def _creep(joint: JointPart) -> Effect:
 
     tried = tuple(float(x) for x in np.geomspace(60.0, 1800.0, 4))
     time = EffectParameter("time", "time", "min", *CREEPS, ASSUMED, role="shape", grid=tried,
-                           meaning="after this time 63 % of the creep is there", fine=True)  # fmt: skip
+                           meaning="time after which 63 % of the creep has developed", fine=True)  # fmt: skip
     spread = EffectParameter("spread", "ratio", "1", 0.0, 2.0, ASSUMED, role="shape", grid=(0.0, SPECTRUM), default=0.0,
-                             meaning="decades to either side of that time that it is spread over; 0: none")  # fmt: skip
-    crept = share("share", 0.03, 0.4, "share of the spring's turn that comes with time", signed=False)
+                             meaning="decades to either side of that time over which it spreads; 0: none")  # fmt: skip
+    crept = share("share", 0.03, 0.4, "share of the spring's rotation that develops with time", signed=False)
     return Effect(
         f"creep:{joint.name}", f"joint {joint.name} creeps under load", "arm",
         (crept, time, spread, zeroed()), law, "creep", needs_history=True, slot=LAG,
@@ -80,9 +80,9 @@ def _warming(joint: JointPart) -> Effect:
 
     settling = EffectParameter(
         "settling", "ratio", "1", 0.0, 10.0, ASSUMED, role="shape", grid=SETTLES,
-        meaning="time to warm up over the campaign's; 0: as warm as was read, per 10 K",
+        meaning="time to warm up, as a share of the campaign; 0: follows the measured temperature, per 10 K",
     )  # fmt: skip
-    more = share("share", 0.03, 0.4, "share of the compliance that comes on top when warm; negative: it gets stiffer")
+    more = share("share", 0.03, 0.4, "share of the compliance that is added when warm; negative: it gets stiffer")
     return Effect(
         f"warming:{joint.name}", f"joint {joint.name}'s stiffness changes as it warms up", "arm", (more, settling), law,
         "warming", depends_on="clock", doubt=ASSUMED_LAW,
@@ -115,7 +115,7 @@ def stays_slipped(tried: tuple[float, ...] = (0.0, 1.0)) -> EffectParameter:
     """The shape that says for how long something stays where it has slipped to."""
     return EffectParameter(
         "lasting", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=tried, default=0.0,
-        meaning="1: it stays over all cycles that follow, 0: it is put back before each",
+        meaning="1: it lasts through all later cycles, 0: only until the end of its cycle",
     )  # fmt: skip
 
 

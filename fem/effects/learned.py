@@ -106,7 +106,7 @@ def _torque(name: str, top: EffectParameter) -> Effect:
         return s.turned(name, s.compliance(name) * v[-1] * turn)
 
     return Effect(
-        f"learned-torque:{name}", f"joint {name} turns by a law of its own over its torque", "arm",
+        f"learned-torque:{name}", f"joint {name} turns with its torque by a learned law", "arm",
         (*pieces(UP, "share of the turn that the largest torque gives"), top), law, FAMILY, doubt=0.0,
         slot=SLOT,
     )  # fmt: skip
@@ -121,7 +121,7 @@ def _history(name: str, top: EffectParameter) -> Effect:
         return s.turned(name, s.compliance(name) * v[-1] * turn)
 
     return Effect(
-        f"learned-history:{name}", f"joint {name} turns by a law of its own, another one on the way down", "arm",
+        f"learned-history:{name}", f"joint {name} turns with its torque by a learned law, another in unloading", "arm",
         (*pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top), law, FAMILY,
         needs_history=True, doubt=0.0, slot=SLOT,
     )  # fmt: skip
@@ -142,7 +142,7 @@ def _angle(index: int, name: str, travel: Array) -> Effect:
     )
     waves = pieces([f"wave{k}" for k in range(1, WAVES + 1)], "share of the compliance")
     return Effect(
-        f"learned-angle:{name}", f"joint {name}'s stiffness varies with its angle by a law of its own", "arm",
+        f"learned-angle:{name}", f"joint {name}'s stiffness varies with its angle by a learned law", "arm",
         (*waves, *ends), law, FAMILY, depends_on="angle", doubt=0.0,
     )  # fmt: skip
 
@@ -205,9 +205,15 @@ def _base(reach: Reach) -> Effect:
     own = pieces([f"{axis}_{name}" for axis in "xy" for name in UP], "share of the turn named")
     ends = (
         held("reach", "torque", "N m", max(reach.moment, 1e-6), "largest moment that was read"),
-        held("turn", "angle", "mrad", reach.size * reach.force / max(reach.moment, 1e-6), "turn that shares are of"),
+        held(
+            "turn",
+            "angle",
+            "mrad",
+            reach.size * reach.force / max(reach.moment, 1e-6),
+            "rotation to which the shares refer",
+        ),
     )
-    return Effect("learned-load:base", "the base gives way by a law of its own", "arm", (*own, *ends), law, FAMILY,
+    return Effect("learned-load:base", "the base deflects by a learned law", "arm", (*own, *ends), law, FAMILY,
                   doubt=0.0)  # fmt: skip
 
 
@@ -222,8 +228,8 @@ def _gauge_clock(reach: Reach) -> Effect:
         return out
 
     own = pieces([f"{axis}_{name}" for axis in "xyz" for name in TIMES], "share of the size named")
-    size = held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
-    return Effect("learned-clock:gauge", "readings move over the campaign by a law of their own", "gauge",
+    size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
+    return Effect("learned-clock:gauge", "readings drift over the campaign by a learned law", "gauge",
                   (*own, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
 
 
@@ -235,8 +241,8 @@ def _gauge_step(reach: Reach) -> Effect:
         out[:, :3] += np.outer(after, v[:3]) * v[4]
         return out
 
-    size = held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
-    return Effect("learned-step:gauge", "readings moved at one moment of the campaign", "gauge",
+    size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
+    return Effect("learned-step:gauge", "readings shifted at one moment of the campaign", "gauge",
                   (*pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
                   doubt=0.0)  # fmt: skip
 
@@ -255,7 +261,7 @@ def _gauge_history(reach: Reach) -> Effect:
         return out
 
     names = [f"{axis}_{part}" for axis in "xyz" for part in ("always", "back", "back_with_load")]
-    size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
+    size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size to which the shares refer")
     return Effect("learned-history:gauge", "readings lag behind the load", "gauge",
                   (*pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
                   doubt=0.0)  # fmt: skip
@@ -269,7 +275,7 @@ def _load(top: EffectParameter) -> Effect:
         return replace(at, wrench=at.wrench * (1.0 + share)[:, None])
 
     own = pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
-    return Effect("learned-load:load", "forces are others than the sheet says, by a law of their own", "load",
+    return Effect("learned-load:load", "forces differ from the table by a learned law", "load",
                   (*own, top), law, FAMILY, doubt=0.0)  # fmt: skip
 
 
@@ -282,5 +288,5 @@ def _load_history(top: EffectParameter) -> Effect:
 
     names = [f"share{k}" for k in range(1, len(KNOTS) + 1)]
     own = pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
-    return Effect("learned-history:load", "forces are others than the sheet says, others again on the way down",
+    return Effect("learned-history:load", "forces differ from the table by a learned law, another in unloading",
                   "gauge", (*own, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip

@@ -109,6 +109,6 @@ def _cable_package(model: ArmModel) -> Effect:
     power = EffectParameter("power", "ratio", "1", 1.0, 5.0, ASSUMED, role="shape", grid=WOUND, default=2.0,
                             meaning="how steeply it grows with the angle")  # fmt: skip
     return Effect(
-        "cable-package", f"cables pull beside joints {names[k]} and {names[k + 1]} where they are wound up", "arm",
+        "cable-package", f"cables stiffen joints {names[k]} and {names[k + 1]} where they are wound up", "arm",
         (stiffer, power), law, "cable-package", depends_on="pose", doubt=ASSUMED_LAW,
     )  # fmt: skip

@@ -27,15 +27,16 @@ def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
     # A hanger that nobody counted, or a load cell or weight that shows too much.
     force = EffectParameter("force", "force", "N", 0.015 * usual.force, 0.12 * usual.force, ASSUMED, signed=True,
-                            meaning="force that acts with every load; negative: the sheet counts too much")  # fmt: skip
-    yield Effect("payload", "a load that the sheet does not count acts with every load", "load", (force,), _payload,
+                            meaning="force that acts with every load; negative: the loads in the table are too "
+                                    "large")  # fmt: skip
+    yield Effect("payload", "a force that is not in the table acts with every load", "load", (force,), _payload,
                  "payload", depends_on="load", doubt=NEARLY_STRAIGHT)  # fmt: skip
     offset = [
         EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True, meaning=f"along the flange's {a}")
         for a in "xyz"
     ]
     yield Effect(
-        "load-point-offset", "the load acts beside the point that the sheet names", "load", tuple(offset), _offset,
+        "load-point-offset", "the load does not act at the point that the table names", "load", tuple(offset), _offset,
         "load-point-offset",
     )  # fmt: skip
     tilt = [
@@ -63,7 +64,7 @@ def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         for a in AXES
     )
     settling = EffectParameter("settling", "ratio", "1", 0.05, 10.0, ASSUMED, role="shape", grid=(0.1, 0.3, 10.0),
-                               meaning="time to settle over the campaign's; large: nearly straight")  # fmt: skip
+                               meaning="time to settle, as a share of the campaign; large: nearly linear")  # fmt: skip
     yield Effect("drift", "readings drift with time", "gauge", (*drifts, settling), _drift, "drift",
                  depends_on="clock", doubt=ASSUMED_LAW)  # fmt: skip
 
@@ -93,7 +94,7 @@ def _joint_zero(index: int, name: str) -> Effect:
     angle = EffectParameter("angle", "angle", "deg", np.radians(0.1), np.radians(3.0), ASSUMED, signed=True,
                             meaning="real angle less the one that the controller says")  # fmt: skip
     return Effect(
-        f"joint-zero-offset:{name}", f"joint {name} stands at another angle than the controller says", "load", (angle,),
+        f"joint-zero-offset:{name}", f"joint {name} is at another angle than the controller says", "load", (angle,),
         law, "joint-zero-offset", usual=ZERO_OFF_BY, chance=BEYOND_MASTERING, lasting=True,
     )  # fmt: skip
 

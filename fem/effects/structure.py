@@ -51,7 +51,7 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         _across("base", slice(3, 5)), "base-tilt",
     )  # fmt: skip
     yield Effect(
-        "base-vertical", "the base or rail gives way vertically", "model",
+        "base-vertical", "the base or rail deflects vertically", "model",
         (stiffness("stiffness", "N/m", 3e6 * soft, 5e8 * stiff, ASSUMED, "vertical stiffness"),),
         _vertical, "base-vertical",
     )  # fmt: skip
@@ -69,7 +69,7 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     )  # fmt: skip
     if model.bar is not None:
         yield Effect(
-            "parallelogram-bar", "the parallelogram's bar gives way along its length", "model",
+            "parallelogram-bar", "the parallelogram's bar stretches along its length", "model",
             (stiffness("stiffness", "N/m", 2e7 * along, 1e9 * along, ASSUMED, "stiffness along the bar"),), _bar,
             "parallelogram-bar",
         )  # fmt: skip
@@ -86,9 +86,9 @@ def _joint_compliance(joint: JointPart, usual: Usual) -> Effect:
         return model.with_joint(joint.name, axial=SumSpring(old.axial, float(v[0])))
 
     lower, upper = float(usual.low[joint.joint]), float(usual.high[joint.joint])
-    meaning = "stiffness about the axis that comes on top of the spring"
+    meaning = "stiffness about the axis, in series with the spring"
     return Effect(
-        f"joint-compliance:{joint.name}", f"joint {joint.name} gives way about its axis", "model",
+        f"joint-compliance:{joint.name}", f"joint {joint.name} deflects about its axis", "model",
         (stiffness("stiffness", "N m/rad", lower, upper, CLASS, meaning),),
         law, "joint-compliance", spring=joint.name,
     )  # fmt: skip
@@ -170,7 +170,7 @@ def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
     The number is the share of the described link's compliance that comes on top.
     """
     lower, upper = (0.15, 1.5) if is_there else (0.3, 2.0)
-    meaning = "share of the described compliance that comes on top"
+    meaning = "share of the described compliance that is added"
     share = EffectParameter("share", "ratio", "1", lower, upper, ASSUMED, signed=is_there, meaning=meaning)
 
     def law(model: ArmModel, _: object, v: Array) -> ArmModel:
@@ -217,6 +217,6 @@ def wrist_coupling(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     # Of the order of the two joints' own compliances; no coupling is above their geometric mean.
     mean = float(np.sqrt(usual.softness[k] * usual.softness[k + 1]))
     entry = EffectParameter("coupling", "compliance", "rad/(N m)", 0.05 * mean, 0.7 * mean, CLASS, signed=True,
-                            meaning="turn of one wrist axis for a torque about the other")  # fmt: skip
+                            meaning="rotation of one wrist axis for a torque about the other")  # fmt: skip
     words = f"torque about {first} turns {second}, and back"
     yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling", depends_on="pose")

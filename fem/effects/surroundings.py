@@ -38,7 +38,7 @@ def _gauge_temperature(reach: Reach) -> Effect:
 
     own = pieces([f"{axis}" for axis in "xyz"], "share of the size named that is added by ten kelvins")
     shares = pieces([f"share_{axis}" for axis in "xyz"], "share of the deflection that is added by ten kelvins")
-    size = held("size", "length", "mm", max(reach.size, 1e-9), "size that shares are of")
+    size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
     return Effect(
         "learned-temperature:gauge", "readings move with the temperature", "gauge", (*own, *shares, size), law, FAMILY,
         depends_on="temperature", doubt=0.0,
@@ -60,7 +60,7 @@ def _session(reach: Reach) -> Effect:
 
     scales = pieces([f"share{k}" for k in range(2, count + 2)], "share that this session reads too much")
     zeros = pieces([f"{axis}{k}" for k in range(2, count + 2) for axis in "xyz"], "share of the size named")
-    size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size that shares are of")
+    size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size to which the shares refer")
     # A file holds those of the sessions that there were.
     numbers = tuple(replace(p, default=0.0) for p in (*scales, *zeros))
     return Effect(

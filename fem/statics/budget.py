@@ -64,7 +64,7 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
     ------
     InputError
         Shapes, values that are not finite (also those of springs far outside the angles they are known for), a flat
-        parallelogram, a pose where nothing gives way under its load, or a part that would release energy (its
+        parallelogram, a pose where nothing deflects under its load, or a part that would release energy (its
         compliance matrix is not that of an elastic part).
     """
     loads = as_wrenches(wrench, len(q))
@@ -81,7 +81,7 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
     if not (total > 0.0).all():
         row = int(np.argmin(total > 0.0))
         raise InputError(
-            f"pose {row}: nothing gives way under this load",
+            f"pose {row}: nothing deflects under this load",
             value=loads[row].tolist(),
             allowed="a load, and a model that is not rigid against it",
             remedy="give the model flexible links or joint springs",

@@ -53,7 +53,7 @@ def compliance_factor(model: ArmModel, q: Array, point: Array | None = None) -> 
     Raises
     ------
     InputError
-        Also a model in which nothing gives way, or a joint whose coupled compliance is no positive one.
+        Also a model in which nothing deflects, or a joint whose coupled compliance is no positive one.
     """
     q = as_poses(model.robot, q)
     model = replace(model, joints=tuple(_apart(joint) if joint.is_coupled else joint for joint in model.joints))
@@ -79,7 +79,7 @@ def compliance_factor(model: ArmModel, q: Array, point: Array | None = None) -> 
 def _check(model: ArmModel, parts: list[Transfer]) -> None:
     if not parts:
         raise InputError(
-            f"model of {model.robot.name}: nothing in it gives way",
+            f"model of {model.robot.name}: nothing in it deflects",
             remedy="give it flexible links or joint springs",
         )
     for part in parts:

@@ -53,7 +53,7 @@ class Change:
         """What can be said, in words."""
         what, before, after = WORDS[self.statistic], _um(self.before.value), _um(self.after.value)
         if self.verdict == "no error":
-            return f"No {what}: nothing gives way under this force."
+            return f"No {what}: nothing deflects under this force."
         span = f"{_times(self.factor.low)} to {_times(self.factor.high)}"
         said = f"factor {_times(self.factor.value)} (95 %: {span})"
         if self.verdict == "cannot tell":

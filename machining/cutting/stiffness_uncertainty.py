@@ -132,14 +132,14 @@ def assumed_uncertainty(
     Raises
     ------
     InputError
-        A share outside 0 to 0.33, a part that the model does not have, or a model in which nothing gives way.
+        A share outside 0 to 0.33, a part that the model does not have, or a model in which nothing deflects.
     """
     # Any pose will do for their names; that of zeros may lay a parallelogram flat.
     parts = tuple(fem.deflection_by_part(model, middle_pose(model.robot)[None], np.eye(6)[0]))
     own = dict(by_part or {})
     unknown = sorted(set(own) - set(parts))
     if unknown or not parts:
-        allowed = ", ".join(parts) or "a model in which something gives way"
+        allowed = ", ".join(parts) or "a model in which something deflects"
         raise InputError("part with an uncertain compliance", value=unknown[0] if unknown else "none", allowed=allowed)
     sd = np.array([own.get(name, relative_sd) for name in parts])
     if not ((sd >= 0.0) & (sd <= LARGEST_SD)).all():
@@ -232,7 +232,7 @@ def stiffness_uncertainty(
 
 def _assumed(model: fem.ArmModel, why: str) -> PartShares:
     if not fem.compliance(model, middle_pose(model.robot)[None]).any():
-        return part_shares((), np.zeros(0), "nothing in this model gives way")
+        return part_shares((), np.zeros(0), "nothing in this model deflects")
     return assumed_uncertainty(model, why=why)
 
 

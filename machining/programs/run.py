@@ -79,7 +79,7 @@ class PostRun:
     """What came of it; ``written`` and ``trips`` by target.
 
     ``corrected``: where geometry and weight are taken off too. ``stiffness``: how uncertain the arm is; ``drawn``: what
-    the course was judged by at some of its moves, for arms drawn from that; both None where nothing gives way.
+    the course was judged by at some of its moves, for arms drawn from that; both None where nothing deflects.
     ``approached``: with points put in to come from one side, where that was asked for.
     """
 
@@ -204,7 +204,7 @@ def _with_some_springs(model: fem.ArmModel, settings: PostSettings) -> tuple[boo
         return True, model
     if isinstance(settings.gamma, GammaRange):
         raise InputError(
-            f"range of gamma, and nothing in the model of {model.robot.name} gives way",
+            f"range of gamma, and nothing in the model of {model.robot.name} deflects",
             allowed="one angle, or a model with joint springs or flexible links",
             remedy="give one angle, or the joints a stiffness",
         )

@@ -192,7 +192,7 @@ def need_force(fields: Fields, quantity: str, force: Array | None) -> None:
 def values_of(arm: Arm, state: State, quantity: str, q: Array, direction: Array, force: Array | None) -> Array:
     """A quantity (n,) in SI at poses q (n, dof) rad; direction and force in base axes.
 
-    As :meth:`machining.Objective.values`, but infinite where nothing gives way.
+    As :meth:`machining.Objective.values`, but infinite where nothing deflects.
     """
     tip = state.T_tool[:3, 3]
     if quantity == "k_fs":

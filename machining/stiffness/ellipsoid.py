@@ -24,7 +24,7 @@ RIGID = 1e-13
 class StiffnessEllipsoid:
     """Ellipsoids at n poses.
 
-    ``semi_axes`` (n, 3) N/m, from the softest to the stiffest, infinite where nothing gives way; ``axes`` (n, 3, 3):
+    ``semi_axes`` (n, 3) N/m, from the softest to the stiffest, infinite where nothing deflects; ``axes`` (n, 3, 3):
     column i is the unit vector of semi-axis i, in the axes of the compliance, its sign free. Where two semi-axes are
     equal, their directions are any two in that plane.
     """
@@ -99,14 +99,14 @@ def stiffness_ellipsoid(C_tt: ArrayLike) -> StiffnessEllipsoid:
     Raises
     ------
     InputError
-        Shape, values that are not finite, or an arm in which nothing gives way.
+        Shape, values that are not finite, or an arm in which nothing deflects.
     """
     C = as_compliances(C_tt)
     _, values, turned = np.linalg.svd(C)
     none = values[:, 0] <= 0.0
     if none.any():
         raise InputError(
-            f"compliance at pose {int(np.argmax(none))}: nothing gives way",
+            f"compliance at pose {int(np.argmax(none))}: nothing deflects",
             remedy="give the model flexible links or joint springs",
         )
     rigid = values <= RIGID * values[:, :1]

@@ -70,7 +70,7 @@ class Objective:
         Raises
         ------
         InputError
-            A value that is not finite (an index that is infinite where nothing gives way), displacements that are all
+            A value that is not finite (an index that is infinite where nothing deflects), displacements that are all
             beyond small ones, or as the quantity.
         """
         normal, forces = task.normals[point], self.forces(task.path.n)
@@ -104,7 +104,7 @@ class Objective:
             point,
             f"{self.quantity} at path point {point}",
             value="not finite",
-            allowed="poses in which something gives way",
+            allowed="poses in which something deflects",
             remedy="choose k_fs, or a model without rigid directions",
         )
 

@@ -78,7 +78,9 @@ def load_description(model: str | Path) -> ModelDescription:
             value=name,
             allowed=f"{', '.join((*bundled_names(), *([close] if close else [])))}, an arm of the library, or the path "
             "of a model TOML or a URDF",
-            remedy="`stiffarm robots` lists all names; `stiffarm new` makes a model file of an arm that is not there",
+            remedy="check the path: there is no such file; `stiffarm robots` lists the names of arms"
+            if path.suffix or path.parent != Path()
+            else "`stiffarm robots` lists all names; `stiffarm new` makes a model file of another arm",
         )
     if is_xml(path):
         return read_urdf(path).description

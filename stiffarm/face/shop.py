@@ -114,7 +114,7 @@ def posture(
     Raises
     ------
     InputError
-        A point out of reach, a model in which nothing gives way, or a path that cannot be read.
+        A point out of reach, a model in which nothing deflects, or a path that cannot be read.
     """
     from machining import Drive, GammaRange, Objective
     from machining.cutting import stiffness_uncertainty

@@ -55,7 +55,7 @@ def key_figures(found: WorkspaceStiffness) -> list[KeyFigure]:
     return [
         KeyFigure(
             value_words(spot),
-            f"{NAMES[spot.name]}; {spot.part} gives {100.0 * spot.share:.0f}\u00a0%",
+            f"{NAMES[spot.name]}; {spot.part}: {100.0 * spot.share:.0f}\u00a0% of the deflection",
             interval_words(spot),
         )
         for spot in found.spots
@@ -69,7 +69,8 @@ def lede(found: WorkspaceStiffness) -> str:
     most = parts[0] if len(parts) == 1 else f"{parts[0]} at the softest and {parts[1]} at the median pose"
     return (
         f"Under a vertical load the stiffness at the tool is {soft} {UNIT} in the softest pose of the workspace, "
-        f"{middle} in the median one and {stiff} in a stiff one (19 of 20 are softer). What gives most is {most}."
+        f"{middle} in the median one and {stiff} in a stiff one (19 of 20 are softer). The largest share of the "
+        f"deflection is in {most}."
     )
 
 
@@ -80,7 +81,7 @@ def interval_remark(found: WorkspaceStiffness) -> str:
             "There is no interval: no calibration left the covariance of its parameters. One that matches each pose by "
             "itself has none, nor have springs at their bounds."
         )
-    text = "Intervals (95\u00a0%) hold the uncertainty of the calibrated parameters"
+    text = "Intervals (95\u00a0%) include the uncertainty of the calibrated parameters"
     if found.open_names:
         return f"{text}, but not what the readings left open: {open_words(found.open_names, 4)}."
     return f"{text}."

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # The source of springs that nobody measured: the middle of what arms of the size have (`stiffarm new --springs class`).
 CLASS_PRIOR = "class-prior"
-RIGID_AS_ASKED = "Joints held rigid, as asked: only the links give way here."
+RIGID_AS_ASKED = "Joints held rigid, as asked: only the links deflect here."
 
 _said: ContextVar[str] = ContextVar("caution", default="")
 
@@ -43,15 +43,15 @@ def uncalibrated(arm: Arm) -> str:
     if not rigid and prior:
         which = "the springs" if len(prior) == joints else f"springs of {', '.join(prior)}"
         return (
-            f"Not calibrated: {which} are a class prior, the middle of what arms of this size have. "
-            "The real ones may be several times softer or stiffer."
+            f"Not calibrated: {which} are a class prior, the middle of the range for arms of this size. The real "
+            "ones may be several times softer or stiffer."
         )
     if not rigid:
         return ""
     if len(rigid) == joints:
         return (
-            "Not calibrated: no joint of this model has a spring, so only the links give way. "
-            "The real arm is typically about ten times softer; stiffarm calibrate finds its springs from readings."
+            "Not calibrated: no joint of this model has a spring, so only the links deflect. The real arm is "
+            "typically about ten times softer; stiffarm calibrate finds its springs from readings."
         )
     names = ", ".join(rigid[:-1]) + " and " * (len(rigid) > 1) + rigid[-1]
     return (

@@ -67,7 +67,7 @@ def flagged(robot: Robot, displacement: Array, what: str) -> list[dict[str, Any]
 
 
 def require_springs(given: Arm, what: str) -> None:
-    """Refuse a model in which nothing gives way, before any work is done.
+    """Refuse a model in which nothing deflects, before any work is done.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def require_springs(given: Arm, what: str) -> None:
     """
     if not compliance(given.model, middle_pose(given.robot)[None]).any():
         raise InputError(
-            f"{what} of {given.robot.name}: nothing in this model gives way",
+            f"{what} of {given.robot.name}: nothing in this model deflects",
             allowed="a model with joint springs or flexible links",
             remedy="give the joints a stiffness, or take --links beam",
         )

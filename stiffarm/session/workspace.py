@@ -137,14 +137,14 @@ def workspace_stiffness(
     Raises
     ------
     InputError
-        No pose can be taken, or nothing gives way under a vertical load.
+        No pose can be taken, or nothing deflects under a vertical load.
     """
     poses = workspace_poses(model.robot)[0] if q is None else q
     stiffness = 1e-3 * directional_stiffness(model, poses) if values is None else values
     order = np.argsort(np.where(np.isfinite(stiffness), stiffness, np.inf), kind="stable")
     count = int(np.count_nonzero(np.isfinite(stiffness)))
     if not count:
-        raise InputError("stiffness over the workspace: nothing gives way under a vertical load")
+        raise InputError("stiffness over the workspace: nothing deflects under a vertical load")
     rows = order[[0, count // 2, int(STIFFEST * (count - 1))]]
     at, tool = poses[rows], tool_position(model.robot, forward_kinematics(model.robot, poses[rows])) * M_TO_MM
     budget = compliance_budget(model, at, np.array(DOWN))

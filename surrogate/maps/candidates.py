@@ -52,7 +52,7 @@ class Chosen:
 class Arm:
     """What a rule needs of a robot.
 
-    ``T_flange_tool`` (4, 4) m; ``merit``: poses (n, dof) rad -> (n,), large is good, infinite where nothing gives way,
+    ``T_flange_tool`` (4, 4) m; ``merit``: poses (n, dof) rad -> (n,), large is good, infinite where nothing deflects,
     NaN where a pose does not count; ``last_is_free``: joint 6 changes
     neither the tool point nor the merit, see :func:`last_joint_is_free`.
     """

@@ -73,7 +73,7 @@ class Field:
     """One quantity at all points: ``values`` (n,) in ``unit``, NaN where there is none.
 
     ``label``: words for a colour bar, without the unit. ``categories``: names of what whole numbers 0, 1, ... stand
-    for (which part gives way most); -1 where there is none, and then ``unit`` is ''.
+    for (which part deflects most); -1 where there is none, and then ``unit`` is ''.
     """
 
     values: Array

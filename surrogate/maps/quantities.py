@@ -85,7 +85,7 @@ class Poses:
 
     @cached_property
     def share(self) -> Array:
-        """Share (n, p) of each part in the compliance along the load; NaN where nothing gives way along it."""
+        """Share (n, p) of each part in the compliance along the load; NaN where nothing deflects along it."""
         some = self.along > self.least
         out = np.full((len(self.q), len(self.parts)), np.nan)
         if some.any():
@@ -125,7 +125,7 @@ def one_field(short: str, name: str, unit: str, label: str, of: Callable[[Poses]
 
 
 def inverse(compliance_m_per_N: Array, least: Array | float = 0.0) -> Array:
-    """Stiffness (n,) N/mm; NaN where nothing gives way but by rounding, ``least`` (n,) m/N."""
+    """Stiffness (n,) N/mm; NaN where nothing deflects but by rounding, ``least`` (n,) m/N."""
     some = compliance_m_per_N > least
     return np.where(some, N_PER_M_TO_N_PER_MM / np.where(some, compliance_m_per_N, 1.0), np.nan)
 
@@ -195,8 +195,8 @@ TABLE: tuple[Quantity, ...] = (
     Quantity(
         "softest",
         (
-            Kind("softest_part", "", "part that gives way most", of_parts=True),
-            Kind("softest_part_share", "", "share of the part that gives way most"),
+            Kind("softest_part", "", "part that deflects most", of_parts=True),
+            Kind("softest_part_share", "", "share of the part that deflects most"),
         ),
         _softest,
     ),
@@ -326,7 +326,7 @@ def _parts(model: fem.ArmModel) -> tuple[str, ...]:
     parts = tuple(whole_joints(model, given))
     if not parts:
         raise InputError(
-            "parts of the model", value="nothing gives way", remedy="give it flexible links or joint springs"
+            "parts of the model", value="nothing deflects", remedy="give it flexible links or joint springs"
         )
     return parts
 
@@ -338,5 +338,5 @@ def one_sided(direction: Array) -> Array:
 
 
 def _endless(stiffness: Array) -> Array:
-    """Stiffness (n,) as a merit: infinite where it is NaN because nothing gives way."""
+    """Stiffness (n,) as a merit: infinite where it is NaN because nothing deflects."""
     return np.where(np.isnan(stiffness), np.inf, stiffness)

@@ -8,8 +8,8 @@ from performance_ratios import FASTER, SLOWER, Ratio, ratio
 
 TEXT = """# A page
 
-Ratios last give
-or take a third. It takes 3 s, 12.5 times as long.
+Ratios repeat to
+within a third. It takes 3 s, 12.5 times as long.
 
 | arm | links | plain | before, now |
 |---|---|---|---|

@@ -22,7 +22,7 @@ def arm(name: str) -> tuple[ModelDescription, ArmModel]:
 
 
 def map_of(name: str, layout: Layout, points: Array, q: Array, reached: Bools) -> MapData:
-    """Stiffness, compliance, an index without a unit and the part that gives way most, at poses q (n, 6) rad."""
+    """Stiffness, compliance, an index without a unit and the part that deflects most, at poses q (n, 6) rad."""
     _, model = arm(name)
     n, rows = len(q), np.flatnonzero(reached)
     budget = compliance_budget(model, q[rows], DOWN)
@@ -36,7 +36,7 @@ def map_of(name: str, layout: Layout, points: Array, q: Array, reached: Bools) -
         "stiffness_N_per_mm": Field(stiffness, "N/mm", "stiffness along the load"),
         "compliance_um_per_N": Field(1e3 / stiffness, "um/N", "compliance along the load"),
         "isotropy": Field(index, "", "isotropy of the translational compliance"),
-        "softest_part": Field(worst, "", "part that gives way most", budget.parts),
+        "softest_part": Field(worst, "", "part that deflects most", budget.parts),
     }
     metadata = {"robot": name, "load": "downward force (-Z)", "made by": "tests"}
     return MapData(layout, points, q, reached, model.robot.coordinates, fields, budget.parts, share, metadata)

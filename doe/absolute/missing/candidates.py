@@ -80,7 +80,7 @@ def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     for j, name in enumerate(model.robot.joint_names):
         axial = spring(name, j, 5)
         yield Candidate(
-            f"joint-compliance:{name}", f"joint {name} gives way about its axis under the arm's weight",
+            f"joint-compliance:{name}", f"joint {name} deflects about its axis under the arm's weight",
             (((axial, axial.sd),),), axial.name,
         )  # fmt: skip
         tilting = [spring(name, j, row) for row in (3, 4)]

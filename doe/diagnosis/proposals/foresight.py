@@ -129,8 +129,8 @@ def _words(
         f"chances: {_percent(honest.right)} that they settle the right name, {_percent(honest.wrong)} that they settle "
         f"a wrong one, {_percent(honest.open)} that nothing is settled",
         f"if one of the candidates left were the whole truth, these would be {_percent(after.right)}, "
-        f"{_percent(after.wrong)} and {_percent(after.open)}; on readings of foreign worlds {CAME} came of "
-        f"{PROMISED:.0f} right names so promised for {PROPOSALS} proposals",
+        f"{_percent(after.wrong)} and {_percent(after.open)}; on independent test readings {CAME} of "
+        f"{PROMISED:.0f} right names so promised came true, in {PROPOSALS} proposals",
     ]
     hidden = [r for r in rivals if r.hidden]
     if hidden:

@@ -36,7 +36,7 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
         lede = f"{c.found.count}. The stiffness over the workspace is not known: {hindrance}"
     else:
         lede = workspace_answer.lede(stiffness)
-        caption = "Dot: stiffness; bar: its 95 % interval; beside the name what gives most."
+        caption = "Dot: stiffness; bar: its 95 % interval; next to the name, the part that deflects most."
         picture = pictures.add(workspace_answer.answer_figure(stiffness), "stiffness_at_the_tool", caption)
         key = [*workspace_answer.key_figures(stiffness), key[0]]
         sure = f"{answer.sure} {workspace_answer.interval_remark(stiffness)}"
@@ -149,8 +149,8 @@ def _predictions(c: Calibrated, pictures: Pictures) -> Section:
             pictures.add(
                 bars_figure("", _sorted(errors), "RMS error (mm)", "pose", noise),
                 "predictions",
-                "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit "
-                "has bent itself to these readings.",
+                "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the "
+                "fit has adapted itself to these readings.",
             )
         )
     reasons = [f"pose {label}, left out: {why}" for label, why in c.skipped.items()]

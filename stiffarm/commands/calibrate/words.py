@@ -48,8 +48,8 @@ def names_joint_spring(name: str) -> bool:
 
 # What an interval of a prediction is made of.
 INTERVAL = (
-    "An interval holds the parameters' covariance, the readings' noise and the lack of fit, by a calibration that has "
-    "not seen the pose, with Student's t for what so few readings tell of the noise."
+    "An interval combines the parameters' covariance, the readings' noise and the lack of fit, from a calibration "
+    "without the pose, with Student's t because few readings determine the noise."
 )
 
 
@@ -163,9 +163,9 @@ def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list
     ]
     out += _unexplained(s.estimate)
     if not s.estimate.settled:
-        out.append("noise and numbers did not come to rest against one another: take the intervals with care")
+        out.append("noise and parameters did not converge together: use the intervals with care")
     if all(e.degrees_of_freedom <= 0.0 for e in s.certainty.estimates):
-        out.append("as many numbers as readings: no residual is left, so no error bars can be given")
+        out.append("as many parameters as readings: no residual is left, so no error bars can be given")
     return out
 
 
@@ -176,8 +176,8 @@ def _unexplained(e: Estimate) -> list[str]:
         left, read = (float(np.sqrt(np.sum(v[mine] ** 2) / max(int(mine.sum()), 1))) for v in (e.residual, p.value))
         if left > NOISY * read:
             out.append(
-                f"{1e3 * left:.3g} of {1e3 * read:.3g} {unit} read (RMS) are left unexplained: what gives way is "
-                "hardly among these numbers; set others free, or ask `stiffarm diagnose` what is missing"
+                f"{1e3 * left:.3g} of {1e3 * read:.3g} {unit} read (RMS) are left unexplained: these parameters "
+                "hardly explain the deflection; free others, or ask `stiffarm diagnose` what is missing"
             )
     return out
 
@@ -195,13 +195,13 @@ def told_and_untold(estimates: Sequence[ParameterEstimate]) -> list[str]:
     if names["determined"]:
         out.append(f"Determined, with both limits: {', '.join(names['determined'])}.")
     else:
-        out.append("No number is determined with both limits.")
+        out.append("No parameter is determined with both limits.")
     half = [f"{e.parameter.name} ({_limit(e)})" for e in estimates if e.status == "one-sided"]
     if half:
         out.append(f"Only a limit to one side: {', '.join(half)}.")
     ends = [f"{e.parameter.name} ({bound_of(e)} fits best{_beside(e)})" for e in estimates if e.status == "at bound"]
     if ends:
-        out.append(f"At an end of the range, so no number: {', '.join(ends)}.")
+        out.append(f"At an end of the range, so no value: {', '.join(ends)}.")
     if names["not identified"]:
         out.append(f"Not determined by these readings: {', '.join(names['not identified'])}.")
     return out
@@ -241,7 +241,9 @@ def noise_parts(noise: Noise, p: Problem) -> list[tuple[str, str]]:
     if noise.vector:
         out.append(("each reading, share of the displacement's length", f"{noise.vector * 100:.2g} %"))
     if noise.tail:
-        out.append(("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are its middle's"))
+        out.append(
+            ("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are those of its core")
+        )
     if noise.pose_share:
         out.append(("each set-up, share of the deflection", f"{noise.pose_share * 100:.2g} %"))
     return out
@@ -252,16 +254,16 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
     p, e = s.estimate.problem, s.estimate
     if independent is None:
         if estimable(p, e.prediction)[1]:
-            return "No scatter between set-ups was found beside that of the readings."
+            return "No scatter between set-ups was found in addition to that of the readings."
         return (
-            f"Scatter between set-ups cannot be told apart from that of the readings: this takes {FEWEST_POSES} poses "
-            "with several readings of one component each. If there is some, the intervals are too narrow."
+            f"Scatter between set-ups cannot be separated from that of the readings: this needs {FEWEST_POSES} "
+            "poses with several readings of one component each. If there is some, the intervals are too narrow."
         )
     ratios = [
         r for pair in zip(s.certainty.estimates, independent.estimates, strict=True) if (r := _width_ratio(*pair))
     ]
     sizes = [f"{size} of {name.split(', ')[1]}" for name, size in noise_parts(e.noise, p) if "set-up" in name]
-    text = f"Readings of one set-up have a scatter in common ({' and '.join(sizes)}), so they are not independent. "
+    text = f"Readings of one set-up share a common scatter ({' and '.join(sizes)}), so they are not independent. "
     if e.noise.pose_share > LARGE_SHARE:
         text += (
             f"More than {LARGE_SHARE * 100:g} % of the deflection is more than careful set-ups give: something that "
@@ -272,9 +274,9 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
     low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)
     spread = f" ({low:.2g} to {high:.2g})" if len(ratios) > 1 else ""
     if middle < 1.05:
-        return text + f"Left out of the noise it would change the intervals little: by a factor {middle:.2g}{spread}."
+        return text + f"Leaving it out of the noise would hardly change the intervals: factor {middle:.2g}{spread}."
     return text + (
-        f"With that term left out of the noise, intervals would wrongly come out {middle:.2g} times narrower{spread}."
+        f"With that term left out of the noise, intervals would wrongly be {middle:.2g} times narrower{spread}."
     )
 
 

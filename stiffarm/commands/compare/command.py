@@ -29,11 +29,10 @@ def compare(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Say what differs between two results by more than noise.
+    """Show what differs between two results by more than noise.
 
-    Of calibrations, diagnoses, maps or placements, and of two runs their calibrations. Writes comparison.json and a
-    report into --out; of two maps also a page with both side by side and their difference, where they have pages of
-    their own (--html).
+    Compares calibrations, diagnoses, maps or placements; for two runs, their calibrations. Writes comparison.json and
+    a report into --out; for two maps made with --html also a page with both side by side and their difference.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         found = comparing(results)

@@ -16,7 +16,7 @@ AGAINST: Final[dict[Code, str]] = {
     "nothing-left": "something is left",
     "no-twin": "another effect fits as well",
     "one-of-a-kind": "several joints have this fault",
-    "like-noise": "what is left does not look like noise",
+    "like-noise": "the remaining error does not look like noise",
 }
 RESULT: Final = {True: "passed", False: "failed", None: "not applicable"}
 

@@ -74,8 +74,9 @@ def diagnose(
         int,
         typer.Option(
             "--folds",
-            help="Number of parts into which the poses are split at random; without each part the whole diagnosis is "
-            "made anew and predicts it. Fewer than ten poses are left out one at a time; 0 for none.",
+            help="Number of parts into which the poses are split at random; for each part the diagnosis is "
+            "repeated without it and then predicts it. Fewer than ten poses are left out one at a time; 0 "
+            "for none.",
             min=0,
             max=50,
         ),
@@ -105,8 +106,8 @@ def diagnose(
     Shows where the model disagrees with the readings, which physical effect explains it, and which set-ups to measure
     next. Writes diagnosis.json, the model with the identified effects and a report into --out.
 
-    Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame: geometry, frames and targets are then
-    fitted beside every candidate.
+    Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame: geometry, frames and targets are
+    then fitted together with every candidate.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         chosen_loads = parsing.parse_loads(loads) or ()

@@ -115,7 +115,7 @@ def ladder_table(of: Ladder) -> Table:
         for r in of.rungs
     ]
     rows.append(("nothing more", "", "", "", last_words(of)))
-    heads = ("taken up", "error (mm)", "then", "now", "still in doubt")
+    heads = ("accepted", "error (mm)", "then", "now", "still in doubt")
     return Table("RMS error at poses left out, and probability then and now", heads, tuple(rows), (0, 4))
 
 
@@ -133,10 +133,10 @@ def last_words(of: Ladder) -> str:
 def ladder_sentence(of: Ladder) -> str:
     """How the error fell, step by step."""
     if not of.rungs:
-        return f"Springs alone leave {significant(of.start_mm)} mm (RMS) at poses left out; no effect was taken up."
+        return f"Springs alone leave {significant(of.start_mm)} mm (RMS) at poses left out; no effect was accepted."
     steps = [f"{r.code} to {significant(r.error_mm[1])} mm" for r in of.rungs]
     return (
         f"Springs alone leave {significant(of.start_mm)} mm (RMS) at poses left out one at a time; "
-        f"{', then '.join(steps)}. “Then” is the probability among all candidates when it was taken up, “now” what "
-        "its checks leave of it."
+        f"{', then '.join(steps)}. “Then” is the probability among all candidates when it was accepted, “now” that "
+        "after its checks."
     )

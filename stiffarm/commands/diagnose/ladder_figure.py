@@ -48,7 +48,7 @@ def ladder_figure(of: Ladder, noise: tuple[str, float]) -> Figure:
         right.tick_params(axis="y", length=0)
         right.grid(visible=False, axis="y")
         handles = [
-            Line2D([], [], linestyle="none", label="before; probable when taken up", **BEFORE),
+            Line2D([], [], linestyle="none", label="before; probability when accepted", **BEFORE),
             Line2D([], [], linestyle="none", label="after; probable now, checks heeded", **AFTER),
             line,
         ]

@@ -15,14 +15,14 @@ from stiffarm.session.words.directions import set_up_rows
 # Set-ups that most probably leave everything open do not settle it.
 OPEN = 0.9
 NEXT: dict[Kind, str] = {
-    "named": "Nothing is left to be settled between candidates; readings in new poses would confirm the name.",
+    "named": "Nothing is left to settle between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
-    "uninformative": "Check signs, the order of the rows, which column is which, loads and joint angles; else measure "
-    "again with larger loads.",
-    "learned": "Look at the place named above: what could act there, and along that? The law that was learned is in "
-    "the new model and can be used as it is; a law of your own can be tried with --effect FILE.py.",
-    "unknown": "Look at the poses named below first: cables, stops, bolts, a dial gauge that sticks. A law of your own "
-    "can be tried with --effect FILE.py.",
+    "uninformative": "Check signs, the order of the rows, the columns, loads and joint angles; if these are "
+    "right, measure again with larger loads.",
+    "learned": "Look at the place named above: what could act there and vary in that way? The learned law is in "
+    "the new model and can be used as it is; try a law of your own with --effect FILE.py.",
+    "unknown": "Look at the poses named below first, for cables, stops, bolts or a sticking dial gauge. Try a law "
+    "of your own with --effect FILE.py.",
 }
 
 
@@ -30,9 +30,10 @@ def next_sentence(d: Diagnosed) -> str:
     """What to do next."""
     if d.found.verdict == "ambiguous" and d.found.same:
         return (
-            f"In these readings {and_list([f.code for f in d.found.provisional] or ['it'])} cannot be told from "
-            f"{' or '.join(d.found.same)}: look at the set-up itself (mastering marks, the frame of forces and "
-            "readings measured against the robot's base, the tool point); further readings help only where they differ."
+            f"In these readings {and_list([f.code for f in d.found.provisional] or ['it'])} cannot be separated "
+            f"from {' or '.join(d.found.same)}: check the set-up itself (mastering marks, the frame of forces and "
+            "readings measured against the robot's base, the tool point); further readings help only where they "
+            "differ."
         )
     if d.nothing_next and d.found.verdict != "unknown":
         return f"No further set-up would settle it: {d.nothing_next}."
@@ -57,8 +58,8 @@ def _hidden(n: NextReadings) -> str:
         return "Nothing needs to be settled, and no further set-up of this kind would show more."
     some = f"{', '.join(seen[:NAMED])}{' and others' if len(seen) > NAMED else ''}"
     return (
-        f"Nothing needs to be settled of what these readings can show. {len(hidden)} effects are hidden from them; the "
-        f"set-ups of next_readings.csv would show {len(seen)} of these: {some}."
+        f"Of what these readings can show, nothing needs to be settled. {len(hidden)} effects are hidden from "
+        f"them; the set-ups of next_readings.csv would show {len(seen)} of these: {some}."
     )
 
 
@@ -66,7 +67,7 @@ def _settles(d: Diagnosed) -> str:
     """That the set-ups proposed are not expected to settle it, where they are not."""
     if d.proposal is None or d.proposal.expected.open < OPEN:
         return ""
-    return " The set-ups proposed tell most of it, but most probably do not settle it."
+    return " The proposed set-ups tell most, but will probably not settle it."
 
 
 def _still_open(d: Diagnosed) -> str:
@@ -85,7 +86,7 @@ def _beside_twins(d: Diagnosed) -> str:
     for f in d.found.effects:
         if others := d.twins.get(f.code):
             parts.append(
-                f"{and_list(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could imitate {f.code}"
+                f"{and_list(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could look like {f.code}"
             )
     return (
         f"{and_list(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the "
@@ -102,8 +103,8 @@ def proposal_text(n: NextReadings) -> str:
         ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
     )
     return (
-        f"{len(n.labels)} set-ups, chosen so that the candidates that are left predict different readings there: loads "
-        f"of {loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        f"{len(n.labels)} set-ups, chosen so that the remaining candidates predict different readings: loads of "
+        f"{loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
         "`stiffarm diagnose MODEL DATA next_readings.csv`."
     )
 
@@ -117,5 +118,5 @@ def proposal_blocks(d: Diagnosed, n: NextReadings) -> list[Block]:
     return [
         Text(proposal_text(n)),
         Table("Set-ups to measure next", heads, rows, (0, len(heads) - 1), folded=True),
-        Fold("What they are expected to tell", (Bullets(told),)),
+        Fold("What they are expected to show", (Bullets(told),)),
     ]

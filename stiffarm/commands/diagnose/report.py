@@ -84,7 +84,11 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
         out.append(KeyFigure(f"{significant(far[0])} mm", label))
     if d.tells:
         name = floor_name(found.after.setting.data)
-        label = "RMS that noise alone would give" if name == "noise alone" else f"{name}, no repeats to tell the noise"
+        label = (
+            "RMS that noise alone would give"
+            if name == "noise alone"
+            else f"{name}; without repeats its noise is not known"
+        )
         out.append(KeyFigure(f"{significant(noise_floor_mm(found))} mm", label))
     if found.effects or found.learned:
         label = f"probability of {found.found[0].code} after its checks"
@@ -140,9 +144,10 @@ def how(d: Diagnosed) -> Section:
     blocks: list[Block] = [
         Text(
             "Each candidate's evidence is its probability of giving these readings, averaged over its plausible "
-            "numbers and over plausible noise, with a term for set-ups that scatter as a whole. A name is given only "
-            "if it also predicts poses left out better than nothing missing does. What was found goes into the model, "
-            "and the rest is looked at again. The new model is model.toml; every number there says where it came from."
+            "numbers and over plausible noise, with a term for set-ups that scatter as a whole. A name is given "
+            "only if it also predicts poses left out better than nothing missing does. What was found goes into "
+            "the model, and the remaining candidates are tested again. The new model is model.toml; every number "
+            "there says where it came from."
         ),
         Text(noise),
         Table("Springs of the new model (1e6 N m/rad)", ("joint", "value", "from", "to (95 %)", "status"), springs,

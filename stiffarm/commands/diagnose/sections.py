@@ -51,8 +51,8 @@ def ladder_section(d: Diagnosed, pictures: Pictures) -> Section:
         blocks.append(
             pictures.add(
                 ladder_figure(of, (floor_name(d.found.after.setting.data), noise_floor_mm(d.found))), "ladder",
-                "Left: the error at poses left out one at a time, with all effects known. Right: how probable each "
-                "name was among all candidates when it was taken up, and what its checks leave of that.",
+                "Left: the error at poses left out one at a time, with all effects known. Right: how probable "
+                "each name was among all candidates when it was accepted, and after its checks.",
             )
         )  # fmt: skip
     blocks += [Text(ladder_sentence(of)), ladder_table(of), *_said(d, of)]
@@ -122,12 +122,12 @@ def where(d: Diagnosed, found: Gaps, pictures: Pictures, before: str = "") -> Se
         + ("" if d.found.verdict != "none" else " Nothing here is beyond what noise makes of it by chance."),
     )  # fmt: skip
     text = Text(
-        "Residuals of the model with its springs fitted, over the noise of a reading. A square above 1 is more than "
-        "noise makes of it; a group's share is its part of all that is beyond the noise, ± one standard deviation by "
-        "the uncertainty of the springs and effects found."
+        "Residuals of the model with its springs fitted, over the noise of a reading. A mean square above 1 is "
+        "more than noise explains; a group's share is its part of all that is beyond the noise, ± one standard "
+        "deviation by the uncertainty of the springs and effects found."
     )
     blocks.append(Fold("Shares by pose, load, direction and phase", (text, drawn)))
-    return Section("Where the arm was when it was wrong", tuple(blocks))
+    return Section("Poses with the largest error", tuple(blocks))
 
 
 def explained(d: Diagnosed, pictures: Pictures) -> Section:
@@ -136,20 +136,21 @@ def explained(d: Diagnosed, pictures: Pictures) -> Section:
     blocks: list[Block] = [
         Text(
             f"{len(found.start.known)} physical effects were tried, each fitted together with the springs, against "
-            "“nothing is missing” and against something unknown that varies smoothly over poses and loads. Probable is "
-            "what explains the readings with parameters that are plausible, not what has most of them."
+            "“nothing is missing” and against something unknown that varies smoothly over poses and loads. A "
+            "candidate is probable if it explains the readings with plausible parameters, not because it has many."
         )
     ]
     if (traces := traces_of(d)) is not None:
         caption = (
-            "Readings sorted by direction, pose and load. Dots: what springs leave. Line: what the effect makes of "
-            "them, springs following. A twin whose trace is the same to within the noise cannot be told from it here."
+            "Readings sorted by direction, pose and load. Dots: residuals with springs alone. Line: what the "
+            "effect explains of them, with springs refitted. A twin whose trace is the same to within the noise "
+            "cannot be separated from it by these readings."
         )
         blocks.append(pictures.add(traces_figure(traces), "traces", caption))
     blocks.append(Fold("All candidates, look by look", tuple(_rankings(d, pictures))))
     more: list[Block] = []
     if d.twins:
-        more += [Text("Twins, which these readings could not tell apart:"), Bullets(words.twin_sentences(d))]
+        more += [Text("Twins, which these readings cannot separate:"), Bullets(words.twin_sentences(d))]
     if any(d.twins.values()):
         more.append(
             pictures.add(

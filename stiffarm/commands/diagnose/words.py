@@ -27,8 +27,8 @@ HALF, SURE = 0.5, 0.8
 NAMED = 3
 # What something unknown varies with, for a sentence.
 BY = {
-    "pose": "the pose", "load": "the load", "load history": "whether loads come on or off", "clock": "the time",
-    "session": "the day or visit", "direction": "the direction of the load", "": "the pose",
+    "pose": "the pose", "load": "the load", "load history": "whether loads are put on or taken off",
+    "clock": "the time", "session": "the session", "direction": "the direction of the load", "": "the pose",
 }  # fmt: skip
 NAMED_ODD = 6
 
@@ -43,12 +43,12 @@ def headline(d: Diagnosed) -> str:
             return "These readings do not show that anything is missing; they leave room for something small."
         if is_residual(found.after.setting.data):
             return (
-                "Nothing is missing that these readings could show. Without repeats, how much of what is left is noise "
-                "cannot be told."
+                "Nothing is missing that these readings could show. Without repeats, it is not known how much of "
+                "the remaining error is noise."
             )
-        return "Nothing is missing that these readings could show: what is left is noise."
+        return "Nothing is missing that these readings could show: the remaining error is noise."
     if not d.tells:
-        return "These readings tell nothing about the arm: not that something is missing, nor that nothing is."
+        return "These readings tell nothing about the arm: neither that something is missing nor that nothing is."
     if found.verdict == "named":
         names = and_list([what(f) for f in found.effects])
         beside = f" Beside that, with no name: {_learned(found.learned)}." if found.learned else ""
@@ -62,7 +62,7 @@ def headline(d: Diagnosed) -> str:
         beyond = f" Beyond that {_beyond(d)}." if len(d.in_model) > 1 else ""
         return (
             f"Something is missing, most probably {what(found.provisional[0])}: {percent(found.stated)} after its "
-            f"checks, which is too little for a name.{beyond}"
+            f"checks, which is too little to name it.{beyond}"
         )
     if found.verdict == "ambiguous":
         return f"Something is missing, but these readings cannot tell which of several effects it is: {rivals_text(d)}."
@@ -111,7 +111,8 @@ def how_sure(d: Diagnosed) -> str:
     first = d.found.rankings[0]
     if not d.tells:
         return (
-            f"{d.found.reason[0].upper()}{d.found.reason[1:]}. No number is given from them, and no model is written."
+            f"{d.found.reason[0].upper()}{d.found.reason[1:]}. No parameter is derived from them, and no model is "
+            "written."
         )
     if d.found.verdict in ("named", "learned"):
         return f"{then_and_now(d)}; {d.found.reason}."
@@ -128,11 +129,10 @@ def how_sure(d: Diagnosed) -> str:
         most = max(r.of(UNKNOWN).probability for r in d.found.rankings)
         suspect = d.found.suspect
         law = None if suspect is None or suspect.signature is None else suspect.signature.effect
-        where = "" if law is None else f" Of laws learned at one place this one goes best with it: {_law(law)}."
+        where = "" if law is None else f" The best-fitting law learned at one place: {_law(law)}."
         return (
-            f"Probability of something unknown: {percent(most)}, against "
-            f"{percent(first.of(NONE).probability)} that nothing is missing; {d.found.reason}. "
-            f"It goes by {BY[first.of(UNKNOWN).axis]} first of all.{where}"
+            f"Probability of something unknown: {percent(most)}, against {percent(first.of(NONE).probability)} "
+            f"that nothing is missing; {d.found.reason}. It varies mainly with {BY[first.of(UNKNOWN).axis]}.{where}"
         )
     last = d.found.rankings[max(len(d.in_model) - 1, 0)]
     parts = [f"{NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in last.hypotheses[:4]]
@@ -166,15 +166,14 @@ def gap_sentence(d: Diagnosed) -> str:
     where = f"At {unseen_poses(d)}" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {significant(a)} to {significant(b)} mm RMS (in the fit from "
-        f"{significant(before.fit_rms_mm)} to {significant(after.fit_rms_mm)} mm; no springs alone get "
-        f"below {significant(least_rms_mm(d.found))} mm). "
-        f"{_without_odd(d)}{sentence(_floor(d))}."
+        f"{significant(before.fit_rms_mm)} to {significant(after.fit_rms_mm)} mm; springs alone cannot get below "
+        f"{significant(least_rms_mm(d.found))} mm). {_without_odd(d)}{sentence(_floor(d))}."
     )
 
 
 def _without_odd(d: Diagnosed) -> str:
     """That an RMS leaves out readings that hardly count, where there are some."""
-    return f"The {len(d.odd)} readings that hardly count are left out of this. " if d.odd else ""
+    return f"The {len(d.odd)} outliers are left out of this. " if d.odd else ""
 
 
 def unseen_poses(d: Diagnosed) -> str:
@@ -182,15 +181,15 @@ def unseen_poses(d: Diagnosed) -> str:
     if d.nested is None:
         return "poses left out one at a time"
     if d.nested.folds == len(d.found.start.data.poses):
-        return "poses it has not seen (one at a time, effects chosen anew without it)"
-    return f"poses it has not seen ({d.nested.folds} folds, effects chosen anew in each)"
+        return "poses it has not seen (left out one at a time, effects chosen again without each)"
+    return f"poses it has not seen ({d.nested.folds} folds, effects chosen again in each)"
 
 
 def chosen_anew(n: Nested) -> str:
     """What the folds found and how far off they are: the error to rely on."""
     chosen = ", ".join(f"{code} in {count} of {n.folds}" for code, count in n.chosen.items())
     return (
-        f"The error to rely on is that of poses which the whole search had not seen: {significant(n.rms_before_mm)} → "
+        f"The error to rely on is that at poses left out of the whole search: {significant(n.rms_before_mm)} → "
         f"{significant(n.rms_after_mm)} mm. Found without them: {chosen or 'nothing, in any fold'}."
     )
 
@@ -199,14 +198,14 @@ def _floor(d: Diagnosed) -> str:
     """What noise alone would give, or what the model leaves where only that is known."""
     floor, p = noise_floor_mm(d.found), d.found.after.setting.data
     if is_residual(p):
-        return f"{RESIDUAL}, from which no repeats tell the noise, is put at {significant(floor)} mm"
+        return f"{RESIDUAL} is {significant(floor)} mm; without repeats, it is not known how much of it is noise"
     return f"noise alone would give {significant(floor)} mm"
 
 
 def where_sentences(d: Diagnosed) -> tuple[str, ...]:
     """Where the disagreement lies: the groups with large shares."""
     if d.found.verdict == "none":
-        return ("Residuals are as large everywhere as their scatter makes them.",)
+        return ("Residuals are no larger anywhere than their scatter explains.",)
     if not d.tells:
         return ("Residuals are as large as the readings.",)
     return tuple(filter(None, (_of_kind(kind, groups) for kind, groups in d.where.items())))
@@ -244,7 +243,7 @@ def number_text(n: Number) -> str:
     """``gap 0.84 ± 0.05 mrad``, or with its interval where that says more."""
     unit = "" if n.unit == "1" else f" {n.unit}"
     if not math.isfinite(n.value):
-        return f"{n.name}: nothing of it acts"
+        return f"{n.name}: no effect"
     if n.sd is None or not math.isfinite(n.sd):
         return f"{n.name} {short(n.value)}{unit}"
     if n.low is not None and n.high is not None and (math.isinf(n.high) or n.sd > 0.3 * abs(n.value)):
@@ -256,7 +255,7 @@ def number_text(n: Number) -> str:
 def value_text(n: Number) -> str:
     """``0.845`` with its unit."""
     if not math.isfinite(n.value):
-        return "nothing of it acts"
+        return "no effect"
     return short(n.value) + ("" if n.unit == "1" else f" {n.unit}".replace(" ", "\u00a0"))
 
 
@@ -275,7 +274,7 @@ def plausible_text(n: Number) -> str:
 def numbers_sentence(d: Diagnosed, f: Found) -> str:
     """All numbers of an effect of the new model."""
     mine = [n for n in numbers_of(d.found.after) if n.code == f.code]
-    return "; ".join(number_text(n) for n in mine) or "no number: it is there or it is not"
+    return "; ".join(number_text(n) for n in mine) or "no parameter: it is present or not"
 
 
 def rivals_text(d: Diagnosed) -> str:
@@ -294,7 +293,7 @@ def twin_sentences(d: Diagnosed) -> tuple[str, ...]:
     for code, others in d.twins.items():
         if others:
             listed = ", ".join(others[:6]) + (f" and {len(others) - 6} more" if len(others) > 6 else "")
-            out.append(f"{code} could not be told from {listed}.")
+            out.append(f"{code} cannot be separated from {listed}.")
         else:
             out.append(f"{code} has none: every other effect would look different.")
     return tuple(out)
@@ -308,8 +307,8 @@ def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
     told = [f"pose {p.poses[p.pose[k]]} at {loads[p.row[k]]:g} N" for k in d.odd[:NAMED_ODD]]
     more = f" and {len(d.odd) - NAMED_ODD} more" if len(d.odd) > NAMED_ODD else ""
     return (
-        f"{len(d.odd)} of {len(p)} readings hardly count, for they are far from what all others make of them: "
-        f"{', '.join(dict.fromkeys(told))}{more}. Look at them first.",
+        f"{len(d.odd)} of {len(p)} readings are outliers and get almost no weight, because they do not fit all the "
+        f"others: {', '.join(dict.fromkeys(told))}{more}. Check them first.",
     )
 
 

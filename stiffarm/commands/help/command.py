@@ -39,11 +39,14 @@ def help_command(
             group.main([code, "--help"], prog_name="stiffarm", standalone_mode=False)
         else:
             near = get_close_matches(code.upper(), catalogue(), n=SHOWN, cutoff=0.6) or list(catalogue())[:1]
+            meant = get_close_matches(code, [] if group is None else group.commands, n=1)
             raise InputError(
                 "CODE",
                 value=code,
                 allowed=f"a code such as {', '.join(near)}, or the name of a command",
-                remedy="copy the code from the message; `stiffarm help` lists the areas",
+                remedy=f"for the command: `stiffarm help {meant[0]}`"
+                if meant
+                else "copy the code from the message; `stiffarm help` lists the areas",
             )
 
 

@@ -66,7 +66,7 @@ def _key(d: JointTwists) -> list[KeyFigure]:
 
 
 def _in_short(d: JointTwists) -> Section:
-    synthetic = Note("The readings are synthetic: made up from known stiffnesses, nobody measured them.")
+    synthetic = Note("The readings are synthetic: simulated from known stiffnesses, not measured.")
     said = Bullets(tuple(summary(d)))
     return Section("In short", (synthetic, said) if d.synthetic else (said,))
 
@@ -141,8 +141,8 @@ def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
         ),
         pictures.add(
             figures.laws_figure(d.found, made_up(d)), "stiffness_over_angle",
-            "Each stiffness over its joint's angle. Points: each angle by itself, without any law. Where a band is "
-            "wider than the axis, readings hardly see the direction. Laws hold between the outermost angles.",
+            "Each stiffness over its joint's angle. Points: each angle separately, without any law. Where a band "
+            "is wider than the axis, readings hardly see the direction. Laws hold between the outermost angles.",
         ),
         Text(_law_words(d)),
     ))  # fmt: skip

@@ -194,7 +194,7 @@ def _rigid_way(given: Arm, found: Identified, q: Array) -> str:
     """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
     stiffest = stiffness_with(given.model, found.compliances(q)[0], q, or_rigid=True).max(axis=0)
     ways = [f"flange {axis}" for axis, most in zip("XYZ", stiffest, strict=True) if np.isinf(most)]
-    return f"nothing is said of the flange, for nothing identified gives way along {', '.join(ways)}" if ways else ""
+    return f"nothing is said of the flange, for nothing identified deflects along {', '.join(ways)}" if ways else ""
 
 
 def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:

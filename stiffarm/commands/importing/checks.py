@@ -34,7 +34,7 @@ class TipCompliance:
         softer = self.ratio > 1.0
         times = self.ratio if softer else 1.0 / self.ratio
         why = (
-            "its walls give way around the joints, or lie far from the line between them"
+            "its walls deflect around the joints, or lie far from the line between them"
             if softer
             else "the beam's section stands for only part of the casing"
         )

@@ -76,12 +76,15 @@ def import_command(
         float | None,
         typer.Option(
             "--boss",
-            help="Wall of the bosses around joints over the wall beside them. Default: 2.5, and 1 on convex hulls.",
+            help="Wall thickness of the bosses around joints, as a multiple of the wall beside them. Default: "
+            "2.5, and 1 on convex hulls.",
         ),
     ] = None,
     mass_kg: Annotated[
         float | None,
-        typer.Option("--mass-kg", help="Mass of the whole arm, in kg, for its walls where the links have no masses."),
+        typer.Option(
+            "--mass-kg", help="Mass of the whole arm, in kg; gives the wall thickness if the links have no masses."
+        ),
     ] = None,
     meshes: Annotated[
         str,
@@ -103,7 +106,7 @@ def import_command(
     radius: Annotated[
         str | None,
         typer.Option(
-            "--radius", help="Radius of the rings that links are held at, in mm, as in forearm=80 or forearm.tip=60."
+            "--radius", help="Radius of the rings at which links are held, in mm, as in forearm=80 or forearm.tip=60."
         ),
     ] = None,
     repair: Annotated[

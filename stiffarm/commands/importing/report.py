@@ -57,7 +57,7 @@ def write_report(
         bars = ranked_figure("How soft the links are", soft, "compliance of the tip (um/kN)", 12)
         drawn = pictures.add(bars, "tip_compliance", caption)
     springs = any(joint.stiffness is not None for joint in description.joint)
-    text = "No joint of this model has a spring yet: only its links give way, so it is far too stiff."
+    text = "No joint of this model has a spring yet: only its links deflect, so it is far too stiff."
     caution = () if springs else (text,)
     sure = _how_sure(links)
     plan = "`stiffarm plan model.toml --poses 6` says which readings to take."

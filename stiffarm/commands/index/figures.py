@@ -19,7 +19,7 @@ from stiffarm.pages.style import INK, OKABE_ITO
 MOST_POSES: Final = 4
 _PLANES: Final = (("x", "y"), ("x", "z"), ("y", "z"))
 _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 361)
-# Directions in which nothing gives way would swamp the others.
+# Directions in which nothing deflects would swamp the others.
 _MOST: Final = 6.0
 
 

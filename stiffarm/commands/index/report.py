@@ -66,7 +66,7 @@ def _lede(found: IndexAnswer) -> str:
     soft, stiff = 1e-3 * axes.semi_axes[i, 0], 1e-3 * axes.semi_axes[i, 2]
     where = "" if len(found.question.q) == 1 else f" (pose {found.question.labels[i]}, the softest)"
     return (
-        f"The tool gives way most along {_direction(axes.axes[i, :, 0])} in base axes{where}: "
+        f"The tool deflects most along {_direction(axes.axes[i, :, 0])} in base axes{where}: "
         f"{significant(soft, 4)} N/mm, where the stiffest direction has {significant(stiff, 4)} N/mm."
     )
 
@@ -79,7 +79,7 @@ def _key(given: Arm, found: IndexAnswer, interval: str) -> list[KeyFigure]:
     part = int(budget.share[0].argmax())
     out = [
         KeyFigure(f"{significant(soft, 4)} N/mm", "weakest direction", interval),
-        KeyFigure(f"{budget.parts[part]}, {percent(float(budget.share[0, part]))}", "gives way most there"),
+        KeyFigure(f"{budget.parts[part]}, {percent(float(budget.share[0, part]))}", "deflects most there"),
     ]
     if "k_fs" in found.values:
         k = 1e-3 * np.asarray(found.values["k_fs"])

@@ -37,10 +37,10 @@ Pose = Annotated[
     str,
     typer.Option(
         "--pose",
-        help=f"Which pose stands at a point: {', '.join(POSES)}. The last two look at all orientations and branches.",
+        help=f"Which pose to use at a point: {', '.join(POSES)}. The last two look at all orientations and branches.",
     ),
 ]
-BestBy = Annotated[str, typer.Option("--best-by", help=f"Quantity that --pose goes by: {', '.join(MERITS)}.")]
+BestBy = Annotated[str, typer.Option("--best-by", help=f"Quantity by which --pose chooses: {', '.join(MERITS)}.")]
 ToolAxis = Annotated[
     Text,
     typer.Option(
@@ -77,15 +77,15 @@ Format = Annotated[
         help=f"File formats of the map: {', '.join(FORMATS)}. Default: vti of a slice or box, otherwise vtu.",
     ),
 ]
-Html = Annotated[bool, typer.Option("--html", help="Write a page to turn the map and pick points in.")]
+Html = Annotated[bool, typer.Option("--html", help="Write an interactive page of the map, to turn it and pick points.")]
 Svg = Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too.")]
 Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
 Dask = Annotated[
-    Text, typer.Option("--dask", metavar="ADDRESS", help="Have a Dask cluster do it, as in tcp://host:8786.")
+    Text, typer.Option("--dask", metavar="ADDRESS", help="Compute the map on a Dask cluster, as in tcp://host:8786.")
 ]
 Work = Annotated[
     Path | None,
-    typer.Option("--work", help="Folder for the blocks while they are made; an interrupted run continues from it."),
+    typer.Option("--work", help="Folder for finished blocks; an interrupted run resumes from it."),
 ]
 
 
@@ -126,12 +126,17 @@ def joints_command(
     out: Out,
     surrogate_file: Annotated[
         Path | None,
-        typer.Option("--surrogate", help="Take the stiffness from this surrogate; the model's is mapped beside it."),
+        typer.Option("--surrogate", help="Take the stiffness from this surrogate; the model's own is mapped as well."),
     ] = None,
-    points: Annotated[int, typer.Option(help="Values of each coordinate that is swept.", min=2, max=1000)] = 21,
+    points: Annotated[
+        int, typer.Option(help="Number of values of each coordinate that is swept.", min=2, max=1000)
+    ] = 21,
     layers: Annotated[
         Text,
-        typer.Option("--layers", help="Values in deg of the coordinate that leaves the plane, separated by commas."),
+        typer.Option(
+            "--layers",
+            help="Values of the fourth coordinate, which turns the arm out of its plane, in deg, separated by commas.",
+        ),
     ] = None,
     direction: Direction = None,
     values: Values = None,
@@ -174,7 +179,7 @@ def slice_command(
         typer.Option(
             "--at",
             metavar="MM",
-            help="Where the plane stands, in mm. Default: 0; of xy half the height in reach.",
+            help="Position of the plane along its normal, in mm. Default: 0; for xy half the reachable height.",
         ),
     ] = None,
     x: X = None,
@@ -331,8 +336,8 @@ def index_command(
         typer.Option(
             "--workpiece", metavar="REGION",
             help="Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
-            "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. Default: the "
-            "whole grid, of which the best gamma may miss points: each counts as one without stiffness.",
+                 "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. "
+                 "Default: the whole grid; a point that the best gamma misses counts as zero stiffness.",
         ),
     ] = None,
     aim: Annotated[str, typer.Option("--aim", help="Best gamma by the mean or the worst point: mean, worst.")] = "mean",
@@ -340,8 +345,8 @@ def index_command(
         bool,
         typer.Option(
             "--partly",
-            help="Let a gamma win that does not reach all of the workpiece: each point missed counts as one without "
-            "stiffness.",
+            help="Also allow a gamma that does not reach all of the workpiece; each point missed counts as zero "
+                 "stiffness.",
         ),
     ] = False,
     file_format: Format = None,

@@ -49,8 +49,8 @@ def new(
         str,
         typer.Option(
             "--springs",
-            help="Springs of joints that have none: none (rigid until calibrated), or class (the middle of what arms "
-            "of this size have, marked as a prior).",
+            help="Springs of joints that have none: none (rigid until calibrated), or class (the middle of the "
+            "range for arms of this size, marked as a prior).",
         ),
     ] = "none",
     tip: Annotated[
@@ -65,7 +65,7 @@ def new(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Make a model file of an arm, and tables to check it by.
+    """Make a model file of a new arm, and tables to check it with.
 
     Give one of --mdh, --dh, --urdf and --like. Without any, an empty table is written to fill in. The folder gets the
     model with every key explained, a table of poses to read at the pendant (for `stiffarm robots check`), a first
@@ -121,13 +121,13 @@ def _write_table(frame: Frame, name: str) -> None:
     def show() -> None:
         say(f"an empty table to fill in: {path}")
         say(
-            "a row for each joint: alpha_deg and a_mm from the axis before, d_mm along its own axis (modified "
+            "one row per joint: alpha_deg and a_mm from the previous axis, d_mm along its own axis (modified "
             "Denavit-Hartenberg parameters), theta_deg where its coordinate reads 0, its limits; last row: the flange"
         )
         say(f"then: {again}")
         say(
-            "with --dh in place of --mdh they are standard parameters: alpha_deg and a_mm to the axis after; remove "
-            "the row flange then, unless something comes after the last joint"
+            "for standard parameters (alpha_deg and a_mm to the next axis) use --dh in place of --mdh, and remove the "
+            "row flange unless there is an offset after the last joint"
         )
 
     frame.answer({"name": name, "table": str(path), "next": [again]}, show)

@@ -133,7 +133,7 @@ def with_class_springs(description: ModelDescription) -> ModelDescription:
         joint if joint.stiffness is not None else joint.model_copy(update={"stiffness": _middle(low, high)})
         for joint, low, high in zip(description.joint, prior.low.tolist(), prior.high.tolist(), strict=True)
     ]
-    said = f"class prior: the middle of what arms of this size have ({prior.size}); not measured on this arm"
+    said = f"class prior: the middle of the range for arms of this size ({prior.size}); not measured on this arm"
     sources: Mapping[str, str] = {**description.sources, CLASS_PRIOR: said}
     changed_ = description.model_copy(update={"joint": tuple(joints), "sources": sources})
     return ModelDescription.model_validate(changed_.model_dump(by_alias=True, exclude_none=True))

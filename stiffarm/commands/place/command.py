@@ -128,7 +128,7 @@ def place(
             "--cost",
             metavar="PERCENT",
             help="With --mode steps: least improvement that justifies one more move of the base, in percent. With "
-            "--mode moving: what may be given up, in percent, for axes that hold still in each cut.",
+            "--mode moving: loss, in percent, accepted to keep axes still during each cut.",
         ),
     ] = 1.0,
     speed: Annotated[
@@ -174,9 +174,9 @@ def place(
 ) -> None:
     """Find where the base should stand for the stiffest cut.
 
-    The base stands or moves on the linear axes of the cell. Writes report.html, axes.html (the axes map to drag
-    gamma in), placement.csv, positions.csv (what each base position is worth, or
-    what stops it) and placement.json into --out.
+    The base stands or moves on the linear axes of the cell. Writes report.html, axes.html (an axes map in which you
+    can drag gamma), placement.csv, positions.csv (the result at each base position, or what rules it out) and
+    placement.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True).as_designed

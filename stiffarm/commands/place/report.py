@@ -39,7 +39,7 @@ AIM_WORDS = {
 # Changes smaller than this share are not worth moving a base.
 WORTHWHILE = 0.02
 MEANINGS = {
-    CHOSEN: "what was found in the mode that was asked for",
+    CHOSEN: "the best placement in the chosen mode",
     FIXED: "the best single position of the base, with the best single gamma",
     STAYING: "the base where it is now, with the best single gamma there",
     BEFORE: "the linear axes at 0 (mid-range where 0 is out of their limits), gamma 0",
@@ -56,7 +56,7 @@ def write_report(step: PlacedStep, title: str, folder: OutputFolder) -> None:
         motion_section(step, pictures),
         how_section(step),
     ]
-    missing = [text for text in remarks(step) if "were not looked at" in text]
+    missing = [text for text in remarks(step) if "not checked" in text]
     answer = Answer(sure=sure_words(step), todo=TODO + other_aim_words(step), picture=position, warnings=tuple(missing))
     write_page(folder, title, lede(step), _key_figures(step), sections, "where should the robot stand?", answer=answer)
 
@@ -80,7 +80,7 @@ def lede(step: PlacedStep) -> str:
     if placed.staying is not None:
         out += f" {_against(placed.after, placed.staying)}"
     elif placed.why_no_staying is not None:
-        out += " From where it stands now no gamma takes the whole path."
+        out += " From where it stands now, the arm cannot follow the whole path at any gamma."
     path = step.given.path
     return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
 
@@ -88,10 +88,10 @@ def lede(step: PlacedStep) -> str:
 def _against(after: Along, now: Along) -> str:
     """The softest point and the mean against the present place with its best gamma."""
     worst, mean = after.gain(now, "worst"), after.gain(now)
-    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} in the mean"
+    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} on average"
     if max(abs(worst.value - 1.0), abs(mean.value - 1.0)) < WORTHWHILE:
         return f"Its present place is as good, with gamma {gamma_words(now)}: moving the base changes {gains}."
-    return f"Against its present place with the best gamma there ({gamma_words(now)}) that is {gains}."
+    return f"Compared with its present place and the best gamma there ({gamma_words(now)}) that is {gains}."
 
 
 def percent_more(factor: float) -> str:
@@ -119,7 +119,7 @@ def other_aim_words(step: PlacedStep) -> str:
 def sure_words(step: PlacedStep) -> str:
     """How far the figures can be trusted."""
     collisions = step.placed.problem.scene is not None
-    looked = "Collisions are looked at in the points of the path." if collisions else ""
+    looked = "Collisions are checked at the points of the path." if collisions else ""
     return (
         f"{sentence(step.placed.problem.uncertainty)} Static stiffness of the arm and its axes only. {looked}".strip()
     )
@@ -146,12 +146,14 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
     ]
     now = next((pair for pair in ((STAYING, placed.staying), (BEFORE, placed.before)) if pair[1] is not None), None)
     if now is None or now[1] is None:
-        out.append(KeyFigure("not at all", "can the path be driven from where the robot stands now"))
+        out.append(KeyFigure("not at all", "can the arm follow the path from where the robot stands now"))
     else:
         gain = after.gain(now[1], "worst")
         ends = [percent_more(v) for v in (gain.low, gain.high)]
         interval = "" if ends[0] == ends[1] else f"95 %: {ends[0]} to {ends[1]}"
-        out.append(KeyFigure(percent_more(gain.value), f"stiffness of the softest point, against: {now[0]}", interval))
+        out.append(
+            KeyFigure(percent_more(gain.value), f"stiffness of the softest point, compared with: {now[0]}", interval)
+        )
     error = after.error.estimated(np.random.default_rng(SEED))["rms"]
     return [
         *out,
@@ -248,10 +250,10 @@ def criterion_fold(step: PlacedStep) -> Fold:
         (
             Table("K_sf and its two terms", ("placement", "K_sf", "alpha sum k²", "beta (mean k)⁴"), rows),
             Text(
-                f"K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
+                "K_sf = alpha sum k² + beta (mean k)⁴, k the directional stiffness along the cutting force; alpha "
                 f"{criterion.alpha:.3g} mm²/N², beta {criterion.beta:.3g} mm⁴/N⁴. The published criterion gives no "
-                "weights; unless they are given, those are taken that make both terms 1 at the largest mean stiffness "
-                "of the coarse grid, so K_sf of two tasks cannot be compared."
+                "weights; by default they make both terms 1 at the largest mean stiffness of the coarse grid, so "
+                "K_sf of two tasks cannot be compared."
             ),
         ),
     )
@@ -278,13 +280,13 @@ def remarks(step: PlacedStep) -> list[str]:
     placed = step.placed
     out = list(placed.notes)
     if placed.why_no_before is not None:
-        out.append(f"As it stands the path cannot be driven: {placed.why_no_before}.")
+        out.append(f"From the present place the arm cannot follow the path: {placed.why_no_before}.")
     if placed.why_no_fixed is not None:
-        out.append(f"No single position takes the whole path: {placed.why_no_fixed}.")
+        out.append(f"From no single position can the arm follow the whole path: {placed.why_no_fixed}.")
     if placed.problem.scene is None and not any("Collisions" in note for note in step.notes):
-        out.append("Collisions were not looked at.")
+        out.append("Collisions were not checked.")
     if np.isnan(placed.problem.path.times).any():
-        out.append("Points without a feed: there no speeds and accelerations were looked at.")
+        out.append("Some points have no feed: there speeds and accelerations were not checked.")
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
 
@@ -336,16 +338,16 @@ def how_section(step: PlacedStep) -> Section:
         (
             Text(
                 f"Aim: {aim}; base: {placed.how.mode}. Base positions in {ranges}; {placed.evaluations} of them "
-                f"looked at, each over the path with {len(placed.problem.angles)} angles gamma and all branches. A "
-                "coarse grid, its best basins by pattern search; steps and motion along the path by dynamic "
-                "programming on a grid, then finer about the result."
+                f"were evaluated, each over the path with {len(placed.problem.angles)} angles gamma and all "
+                "branches. A coarse grid, its best basins by pattern search; steps and motion along the path by "
+                "dynamic programming on a grid, then finer about the result."
             ),
             Bullets(
                 (
                     f"Model: {model.link_kind} links, {model.load_path} load path, unloaded arm; compliance "
                     "of linear axes acts at the base's origin, where the cell file gives one.",
                     "Static stiffness only: chatter, servo lag and the tool's own bending are not in it.",
-                    "Between path points and between positions of the base collisions are not looked at.",
+                    "Collisions between path points and between base positions are not checked.",
                 )
             ),
         ),

@@ -78,7 +78,7 @@ def plan(
         typer.Option(
             "--tracker",
             metavar="X,Y,Z",
-            help="With --positions: where the tracker stands, in mm, the arm's base frame.",
+            help="With --positions: position of the tracker in the arm's base frame, in mm.",
         ),
     ] = None,
     target: Annotated[
@@ -86,8 +86,8 @@ def plan(
         typer.Option(
             "--target",
             metavar="NAME:X,Y,Z[,DX,DY,DZ]",
-            help="With --positions: a target on the flange, in mm, flange frame, and the direction it looks in. "
-            "May be repeated.",
+            help="With --positions: a target in the flange frame, in mm, and the direction in which it faces. May "
+            "be repeated.",
         ),
     ] = None,
     carried: Annotated[
@@ -129,8 +129,8 @@ def plan(
         str | None,
         typer.Option(
             "--directions",
-            help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the "
-            "readings (of many the axes nearest to them), otherwise -z.",
+            help="Load directions in base axes, as in +x,-x,-z or 0,0,-1;1,0,-1. Default: those of the readings "
+            "(if there are many, the axes nearest to them), otherwise -z.",
         ),
     ] = None,
     read: Annotated[

@@ -35,7 +35,8 @@ NOTES: Final = (
     "joints, 0.1 to 0.4 mm on arms that were measured) is more than a tracker's own as a rule",
     "a target with a direction is taken as seen within 30 deg of it, and where the beam keeps 120 mm from the lines "
     "through the arm's joints: no collision check, and no cables",
-    "parameters that no poses tell are left out; error curves are told wherever a joint's angles are spread",
+    "parameters that no poses can determine are left out; error curves are determined wherever a joint's angles "
+    "are spread",
 )
 
 APPROACH: Final = (

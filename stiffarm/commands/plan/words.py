@@ -44,7 +44,7 @@ def known_so_far(found: ParameterEstimate | None, p: Parameter) -> str:
     if found is None or found.status == "not identified":
         return "nothing"
     if all(map(math.isnan, found.interval)):
-        return "nothing beyond a fit without a spare reading"
+        return "only a fit with as many parameters as readings"
     low, high = found.interval
     nowhere = (0.0, -math.inf) if p.scale != "linear" else (-math.inf,)
     if math.isinf(high) and low in nowhere:
@@ -90,7 +90,7 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
         return f"{p.name}: known to ± {now} (was: ± {then}); {_times(f.promised_shrink)}"
     factor = factor95(f.promised)
     if factor > HARDLY:
-        return f"{p.name}: may stay open, these readings hardly tell it by itself (was: {was})"
+        return f"{p.name}: may stay open, these readings hardly identify it alone (was: {was})"
     rest = f"(was: {was}); {_times(f.promised_shrink)}"
     if not is_open(found) or p.scale != "compliance":
         return f"{p.name}: known {_within(factor)} {rest}"
@@ -100,8 +100,8 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
     limit = rigid_from(f)
     if limit <= 1.5 * f.planned_for:
         return f"{p.name}: known {_within(factor)} {assumed} {rest}"
-    return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one is told from a rigid one up to "
-            f"{quantity(limit, p.unit, 2)}")  # fmt: skip
+    return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one can be distinguished from rigid up "
+            f"to {quantity(limit, p.unit, 2)}")  # fmt: skip
 
 
 def rests_on(start: Outset, found: Forecast) -> str:

@@ -110,8 +110,8 @@ def post(
         bool,
         typer.Option(
             "--compensate",
-            help="Correct the path for the deflection under --force or --milling and, with a model that positions have "
-            "calibrated, for the arm's geometry, joint errors and own weight.",
+            help="Correct the path for the deflection under --force or --milling and, with a model calibrated "
+            "from positions, for the arm's geometry, joint errors and own weight.",
         ),
     ] = False,
     payload: Annotated[
@@ -136,7 +136,8 @@ def post(
         float,
         typer.Option(
             "--ramp-mm",
-            help="Length of path beside a cut over which its correction fades in and out, in mm; 0 for one step.",
+            help="Length of path before and after a cut over which its correction fades in and out, in mm; 0 for "
+            "one step.",
             min=0.0,
         ),
     ] = RAMP * 1e3,

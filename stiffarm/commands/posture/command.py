@@ -141,8 +141,9 @@ def posture(
 ) -> None:
     """Find the stiffest posture along a tool path.
 
-    Chooses the redundant angle gamma, branch and turns of the joints such that the path can be driven. Writes
-    report.html, axes.html (the axes map to drag the course in), posture.csv and posture.json into --out.
+    Chooses the angle gamma about the tool axis, branch and turns of the joints such that the arm can follow the path.
+    Writes report.html, axes.html (an axes map in which you can drag the course), posture.csv and posture.json into
+    --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True).as_designed

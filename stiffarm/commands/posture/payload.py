@@ -161,18 +161,19 @@ def remarks(posed: Posed) -> list[str]:
     out = []
     if posed.why_no_before is not None:
         out.append(
-            f"As programmed (gamma {np.degrees(request.before):.4g} deg) it cannot be driven: {posed.why_no_before}."
+            f"As programmed (gamma {np.degrees(request.before):.4g} deg) the arm cannot follow the path: "
+            f"{posed.why_no_before}."
         )
     if posed.found.why_no_fixed is not None:
-        out.append(f"No single gamma can be driven along the whole path: {posed.found.why_no_fixed}.")
+        out.append(f"With no single gamma can the arm follow the whole path: {posed.found.why_no_fixed}.")
     if request.left_out:
-        out.append(f"Effects of the model that are not in this: {', '.join(request.left_out)}.")
+        out.append(f"Effects of the model that are not included: {', '.join(request.left_out)}.")
     if request.drive.speed is None:
-        out.append("Joint speeds were not looked at: give --speed, or a cell file with joint speeds.")
+        out.append("Joint speeds were not checked: give --speed, or a cell file with joint speeds.")
     elif np.isnan(request.task.path.times).any():
-        out.append("Points without a feed: between them joint speeds could not be looked at.")
+        out.append("Some points have no feed: between them joint speeds could not be checked.")
     if request.drive.clearance_of is None and request.drive.clearance_at is None:
-        out.append("Collisions were not looked at: give a cell file with --cell.")
+        out.append("Collisions were not checked: give a cell file with --cell.")
     if posed.milling is None:
         out.append("No error was predicted: give --force or --milling.")
     if not posed.found.sure:
@@ -186,7 +187,7 @@ def remarks(posed: Posed) -> list[str]:
         if change.verdict == "larger" and not request.objective.minimised:
             out.append(
                 f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
-                'given: for the error itself ask for --quantity "normal displacement".'
+                'given: to optimise the error itself, use --quantity "normal displacement".'
             )
     out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
     out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])

@@ -28,7 +28,7 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     sections = [courses_section(posed), *error_sections(posed, pictures)]
     sections += [motion_section(posed, pictures), how_section(posed)]
-    missing = [text for text in remarks(posed) if "not looked at" in text or "not in this" in text]
+    missing = [text for text in remarks(posed) if "not checked" in text or "not included" in text]
     answer = Answer(
         sure=f"{sentence(posed.stiffness)} Static stiffness of the arm only.",
         todo=TODO,
@@ -63,7 +63,7 @@ def lede(posed: Posed) -> str:
         gamma = np.degrees(posed.request.before)
         out += f", the mean {gain_words(posed, BEFORE)} against gamma {gamma:.4g} deg as programmed"
     elif posed.why_no_before is not None:
-        out += "; as programmed it cannot be driven"
+        out += "; as programmed the arm cannot follow it"
     return f"{out}. Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm."
 
 

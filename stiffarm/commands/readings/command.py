@@ -19,13 +19,13 @@ def readings(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Files as an instrument or a person wrote them: text with any separator, or XLSX. Joint angles may be "
-            "in a file of their own.",
+            help="Files from an instrument or filled in by hand: text with any separator, or XLSX. Joint angles "
+                 "may be in a separate file.",
         ),
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Table to write (CSV). Default: none; only say what would be made of the files."),
+        typer.Option("--out", help="Table to write (CSV). Default: none; only show how the files are understood."),
     ] = None,
     model: Annotated[
         str | None,
@@ -34,7 +34,7 @@ def readings(
     mapping: Annotated[
         Path | None,
         typer.Option(
-            "--mapping", help="Mapping file (TOML) that an earlier run wrote beside its table. Default: none."
+            "--mapping", help="Mapping file (TOML) that an earlier run wrote with its table. Default: none."
         ),
     ] = None,
     kind: Annotated[
@@ -57,14 +57,14 @@ def readings(
     ] = None,
     units: Annotated[
         str | None,
-        typer.Option("--units", help="Units of columns that name none, as in mm,deg,N.", rich_help_panel=_COLUMNS),
+        typer.Option("--units", help="Units of columns that state none, as in mm,deg,N.", rich_help_panel=_COLUMNS),
     ] = None,
     fill: Annotated[
         list[str] | None,
         typer.Option(
             "--fill",
             metavar="NAME=VALUE",
-            help="A value for all rows that no file holds, as in 'session=day 1' or 'hung=20 kg'. May be repeated.",
+            help="A value for all rows that no file contains, as in 'session=day 1' or 'hung=20 kg'. May be repeated.",
             rich_help_panel=_COLUMNS,
         ),
     ] = None,
@@ -134,17 +134,17 @@ def readings(
     ] = None,
     decimal: Annotated[
         str | None,
-        typer.Option("--decimal", help="Decimal mark: point or comma. Default: found where numbers settle it.",
+        typer.Option("--decimal", help="Decimal mark: point or comma. Default: found if the numbers settle it.",
                      rich_help_panel=_FILE),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:  # fmt: skip
-    """Make a measurement table of what instruments and people write.
+    """Make a measurement table from instrument files or sheets.
 
-    Reads exports of laser trackers, controllers' logs and sheets filled in by hand, and writes a table that `calibrate`
-    and `diagnose` read, with a mapping file for the next file of the same layout. Whatever is not sure is refused with
-    the option that settles it.
+    Reads exports of laser trackers, controllers' logs and sheets filled in by hand, and writes a table that
+    `calibrate` and `diagnose` read, with a mapping file for the next file of the same layout. Anything ambiguous is
+    refused, with the option that settles it.
     """
     with command(as_json=as_json, debug=debug) as frame:
         from doe.instruments.convert import convert

@@ -29,7 +29,8 @@ def rehearse(
         typer.Argument(
             metavar="[SHEET]",
             help="Measurement table or sheet to fill in (CSV/XLSX) whose poses, loads and order are used; its own "
-            "readings only tell the noise. Default: the robot's bundled table, otherwise a campaign of 27 poses.",
+            "readings are used only for the noise. Default: the robot's bundled table, otherwise a campaign "
+            "of 27 poses.",
         ),
     ] = None,
     hide: Annotated[
@@ -37,8 +38,8 @@ def rehearse(
         typer.Option(
             "--hide",
             metavar="CODE",
-            help="Make readings with this effect hidden in them, as in friction:j2, and diagnose them; none "
-            "for nothing, any for one drawn at random and kept secret until the end. Default: a power analysis.",
+            help="Simulate readings with this hidden effect, as in friction:j2, and diagnose them; none hides "
+            "nothing, any draws one at random and keeps it secret until the end. Default: a power analysis.",
         ),
     ] = None,
     draws: Annotated[
@@ -100,14 +101,14 @@ def rehearse(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Say what a planned sheet would show, before anyone measures.
+    """Forecast what a planned sheet would show, before you measure.
 
-    For the poses, loads, repeats and noise of your sheet: the smallest size of each effect that would be found with
-    80 %, the chances that usual sizes are found and named, the intervals of the springs to expect, and what one more
-    set-up, load or repeat would add. Writes power.json and a report into --out.
+    For the poses, loads, repeats and noise of your sheet: the smallest size of each effect that would be found with a
+    chance of 80 %, the chances that usual sizes are found and named, the intervals to expect of the springs, and what
+    one more set-up, load or repeat would add. Writes power.json and a report into --out.
 
-    With --hide it is a dress rehearsal: readings with an effect hidden in them are made by mechanics that share nothing
-    with the diagnosis, the diagnosis runs blind, then the truth is unveiled. Writes rehearsal.json, readings.csv,
+    With --hide it is a dress rehearsal: readings with a hidden effect are simulated by code that shares nothing with
+    the diagnosis, the diagnosis runs blind, and then the true effect is shown. Writes rehearsal.json, readings.csv,
     truth.json and a report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:

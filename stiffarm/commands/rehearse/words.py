@@ -20,9 +20,9 @@ def outcome(r: Rehearsed) -> str:
     if r.outcome == "named" and r.world.code not in r.verdict.found:
         return "rightly called unknown"
     if r.outcome == "wrong" and r.world.code in r.verdict.not_testable:
-        return "wrong, of what it said it cannot test"
+        return "wrong, for an effect that it called not testable"
     too_many = r.outcome in ("named", "family") and r.verdict.sure > 1
-    return OUTCOMES[r.outcome] + (", and one too many" if too_many else "")
+    return OUTCOMES[r.outcome] + (", plus one too many" if too_many else "")
 
 
 def headline(r: Rehearsed) -> str:
@@ -40,7 +40,7 @@ def said(r: Rehearsed) -> str:
     if v.kind == "none":
         return "found nothing missing"
     if v.kind == "uninformative":
-        return "said that the readings tell nothing"
+        return "said that the readings say nothing about the arm"
     if v.kind == "unknown":
         return "found something that it does not know" + (f" ({', '.join(v.found)} in part)" if v.found else "")
     left = [code for code in r.diagnosed.credible if code not in (NOTHING, "unknown")]
@@ -50,25 +50,27 @@ def said(r: Rehearsed) -> str:
 def visible(r: Rehearsed) -> str:
     """Whether the readings could show it at all."""
     if r.world.code == NOTHING:
-        return "Nothing was there to be seen."
+        return "There was nothing to find."
     if r.is_visible:
         return (
-            f"These readings can show it: no springs take up a chi-square of {r.excess:.3g} (from {DETECTABLE:g} on it "
+            f"These readings can show it: springs leave a chi-square of {r.excess:.3g} ({DETECTABLE:g} or more "
             "counts as visible)."
         )
     return (
-        f"These readings can hardly show it: without errors of any other kind, springs take up all but a chi-square of "
-        f"{r.excess:.3g} (from {DETECTABLE:g} on it would count as visible)."
+        "These readings can hardly show it: even without other errors, springs leave only a chi-square of "
+        f"{r.excess:.3g} ({DETECTABLE:g} or more would count as visible)."
     )
 
 
 def gap(r: Rehearsed) -> str:
     """The gap before and after, on poses held out."""
     if r.gap_mm is None:
-        return "No poses were held out: the arm can take no others within the angles read."
+        return "No poses were held out: within the measured angles the arm can take no others."
     before, after = r.gap_mm
-    text = f"At poses held out, against the truth without noise, the error is {before:.4f} mm RMS with springs alone"
-    return f"{text} and {after:.4f} mm with what was found." if r.verdict.found else f"{text}; nothing was added."
+    text = (
+        f"At held-out poses, against the true values without noise, the error is {before:.4f} mm RMS with springs alone"
+    )
+    return f"{text} and {after:.4f} mm with the effects found." if r.verdict.found else f"{text}; nothing was added."
 
 
 def numbers(r: Rehearsed) -> list[tuple[str, ...]]:

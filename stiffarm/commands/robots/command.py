@@ -123,9 +123,9 @@ def check_command(
         Path,
         typer.Argument(
             metavar="PENDANT",
-            help="Table (CSV/XLSX) with a row for each pose: joint angles in deg, x_mm, y_mm, z_mm of the tool as the "
-            "controller shows them, and an orientation if you like (a_deg b_deg c_deg, w_deg p_deg r_deg, qw qx qy qz "
-            "and others).",
+            help="Table (CSV/XLSX) with a row for each pose: joint angles in deg, x_mm, y_mm, z_mm of the tool as "
+            "the controller shows them, and optionally an orientation (a_deg b_deg c_deg, w_deg p_deg r_deg, "
+            "qw qx qy qz and others).",
         ),
     ],
     tolerance_mm: Annotated[
@@ -139,7 +139,8 @@ def check_command(
 ) -> None:
     """Compare a model's kinematics with positions read at the controller, and name what is wrong.
 
-    Finds a joint's sign or zero, a coupled joint, a length, another base or tool frame, and degrees against radians.
+    Finds a wrong sign or zero of a joint, a coupled joint, a wrong length, another base or tool frame, and radians in
+    place of degrees.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.robots.check import answer_check

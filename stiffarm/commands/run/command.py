@@ -48,8 +48,8 @@ def run(
         bool,
         typer.Option(
             "--rehearse/--no-rehearse",
-            help="End with a rehearsal: hide an effect in made-up readings at the same set-ups and see whether the "
-            "diagnosis finds it.",
+            help="End with a rehearsal: hide an effect in simulated readings at the same set-ups and check "
+            "whether the diagnosis finds it.",
         ),
     ] = True,
     seed: Seed = 0,
@@ -58,8 +58,8 @@ def run(
 ) -> None:
     """Run everything from readings to report, surrogate and maps.
 
-    Diagnosis, first model, sensitivity, calibration, surrogate, maps and one report that tells the whole story. A
-    published scheme is carried out stage by stage where there is one; else all springs are calibrated at once.
+    Diagnosis, first model, sensitivity, calibration, surrogate, maps and one report of it all. If there is a
+    published scheme, it is carried out stage by stage; otherwise all springs are calibrated at once.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         from stiffarm.commands.run.workflow import Options, run_all

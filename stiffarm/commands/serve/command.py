@@ -41,7 +41,7 @@ def serve_command(
     sets: Sets = None,
     debug: Debug = False,
 ) -> None:
-    """Answer questions of other programs, line by line.
+    """Answer questions from other programs, line by line.
 
     Reads one JSON object per line on stdin and answers on stdout: kinematics, stiffness, best posture. Meant for
     postprocessors; docs/reference/serve.md describes the protocol. Ends at the end of the input.

@@ -61,7 +61,7 @@ class PoseBudget:
     @property
     def leader(self) -> str:
         """Which part gives most, in words; of a model with rigid joints that is not what gives most in the arm."""
-        words = f"{self.largest} gives most, {100.0 * self.share[self.order[0]]:.0f} %"
+        words = f"{self.largest} deflects most, {100.0 * self.share[self.order[0]]:.0f} %"
         return words if "joint" in self.kinds else f"of the structure alone, with rigid joints, {words}"
 
     def payload(self) -> dict[str, Any]:

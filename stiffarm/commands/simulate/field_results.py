@@ -44,7 +44,7 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
     save_vtu(arm, model, folder.path("field.vtu"))
     picture = picture_of(arm, folder, "field.png")
     facts = f"{pose_text(arm.robot, arm.q)}; load {wrench_text(arm.wrench)}".replace("-", "−")
-    figure = energy_share_figure(arm.budget, f"Where the {_short(arm)} gives way", facts)
+    figure = energy_share_figure(arm.budget, f"Where the {_short(arm)} deflects", facts)
     save_png(figure, folder.path("energy_share.png"))
     content = {
         "robot": arm.robot.name,

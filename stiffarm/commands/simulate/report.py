@@ -48,7 +48,7 @@ def write_pose_report(
     length = float(np.linalg.norm([d[n] for n in DISPLACEMENT_NAMES[:3]]))
     parts = {name: float(np.linalg.norm([part[n] for n in DISPLACEMENT_NAMES[:3]])) for name, part in _parts(result)}
     most = max(parts, key=parts.__getitem__, default="nothing")
-    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool; {most} gives most")]
+    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool, the largest share in {most}")]
     if k is not None:
         low, high = (np.nan, np.nan) if result["rigid_joints"] else _interval(given, q, wrench, k)
         known = np.isfinite(low)
@@ -64,9 +64,12 @@ def write_pose_report(
     picture = pictures.add(figure, "parts", "The parts' motions add up as vectors.") if parts else None
     pose = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in result["pose_deg"].items() if v) or "all joints at 0"
     load = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in result["load"].items() if v)
-    lede = f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm; {most} gives most."
+    lede = (
+        f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm, the largest share in "
+        f"{most}."
+    )
     answer = Answer(_sure(given, result), _todo(given, model), picture)
-    sections = [Section("What gives way", tuple(blocks)), _model(result)]
+    sections = [Section("What deflects", tuple(blocks)), _model(result)]
     write_page(folder, _title(given), lede, key, sections, QUESTION, "", answer)
 
 
@@ -159,7 +162,7 @@ def _interval(given: Arm, q: Any, wrench: Any, k: float) -> tuple[float, float]:
 
 def _sure(given: Arm, result: Mapping[str, Any]) -> str:
     if result["rigid_joints"]:
-        return "Joints are held rigid, as asked: only the links give way."
+        return "Joints are held rigid, as asked: only the links deflect."
     if result["joints_without_spring"]:
         names = ", ".join(result["joints_without_spring"])
         return f"No spring is given for {names}: held rigid, so the arm is softer than said wherever a load turns them."

@@ -25,18 +25,21 @@ def study(
         ),
     ],
     jobs: Annotated[
-        int | None, typer.Option("--jobs", help="Sets at work at a time. Default: one a processor.", min=1, max=256)
+        int | None,
+        typer.Option(
+            "--jobs", help="Number of sets diagnosed at the same time. Default: one per processor.", min=1, max=256
+        ),
     ] = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Score the diagnosis on sets whose truth is known.
+    """Score the diagnosis on readings whose true cause is known.
 
-    Any world can make the sets: readings with something hidden in them, and a key that the diagnosis does not see.
-    Every set is diagnosed blind, with unchanged defaults, and counted strictly: "unknown" and "none" are never right
-    for an effect of the catalogue, and what was tried on the way is no answer. Writes study.json, rows.csv and a report
-    into --out.
+    Any simulator can make the sets: readings with a hidden effect, and a key that the diagnosis does not see. Every
+    set is diagnosed blind, with unchanged defaults, and counted strictly: "unknown" and "none" are never right for an
+    effect of the catalogue, and candidates that were only tried do not count. Writes study.json, rows.csv and a
+    report into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         sets = study_sets(folder)

@@ -136,4 +136,4 @@ def _show(found: Verification) -> None:
         if len(found.offences) > SHOWN:
             say(f"and {len(found.offences) - SHOWN} more")
     for text in found.not_looked_at:
-        say(f"not looked at: {text}")
+        say(f"not checked: {text}")

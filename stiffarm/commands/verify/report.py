@@ -70,7 +70,7 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
         sure=sure_words(found),
         todo=todo_words(found),
         picture=drawn[0][0] if drawn else clearance,
-        warnings=(f"Not looked at: {' '.join(found.not_looked_at)}",) if found.not_looked_at else (),
+        warnings=(f"Not checked: {' '.join(found.not_looked_at)}",) if found.not_looked_at else (),
     )
     write_page(folder, title, lede, _key_figures(found, worst), sections, "may this program run?", answer=answer)
 
@@ -105,7 +105,7 @@ def todo_words(found: Verification) -> str:
 
 def _key_figures(found: Verification, worst: Spot | None) -> list[KeyFigure]:
     total = found.timing.total + float(found.program.motions.dwell.sum())
-    out = [KeyFigure("Yes" if found.clean else "No", "may it run, as far as was looked at")]
+    out = [KeyFigure("Yes" if found.clean else "No", "may it run, as far as was checked")]
     if worst is not None:
         label = "the worst offence" if found.errors else "the worst warning"
         out.append(KeyFigure(str(worst.offence.kind), f"{label}, line {worst.line}", worst.sentence))
@@ -122,7 +122,7 @@ def _key_figures(found: Verification, worst: Spot | None) -> list[KeyFigure]:
 def offences_section(found: Verification, pictures: list[Picture]) -> Section:
     """All offences, the worst first; pictures of those of other kinds."""
     if not found.offences:
-        return Section("Offences", (Text("Nothing was found in what was looked at."),))
+        return Section("Offences", (Text("Nothing was found in what was checked."),))
     moves = Counter[tuple[object, object]]()
     for o in found.offences:
         moves[o.kind, o.severity] += o.moves
@@ -291,4 +291,4 @@ def how_section(found: Verification) -> Section:
     unproven = sum(o.kind is Kind.UNPROVEN for o in found.offences)
     if unproven:
         blocks.append(Note(f"{unproven} places could not be decided; a finer --resolution may."))
-    return Section("How it was looked at", tuple(blocks), folded=True)
+    return Section("How it was checked", tuple(blocks), folded=True)

@@ -99,7 +99,7 @@ def test_of_several_amplitudes_one_may_be_small_but_not_all(d: Diagnosis) -> Non
 
 
 def test_an_effect_without_numbers_cannot_be_implausible() -> None:
-    assert does_not_apply(checking._plausible(a_found("angle-sign:j3", {}, {})), "no number")
+    assert does_not_apply(checking._plausible(a_found("angle-sign:j3", {}, {})), "no parameter")
 
 
 # predicts-left-out and stable
@@ -224,7 +224,7 @@ def test_a_last_look_that_is_sure_of_nothing_else_is_silent(d: Diagnosis) -> Non
 
 
 def test_without_a_look_after_the_last_name_nothing_can_be_left(d: Diagnosis) -> None:
-    assert does_not_apply(the(checks(replace(d, rankings=d.rankings[:1])), "nothing-left", ""), "no look")
+    assert does_not_apply(the(checks(replace(d, rankings=d.rankings[:1])), "nothing-left", ""), "last look did not")
 
 
 # no-twin
@@ -261,7 +261,7 @@ def test_several_joints_with_one_fault_fire(d: Diagnosis) -> None:
 
 def test_what_is_of_no_joint_has_none_of_its_kind(d: Diagnosis) -> None:
     payload = a_found("payload", {"force": 40.0}, {"force": 2.0})
-    assert does_not_apply(checking._one_of_a_kind(with_found(d, payload), payload), "no joint")
+    assert does_not_apply(checking._one_of_a_kind(with_found(d, payload), payload), "not act at a joint")
 
 
 # like-noise
@@ -294,7 +294,7 @@ def test_what_follows_the_clock_is_no_noise(d: Diagnosis) -> None:
     t = s.history.clock[s.data.row]
     check = the(checks(moved(d, 4.0 * noise_of(d) * np.cos(np.pi * t))), "like-noise", "")
     assert fires(check)
-    assert "below 1 % as much of it along the clock" in check.evidence
+    assert "below 1 % as much of it over time" in check.evidence
     unknown = replace(s.history, clock=np.full_like(s.history.clock, np.nan))
     timeless = replace(d, after=replace(d.after, refit=replace(d.after.refit, setting=replace(s, history=unknown))))
     assert "clock" not in the(checks(timeless), "like-noise", "").evidence

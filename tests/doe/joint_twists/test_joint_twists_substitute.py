@@ -79,7 +79,7 @@ def test_gears_alone_are_always_too_stiff_and_a_refit_is_less_wrong() -> None:
     same, refitted, effective = usual_models(tx200(), truth().compliances, poses=300, rng=np.random.default_rng(0))
     assert_allclose(same.bias, same.mean)
     assert (refitted.mean < same.mean).all()
-    # What gives way elsewhere ends up in the gears.
+    # What deflects elsewhere ends up in the gears.
     gears = truth().compliances(np.zeros((1, 6)))[0, :, 5]
     assert (effective[[0, 3, 4]] > gears[[0, 3, 4]]).all()
 

@@ -152,11 +152,11 @@ def test_no_change_cannot_be_told(kr60: fem.ArmModel, rng: np.random.Generator) 
 def test_a_rigid_arm_has_no_error(kr60: fem.ArmModel, rng: np.random.Generator) -> None:
     task = wall_task()
     q = postures(kr60, task, SOFT)
-    none = part_shares((), np.zeros(0), "nothing gives way")
+    none = part_shares((), np.zeros(0), "nothing deflects")
     e = surface_error(kr60.with_rigid_joints(), task, q, ConstantForce(F), stiffness=none)
     change = compare(e, e, rng).changes["rms"]
     assert change.verdict == "no error"
-    assert change.sentence == "No RMS surface error: nothing gives way under this force."
+    assert change.sentence == "No RMS surface error: nothing deflects under this force."
 
 
 def test_unlike_things_are_not_compared(kr60: fem.ArmModel, rng: np.random.Generator) -> None:

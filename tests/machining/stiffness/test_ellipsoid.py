@@ -83,7 +83,7 @@ def test_a_rigid_direction_is_infinite(rotation: Array) -> None:
 
 
 def test_an_arm_in_which_nothing_gives_way_is_refused() -> None:
-    with pytest.raises(InputError, match="pose 1: nothing gives way"):
+    with pytest.raises(InputError, match="pose 1: nothing deflects"):
         stiffness_ellipsoid(np.stack([np.eye(3), np.zeros((3, 3))]))
 
 

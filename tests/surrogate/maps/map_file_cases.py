@@ -64,7 +64,7 @@ def finished(layout, reached=None, metadata=None, seed=0):
         coordinates=("q2_deg", "q3real_deg"),
         fields={
             "stiffness_N_per_mm": Field(rng.uniform(200.0, 900.0, n) * hole, "N/mm", "stiffness along -Z"),
-            "softest_part": Field(worst, "", "part that gives way most", ("link 2", "größte <&>", "base")),
+            "softest_part": Field(worst, "", "part that deflects most", ("link 2", "größte <&>", "base")),
             "isotropy": Field(rng.uniform(0.0, 1.0, n) * hole, "", "isotropy"),
         },
         parts=("link 2", "base"),

@@ -190,7 +190,7 @@ def test_the_matrix_is_that_of_the_model_entry_by_entry(rng: np.random.Generator
         (lambda q: replace(q, rows=()), "none"),
         (lambda q: replace(q, direction=np.zeros(3)), "load direction"),
         (lambda q: replace(q, direction=np.array([0.0, np.nan, 1.0])), "load direction"),
-        (lambda q: replace(q, rows=named(TABLE, ["softest"]), model=kr60().with_rigid_joints()), "nothing gives way"),
+        (lambda q: replace(q, rows=named(TABLE, ["softest"]), model=kr60().with_rigid_joints()), "nothing deflects"),
         (lambda q: q.merit(named(TABLE, ["softest"])[0]), "chosen by"),
     ],
 )

@@ -156,7 +156,7 @@ def _method(content: Mapping[str, Any]) -> Section:
             "Figs. 10 and 11."
         ),
         Table("What the map is of", ("", ""), tuple(facts), (0, 1)),
-        Note("Not looked at: collisions, and the way from point to point."),
+        Note("Not checked: collisions, and the motion from point to point."),
     ]
     return Section("How it was found", tuple(blocks), folded=True)
 

@@ -85,8 +85,8 @@ def assumed_springs(r: Power) -> str:
     if not r.assumed:
         return ""
     return (
-        f"No spring in the model for {', '.join(r.assumed)}: the middle of what arms of this size have is assumed. "
-        "All sizes and chances depend on it."
+        f"No spring in the model for {', '.join(r.assumed)}: the middle of the range for arms of this size is "
+        "assumed. All sizes and chances depend on it."
     )
 
 
@@ -122,9 +122,9 @@ def headline(r: Power) -> str:
     found = sum(p.found.value >= POWER for p in judged)
     named = sum(p.named.value >= SURE for p in judged)
     return (
-        f"Of {len(r.prospects)} effects that this arm can have, {found} of usual size would be found with 80 % or more "
-        f"and {named} named; in the mean over the {len(judged)} that the readings can show, {percent(r.mean[0])} are "
-        f"found and {percent(r.mean[1])} named."
+        f"Of {len(r.prospects)} effects that this arm can have, {found} of usual size would be found with 80 % or "
+        f"more and {named} named; on average over the {len(judged)} that the readings can show, "
+        f"{percent(r.mean[0])} are found and {percent(r.mean[1])} named."
     )
 
 
@@ -134,16 +134,16 @@ def blind(r: Power) -> str:
     never = [p for p in r.prospects if p.why_not is not None and not p.is_fitted]
     parts = []
     if poor:
-        parts.append(f"rather not found: {_listed([p.code for p in poor])}")
+        parts.append(f"probably not found: {_listed([p.code for p in poor])}")
     if never:
-        parts.append(f"moves no reading here, or the springs take it up: {_listed([p.code for p in never])}")
+        parts.append(f"changes no reading here, or springs absorb it: {_listed([p.code for p in never])}")
     return (". ".join(part[0].upper() + part[1:] for part in parts) + ".") if parts else ""
 
 
 def twins(r: Power) -> str:
     """What is found and not named, in a sentence; empty where nothing is."""
     some = [p for p in r.judged if p.found.value >= POWER and p.named.value < UNLIKELY]
-    return f"Found, but rather not named: {_listed([p.code for p in some])}." if some else ""
+    return f"Found, but probably not named: {_listed([p.code for p in some])}." if some else ""
 
 
 def best(r: Power) -> str:
@@ -153,9 +153,7 @@ def best(r: Power) -> str:
     top = max(r.additions, key=lambda a: (a.named, a.found))
     if top.named < 0.005 and top.found < 0.005:
         return "One more set-up, load or repeat adds next to nothing: add several, or read other axes."
-    return (
-        f"Best to add: {top.what} ({_points(top.named)} named, {_points(top.found)} found, in the mean over effects)."
-    )
+    return f"Best to add: {top.what} ({_points(top.named)} named, {_points(top.found)} found, on average over effects)."
 
 
 def sentences(r: Power) -> list[str]:

@@ -64,8 +64,8 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
             quality_picture(trained, pictures),
             _measured_poses(f),
             Note(
-                "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and gives "
-                "no value unless told otherwise (`--extrapolate`)."
+                "Outside the fitted joint ranges, or where the robot cannot go, the surrogate flags the pose and "
+                "gives no value unless you ask for one (`--extrapolate`)."
             ),
         ),
         folded=True,
@@ -107,8 +107,8 @@ def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Secti
     text += f", with {layer} moving the tool out of the plane. " if layer else ". "
     low, middle, high = (significant(k[name]) for name in ("min", "median", "max"))
     text += (
-        f"Stiffness under a vertical load runs from {low} to {high} N/mm, median {middle} N/mm; it is largest where "
-        "the load passes through the joints. map.html is the map to turn, cut and pick points in."
+        f"Stiffness under a vertical load runs from {low} to {high} N/mm, median {middle} N/mm; it is largest "
+        "where the load passes through the joints. map.html is the map: turn it, cut it, pick points."
     )
     views = {}
     for name in drawn["files"]:

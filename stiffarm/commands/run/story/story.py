@@ -85,6 +85,7 @@ def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> A
     picture = pictures.add(
         workspace_answer.answer_figure(stiffness),
         "stiffness_at_the_tool",
-        "Dot: stiffness; bar: its 95 % interval; beside the name what gives most. The map itself is map.html.",
+        "Dot: stiffness; bar: its 95 % interval; next to the name, the part that deflects most. The map itself is in "
+        "map.html.",
     )
     return Answer(sure, next_words(f.looks[-1]), picture, (rigid,) if rigid else ())

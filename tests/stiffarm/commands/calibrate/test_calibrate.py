@@ -194,7 +194,7 @@ def test_scatter_between_set_ups_is_found_and_leaving_it_out_is_said_to_be_too_n
     stage = cli("calibrate", small / "small.urdf", small / "setups.csv", "--json").json["stages"][0]
     # Eight set-ups with 10 %: the estimate of that has an error of a quarter.
     assert stage["noise"]["set_up_share"] == pytest.approx(0.1, abs=0.06)
-    assert re.search(r"intervals would wrongly come out [\d.]+ times narrower", stage["noise_in_words"])
+    assert re.search(r"intervals would wrongly be [\d.]+ times narrower", stage["noise_in_words"])
 
 
 # --- campaigns ---------------------------------------------------------------------------------------------

@@ -161,7 +161,7 @@ def test_set_ups_that_scatter_are_not_called_noise_of_a_reading(cli: Command, sm
     stage = _stage(cli("calibrate", small / "small.urdf", scattered, "--json"))
     assert "so they are not independent" in stage["noise_in_words"]
     found = re.search(
-        r"left out of the noise, intervals would wrongly come out ([\d.]+) times narrower", stage["noise_in_words"]
+        r"left out of the noise, intervals would wrongly be ([\d.]+) times narrower", stage["noise_in_words"]
     )
     # Eight readings of each component share a set-up's scatter: as if independent they would be worth the root of
     # eight at most, and a share of the deflection as noise of a reading takes up some of it.

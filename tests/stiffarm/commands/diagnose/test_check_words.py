@@ -86,7 +86,7 @@ def test_a_diagnosis_shows_its_checks(cli: Command, tmp_path: Path) -> None:
     assert all(g["share_sd"] > 0.0 for g in r["where"]["pose"])
 
     page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
-    first = html.unescape(page[page.index("<main") : page.index("Where the arm was when it was wrong</h2>")])
+    first = html.unescape(page[page.index("<main") : page.index("Poses with the largest error</h2>")])
     assert "Against load-path: another effect fits as well" in first
     assert re.search(r"<details.*All checks after the name", first, re.DOTALL)
     # One ladder: the card, the sentence and the table say the same of the name.

@@ -30,7 +30,7 @@ def test_nothing_is_left_only_where_no_twin_is_open() -> None:
     doubted = next_sentence(named(twins, twins))
     assert "backlash:j2 could still be hardening:j2 (10 %)" in doubted
     ruled_out = next_sentence(named({}, twins))
-    assert "hardening:j2 could imitate backlash:j2" in ruled_out
+    assert "hardening:j2 could look like backlash:j2" in ruled_out
     for text in (doubted, ruled_out):
         assert "Nothing is left" not in text
     assert "no poses" in next_sentence(named(twins, twins, "no poses"))

@@ -56,7 +56,7 @@ def test_synthetic_data_says_so_everywhere(made_up: Path, content: Any) -> None:
     assert "synthetic" in (made_up / "model.toml").read_text()
     report = (made_up / "report.html").read_text()
     assert "synthetic data" in report
-    assert "nobody measured them" in report
+    assert "not measured" in report
     rows = list(csv.DictReader((made_up / "stiffnesses.csv").open()))
     assert {row["data"] for row in rows} == {"synthetic"}
     rows = list(csv.DictReader((made_up / "synthetic_joint_twists.csv").open()))

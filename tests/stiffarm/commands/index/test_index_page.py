@@ -31,7 +31,7 @@ def test_the_page_of_indices_says_the_softest_direction_first(cli: Command, tmp_
     soft = outcome.json["poses"][0]["indices"]["weakest_N_per_mm"]
     first = answer_of(page)
     assert f"{soft:.4g} N/mm" in first
-    assert "gives way most there" in first
+    assert "deflects most there" in first
     assert page.count("<h1>") == 1
     assert 'href="index.csv"' in page
     assert "nan" not in first

@@ -54,7 +54,7 @@ def make(kind: LayoutKind, axes: tuple[Axis, ...], **fixed: float) -> MapData:
     softest = np.where(reached, (points[:, 2] > 0.8).astype(float), -1.0)
     fields = {
         "stiffness_N_per_mm": Field(stiffness, "N/mm", "stiffness along the load"),
-        "softest_part": Field(softest, "", "part that gives way most", PARTS),
+        "softest_part": Field(softest, "", "part that deflects most", PARTS),
         "uncertainty_percent": Field(np.where(reached, distance, np.nan), "percent", "standard uncertainty"),
     }
     q = np.where(reached[:, None], POSE, np.nan)

@@ -252,7 +252,7 @@ def test_models_that_such_a_map_cannot_be_made_of(cli: Command, tmp_path: Path) 
     urdf = write_urdf(tmp_path / "small.urdf")
     four = cli("map", "slice", urdf, "--out", "out")
     assert four.code == 2
-    assert "nothing in this model gives way" in " ".join(four.err.split())
+    assert "nothing in this model deflects" in " ".join(four.err.split())
     with pytest.raises(InputError, match=r"4 joints.*map joints"):
         read_map_options(read_model(str(urdf), "rigid", None), "slice", {"--pose": "fixed"})
 

@@ -93,7 +93,7 @@ def check_panel(seen: dict[str, Any], data: MapData, name: str) -> None:
     assert [part for part, _ in written] == sorted(dict(written), key=lambda p: -shares[p])
     for part, value in written:
         assert value == pytest.approx(shares[part], abs=0.0501)
-    assert by_label["part that gives way most"] == written[0][0]
+    assert by_label["part that deflects most"] == written[0][0]
     assert sum(value for _, value in seen["budget"]) == pytest.approx(100.0, abs=0.35)
 
 

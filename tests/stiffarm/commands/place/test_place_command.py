@@ -95,7 +95,7 @@ def test_the_table_holds_what_the_arm_gives(cli: Command, small: tuple[Path, Pat
         assert taken == (place["softest_point_N_per_mm"] != "") == (place["stopped_by"] == "")
         assert taken == (place["nearest_posture"] == "")
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Collisions were not looked at" in page
+    assert "Collisions were not checked" in page
     assert 'src="http' not in page
     assert {p.name for p in (out / "figures").iterdir()} == {"positions.png", "along.png", "axes.png", "joints.png"}
 

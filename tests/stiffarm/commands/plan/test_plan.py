@@ -269,7 +269,7 @@ def test_sentences() -> None:
     assert open_one == (
         "j4.stiffness: known to ± 4 % if it is as soft as the readings allow, 0.05·10⁶ N m/rad "
         "(was: only ≥ 0.05·10⁶ N m/rad); 10 times narrower. "
-        "A stiffer one is told from a rigid one up to 1.3·10⁶ N m/rad"
+        "A stiffer one can be distinguished from rigid up to 1.3·10⁶ N m/rad"
     )
     known = words.told(_foresight(0.3, 0.15), _found("determined", 4e4, 7e4))
     assert known == "j4.stiffness: known within a factor 1.34 (was: 0.04 to 0.07·10⁶ N m/rad); 2 times narrower"

@@ -148,7 +148,7 @@ def long_budget() -> PoseBudget:
 
 
 def energy_share() -> Figure:
-    return energy_share_figure(long_budget(), "Where the arm gives way", "q2 5 deg; load fz_N=−650")
+    return energy_share_figure(long_budget(), "Where the arm deflects", "q2 5 deg; load fz_N=−650")
 
 
 def workspace_kr60() -> Figure:
@@ -196,7 +196,7 @@ def test_bars_are_sorted_and_say_per_cent_and_millimetres() -> None:
     widths = [bar.get_width() for bar in figure.axes[0].patches]
     assert widths == pytest.approx(sorted(100.0 * budget.share, reverse=True), rel=1e-12)
     seen = "\n".join(one.text for one in texts(figure))
-    assert "pedestal gives most, 48 %" in seen
+    assert "pedestal deflects most, 48 %" in seen
     assert "48.2 %   3 mm" in seen
     assert "carries nothing" in seen
     assert "joints" in seen

@@ -131,8 +131,8 @@ def test_what_was_not_looked_at_is_said(cli: Command, tmp_path: Path) -> None:
     program = program_file(tmp_path, program_at(cell, 31, 0.15))
     outcome = cli("verify", "kr60-3", program, "--cell", cell, "--tolerance", "1")
     assert outcome.code == 0, outcome.err
-    assert "not looked at: Speeds of q1" in outcome.err
-    assert "not looked at: Accelerations of q1" in outcome.err
+    assert "not checked: Speeds of q1" in outcome.err
+    assert "not checked: Accelerations of q1" in outcome.err
 
 
 @pytest.mark.parametrize(
