@@ -86,7 +86,11 @@ class Links:
         unit = self.unit[i]
         if unit.ndim == 2:
             unit = np.expand_dims(unit, tuple(range(1, dq.ndim - 1)))
-        return np.asarray(self.weight * ((dq / unit) ** 2).mean(axis=-1))
+        # Joint by joint: sums over a last axis of six are slow.
+        total = np.zeros(dq.shape[:-1])
+        for j in range(dq.shape[-1]):
+            total += (dq[..., j] / unit[..., j]) ** 2
+        return np.asarray(self.weight * (total / dq.shape[-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +223,9 @@ def _dense_run(layers: Layers, links: Links, i: int) -> Array:
     rows = first + np.arange(k) + k * np.arange(count)[:, None]
     onto = first + k + np.arange(m) + m * np.arange(count)[:, None]
     dq = layers.q[onto][:, None] - layers.q[rows][:, :, None]
-    far = (np.abs(dq) > links.step[i : i + count, None, None] * ROUNDING).any(axis=3)
+    far = np.zeros(dq.shape[:-1], dtype=np.bool_)
+    for j in range(dq.shape[-1]):
+        far |= np.abs(dq[..., j]) > links.step[i : i + count, j, None, None] * ROUNDING
     most = links.turns(slice(i, i + count))
     if np.isfinite(most).any():
         turn = layers.gamma[onto][:, None] - layers.gamma[rows][:, :, None]

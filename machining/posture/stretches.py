@@ -1,8 +1,8 @@
 """The best course through the states of a path, found stretch by stretch, so that paths of any length can be followed.
 
-With gamma given, a path of a million points has some 2 GB of states. Those of a stretch are made when they are needed:
-on the way out, for the cost of reaching each, and again on the way back, for the course. In between only the numbers of
-the states that lead there are kept.
+With gamma given, a path of a million points has more than 1 GB of states. Those of a stretch are made when they are
+needed: on the way out, for the cost of reaching each, and again on the way back, for the course. In between only the
+numbers of the states that lead there are kept.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.inverse.spherical_wrist import why_not_spherical
 
-# Points of a stretch.
-POINTS = 8_192
+# Points of a stretch, and of the longest path whose sweep is kept.
+POINTS, KEPT = 8_192, 131_072
 # Cost of a joint at the end of its range, only to decide between courses that are alike: far below what matters, far
 # above rounding.
 TIE = 1e-8
@@ -143,11 +143,11 @@ class GivenGamma:
     def whole(self) -> Sweep | None:
         """The sweep of all points where that is kept.
 
-        It is of short paths, and of arms without a closed form, whose postures are searched for: that takes long, and
-        need not end on the same ones again.
+        It is of paths that are not too long, and of arms without a closed form, whose postures are searched for: that
+        takes long, and need not end on the same ones again.
         """
         n = self.task.path.n
-        if n > POINTS and why_not_spherical(self.model.robot) is None:
+        if n > KEPT and why_not_spherical(self.model.robot) is None:
             return None
         return self._made(slice(0, n))
 

@@ -12,6 +12,7 @@ from machining.tooling import tool_frames
 from machining.toolpaths.motions import Motions
 from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Integers, finite, in_blocks
+from robots.frames import inverse
 
 # Poses whose frames are held at once.
 BLOCK = 8_192
@@ -93,12 +94,15 @@ def tool_in_part(robot: Robot, cell: Cell, q: Array, travel: Array, table: Array
     ``T_flange_tool`` (4, 4) or (n, 4, 4) m.
     """
     frames = np.empty((len(q), 4, 4))
+    fixed = not cell.linear_axes and cell.turntable is None
     # In blocks: the frames of all bodies are far more than what is kept.
     for rows in in_blocks(len(q), BLOCK):
         T = forward_kinematics(robot, q[rows]).T_flange
-        part = np.linalg.inv(cell.T_world_part(table[rows]))
+        # One frame for all where neither base nor part moves.
+        at = slice(rows.start, rows.start + 1) if fixed else rows
+        T_part_base = inverse(cell.T_base_part(travel[at], table[at]))
         tool = T_flange_tool if T_flange_tool.ndim == 2 else T_flange_tool[rows]
-        frames[rows] = part @ cell.T_world_base(travel[rows]) @ T @ tool
+        frames[rows] = T_part_base @ T @ tool
     return frames
 
 

@@ -120,8 +120,8 @@ def _side_changes(courses: Courses) -> Bools:
     value = np.stack([shoulder / arm.length, elbow, wrist], axis=1)
     sign = np.where(np.abs(value) < NO_SIGN, 0.0, np.sign(value))
     # A point on the singularity has no side; it takes that of the point before.
-    for i in range(1, n):
-        sign[i] = np.where(sign[i] == 0.0, sign[i - 1], sign[i])
+    last = np.maximum.accumulate(np.where(sign == 0.0, 0, np.arange(n)[:, None]), axis=0)
+    sign = np.take_along_axis(sign, last, axis=0)
     changed[1:] = sign[1:] * sign[:-1] < 0.0
     return changed
 

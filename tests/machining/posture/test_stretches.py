@@ -23,7 +23,9 @@ GAMMA = np.linspace(0.0, 0.4, N)
 
 
 def short(monkeypatch: pytest.MonkeyPatch, points: int) -> None:
+    """Stretches of so many points, of a path whose sweep is not kept."""
     monkeypatch.setattr("machining.posture.stretches.POINTS", points)
+    monkeypatch.setattr("machining.posture.stretches.KEPT", 0)
 
 
 @pytest.mark.parametrize("points", [1, 7, 20, N - 1])
