@@ -122,7 +122,9 @@ def numbers(where: str, texts: Sequence[str]) -> list[float]:
     except ValueError:
         return [number(where, text) for text in texts]
     joined = "".join(texts)
-    if joined.isascii() and "_" not in joined and all(-LARGEST <= value <= LARGEST for value in values):
+    # The sum tells of what is not a number, which least and greatest may miss.
+    bounded = not values or (min(values) >= -LARGEST and max(values) <= LARGEST and abs(sum(values)) < np.inf)
+    if bounded and joined.isascii() and "_" not in joined:
         return values
     return [number(where, text) for text in texts]
 

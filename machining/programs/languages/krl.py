@@ -43,6 +43,7 @@ from robots.arrays import Array, Integers
 
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))
+EXTERNALS = tuple(f"E{i + 1}" for i in range(6))
 _SPEED = re.compile(r"\s*\$VEL\.CP\s*=\s*(\S+)\s*(?:;.*)?$", re.IGNORECASE)
 _GRAMMAR = Grammar(
     main=".src",
@@ -149,9 +150,9 @@ def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
             raise InputError(where, value=" ".join(pair)[:40], allowed="a name and a number")
     given = [pair[0].upper() for pair in pairs]
     values = dict(zip(given, numbers(where, [pair[1] for pair in pairs]), strict=True))
-    externals = [values[f"E{i}"] for i in range(1, 7) if f"E{i}" in values]
+    externals = [values[name] for name in EXTERNALS if name in values]
     for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
-        if all(name in values for name in names):
+        if values.keys() >= set(names):
             words, joint = [values[name] for name in names], found[1].upper() == "PTP"
             said = ("S", "T") if "S" in values and "T" in values else ()
             turns = [
