@@ -289,5 +289,5 @@ def _remarks(given: Arm, request: Request) -> tuple[str, ...]:
         and (request.free is None or joint.name in request.free)
     ]
     if laws:
-        out.append(f"Springs that hang on angles are replaced by constant ones: {', '.join(laws)}.")
+        out.append(f"Springs that depend on angles are replaced by constant ones: {', '.join(laws)}.")
     return tuple(out)

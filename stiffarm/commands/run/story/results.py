@@ -54,11 +54,11 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
         "The surrogate and its error",
         (
             Text(
-                "A surrogate answers the structural stiffness under a vertical load from "
+                "A surrogate gives the structural stiffness under a vertical load from "
                 f"{', '.join(f.factorial[f.best.name].inputs)} without the FE model. Errors are relative errors of "
-                "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
-                "domain, where polynomials are worst, and “worst inside” leaves those out. Taken is the first basis of "
-                "the recommended model (surrogate.json)."
+                "compliance on runs that neither the fit nor its error bars have seen. Some of these runs lie on the "
+                "boundary of the domain, where polynomials are worst; “worst, uniform” leaves those out. "
+                "surrogate.json is the first basis of the recommended model."
             ),
             *(errors_table(one, name.capitalize()) for name, one in f.trained.items()),
             quality_picture(trained, pictures),

@@ -207,7 +207,7 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     )
     outcome = cli("query", exact, "poses.csv", "--json", "--out", "answers")
     assert outcome.code == 0, outcome.err
-    assert "1 of 3 poses are outside of what was fitted and have no value" in outcome.err
+    assert "1 of 3 poses lie outside the fitted range and have no value" in outcome.err
     inside, outside, straight = outcome.json["answers"]
     assert inside["flags"] == ""
     assert inside["near_singular"] is False
