@@ -132,7 +132,7 @@ def test_why_in_one_sentence(trained: Trained) -> None:
         in choice_words(with_rms(2e-9, 1e-9))
     )
     assert (
-        "it has the smallest RMS error on runs kept out, 0.1\u00a0%, against 2\u00a0% (trigonometric)"
+        "it has the smallest RMS error on runs kept out of the fit, 0.1\u00a0%, against 2\u00a0% (trigonometric)"
         in choice_words(with_rms(1e-3, 2e-2))
     )
     alone = replace(trained, surrogates=(first,))
