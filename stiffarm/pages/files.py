@@ -22,6 +22,7 @@ _WHAT: Final = (
     ("*replay.html", "the program as the robot runs it"),
     ("*axes.html", "the axes map: drag the course, and the arm follows"),
     ("*sheet*.html", "sheet to fill in at the robot"),
+    ("positions_sheet.csv", "sheet to fill in at the robot"),
     ("*.html", "page"),
     ("model.toml", "the model, for every other command"),
     ("*model.toml", "the model that goes with it"),
