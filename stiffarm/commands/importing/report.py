@@ -164,8 +164,8 @@ def _walls(links: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
     heads = ("link", "wall (mm)", "from", "change of tilt with 25 % less / more mass (%)")
     text = (
         "Bosses around joints across a link have 2.5 times these walls, on convex hulls these walls, unless `--boss` "
-        "says otherwise. Of a link's mass 60 % counts as casing (80 % for a bare tube that turns about its own length); "
-        "the rest is drives, gears and cables."
+        "says otherwise. Of a link's mass 60 % counts as casing (80 % for a bare tube turning about its own length), "
+        "the rest as drives, gears and cables."
     )
     return (Table("Walls", heads, tuple(rows), text_columns=(0, 2)), Text(text))
 

@@ -218,7 +218,7 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     assert (outside["inside_domain"], outside["reachable"]) == (False, True)
     assert outside["flags"].startswith("not answered: q2_deg = 100 deg (allowed -135 to 35 deg)")
     assert straight["near_singular"] is True
-    assert straight["flags"].startswith("near singular (")
+    assert straight["flags"].startswith("near a singularity (")
     with Path("answers/query.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["pose"] for row in rows] == ["in", "out", "straight"]
