@@ -120,7 +120,7 @@ def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:
     if r.unseen:
         blocks.append(Text(f"No reading depends on {', '.join(r.unseen)}; other loads, directions or poses may."))
     if any(e.status != "determined" for e in r.certainty.estimates):
-        blocks.append(Text("`stiffarm plan` names the poses, loads and directions that would tell the rest best."))
+        blocks.append(Text("`stiffarm plan` chooses the poses, loads and directions that identify the rest best."))
     return blocks
 
 
