@@ -27,6 +27,9 @@ def show_map(content: Mapping[str, Any]) -> None:
             rows.append([found["label"] + (f", {found['unit']}" if found["unit"] else ""), *ends])
         else:
             shares = sorted(found["share_of_points"].items(), key=lambda item: -item[1])
+            if {name for name, _ in shares} == {"yes", "no"}:
+                lines.append(f"{found['label']}: {100.0 * found['share_of_points']['yes']:.3g} % of the points")
+                continue
             words = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in shares if share > 0.0)
             lines.append(f"{found['label']}: {words}")
     pose = "" if content["grid"] == "joints" else f": {content['pose']}"

@@ -99,7 +99,9 @@ def simulate(
                 else simulation.of_pose(given, q, wrench, rigid_joints, before)
             )
             for_fields = "as --field needs; without --field the model may use another link model"
-            result["links_because"] = for_fields if field else inputs.why_links(given.description, links)
+            result["links_because"] = (
+                for_fields if field and links is None else inputs.why_links(given.description, links)
+            )
             if field and folder is not None:
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:
