@@ -103,7 +103,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     good = inside & reachable
     if not extrapolate and len(poses) and not good.any():
         raise InputError(
-            f"query of {surrogate.robot}: {count_rows(~good)} outside of what was fitted: "
+            f"query of {surrogate.robot}: {count_rows(~good)} outside the fitted range: "
             + "; ".join(surrogate.faults(poses)),
             remedy="ask inside these ranges, fit a surrogate on a larger domain, or pass `--extrapolate` "
             "(extrapolate=True) to get flagged values without an error bar",

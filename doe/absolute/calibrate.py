@@ -72,7 +72,7 @@ class Positions:
             out.append("the estimate had not come to rest: intervals may be too narrow; free less, or add readings")
         if any(one.kind == "spring" for one in self.found.moving.unknowns):
             out.append(
-                "stiffnesses are as right as the masses that load them: all masses a tenth too heavy make all "
+                "stiffnesses are only as right as the masses that load them: all masses a tenth too heavy make all "
                 "stiffnesses a tenth too high; links count as rigid, their deflection is in the joints' springs"
             )
         return tuple(out)

@@ -139,9 +139,9 @@ def _notes(table: RawTable, columns: Columns, robot: Robot) -> list[str]:
         notes.append(f"no column {', '.join(missing)}: taken as 0")
     unused = [name for name in (*KEPT, "payload") if name in columns.known]
     if unused:
-        notes.append(f"columns that are not used yet: {', '.join(unused)}")
+        notes.append(f"columns that are not used: {', '.join(unused)}")
     if columns.unknown:
-        notes.append(f"columns without a meaning here: {listed(columns.unknown)}")
+        notes.append(f"unknown columns, not used: {listed(columns.unknown)}")
     return notes
 
 

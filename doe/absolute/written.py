@@ -65,12 +65,12 @@ class Written:
         out = []
         if self.silent:
             out.append(
-                f"no stiffness is written for {', '.join(self.silent)}: the readings give limits at most. The model's "
-                "other figures are what the readings say without them, so they differ from the estimate's within their "
-                f"intervals; predictions move by {1e3 * self.moved_m:.2g} mm RMS"
+                f"no stiffness is written for {', '.join(self.silent)}: the readings give only limits. The model's "
+                "other values were found without these springs, so they differ from the estimate within their "
+                f"intervals; predictions change by {1e3 * self.moved_m:.2g} mm RMS"
             )
         if self.elsewhere:
-            out.append(f"not in the model file, for it has no place for them: {', '.join(self.elsewhere)}")
+            out.append(f"not in the model file, which cannot hold them: {', '.join(self.elsewhere)}")
         return tuple(out)
 
 

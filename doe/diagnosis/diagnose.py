@@ -392,7 +392,7 @@ def _swapped(
     alone = refit(s.moved(here.springs, others), second.hypothesis.noise, weight).setting
     r = rank(alone, weight, options, further=True)
     d = beside_twins(alone, r, weight, decide(r))
-    say(f"the first again: {_words(r)}")
+    say(f"first look repeated: {_words(r)}")
     if d.hypothesis is None:
         return here, found
     gain = d.hypothesis.log_evidence - r.of(NONE).log_evidence

@@ -59,7 +59,7 @@ def turned(along: Mapping[str, Array], axes: Axes, reference: Read, when: str, r
         raise InputError(f"{where}: deflections from positions need the axes of the instrument",
                          allowed="--axes base (those of the robot's base), --axes A,B,C (their orientation in the base "
                          "frame, deg about fixed x, then y, then z), or --axes found with --model",
-                         remedy="say which with --axes")  # fmt: skip
+                         remedy="state them with --axes")  # fmt: skip
     if axes.said == "base":
         return {f"d{axis}": values for axis, values in along.items()}, ()
     turns, notes = None, tuple[str, ...]()
@@ -72,7 +72,7 @@ def turned(along: Mapping[str, Array], axes: Axes, reference: Read, when: str, r
         turns, notes = _found(axes, reference, when, rows, where)
     if unknown := sorted(set(session) - set(turns)):
         raise InputError(f"{where}: sessions {listed(unknown)} have no positions without a load",
-                         allowed="some in each session", remedy="say their axes with --axes A,B,C")  # fmt: skip
+                         allowed="some in each session", remedy="state their axes with --axes A,B,C")  # fmt: skip
     R = np.array([turns[name] for name in session]).reshape(-1, 3, 3)
     base = np.einsum("nij,nj->ni", R, np.column_stack([along[axis] for axis in AXES]))
     return {f"d{axis}": base[:, k] for k, axis in enumerate(AXES)}, notes
@@ -111,8 +111,8 @@ def _found(axes: Axes, read: Read, when: str, rows: Bools, where: str) -> tuple[
             remedy="check the model, signs and zeros of the angles and units, or say --axes A,B,C",
         )
     note = (
-        f"axes found from {len(data)} positions without a load; half of them are within {middle:.2g} mm of where the "
-        "arm as described puts them"
+        f"axes found from {len(data)} positions without a load; half of them are within {middle:.2g} mm of the "
+        "positions that the model predicts"
     )
     return {name: frame.R.T for name, frame in zip(data.session.names, start.frames, strict=True)}, (note,)
 

@@ -55,7 +55,7 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
                          allowed="one", remedy="convert the campaigns one by one")  # fmt: skip
     if len(parts) > 1 and any(not part.dated for part in parts):
         raise InputError("several files have clock times without a date", allowed="times with a date",
-                         remedy="say keep for these columns, as in --column \"Time=keep\"")  # fmt: skip
+                         remedy="keep these columns without using them, as in --column \"Time=keep\"")  # fmt: skip
     notes = list[str]()
     whole = _stacked(readings, notes)
     if angles:
@@ -115,7 +115,7 @@ def _joined(angles: Read, readings: Read, join: str | None, notes: list[str]) ->
         raise InputError("--join pose", allowed="a pose column in both files",
                          remedy='say which it is, as in --column "NAME=pose"')  # fmt: skip
     if join is None and not both:
-        raise InputError(f"{angles.name} and {readings.name}: nothing says which rows belong together",
+        raise InputError(f"{angles.name} and {readings.name}: it is not known which rows belong together",
                          allowed="--join order, or --join pose with a pose column in both",
                          remedy="give --join order if both are in the same order, row by row")  # fmt: skip
     rows = _by_pose(angles, readings) if join != "order" else _by_order(angles, readings)
@@ -134,7 +134,7 @@ def _by_order(angles: Read, readings: Read) -> Indices:
     if angles.n != readings.n:
         raise InputError(f"--join order: {angles.name} has {angles.n} rows, {readings.name} {readings.n}",
                          allowed="as many rows in both",
-                         remedy="leave out what is no reading with --rows, or join by pose")  # fmt: skip
+                         remedy="leave out rows that are not readings with --rows, or join by pose")  # fmt: skip
     return np.arange(angles.n, dtype=np.intp)
 
 

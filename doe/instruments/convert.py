@@ -116,7 +116,7 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     ]
     faults += [q.error(table.name) for table, one in zip(tables, found, strict=True) for q in one.questions]
     faults += _of_other_joints(found, robot)
-    raise_any("columns that are not sure", faults)
+    raise_any("ambiguous columns", faults)
     marks = [_mark(table, one, asked) for table, one in zip(tables, found, strict=True)]
     reads = [read_values(table, one.meanings, one.why, mark, _fill_of(table, one, asked, tables))
              for table, one, (mark, _) in zip(tables, found, marks, strict=True)]  # fmt: skip
@@ -195,7 +195,7 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
     known = set(joint_columns_of(robot))
     return [
         InputError(
-            f"column {name!r} is taken as joint {meaning.what}, which {robot.name} has not",
+            f"column {name!r} is taken as joint {meaning.what}, which {robot.name} does not have",
             allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in sorted(known)),
             remedy="say which of its joints it is, or keep: an angle of another convention must be converted first",
         )

@@ -160,7 +160,7 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
     """Rows with a load minus the mean of those without at the same pose, target and session."""
     if not unloaded.any():
         raise InputError(
-            f"{read.name}: all rows have a load, and their positions nothing to be compared with",
+            f"{read.name}: all rows have a load, so there are no unloaded positions to compare with",
             allowed="rows with load 0 at the same poses, or positions before and after the load",
             remedy='add them; if these are deflections say so, as in --column "NAME=dz mm"; for positions under '
             'payloads that the flange carries: --kind positions, --column "NAME=payload kg"',
@@ -182,9 +182,9 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
     kept = taken(read, ~unloaded)
     along: dict[str, Array] = {axis: moved[axis] for axis in AXES if axis in moved}
     rest = {name: moved[name] for name in MOVED if name in moved}
-    notes = [f"{int(unloaded.sum())} rows without a load are what the others are compared with, pose by pose"]
+    notes = [f"deflections are relative to {int(unloaded.sum())} rows without a load, pose by pose"]
     if idle:
-        notes.append(f"rows without a loaded one at their pose, not used: {line_ranges(sorted(idle))}")
+        notes.append(f"unloaded rows without a loaded row at the same pose, not used: {line_ranges(sorted(idle))}")
     base, found = turned(along, axes, read, "", unloaded, sessions_of(kept), read.name)
     return Deflections(kept, rest | base, np.sqrt(variance[~unloaded]), (*notes, *found))
 

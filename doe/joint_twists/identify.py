@@ -226,8 +226,8 @@ def _notes(
     negative = [f"{j}.{r}" for (j, r), d in directions.items() if d.status == "not determined"]
     if negative:
         out.append(
-            f"not determined, for the best compliance is not positive: {', '.join(negative)}; there is a lower limit "
-            "of the stiffness at most, and the model holds them rigid"
+            f"not determined, because the best-fitting compliance is not positive: {', '.join(negative)}; at most a "
+            "lower limit of the stiffness is known, and the model treats them as rigid"
         )
     return tuple(out)
 

@@ -70,7 +70,7 @@ def why_links(description: ModelDescription, asked: str | None) -> str:
         return "as asked"
     if description.calibration is not None:
         return "as the model was calibrated"
-    return "the default of a model that was not calibrated; --links shell or --links rigid takes others"
+    return "the default for a model that was not calibrated; --links changes it"
 
 
 def as_load_path(text: str) -> LoadPath:

@@ -118,9 +118,9 @@ def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:
             "Groups of parameters that are seen only together", [t.words for t in r.trade_offs], len(first)
         )
     if r.unseen:
-        blocks.append(Text(f"No reading moves with {', '.join(r.unseen)}: other loads, directions or poses would."))
+        blocks.append(Text(f"No reading depends on {', '.join(r.unseen)}; other loads, directions or poses may."))
     if any(e.status != "determined" for e in r.certainty.estimates):
-        blocks.append(Text("`stiffarm plan` names the poses, loads and directions that would tell the rest best."))
+        blocks.append(Text("`stiffarm plan` chooses the poses, loads and directions that identify the rest best."))
     return blocks
 
 

@@ -27,9 +27,9 @@ def write_report(some: Sequence[Compared], folder: OutputFolder) -> None:
     key = _key_figures(some)
     sections.append(_how(some[0]))
     lede = words.headline(some[0]) if len(some) == 1 else " ".join(f"{c.b.name}: {words.headline(c)}" for c in some)
-    sure = "Beyond the noise: by Student's t of the difference, all judged together (Holm), 5 %." if (
+    sure = "Beyond the noise: significant at 5 % by Student's t, corrected for the number of comparisons (Holm)." if (
         some[0].maps is None
-    ) else "Beyond the noise: by more than 1.96 standard deviations of both maps' uncertainty."  # fmt: skip
+    ) else "Beyond the noise: more than 1.96 standard deviations of both maps' combined uncertainty."  # fmt: skip
     title = f"Two {first.kind}s" if len(some) == 1 else f"{len(some) + 1} {first.kind}s"
     made = f"first: {first.name}; compared: {', '.join(c.b.name for c in some)}"
     write_page(folder, title, lede, key, sections, QUESTION, made, Answer(sure, "", picture))
@@ -59,7 +59,7 @@ def _numbers(c: Compared, pictures: Pictures) -> tuple[list[Block], Picture | No
     figure = numbers_figure(c)
     if figure is None:
         return blocks, None
-    return blocks, pictures.add(figure, "numbers", "Both values over the first, with their 95 % intervals.")
+    return blocks, pictures.add(figure, "numbers", "Both values divided by the first, with their 95 % intervals.")
 
 
 def _maps(
@@ -98,14 +98,15 @@ def _maps(
 def _how(c: Compared) -> Section:
     if c.maps is not None:
         lines: tuple[str, ...] = (
-            "Points that both maps reach are compared, each by itself; stiffnesses as a share of the first map's.",
-            "Maps of other robots, loads, normals, points or units are refused.",
+            "Each point that both maps reach is compared; stiffnesses as a fraction of the first map's.",
+            "Maps with different robots, loads, normals, points or units are refused.",
         )
     else:
         lines = (
-            "Each is compared in the variable in which its error is normal (the compliance of a stiffness). "
-            "'Perhaps': below 5 % by itself, but of so many one such is to be expected.",
-            "What one of them does not identify differs only where the 95 % intervals do not touch.",
-            "All at once: by the covariances that calibrated model files keep.",
+            "Each is compared in the variable whose error is normally distributed (for a stiffness, the compliance). "
+            "'Perhaps': below 5 % alone, but among so many comparisons one such is expected by chance.",
+            "A parameter that one of them does not identify counts as different only where the 95 % intervals do not "
+            "overlap.",
+            "The test of all parameters together uses the covariances kept in calibrated model files.",
         )
     return Section("How it was done", (Bullets(lines),), folded=True)

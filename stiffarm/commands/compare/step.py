@@ -92,11 +92,11 @@ def _compared(a: Source, b: Source) -> Compared:
                          remedy="make both with one version of stiffarm")  # fmt: skip
     notes = []
     if a.data and a.data == b.data:
-        notes.append("Both rest on the same readings: what they differ by is the choice of model. They share the "
-                     "noise, so smaller differences than the intervals suggest are real too.")  # fmt: skip
+        notes.append("Both use the same readings, so they differ only by the choice of model. They share the noise, "
+                     "so even differences smaller than the intervals can be real.")  # fmt: skip
     if a.of_run and b.of_run:
         more = (f"stiffarm compare {a.name}/{part} {b.name}/{part}" for part in PARTS_OF_RUN)
-        notes.append(f"Of two runs the calibrations are compared. What else they hold: {', '.join(more)}.")
+        notes.append(f"For two runs, their calibrations are compared. To compare the rest: {', '.join(more)}.")
     together = joint(a, b)
     return Compared(a, b, tuple(found), tuple(_settings(said[0], said[1])), together, None, tuple(notes))
 

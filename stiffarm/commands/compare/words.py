@@ -128,8 +128,8 @@ def remarks(c: Compared) -> list[str]:
     if c.joint is not None:
         real = "more than noise" if c.joint.p < LEVEL else "no more than noise"
         out.append(
-            f"All {c.joint.freedom} shared parameters at once, by their covariances: chi-square {c.joint.chi2:.3g} on "
-            f"{c.joint.freedom} degrees of freedom (p {probability(c.joint.p)}), {real}."
+            f"All {c.joint.freedom} shared parameters tested together, with their covariances: {real} (chi-square "
+            f"{c.joint.chi2:.3g} on {c.joint.freedom} degrees of freedom, p {probability(c.joint.p)})."
         )
     differing = [s for s in c.settings if not s.same and s.name in ("load_path", "links", "scheme", "cell")]
     out += [f"They differ in {s.name.replace('_', ' ')}: {s.a} and {s.b}." for s in differing]
@@ -140,7 +140,7 @@ def remarks(c: Compared) -> list[str]:
                 out.append(f"{count} point{'s are' if count > 1 else ' is'} reached in the {which} map only.")
         if all(q.beyond is None for q in c.maps.quantities):
             out.append(
-                "The maps do not say how sure they are, so nothing is said of noise (those of `stiffarm map` do where "
-                "the model is calibrated)."
+                "These maps hold no uncertainty, so differences cannot be judged against it. Maps of a calibrated "
+                "model hold it."
             )
     return out

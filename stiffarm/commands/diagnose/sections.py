@@ -199,8 +199,8 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
         )  # fmt: skip
         blocks.append(Text(f"{f.code}: {words.numbers_sentence(d, f)}."))
         if rows:
-            heads = ("number", "value", "95 % interval", "thought plausible", "what it is")
-            blocks.append(Table(f"Numbers of {f.code}", heads, rows, (0, 4), folded=True))
+            heads = ("parameter", "value", "95 % interval", "plausible", "what it is")
+            blocks.append(Table(f"Parameters of {f.code}", heads, rows, (0, 4), folded=True))
         if curve is not None:
             remembers = f.placed.effect.needs_history
             loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
@@ -216,7 +216,7 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
             blocks.append(
                 pictures.add(
                     numbers_figure(mine), f"numbers_{number + 1}",
-                    "Numbers of the effect with 95 % intervals. If one leaves the plausible range, look again.",
+                    "Parameters of the effect with 95 % intervals. Doubt the effect if one leaves its plausible range.",
                 )
             )  # fmt: skip
     return Section("What was found, and how well it is known", tuple(blocks))

@@ -233,7 +233,7 @@ def _proposal(
         return None, ""
     zone = parse_zone(given.description, FLOOR, (), None) if request.zone is None else request.zone
     try:
-        say(f"looking for {request.next_poses} set-ups that would tell the rest")
+        say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
         rng = np.random.default_rng(request.seed)
         return propose(
             found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng, progress=progress
@@ -289,5 +289,5 @@ def _remarks(given: Arm, request: Request) -> tuple[str, ...]:
         and (request.free is None or joint.name in request.free)
     ]
     if laws:
-        out.append(f"Springs that hang on angles are replaced by constant ones: {', '.join(laws)}.")
+        out.append(f"Springs that depend on angles are replaced by constant ones: {', '.join(laws)}.")
     return tuple(out)

@@ -104,7 +104,7 @@ def export(
         d = content["stiffarm"]
         say(f"the shell arm has {deck.nodes} nodes and {deck.elements} elements")
         say(f"stiffarm's own solution: {', '.join(f'{name} = {value:.4g}' for name, value in d.items())}")
-        say("run `ccx arm` in that folder; arm.dat then has the tool point's displacement (node sets TOOL, TOOL_ROT)")
+        say("run `ccx arm` in the output folder; arm.dat then holds the tool-point displacement (sets TOOL, TOOL_ROT)")
         frame.answer(content)
 
 
@@ -122,7 +122,7 @@ def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
 
 def _notes(given: Arm) -> list[str]:
     stiff = list(given.joints_without_springs)
-    out = [f"no spring is given for {', '.join(stiff)}: held rigid (calibrate first?)"] if stiff else []
+    out = [f"no spring is given for {', '.join(stiff)}: held rigid until calibrated"] if stiff else []
     calibration = given.description.calibration
     if calibration is not None and calibration.links != given.model.link_kind:
         out.append(f"the springs were calibrated with {calibration.links} links; here they are {given.model.link_kind}")

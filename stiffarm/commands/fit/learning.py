@@ -135,7 +135,8 @@ def learn(
         f"{100.0 * error.coverage95:.1f} % inside the 95 % error bars"
     )
     if error.rms_relative > POOR:
-        say(f"note: a poor surrogate: {100.0 * error.rms_relative:.3g} % RMS; take another --basis or more --runs")
+        own = f"its error is {100.0 * error.rms_relative:.3g} % RMS"
+        say(f"note: a poor surrogate: {own}; try another --basis or more --runs")
     for line in (*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())):
         say(f"note: {line}")
     for name, change in trained.best.fixed_influence.items():

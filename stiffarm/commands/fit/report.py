@@ -82,9 +82,9 @@ def _lede(best: Surrogate, known: Known | None) -> str:
     what = f"the {best.quantity.label} at any pose of {len(best.inputs)} joint coordinates"
     own = f"its own error is {relative(best.errors.rms_relative)} (RMS)"
     if known is None:
-        return f"Ask it for {what}: {own}. How well the model itself is known it cannot say."
-    limits = "the calibration, not the surrogate" if known.median > best.errors.rms_relative else "the surrogate"
-    return f"Ask it for {what}: {own}, and what limits an answer is {limits}."
+        return f"It gives {what}: {own}. The uncertainty of the model itself is not known."
+    limits = "the calibration, not the surrogate," if known.median > best.errors.rms_relative else "the surrogate"
+    return f"It gives {what}: {own}, and {limits} limits the accuracy of an answer."
 
 
 def _key_figures(best: Surrogate, known: Known | None) -> list[KeyFigure]:
@@ -106,21 +106,21 @@ def _sure(trained: Trained, known: Known | None) -> str:
         return f"{text} The model has no calibration, so an answer is only as good as its springs."
     if known.median >= KNOWN:
         return (
-            f"{text} But the readings behind the model leave the {best.quantity.name} open by more than half its size "
-            "at the median pose: a surrogate cannot mend that."
+            f"{text} But the readings behind the model do not determine the {best.quantity.name} to within half its "
+            "size at the median pose, and no surrogate can make up for that."
         )
-    return f"{text} By the calibration an answer is {half_width(known.median)} at the median pose (95 %)."
+    return f"{text} The calibration makes an answer uncertain by {half_width(known.median)} at the median pose (95 %)."
 
 
 def _todo(trained: Trained, known: Known | None, model: str) -> str:
     best, named = trained.best, shlex.quote(model)
     if best.errors.rms_relative > LARGE:
-        return f"Take more runs or another basis: `stiffarm fit {named} --runs {4 * best.errors.n_train} --out more`."
+        return f"Try more runs or another basis: `stiffarm fit {named} --runs {4 * best.errors.n_train} --out more`."
     if known is None:
         return f"Calibrate the model first: `stiffarm calibrate {named} DATA --out calibrated`."
     if known.median >= KNOWN or any(known.open_share.values()):
-        return f"More readings would narrow the answers: `stiffarm plan {named} --poses 6` says which."
-    return "Ask it: `stiffarm query surrogate.json --pose ...`; the commands are below."
+        return f"More readings would narrow the intervals: `stiffarm plan {named} --poses 6` chooses them."
+    return "Use it: `stiffarm query surrogate.json --pose ...`; the commands are below."
 
 
 def _spread_picture(trained: Trained, pictures: Pictures) -> Picture | None:
@@ -155,9 +155,10 @@ def _choice(trained: Trained) -> Section:
         *(Note(f"{text}.") for text in doubts(trained)),
         errors_table(trained),
         Text(
-            f"RMS and “95 % below” are over {n} uniform poses and {edge} poses on the limits of the joints together; "
-            f"“worst inside” is over the uniform ones alone. “6 x 6 worst”: largest error of the whole compliance "
-            "matrix, by its Frobenius norm. “Condition”: condition number of the least squares matrix."
+            f"RMS, “95 % below” and “worst, with limits” are over {n} uniform poses and {edge} poses on joint limits "
+            "together; “worst, uniform” is over the uniform poses alone. “6 x 6 worst”: largest error of the whole "
+            "compliance matrix, by its Frobenius norm. “Inside bars”: share of the uniform runs inside their 95 % "
+            "error bars. “Condition”: condition number of the least-squares matrix."
         ),
         Bullets(tuple(f"{s.basis}: {basis_words(s)}" for s in trained.surrogates)),
     ]
@@ -187,8 +188,8 @@ def quality_picture(trained: Trained, pictures: Pictures) -> Picture:
             rows.append(HeldOut(basis, factor * shown[0], factor * shown[1], of_compliance))
     what = f"{name.removesuffix('_N_per_mm')} ({unit})"
     caption = (
-        "Each cell counts runs; on the line the surrogate is right. The last panel tells how many runs have a larger "
-        "error than a given one: further left is better." + "".join(remarks)
+        "Each cell counts runs; on the line the surrogate is exact. The last panel shows what share of the runs has a "
+        "larger error than a given one: further left is better." + "".join(remarks)
     )
     figure = surrogate_quality_figure(rows, what, best.quantity.name)
     return pictures.add(figure, "predicted_and_true", caption)
@@ -202,15 +203,15 @@ def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Se
     honest = tenths[low].inside >= LEVEL - 2.0 * spread
     words = (
         f"Of {len(chosen.error)} uniform runs {share_words(chosen.inside)} lie inside the 95\u00a0% bars of the "
-        f"{chosen.name} basis. By tenths of the runs, from its narrowest bars (1) to its widest (10), between "
-        f"{share_words(tenths[low].inside)} (tenth {low + 1}) and {share_words(tenths[high].inside)} (tenth "
-        f"{high + 1}) do. "
+        f"{chosen.name} basis. When the runs are split into tenths from the narrowest bars (1) to the widest (10), the "
+        f"share goes from {share_words(tenths[low].inside)} (tenth {low + 1}) to {share_words(tenths[high].inside)} "
+        f"(tenth {high + 1}). "
         + (
-            "They hold where they are narrow and where they are wide."
+            "Narrow and wide bars alike hold what they promise."
             if honest
-            else f"In tenth {low + 1} they are too narrow, by more than chance."
+            else f"In tenth {low + 1} the bars are too narrow, by more than chance."
         )
-        + (" At errors below a millionth this is of no account." if _tiny(chosen) else "")
+        + (" With errors below a millionth this does not matter." if _tiny(chosen) else "")
     )
     rows = tuple(
         (str(i + 1), str(p.runs), relative(p.half_width), relative(p.error), share_words(p.inside))
@@ -218,8 +219,9 @@ def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Se
     )
     columns = ("tenth", "runs", "half-width, median", "error, median", "inside")
     caption = (
-        "Left: error over the half-width of its bar; at 1 a run leaves its bar, which 5 % should do. Right: the share "
-        "inside where bars are narrow and where they are wide. The bars were learned from other runs than these."
+        "Left: error divided by the half-width of its bar; above 1 the true value lies outside the bar, which should "
+        "happen in 5 % of the runs. Right: share inside, from narrow bars to wide ones. The bars were learned from "
+        "other runs than these."
     )
     beyond = [row.name for row in bars if bool((row.error > MOST_SHOWN * row.half_width).any())]
     if beyond:
@@ -229,8 +231,8 @@ def _honesty(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Se
         pictures.add(error_bars_figure(bars), "error_bars", caption),
         Table(f"Error bars of the {chosen.name} basis by their width", columns, rows, folded=True),
         Text(
-            "The promise is for poses drawn evenly over the domain. For poses that all lie at a limit, say, the share "
-            "may be another."
+            "The 95 % are for poses drawn evenly over the domain. For a special set of poses, such as poses that all "
+            "lie on a limit, the share may differ."
         ),
     )
     return Section("Do the error bars hold", blocks)
@@ -250,8 +252,8 @@ def _where(trained: Trained, bars: list[JudgedBars], pictures: Pictures) -> Sect
         return Section("Where the error is large", (Text(f"Nowhere. {small_words}"),))
     degrees = np.degrees(trained.held_out.Q[:n])
     caption = (
-        "Runs in equal widths of one coordinate, whatever the others are. Solid: 95 % of the runs are below; dashed: "
-        f"their median. {small_words}"
+        "Runs grouped by one coordinate, over all values of the others. Solid: 95 % of the runs are below; dashed: "
+        f"median. {small_words}"
     )
     figure = error_over_inputs_figure(shown, best.inputs, degrees)
     blocks: list[Block] = [Bullets(tuple(_worst_words(best, row, degrees) for row in shown))]

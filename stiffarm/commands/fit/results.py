@@ -37,9 +37,9 @@ def _parameter_bars(surrogate: Surrogate) -> dict[str, Any] | None:
 def errors_table(trained: Trained, of: str = "") -> Table:
     """Errors of every surrogate on runs kept out, the best first, and those that could not be fitted; ``of``: a model.
 
-    "95 % below" and "worst" are over all these runs, "worst inside" over those that are not on the domain's boundary.
+    "95 % below" and "worst, with limits" are over all these runs, "worst, uniform" over those not on joint limits.
     """
-    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst inside", "worst, limits too", "6 x 6 worst",
+    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst, uniform", "worst, with limits", "6 x 6 worst",
                "inside bars", "condition")  # fmt: skip
     rows = [_row(s) for s in trained.surrogates]
     rows += [(name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in trained.refused]

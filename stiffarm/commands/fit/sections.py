@@ -23,7 +23,7 @@ from surrogate.training import NOTHING
 
 _NAMED = 12
 _FILES = {
-    "surrogate.json": "the surrogate taken, for query and map",
+    "surrogate.json": "the chosen surrogate, for query and map",
     "surrogate.onnx": "as ONNX, for onnxruntime",
     "surrogate.h": "as a C header without dependencies",
     "surrogate_snippet.py": "as Python without packages",
@@ -63,7 +63,7 @@ def answer_section(trained: Trained, known: Known | None) -> Section:
     blocks: list[Block] = [*_calibration(best, known), _inputs(best)]
     if any(best.periodic):
         names = [n for n, whole in zip(best.inputs, best.periodic, strict=True) if whole]
-        blocks.append(Text(f"Whole turns of {', '.join(names)} do not matter: they are taken off before the fit."))
+        blocks.append(Text(f"Whole turns of {', '.join(names)} make no difference and are removed before the fit."))
     if len(best.couplings.names):
         blocks.append(
             Bullets(tuple(f"Coupled limit {line}; other poses cannot be reached." for line in _couplings(best)))
@@ -80,17 +80,17 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
     if p is None or known is None:
         return [
             Text(
-                "The error bars hold the surrogate's own error only: how well the model's parameters are known is not "
-                "part of them. A model file written by calibrate or diagnose brings that along for the stiffness."
+                "The error bars cover only the surrogate's own error, not the uncertainty of the model's parameters. "
+                "For the stiffness, a model file written by calibrate or diagnose adds that uncertainty."
             )
         ]
     named = ", ".join(p.names[:_NAMED]) + (f" and {len(p.names) - _NAMED} more" if len(p.names) > _NAMED else "")
     blocks: list[Block] = [
         Text(
-            f"By the calibration's uncertainty ({named}) the {best.quantity.name} is {half_width(known.median)} at "
+            f"The calibration's uncertainty ({named}) makes the {best.quantity.name} {half_width(known.median)} at "
             f"the median pose and {half_width(known.p95)} at the 95th percentile (95 % intervals, uniform poses); the "
-            f"surrogate's own bar is {half_width(known.own_median)} at the median pose. An answer has both parts, and "
-            "as its bar the root of the sum of their squares. Over the inputs the calibration's part was learned to "
+            f"surrogate's own bar is {half_width(known.own_median)} at the median pose. The error bar of an answer is "
+            "the root sum of squares of both. The calibration's part is itself a fit over the inputs, with an error of "
             f"{relative(p.misfit)} of its largest value."
         )
     ]
@@ -98,13 +98,13 @@ def _calibration(best: Surrogate, known: Known | None) -> list[Block]:
     if open_words:
         blocks.append(
             Note(
-                f"The calibration left open what may change the {best.quantity.name} by more than "
-                f"{relative(MATTERS)}: {'; '.join(open_words)}. There an error bar is a lower bound, and the answer "
+                f"The calibration did not identify parameters that may change the {best.quantity.name} by more than "
+                f"{relative(MATTERS)}: {'; '.join(open_words)}. There the error bar is a lower bound, and the answer "
                 "says so."
             )
         )
     elif known.open_share:
-        blocks.append(Text(f"The calibration left {', '.join(known.open_share)} open, which matters nowhere here."))
+        blocks.append(Text(f"The calibration did not identify {', '.join(known.open_share)}; it matters nowhere here."))
     return blocks
 
 
@@ -115,7 +115,7 @@ def _inputs(best: Surrogate) -> Table:
             best.inputs, np.degrees(best.lower).round(6), np.degrees(best.upper).round(6), best.periodic, strict=True
         )
     )
-    return Table("Inputs", ("coordinate", "from, deg", "to, deg", "whole turns taken off"), rows)
+    return Table("Inputs", ("coordinate", "from, deg", "to, deg", "whole turns removed"), rows)
 
 
 def _couplings(best: Surrogate) -> list[str]:
@@ -144,23 +144,23 @@ def _fixed(best: Surrogate) -> list[Block]:
     )
     table = Table(
         "Fixed coordinates",
-        ("coordinate", "stands at, deg", f"would change the {best.quantity.name} by up to"),
+        ("coordinate", "fixed at, deg", f"would change the {best.quantity.name} by up to"),
         rows,
     )
     if max(best.fixed_influence.values(), default=0.0) > NOTHING:
-        return [table, Text("Those that matter and move belong into --inputs.")]
+        return [table, Text("If one that matters moves on your arm, add it to --inputs.")]
     return [table]
 
 
 def _flags(trained: Trained) -> str:
-    text = "An answer is flagged where the pose is outside of these ranges or cannot be reached (then it has no value)"
+    text = "An answer is flagged where the pose is outside these ranges or cannot be reached (then it has no value)"
     best = trained.best
     if best.kinematics is None:
         return text + "."
     Q = trained.held_out.Q[: trained.uniform]
     sigma = singularity_distance(best.kinematics, full_poses(best.kinematics, best, Q)).sigma_min
     near = float(np.mean(sigma < NEAR_SINGULAR))
-    return f"{text}, and where it is near singular: {relative(near)} of the uniform poses."
+    return f"{text}, and where it is near a singularity: {relative(near)} of the uniform poses."
 
 
 def usage_section(trained: Trained, files: Sequence[str], model: str, folder: OutputFolder) -> Section:
@@ -191,7 +191,7 @@ def usage_section(trained: Trained, files: Sequence[str], model: str, folder: Ou
     if answer:
         blocks.append(Text(answer))
     what = {name: _FILES[name] for name in files}
-    what |= {f"surrogate_{s.basis}.json": f"the {s.basis} basis, judged alike" for s in trained.surrogates}
+    what |= {f"surrogate_{s.basis}.json": f"the surrogate with the {s.basis} basis" for s in trained.surrogates}
     rows = [(name, words, size_words(folder.path(name).stat().st_size)) for name, words in what.items()]
     rows.append(("surrogate_errors.json", "the figures of this page", ""))
     blocks.append(Table("Files", ("file", "what it is", "size"), tuple(rows), text_columns=(0, 1)))
@@ -215,8 +215,8 @@ def _example(trained: Trained) -> tuple[str, str]:
     number, e = factor * float(found.value[0]), float(found.relative_error[0])
     if e >= KNOWN:
         return pose, (
-            f"The first finds about {significant(number, 1)}{unit}, but what is known of the model's parameters leaves "
-            f"this {what} open by more than half of it: no number to work with."
+            f"The first gives about {significant(number, 1)}{unit}, but the model's parameters are known so poorly "
+            f"that the 95 % interval of this {what} is wider than ± half its value: do not rely on it."
         )
     ends = number / (1.0 + e), number / (1.0 - e)
     return (

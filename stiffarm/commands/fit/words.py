@@ -41,18 +41,19 @@ def choice_words(trained: Trained) -> str:
         why = (
             "no other basis could be fitted" if trained.refused else "it was asked for by name, and no other was tried"
         )
-        return f"The {best.basis} basis is taken: {why}. Its RMS error on runs kept out is {rms}."
+        return f"The {best.basis} basis is used: {why}. Its RMS error on runs kept out of the fit is {rms}."
     rest = ", ".join(f"{relative(s.errors.rms_relative)} ({s.basis})" for s in others)
     if any(s.errors.rms_relative <= NOTHING for s in others):
-        alike = "errors below a millionth are all alike, for no arm is known so well"
-        better = "it knows all load directions" if best.has_matrix else "of those it was fitted first"
+        better = "it covers all load directions" if best.has_matrix else "it was fitted first"
         return (
-            f"The {best.basis} basis is taken: its RMS error on runs kept out is {rms}, that of the others {rest}; "
-            f"{alike}, and {better}."
+            f"The {best.basis} basis is used: its RMS error on runs kept out of the fit is {rms}, that of the others "
+            f"{rest}. Errors below a millionth count as equal, because no arm is known that well; among equals, "
+            f"{better}."
         )
-    more = " It also knows all load directions." if best.has_matrix else ""
+    more = " It also covers all load directions." if best.has_matrix else ""
     return (
-        f"The {best.basis} basis is taken: it has the smallest RMS error on runs kept out, {rms}, against {rest}.{more}"
+        f"The {best.basis} basis is used: it has the smallest RMS error on runs kept out of the fit, {rms}, against "
+        f"{rest}.{more}"
     )
 
 

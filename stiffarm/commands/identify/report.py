@@ -38,13 +38,14 @@ def write_report(d: JointTwists, folder: OutputFolder) -> None:
     data = d.found.data
     kind = "made-up (synthetic) readings" if d.synthetic else "readings"
     lede = (
-        f"Substitute stiffness model: six stiffnesses at each of {d.given.robot.dof} joints, over the joint's angle, "
-        f"from {data.n} {kind} in {d.found.cycles.m} load cycles of {len(d.found.cycles.setups)} set-ups."
+        f"Six stiffnesses at each of {d.given.robot.dof} joints, as functions of the joint's angle, from {data.n} "
+        f"{kind} in {d.found.cycles.m} load cycles of {len(d.found.cycles.setups)} set-ups."
     )
     title = d.given.description.title.split(" (")[0] + (" - synthetic data" if d.synthetic else "")
-    open_ones = sum(x.status != "determined" for x in d.found.directions.values())
-    todo = f"{open_ones} stiffnesses are not determined: load those joints in other directions. " if open_ones else ""
-    todo += "Take model.toml for every other command: `stiffarm map`, `posture`, `place`."
+    open_ones = [f"{x.joint}.{x.row}" for x in d.found.directions.values() if x.status != "determined"]
+    named = ", ".join(open_ones[:6]) + (f" and {len(open_ones) - 6} more" if len(open_ones) > 6 else "")
+    todo = f"Not fully determined: {named}. Add readings that load these directions. " if open_ones else ""
+    todo += "Use model.toml in other commands: `stiffarm map`, `posture`, `place`."
     answer = Answer(_scatter_words(d), todo)
     write_page(folder, title, lede, _key(d), parts, QUESTION, data_words(data), answer)
 
@@ -58,10 +59,10 @@ def _key(d: JointTwists) -> list[KeyFigure]:
         spread, gears = 100.0 * float(d.flange.spread.max()), 100.0 * float(d.flange.same.mean.max())
         shown = f"± {spread:.1f} %" if np.isfinite(spread) else "none"
         out.append(KeyFigure(shown, "95 % interval of directional stiffness, median pose"))
-        out.append(KeyFigure(f"{gears:.0f} %", "mean error of gears alone, worst flange axis"))
+        out.append(KeyFigure(f"{gears:.0f} %", "mean error with gear stiffness alone, worst flange axis"))
     if d.held_out is not None:
         worst = 100.0 * float(np.abs(d.held_out.error).max())
-        out.append(KeyFigure(f"{worst:.1f} %", "largest error at readings held out"))
+        out.append(KeyFigure(f"{worst:.1f} %", "largest error at held-out readings"))
     return out
 
 
@@ -75,30 +76,31 @@ def summary(d: JointTwists) -> list[str]:
     """What a reader must know, in sentences."""
     status = [x.status for x in d.found.directions.values()]
     counts = [f"{status.count(s)} {s}" for s in dict.fromkeys(status)]
-    out = [f"Of {len(status)} stiffnesses {', '.join(counts)}."]
+    only_low = " One-sided: only a lower limit; rigid is possible within 95 %." if "one-sided" in status else ""
+    out = [f"{len(status)} stiffnesses: {', '.join(counts)}.{only_low}"]
     out += [f"{note[0].upper()}{note[1:]}." for note in d.found.notes]
     out.append(_scatter_words(d))
     proven = [x for x in d.loops if x.proven and x.row == "rz"]
     if proven:
         most = max(proven, key=lambda x: abs(x.share))
         out.append(
-            f"Hysteresis about the gear axes of {', '.join(x.joint for x in proven)}; at most "
-            f"{100.0 * most.share:.1f} % of the range ({most.joint}). From the way up alone that gear would come out "
-            f"{100.0 * most.loading_only:+.1f} % stiffer."
+            f"Hysteresis about the gear axes of {', '.join(x.joint for x in proven)}, at most "
+            f"{100.0 * most.share:.1f} % of the range ({most.joint}). Loading alone would change that gear's stiffness "
+            f"by {100.0 * most.loading_only:+.1f} %."
         )
     out += _diagonal_words(d)
     if d.flange is None:
         out.append(f"{d.no_flange[0].upper()}{d.no_flange[1:]}.")
     else:
         out.append(
-            f"Gears alone, with the same stiffness, are off by {_percent(d.flange.same.mean)} on average in flange "
-            f"X, Y, Z, refitted to flange deflections by {_percent(d.flange.refitted.mean)}."
+            f"A model of the gears alone is off by {_percent(d.flange.same.mean)} on average in flange X, Y, Z; "
+            f"refitted to flange deflections, by {_percent(d.flange.refitted.mean)}."
         )
     out += [f"{note}." for note in held_constant(d.found)]
     if d.flange is not None and held_constant(d.found):
         out.append(
-            f"Against the laws that makes {_percent(d.flange.file.mean)} on average in flange X, Y, Z, at worst "
-            f"{_percent(d.flange.file.worst)}."
+            f"Compared with the laws, these constants change the stiffness by {_percent(d.flange.file.mean)} on "
+            f"average in flange X, Y, Z, at worst {_percent(d.flange.file.worst)}."
         )
     return out
 
@@ -106,12 +108,13 @@ def summary(d: JointTwists) -> list[str]:
 def _diagonal_words(d: JointTwists) -> list[str]:
     bad = [t.joint for t in d.diagonal if not t.suffices]
     if bad:
-        return [f"A diagonal matrix is not enough at {', '.join(bad)}: cross terms are proven."]
+        return [f"A diagonal stiffness matrix is not enough at {', '.join(bad)}: cross terms are proven."]
     if not d.diagonal:
-        return ["Whether a diagonal matrix a joint is enough cannot be tested: no two rows of a joint have numbers."]
+        return ["Cross terms cannot be tested: at no joint are two stiffnesses identified."]
     where = "" if len(d.diagonal) == d.given.robot.dof else f" at {', '.join(t.joint for t in d.diagonal)}"
     return [
-        f"A diagonal matrix a joint is enough{where}: no cross term is both proven and above a tenth of the diagonal."
+        f"A diagonal stiffness matrix per joint is enough{where}: no cross term is both proven and above a tenth of "
+        "the diagonal."
     ]
 
 
@@ -120,7 +123,7 @@ def _scatter_words(d: JointTwists) -> str:
         f"{100.0 * s:.1f} % ({kind})" if n else f"not known ({kind}: too few set-ups at one angle)"
         for kind, s, n in zip(("translations", "rotations"), d.found.scatter, d.found.scatter_dof, strict=True)
     ]
-    return f"Set-ups at one angle scatter beyond their readings' noise by {' and '.join(parts)} of the compliance."
+    return f"Compliances of set-ups at the same angle scatter, beyond reading noise, by {' and '.join(parts)}."
 
 
 def _percent(values: Array) -> str:
@@ -130,8 +133,8 @@ def _percent(values: Array) -> str:
 def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
     return Section("Six stiffnesses a joint", (
         Text(
-            "Frame: the modified DH frame of the joint, Z along the gear axis, X along the common normal to the next "
-            "axis, turning with the arm behind the joint. Stiffness at the middle of the angles measured, "
+            "Frame: the modified DH frame of the joint, with Z along the gear axis and X along the common normal to "
+            "the next axis; it turns with the link after the joint. Stiffness at the middle of the measured angles: "
             "translations in N/µm, rotations in 10⁶ N m/rad, 95 % intervals in brackets."
         ),
         Table("Six stiffnesses of each joint", ("joint", *ROWS), stiffness_rows(d)),
@@ -141,8 +144,8 @@ def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
         ),
         pictures.add(
             figures.laws_figure(d.found, made_up(d)), "stiffness_over_angle",
-            "Each stiffness over its joint's angle. Points: each angle separately, without any law. Where a band "
-            "is wider than the axis, readings hardly see the direction. Laws hold between the outermost angles.",
+            "Each stiffness over its joint's angle. Points: each angle by itself, without a law. Where a band is wider "
+            "than the axis, the readings hardly depend on this stiffness. Laws hold between the outermost angles.",
         ),
         Text(_law_words(d)),
     ))  # fmt: skip
@@ -169,17 +172,17 @@ def _cell(d: Direction) -> str:
 
 def _law_words(d: JointTwists) -> str:
     if d.request.law is not None:
-        return f"Law of every stiffness, as asked: {d.request.law}."
+        return f"Law of every stiffness over the joint angle, as asked: {d.request.law}."
     kinds = [x.law.kind for x in d.found.directions.values() if x.law]
     counts = ", ".join(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
     better = sum(
         min(x.scores, key=lambda k: x.scores[k]) != "constant" for x in d.found.directions.values() if x.scores
     )
     return (
-        f"Laws of ln k: {counts}. Each is the fullest that its angles can tell (order one from four angles on, order "
-        "two from six over half a turn), so that an interval does not pretend that a stiffness is constant, or varies "
-        f"once a turn only. For {better} stiffnesses a law that varies predicts angles left out better than a constant "
-        "does."
+        f"Laws of ln k over the joint angle: {counts}. Each has the highest order that its angles can support (order "
+        "one from four angles on, order two from six over half a turn), so that the interval does not rest on the "
+        f"stiffness being constant or varying only once a turn. For {better} stiffnesses a varying law predicts "
+        "left-out angles better than a constant."
     )
 
 
@@ -190,11 +193,11 @@ def made_up(d: JointTwists) -> str:
 
 def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     """Loops, and what the way up alone would give."""
-    used = "the mean of both ways" if d.found.branches == "mean" else "the way up alone"
+    used = "the mean of loading and unloading" if d.found.branches == "mean" else "loading alone"
     blocks: list[Block] = [
         Text(
-            "Width of the loop: reading on the way down less reading on the way up at the same load. The stiffnesses "
-            f"are from {used}: one slope and one width are fitted to each load cycle."
+            "Width of the loop: the unloading reading minus the loading reading at the same load. The stiffnesses come "
+            f"from {used}: one slope and one width are fitted to each load cycle."
         )
     ]
     rows = tuple(
@@ -207,7 +210,7 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     )  # fmt: skip
     if rows:
         gears = tuple(r for r in rows if r[0].endswith("rz"))
-        columns = ("stiffness", "width, 95 %", "unit", "of the range (%)", "way up alone: k (%)", "proven")
+        columns = ("stiffness", "width, 95 %", "unit", "of the range (%)", "change of k by loading alone (%)", "proven")
         blocks.append(Table("Loops about the gear axes", columns, gears, text_columns=(0, 2, 5)))
         blocks.append(
             Table("All loops (one in twenty is “proven” by chance)", columns, rows, text_columns=(0, 2, 5), folded=True)
@@ -216,11 +219,11 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
         blocks.append(
             pictures.add(
                 figures.loops_figure(d.found, made_up(d)), "hysteresis",
-                "Up and down about the gear axes.",
+                "Loading and unloading about the gear axes.",
             )
         )  # fmt: skip
     if d.found.branches == "loading":
-        blocks.append(Note("The way up alone was used: friction stays in the stiffnesses."))
+        blocks.append(Note("Only loading was used, so the stiffnesses include friction."))
     return Section("Hysteresis", tuple(blocks))
 
 
@@ -234,10 +237,11 @@ def diagonal(d: JointTwists) -> Section:
         rows.append((t.joint, "yes" if t.suffices else "no", most, proven or "none"))
     blocks: list[Block] = [
         Text(
-            "Does a load on one row move another (a moment about Z twist about X)? Each of the 15 entries off the "
-            "diagonal is fitted beside the laws and tested; proven means beyond chance with all entries of all joints "
-            "looked at (Holm). Shares are of the geometric mean of the two diagonal compliances. A bearing that does "
-            "not sit at the origin of the DH frame shows here: its tilt moves the origin."
+            "Does a load in one direction cause motion in another, as when a moment about Z twists the joint about X? "
+            "Each of the 15 off-diagonal entries is fitted along with the laws and tested; “proven” means significant "
+            "after correction for all entries of all joints (Holm). Shares are relative to the geometric mean of the "
+            "two diagonal compliances. A bearing away from the origin of the DH frame shows up here, because its tilt "
+            "moves the origin."
         ),
         Table(
             "Cross terms", ("joint", "diagonal is enough", "least likely to be chance", "proven"), tuple(rows),
@@ -247,11 +251,11 @@ def diagonal(d: JointTwists) -> Section:
     if d.bending is not None:
         b = d.bending
         words = (
-            f"Joint {b.joint}: under the same moment it twists about X by {b.ratio:.2f} ({b.low:.2f} to {b.high:.2f}) "
-            "of what it does about the gear axis."
+            f"Joint {b.joint}: the same moment twists it about X by {b.ratio:.2f} ({b.low:.2f} to {b.high:.2f}) times "
+            "as much as about the gear axis."
         )
         if d.found.robot == PAPER_ROBOT:
-            words += " The paper reads 0.010 deg against 0.017 deg, 0.59, with the force in flange Y: not negligible."
+            words += " The TX200 paper measured 0.010 deg against 0.017 deg (0.59) with the force along flange Y."
         blocks.append(Text(words))
     return Section("Is a diagonal matrix enough?", tuple(blocks))
 
@@ -272,14 +276,14 @@ def usual(d: JointTwists, pictures: Pictures) -> Section:
     )
     return Section("Gears alone", (
         Text(
-            f"The usual model has one stiffness a joint, about the gear axis. Against six a joint, over {POSES} random "
-            "poses within limits with the flange above the floor: once with the same torsional stiffnesses, once "
-            "with constants refitted to the flange's deflections at other random poses."
+            "The usual model has one stiffness per joint, about the gear axis. It is compared with six per joint at "
+            f"{POSES} random poses within limits and with the flange above the floor: once with the same torsional "
+            "stiffnesses, once with constants refitted to flange deflections at other random poses."
         ),
         pictures.add(
             figures.usual_models_figure(f.same, f.refitted, made_up(d)), "gears_alone",
-            "Error of directional stiffness by flange axis. The worst poses are those in which a force has no lever "
-            "about any gear axis: there gears alone are as good as rigid.",
+            "Error of directional stiffness by flange axis. In the worst poses the force has no lever arm about any "
+            "gear axis, so that a model of the gears alone is practically rigid.",
         ),
         Table(
             "Errors of directional stiffness (%)", ("gears alone", "axis", "signed mean", "mean", "95th %", "worst"),
@@ -299,17 +303,15 @@ def prediction(d: JointTwists) -> Section:
             for (label, f, m, p, e), lo, hi in zip(held_out_rows(d), h.low, h.high, strict=True)
         )
         columns = ("pose", "force (N)", "measured (N/mm)", "predicted, 95 % (N/mm)", "error (%)")
-        blocks.append(Table(f"Flange deflections that were not used ({h.source})", columns, rows))
+        blocks.append(Table(f"Held-out flange deflections ({h.source})", columns, rows))
     else:
-        blocks.append(
-            Text("No flange deflections were held out (--holdout TABLE): the prediction is not checked here.")
-        )
+        blocks.append(Text("Not checked: no flange deflections were held out (`--holdout TABLE`)."))
     if d.found.robot != PAPER_ROBOT:
         return Section("Prediction", tuple(blocks))
     rows = tuple((n, f, f"{m:.2f}", f"{k:.2f}", f"{100.0 * (k / m - 1.0):+.2f}") for n, f, m, k in PAPER_TABLE_1)
     blocks.append(
         Table(
-            "For comparison, Table 1 of the paper (another arm's readings; its configurations are not given)",
+            "For comparison, Table 1 of the TX200 paper (readings of another arm; its poses are not given)",
             ("configuration", "force (N)", "measured (N/mm)", "paper's model (N/mm)", "error (%)"), rows,
             text_columns=(0, 1),
         )
@@ -326,12 +328,12 @@ def stiffness_map(d: JointTwists, pictures: Pictures) -> Section:
     return Section("Stiffness map", (
         pictures.add(
             figures.window_figure(w, d.given.robot.name, made_up(d)), "stiffness_map",
-            "Mean of the directional stiffnesses in flange X, Y and Z, each under a unit force of its own.",
+            "Mean of the directional stiffnesses along flange X, Y and Z, each under a unit force in that direction.",
         ),
         Text(
-            f"As Fig. 3 of the paper: the flange keeps its orientation ({w.orientation}), elbow {w.elbow}. The paper "
-            "gives the origin of its map (X 1344, Z 550 mm); the window's size is not stated there and is chosen here. "
-            f"{reached:.0f} % of the window is reached. Numbers: stiffness_map.csv."
+            f"The flange keeps its orientation ({w.orientation}), elbow {w.elbow}, as in Fig. 3 of the TX200 paper. "
+            "The paper gives the origin of its map (X 1344, Z 550 mm) but not its size, which is chosen here. "
+            f"{reached:.0f} % of the window can be reached. Figures: stiffness_map.csv."
         ),
     ))  # fmt: skip
 
@@ -345,14 +347,15 @@ def how(d: JointTwists) -> Section:
     )
     blocks: list[Block] = [
         Text(
-            "Statics gives force and moment at the joint from those at the flange. Each load cycle gives one slope a "
-            "row; a set-up's cycles give its compliance by weighted least squares; the law over the angle is fitted to "
-            "the set-ups, whose scatter is estimated by restricted likelihood from set-ups at one angle. Arms are "
-            f"taken as rigid, as in the paper. Displacements are left over by {1e3 * rms_mm(d.found):.1f} µm RMS at "
-            "the top loads."
+            "Statics gives force and moment at each joint from those at the flange. Each load cycle gives one slope "
+            "per direction; the cycles of a set-up give its compliance by weighted least squares; the law over the "
+            "angle is fitted to the set-ups, whose scatter is estimated by restricted likelihood from set-ups at the "
+            "same angle. The links are rigid. Displacements at the top loads leave a residual of "
+            f"{1e3 * rms_mm(d.found):.1f} µm RMS."
         ),
         Table(
-            "Noise of a reading, where the table gives none", ("joint", "µm", "µrad", "degrees of freedom"), noise,
+            "Noise of one reading, estimated where the table gives none",
+            ("joint", "µm", "µrad", "degrees of freedom"), noise,
             folded=True,
         ),
     ]  # fmt: skip

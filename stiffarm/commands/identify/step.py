@@ -166,7 +166,7 @@ def run(
         raise InputError(
             f"--holdout {holdout.source}: {no_flange}", remedy="leave out --holdout, or measure those joints too"
         )
-    say("comparing with models of the gears alone" if not no_flange else f"note: {no_flange}")
+    say("comparing with models of the gears alone (one stiffness per joint)" if not no_flange else f"note: {no_flange}")
     window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
     return JointTwists(
         request, given, found, with_six_springs(given.description, found), loops(found),
@@ -187,14 +187,14 @@ def _why_no_flange(given: Arm, found: Identified, q: Array) -> str:
     ]
     if not loaded:
         return ""
-    return f"nothing is said of the flange, for it hangs on stiffnesses that are not identified: {', '.join(loaded)}"
+    return f"no result at the flange: it depends on stiffnesses that are not identified: {', '.join(loaded)}"
 
 
 def _rigid_way(given: Arm, found: Identified, q: Array) -> str:
     """What is rigid at the flange, where readings left every stiffness that a force loads without a number."""
     stiffest = stiffness_with(given.model, found.compliances(q)[0], q, or_rigid=True).max(axis=0)
     ways = [f"flange {axis}" for axis, most in zip("XYZ", stiffest, strict=True) if np.isinf(most)]
-    return f"nothing is said of the flange, for nothing identified deflects along {', '.join(ways)}" if ways else ""
+    return f"no result at the flange: nothing identified deflects along {', '.join(ways)}" if ways else ""
 
 
 def _at_flange(given: Arm, found: Identified, q: Array, rng: np.random.Generator) -> AtFlange:

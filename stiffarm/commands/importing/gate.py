@@ -29,9 +29,9 @@ LARGER, TRIES = 1.5, 2
 # Of what an opening does to a link, less than this share is no warning.
 TOLD = 0.05
 _HULL = (
-    "WARNING: its surface is convex, as collision hulls are: waists, hollows and bosses are not shown. One wall all "
-    "over, 0.8 of the usual one, makes good what a hull is too stiff by on average; by direction it may be off by a "
-    "factor of 1.5"
+    "WARNING: its surface is convex, like a collision hull, so waists, hollows and bosses are missing. A uniform wall "
+    "of 0.8 times the usual one corrects the excess stiffness of a hull on average; along one direction it may be off "
+    "by a factor of 1.5"
 )
 
 
@@ -52,10 +52,10 @@ class Verdict:
     def words(self) -> str:
         """One line."""
         share, exponent = 100.0 * self.trust.half_energy_share, self.trust.wall_exponent
-        said = f"half of its strain energy sits in {share:.2g} % of its surface, tilt goes with wall^-{exponent:.2g}"
+        said = f"half of its strain energy is in {share:.2g} % of its surface, tilt varies as wall^-{exponent:.2g}"
         if self.mended is not None:
             name, before, after = self.mended
-            said += f"; ring {name} was made larger for it, {1e3 * before:.0f} to {1e3 * after:.0f} mm"
+            said += f"; ring {name} was therefore enlarged from {1e3 * before:.0f} to {1e3 * after:.0f} mm"
         return said
 
     @property
@@ -70,8 +70,8 @@ class Verdict:
             return (said, *self.doubts)
         if self.trust.half_energy_share < LOW_SHARE or self.trust.wall_exponent > MOST_EXPONENT:
             bends = self.trust.wall_exponent > MOST_EXPONENT
-            why = "walls bend beside a ring" if bends else "a small part carries much"
-            said = f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than it is in truth"
+            why = "walls bend beside a ring" if bends else "a small part carries much of the load"
+            said = f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than the real one"
             return (said, *self.doubts)
         return self.doubts
 
@@ -120,8 +120,8 @@ def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) 
     off = mesh.departure[0]
     if size < off:
         said.append(
-            f"WARNING: the shell is off the surface by up to {1e3 * off:.3g} mm on 95 % of it, more than an element "
-            f"({1e3 * size:.3g} mm): sections are that much larger or smaller"
+            f"WARNING: the shell deviates from the surface by up to {1e3 * off:.3g} mm on 95 % of it, more than the "
+            f"element size ({1e3 * size:.3g} mm): sections are too large or too small by that much"
         )
     if hull:
         said.append(_HULL)
@@ -132,10 +132,10 @@ def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) 
         widest = found[0]
         where = f"an opening {1e3 * widest.width:.0f} mm wide around {np.round(1e3 * widest.middle).tolist()} mm"
         said.append(
-            f"WARNING: {where} was closed. If it is open in truth, the link is {least:.2g} to {most:.2g} times as "
-            "compliant, by load"
+            f"WARNING: {where} was closed. If the real link is open there, it is {least:.2g} to {most:.2g} times as "
+            "compliant, depending on the load"
             if most > 1.0 + TOLD
-            else f"{where} was closed; if it is open in truth, no load sees more than {100 * TOLD:.0f} % of it"
+            else f"{where} was closed; if the real link is open there, it is at most {100 * TOLD:.0f} % more compliant"
         )
     return tuple(said)
 

@@ -42,41 +42,44 @@ def write_report(
     named = [f"1 link became {one}" if n == 1 else f"{n} links became {many}" for one, many, n in kinds if n]
     lede = " and ".join(named) + (f", {len(rigid)} stay rigid" if rigid else "")
     one = "1 warning" if len(warned) == 1 else f"{len(warned)} warnings"
-    lede += f"; {one} to look at." if warned else "; nothing to warn of."
+    lede += f"; {one} to check." if warned else "; no warnings."
     key = [
         KeyFigure(str(len(links) or len(solids)), "links as shells" if links else "links as solids"),
         KeyFigure(str(len(warned)), "warnings"),
-        KeyFigure(f"{significant(worst, 2)} mm", "the shell is off the original by at most this for 95\u00a0% of it"),
+        KeyFigure(f"{significant(worst, 2)} mm", "deviation of shell from surface, 95\u00a0% below, worst link"),
     ]
     if soft:
         first = max(soft, key=soft.__getitem__)
         key.append(KeyFigure(f"{significant(soft[first])} um/kN", f"softest link at its tip: {first}"))
-    caption = "Largest motion of a link's tip for a unit force, its root held."
+    caption = "Largest displacement of a link's tip under a unit force, with its root held."
     drawn = None
     if soft:
-        bars = ranked_figure("How soft the links are", soft, "compliance of the tip (um/kN)", 12)
+        bars = ranked_figure("Compliance of the links", soft, "compliance of the tip (um/kN)", 12)
         drawn = pictures.add(bars, "tip_compliance", caption)
     springs = any(joint.stiffness is not None for joint in description.joint)
-    text = "No joint of this model has a spring yet: only its links deflect, so it is far too stiff."
+    text = "No joint of this model has a spring yet: only its links deflect, so the model is far too stiff."
     caution = () if springs else (text,)
     sure = _how_sure(links)
-    plan = "`stiffarm plan model.toml --poses 6` says which readings to take."
-    todo = f"{'Look at the warnings, then calibrate' if warned else 'Calibrate'} with readings: "
+    plan = "`stiffarm plan model.toml --poses 6` chooses which readings to take."
+    todo = f"{'Check the warnings, then calibrate' if warned else 'Calibrate'} with readings: "
     todo += f"`stiffarm calibrate model.toml DATA`. {plan}"
     blocks: list[Block] = [
-        Picture(folder.path("import.png"), "The links, with the rings that they are held at.", "imported links"),
+        Picture(folder.path("import.png"), "The links and the rings at which they are held.", "imported links"),
     ]
     if links:
-        words = "A shell is compared with its beam at the tip: where the ratio is far from 1, look at rings and wall."
+        words = (
+            "Shell / beam: tip compliance of the shell divided by that of a beam of its sections. Where it is far from "
+            "1, check rings and wall."
+        )
         blocks += [_table(links), Text(words)]
     sections = [
         Section("Warnings", tuple(Note(f"{name}: {line.removeprefix('WARNING: ')}") for name, line in warned)),
         Section("The links", (*blocks, *_solids(solids))),
-        Section("What the walls rest on", _walls(links) if links else ()),
+        Section("Where the wall thicknesses come from", _walls(links) if links else ()),
         Section(
             "What stays rigid", (Bullets(tuple(f"{name}: {why}" for name, why in rigid.items())),) if rigid else ()
         ),
-        Section("What was changed on the way", tuple(_changes([*links, *solids])), folded=True),
+        Section("Repairs and changes", tuple(_changes([*links, *solids])), folded=True),
     ]
     notes = [line for line in content.get("notes", ()) if ": WARNING: " not in line]
     if notes:
@@ -129,25 +132,23 @@ def _solids(solids: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
         for one in solids
     )
     heads = ("link", "file", "tetrahedra", "mass by volume (kg)", "seats (mm)")
-    said = "`--links solid` takes these links as solids, the others as shells."
+    said = "With `--links solid` these links are solids and the others shells."
     return (Table("Solids", heads, rows, text_columns=(0, 1, 4)), Text(said))
 
 
 def _how_sure(links: Sequence[Mapping[str, Any]]) -> str:
     """To what factor the links' compliance is known."""
     if not links:
-        return "A solid's compliance is as sure as its modulus and its seats are: a few per cent."
+        return "The compliance of a solid is as accurate as its modulus and its seats: a few per cent."
     by_mass = sum(one["wall_basis"] == "mass" for one in links)
     given = sum(one["wall_basis"] == "given" for one in links)
     if given == len(links):
-        known = "With walls that you gave, the links' compliance is as sure as these are."
+        known = "The compliance of the links is as accurate as the wall thicknesses that you gave."
     elif by_mass + given == len(links):
-        known = "With walls by mass, the compliance of a link is known to a factor of about 1.5."
+        known = "With wall thicknesses from masses, the compliance of a link is known to within a factor of about 1.5."
     else:
-        known = (
-            "Where no mass is known, the compliance of a link is known to a factor of about 3; with masses it is 1.5."
-        )
-    return f"{known} CAD files of the links (STEP) would bring that down to a few per cent."
+        known = "Without its mass, the compliance of a link is known to within a factor of about 3; with it, about 1.5."
+    return f"{known} CAD files of the links (STEP) would reduce this to a few per cent."
 
 
 def _walls(links: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
@@ -160,10 +161,11 @@ def _walls(links: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
             softer, stiffer = ((one["wall_mm"] / wall) ** one["wall_exponent"] for wall in less)
             change = f"{100.0 * (softer - 1.0):+.0f} / {100.0 * (stiffer - 1.0):+.0f}"
         rows.append((one["link"], significant(one["wall_mm"], 2), one["wall_words"], change))
-    heads = ("link", "wall (mm)", "rests on", "tilt with 25 % less / more mass (%)")
+    heads = ("link", "wall (mm)", "from", "change of tilt with 25 % less / more mass (%)")
     text = (
-        "Bosses around joints across a link have walls 2.5 times as thick as here. Of a link's mass 0.6 is taken as "
-        "casing, 0.8 of a bare tube that turns about its own length; the rest is drives, gears and cables."
+        "Bosses around joints across a link have 2.5 times these walls, on convex hulls these walls, unless `--boss` "
+        "says otherwise. Of a link's mass 60 % counts as casing (80 % for a bare tube turning about its own length), "
+        "the rest as drives, gears and cables."
     )
     return (Table("Walls", heads, tuple(rows), text_columns=(0, 2)), Text(text))
 

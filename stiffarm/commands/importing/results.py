@@ -269,9 +269,9 @@ def show(result: RobotImport, content: Mapping[str, Any]) -> None:
         ["link", "wall (mm)", "rings (mm)", "verdict", "off by (mm)", "casing (kg)", "URDF (kg)", "shell / beam"],
         [_link_row(part, link) for part, link in zip(result.parts, content["links"], strict=True)],
     )
-    say("off by: 95 % of what is seen of the original is nearer than this to the shell's outer side")
-    say("verdict: whether the link's stiffness as a shell may be trusted, by where its strain energy sits")
-    say("shell / beam: compliance of the tip as a shell over that as a beam")
+    say("off by: 95 % of the visible original surface is closer than this to the shell's outer side")
+    say("verdict: whether the link's stiffness as a shell can be trusted, judged by where its strain energy is")
+    say("shell / beam: tip compliance as a shell divided by that as a beam")
     for part in result.parts:
         words = quality_words(part.link.figures.minimum_angle_deg)
         if words != GOOD:

@@ -67,14 +67,14 @@ def of_material(
     if census(own.nodes, own.faces)[1] or not is_material(own.nodes, own.faces):
         return None, None
     wall = (
-        f"link {name}: its mesh is that of the material itself, {1e3 * mean_wall(own.nodes, own.faces)[0]:.3g} mm thick"
+        f"link {name}: its mesh encloses the material itself, {1e3 * mean_wall(own.nodes, own.faces)[0]:.3g} mm thick"
     )
     try:
         solid = solid_in_surface(name, own.nodes, own.faces, interfaces, settings, own.notes)
     except InputError as error:
         return None, f"{wall}, but no solid could be made of it: {error}"
     made = _made(name, solid, interfaces, material, ", ".join(own.sources))
-    return made, f"{wall}; --links solid takes it as a solid"
+    return made, f"{wall}; use --links solid to model it as a solid"
 
 
 def _made(

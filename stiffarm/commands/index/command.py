@@ -157,7 +157,8 @@ def _show(given: Arm, content: dict[str, Any], found: index_results.IndexAnswer,
         say(f"({len(poses) - SHOWN} more poses are in the files of --out and with --json)")
     for one in poses:
         if one["distances"]["singularity"] is not None and one["distances"]["singularity"] < 0.05:
-            say(f"note: pose {one['pose']} is close to a singularity ({one['distances']['singularity']:.2g})")
+            distance = f"smallest singular value {one['distances']['singularity']:.2g}"
+            say(f"note: pose {one['pose']} is close to a singularity ({distance})")
     for name, why in content["not_computed"].items():
         say(f"note: {name} ({INDICES[name].formula}) {why}")
 

@@ -67,7 +67,7 @@ def _lede(found: IndexAnswer) -> str:
     where = "" if len(found.question.q) == 1 else f" (pose {found.question.labels[i]}, the softest)"
     return (
         f"The tool deflects most along {_direction(axes.axes[i, :, 0])} in base axes{where}: "
-        f"{significant(soft, 4)} N/mm, where the stiffest direction has {significant(stiff, 4)} N/mm."
+        f"{significant(soft, 4)} N/mm, against {significant(stiff, 4)} N/mm in the stiffest direction."
     )
 
 
@@ -110,12 +110,10 @@ def _todo(found: IndexAnswer) -> str:
     near = found.singular < 0.05
     if near.any():
         labels = ", ".join(label for label, one in zip(found.question.labels, near, strict=True) if one)
-        return (
-            f"Pose {labels} is close to a singular one: no program should pass there. `stiffarm posture` finds others."
-        )
+        return f"Pose {labels} is close to a singularity: keep programs away from it. `stiffarm posture` finds others."
     if len(found.question.q) == 1:
-        return "Compare other postures at the same point with `stiffarm posture`, other places with `stiffarm map`."
-    return "Take the pose with the larger stiffness along your force; index.csv has all of them."
+        return "Compare other postures at this point with `stiffarm posture`, and other points with `stiffarm map`."
+    return "Choose the pose that is stiffest along your force; index.csv lists all of them."
 
 
 def _table(content: Mapping[str, Any], found: IndexAnswer) -> Section:

@@ -95,7 +95,7 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
     unsure = n - int(np.count_nonzero(arrays["sure"]))
     messages = [] if asked.note is None else [asked.note]
     if asked.note is None and unsure:
-        messages.append(f"at {unsure} points not all branches are certain to have been found")
+        messages.append(f"at {unsure} points the search may have missed a branch of the inverse kinematics")
     out: dict[str, Any] = {
         "grid": data.layout.kind,
         "axes": [

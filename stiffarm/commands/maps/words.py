@@ -7,31 +7,41 @@ from typing import Any
 
 from stiffarm.session.console import say, show_table
 
+_OVER = {
+    "joints": "map over joint angles",
+    "slice": "map over a plane",
+    "box": "map over a box",
+    "cylinder": "map over a cylinder",
+}
+
 
 def show_map(content: Mapping[str, Any]) -> None:
     """Figures of a map of the arm."""
     rows, lines = [], list[str]()
     beyond = [found for found in content["quantities"].values() if "max_near_singular" in found]
     if beyond:
-        lines.append("greatest: away from singular poses, where stiffness grows without end and nothing can move")
+        lines.append("greatest: without poses near a singularity, where stiffness along one direction has no bound")
     for found in content["quantities"].values():
         if "min" in found:
             ends = [f"{found[key]:.4g}" for key in ("min", "median", "max")]
             rows.append([found["label"] + (f", {found['unit']}" if found["unit"] else ""), *ends])
         else:
             shares = sorted(found["share_of_points"].items(), key=lambda item: -item[1])
+            if {name for name, _ in shares} == {"yes", "no"}:
+                lines.append(f"{found['label']}: {100.0 * found['share_of_points']['yes']:.3g} % of the points")
+                continue
             words = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in shares if share > 0.0)
             lines.append(f"{found['label']}: {words}")
     pose = "" if content["grid"] == "joints" else f": {content['pose']}"
-    show_table(f"map over {content['grid']}{pose}", ["", "least", "median", "greatest"], rows)
+    show_table(f"{_OVER[content['grid']]}{pose}", ["", "least", "median", "greatest"], rows)
     for line in lines:
         say(line)
     count = content["grid_points"]
-    say(f"{count} {'point' if count == 1 else 'points'}, {content['points']} with a pose")
+    say(f"{count} {'point' if count == 1 else 'points'}, of which the arm can reach {content['points']}")
     check = content.get("search_check", {})
     if check.get("points"):
         say(
-            f"search: at {check['points']} of the points a denser one finds poses at most "
+            f"check: a finer search at {check['points']} of these points finds poses that are at most "
             f"{check['worst_shortfall_percent']:.2g} % better"
         )
 
@@ -73,11 +83,11 @@ def show_index_map(content: Mapping[str, Any]) -> None:
         more = "" if best is None else f" ({100.0 * (one['value'] / best['value'] - 1.0):+.0f} %)"
         but = "and" if best is not None and one["points_reached"] > best["points_reached"] else "but"
         say(
-            f"{one['gamma_deg']:g} deg would have {one['value']:.4g}{unit.replace(',', '')}{more}, {but} reaches "
+            f"gamma {one['gamma_deg']:g} deg gives {one['value']:.4g}{unit.replace(',', '')}{more}, {but} reaches "
             f"{one['points_reached']} of {content['workpiece_points']} points"
         )
     if not content["all_solutions_found"]:
-        say("note: this arm's inverse kinematics is searched; postures may have been missed")
+        say("note: this arm has no closed-form inverse kinematics; the numerical search may miss postures")
 
 
 def _others(front: Sequence[Mapping[str, Any]], best: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:

@@ -29,19 +29,20 @@ from stiffarm.session.parsing import parse_numbers
 SCHEMA: Final = "stiffarm-plan-positions/1"
 SHEET, RESULT = "positions_sheet.csv", "plan.json"
 FARTHEST_mm: Final = 100_000.0
-QUESTION: Final = "which poses to read with a tracker?"
+QUESTION: Final = "which poses should be read with a tracker?"
 NOTES: Final = (
-    "intervals are in proportion to the scatter of a coordinate; what a calibration leaves out (error curves of "
-    "joints, 0.1 to 0.4 mm on arms that were measured) is more than a tracker's own as a rule",
-    "a target with a direction is taken as seen within 30 deg of it, and where the beam keeps 120 mm from the lines "
-    "through the arm's joints: no collision check, and no cables",
-    "parameters that no poses can determine are left out; error curves are determined wherever a joint's angles "
-    "are spread",
+    "intervals scale with the scatter of a coordinate; errors that a calibration leaves out (error curves of joints, "
+    "0.1 to 0.4 mm on measured arms) are usually larger than the tracker's own scatter",
+    "a target with a direction counts as visible within 30 deg of it and where the beam stays 120 mm away from the "
+    "lines through the arm's joints; collisions and cables are not checked",
+    "parameters that no poses can determine are left out; error curves are determined where a joint's angles are "
+    "spread",
+    "a stiffness 'up to' a value can be distinguished from a rigid joint if it is below that value",
 )
 
 APPROACH: Final = (
-    "come to each pose twice, as the column approach says joint by joint: the last few degrees the positive way (+) "
-    "or the negative way (-)"
+    "approach each pose twice, as the column approach states for each joint: over the last few degrees in the positive "
+    "(+) or the negative (-) direction"
 )
 
 
@@ -164,11 +165,11 @@ def approaches(p: PlannedCampaign, k: int) -> tuple[str, ...]:
 def sentence(p: PlannedCampaign) -> str:
     """The answer in a sentence."""
     told = sum(e.identified for e in p.expected)
-    twice = ", each come to from either side" if p.approach.size else ""
+    twice = ", each approached from both sides" if p.approach.size else ""
     return (
         f"{len(p.q)} poses{twice}, {p.readings} readings of {len(p.wanted.targets)} target(s): "
-        f"{told} of {len(p.expected)} parameters are identified, intervals {gain(p):.2g} times narrower than by as "
-        "many random poses"
+        f"{told} of {len(p.expected)} parameters are identified, with intervals {gain(p):.2g} times narrower than with "
+        "as many random poses"
     )
 
 
@@ -187,8 +188,8 @@ def show(p: PlannedCampaign) -> None:
 
 def _table(p: PlannedCampaign) -> Table:
     rows = tuple((e.name, *_figures(e), "yes" if e.identified else "no") for e in p.expected)
-    heads = ("parameter", "known to (95 %)", "by random poses", "unit", "identified")
-    title = f"What {len(p.q)} poses tell, at {1e3 * p.wanted.sigma:g} mm of scatter"
+    heads = ("parameter", "known to (95 %)", "with random poses", "unit", "identified")
+    title = f"What {len(p.q)} poses identify, at {1e3 * p.wanted.sigma:g} mm of scatter"
     return Table(title, heads, rows, text_columns=(0, 3, 4))
 
 
@@ -221,19 +222,21 @@ def _write_report(given: Arm, p: PlannedCampaign, folder: OutputFolder) -> None:
     names, angles = _angles(given.robot, p.q)
     rows = tuple((str(k + 1), *(f"{v:.2f}" for v in row), ", ".join(_seen(p, k))) for k, row in enumerate(angles))
     places = pictures.add(places_figure(given, p), "places", "Targets are read where the tracker sees them.")
-    poses = Table("Poses, in an order of short ways", ("pose", *names, "targets"), rows, text_columns=(len(names) + 1,))
+    poses = Table(
+        "Poses, in an order of short moves", ("pose", *names, "targets"), rows, text_columns=(len(names) + 1,)
+    )
     twins = Bullets(tuple(f"{one.words}." for one in p.twins))
     sections = [
-        Section("What they tell", (_table(p),)),
+        Section("What the poses identify", (_table(p),)),
         Section("The poses", (places, poses)),
-        Section("What no poses tell", (Text("Held as the model has it:"), twins), folded=True),
+        Section("What no poses can identify", (Text("Held at the model's values:"), twins), folded=True),
         Section("What to know", (Bullets(tuple(f"{note[0].upper()}{note[1:]}." for note in notes(p))),)),
     ]
     key = [
         KeyFigure(f"{len(p.q)} poses", f"{p.readings} readings"),
-        KeyFigure(f"{gain(p):.2g} times", "narrower than by as many random poses"),
+        KeyFigure(f"{gain(p):.2g} times", "narrower intervals than with as many random poses"),
     ]
     todo = f"Read the targets, fill in {SHEET} (leave out rows that were not read), and run `stiffarm calibrate` on it."
-    answer = Answer("By derivatives of the model as it is, with the scatter given.", todo)
+    answer = Answer("A forecast from the model's derivatives, with the given scatter of a coordinate.", todo)
     title = given.description.title.split(" (")[0]
     write_page(folder, title, f"{sentence(p)}.", key, sections, QUESTION, answer=answer)

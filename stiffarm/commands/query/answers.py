@@ -82,15 +82,15 @@ def flags(result: QueryResult, i: int) -> str:
         kind = "extrapolated" if result.answered[i] else "not answered"
         out.append(f"{kind}: {result.faults[i]}")
     if result.near_singular[i] and result.answered[i]:
-        out.append(f"near singular ({result.singularity[i]:.2g})")
+        out.append(f"near a singularity (smallest singular value {result.singularity[i]:.2g})")
     if result.beyond_small[i]:
-        out.append("beyond small displacements: so soft that linear statics does not hold")
+        out.append("beyond small displacements: too soft for linear statics")
     if i in result.open:
-        out.append(f"error bar is a lower bound: the calibration left {', '.join(result.open[i])} open")
+        out.append(f"error bar is a lower bound: calibration did not identify {', '.join(result.open[i])}")
     if result.rough[i]:
-        out.append("error bar is rough: the calibration's part is too large for its linear propagation")
+        out.append("error bar is rough: the uncertainty from calibration is too large to propagate linearly")
     if result.answered[i] and np.isnan(result.relative_error[i]):
-        out.append("no error bar: none was learned for this load direction")
+        out.append("no error bar for this load direction: the fit learned one only for its own")
     return "; ".join(out)
 
 

@@ -96,7 +96,7 @@ def query(
                 folder.write_text("query.csv", records_text(rows))
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
-            say(f"note: {unanswered} of {len(rows)} poses are outside of what was fitted and have no value: see flags")
+            say(f"note: {unanswered} of {len(rows)} poses lie outside the fitted range and have no value: see flags")
         frame.answer(content, lambda: answers.show_answers(learned, rows))
 
 

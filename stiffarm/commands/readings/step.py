@@ -80,9 +80,7 @@ def words_of(text: str | None, option: str) -> tuple[str, ...]:
         return ()
     words = tuple(part.strip() for part in text.split(","))
     if not all(words):
-        raise InputError(
-            option, value=text, allowed="words separated by commas", remedy="leave no place between them empty"
-        )
+        raise InputError(option, value=text, allowed="words separated by commas", remedy="remove the empty entry")
     return words
 
 

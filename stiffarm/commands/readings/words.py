@@ -22,10 +22,10 @@ def show(made: Written, model: str | None) -> None:
     say_notes(converted.notes)
     say(f"{len(converted.rows)} readings: a table of {converted.kind} with {len(converted.header)} columns")
     if made.table is None:
-        say("nothing was written; --out table.csv writes it")
+        say("nothing was written; use --out table.csv to write the table")
         return
     if made.previous is not None:
-        say(f"what stood there before is in {made.previous}")
+        say(f"the old table was moved to {made.previous}")
     also = f", and {made.mapping} for the next file of this layout (--mapping)" if made.mapping else ""
     say(f"written: {made.table}{also}")
     say(f"next: stiffarm calibrate {model or 'MODEL'} {made.table} --out calibrated")

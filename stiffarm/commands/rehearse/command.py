@@ -179,7 +179,7 @@ def _show(done: Sequence[Rehearsed]) -> None:
     if len(done) == 1:
         rows = [list(row) for row in words.numbers(done[0])]
         if rows:
-            show_table("Numbers", ["number", "hidden", "found", "95 % interval", "inside"], rows)
+            show_table("Parameters", ["parameter", "hidden", "found", "95 % interval", "inside"], rows)
         return
     show_table("Outcomes", ["outcome", "draws", "share", "visible"], [list(row) for row in words.tally(done)])
     rows = [

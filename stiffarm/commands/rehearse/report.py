@@ -69,8 +69,8 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
     """The hidden and the found."""
     blocks: list[Block] = []
     if r.numbers:
-        heads = ("number", "hidden", "found", "95 % interval", "hidden one inside")
-        blocks.append(Table(f"Numbers of {r.world.code}", heads, tuple(words.numbers(r)), (0, 4)))
+        heads = ("parameter", "hidden", "found", "95 % interval", "hidden value inside")
+        blocks.append(Table(f"Parameters of {r.world.code}", heads, tuple(words.numbers(r)), (0, 4)))
     elif r.world.truth.effects:
         law = r.world.truth.effects[0]["law"]
         blocks.append(Text(f"The hidden law ({law}) has no number of the same meaning in a model file."))

@@ -238,7 +238,7 @@ def match_figure(
         low.set_ylabel("simulated − measured (mm)\n← too stiff    too soft →", size=9.5)
         named_columns(low, poses)
         top.grid(visible=False, axis="x")
-        low.set_xlabel("pose number" + ("; arrows leave the axis and are not shown above" if beyond else ""))
+        low.set_xlabel("pose number" + ("; arrows: beyond the axis, not shown above" if beyond else ""))
         above(top, [*top.get_legend_handles_labels()[0], gauge], 2)
     return figure
 

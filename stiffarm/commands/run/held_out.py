@@ -41,7 +41,7 @@ def sentences(found: dict[str, Holdout], others_mm: Mapping[str, float] | None =
         f"{best} predicts them best, to {errors_mm[best]:.3f} mm RMS."
     ]
     out += [
-        f"{name}: poses {', '.join(h.beyond)} are beyond the angles its laws hold for; polynomials run away there."
+        f"{name}: poses {', '.join(h.beyond)} lie outside the angles of its laws; polynomials are unreliable there."
         for name, h in found.items()
         if h.beyond
     ]

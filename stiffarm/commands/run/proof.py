@@ -70,13 +70,13 @@ def proof_section(found: Rehearsed | InputError, pictures: Pictures) -> Section:
     mine = Pictures(pictures.folder, f"{FOLDER}_")
     more: list[Block] = [
         Text(
-            "An effect was drawn in secret, among those that these set-ups can show, and hidden in made-up readings "
-            "of this arm, at the poses and loads of this table and with its noise, by mechanics written a second "
-            "time. The diagnosis ran on them blind."
+            "One effect was drawn at random from those that these set-ups can show and hidden in simulated readings of "
+            "this arm, at the poses and loads of this table and with its noise. A separate implementation of the "
+            "mechanics made these readings, and the diagnosis ran on them without knowing the effect."
         ),
         Text(words.visible(found)),
         *report.compared(found, mine).blocks,
         *report.shrunk(found, mine).blocks,
-        Text("`stiffarm rehearse MODEL SHEET --hide any --draws 40` does the same forty times, and counts."),
+        Text("`stiffarm rehearse MODEL SHEET --hide any --draws 40` does this forty times and counts the successes."),
     ]
-    return Section(title, (Note(words.headline(found)), Fold("How it was done, and how near it came", tuple(more))))
+    return Section(title, (Note(words.headline(found)), Fold("How it was done, and how close it came", tuple(more))))

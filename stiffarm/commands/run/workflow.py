@@ -91,7 +91,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
         told = None
         if options.rehearse:
             with folder.timed("rehearsal"):
-                say("rehearsal: an effect is hidden in made-up readings of this arm")
+                say("rehearsal: an effect is hidden in simulated readings of this arm")
                 told = proof.rehearse(findings, table, folder, say)
         from stiffarm.commands.run.story.story import write_report
 
@@ -147,10 +147,10 @@ def _calibrated(
         # Without flexible links there is no first model: beams stand in for them.
         rigid = steps.rigid_joints(beside if given.model.link_kind == "rigid" else given, used, straight)
         say(
-            f"rigid joints: measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
+            f"with rigid joints, measured deflection is {np.median(rigid.factor):.0f} times the simulated one "
             f"({rigid.links} links, median of poses {', '.join(straight)})"
         )
-        say(f"the same with {beside.model.link_kind} links, to compare")
+        say(f"repeating the calibrations with {beside.model.link_kind} links, for comparison")
         other = link_models.calibrate(link_models.by_load_path(beside), table, scheme, _say_variant)
         compared = link_models.LinkModels(own, other)
     best = recommended(own.variants, looks, used)

@@ -62,7 +62,7 @@ class PoseBudget:
     def leader(self) -> str:
         """Which part gives most, in words; of a model with rigid joints that is not what gives most in the arm."""
         words = f"{self.largest} deflects most, {100.0 * self.share[self.order[0]]:.0f} %"
-        return words if "joint" in self.kinds else f"of the structure alone, with rigid joints, {words}"
+        return words if "joint" in self.kinds else f"{words} (all joints rigid)"
 
     def payload(self) -> dict[str, Any]:
         """For budget.json: parts by size, with units."""

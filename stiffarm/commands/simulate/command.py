@@ -98,8 +98,10 @@ def simulate(
                 if pose is None
                 else simulation.of_pose(given, q, wrench, rigid_joints, before)
             )
-            only_shells = "only shells have fields; without --field other links may be the model's"
-            result["links_because"] = only_shells if field else inputs.why_links(given.description, links)
+            for_fields = "as --field needs; without --field the model may use another link model"
+            result["links_because"] = (
+                for_fields if field and links is None else inputs.why_links(given.description, links)
+            )
             if field and folder is not None:
                 result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
             if folder is not None:

@@ -48,7 +48,7 @@ def write_pose_report(
     length = float(np.linalg.norm([d[n] for n in DISPLACEMENT_NAMES[:3]]))
     parts = {name: float(np.linalg.norm([part[n] for n in DISPLACEMENT_NAMES[:3]])) for name, part in _parts(result)}
     most = max(parts, key=parts.__getitem__, default="nothing")
-    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool, the largest share in {most}")]
+    key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool; {most} contributes most")]
     if k is not None:
         low, high = (np.nan, np.nan) if result["rigid_joints"] else _interval(given, q, wrench, k)
         known = np.isfinite(low)
@@ -65,8 +65,7 @@ def write_pose_report(
     pose = ", ".join(f"{n.removesuffix('_deg')} {v:g}" for n, v in result["pose_deg"].items() if v) or "all joints at 0"
     load = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in result["load"].items() if v)
     lede = (
-        f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm, the largest share in "
-        f"{most}."
+        f"At {pose} deg under {load or 'no load'} the tool moves by {significant(length)} mm; {most} contributes most."
     )
     answer = Answer(_sure(given, result), _todo(given, model), picture)
     sections = [Section("What deflects", tuple(blocks)), _model(result)]
@@ -165,10 +164,13 @@ def _sure(given: Arm, result: Mapping[str, Any]) -> str:
         return "Joints are held rigid, as asked: only the links deflect."
     if result["joints_without_spring"]:
         names = ", ".join(result["joints_without_spring"])
-        return f"No spring is given for {names}: held rigid, so the arm is softer than said wherever a load turns them."
+        return (
+            f"No spring is given for {names}: they are held rigid, so the real arm is softer than computed wherever a "
+            "load turns them."
+        )
     if given.description.calibration is None:
-        return "The springs are those of the model file; how well they are known it does not say."
-    return "The interval holds the uncertainty of the calibrated parameters, not what the model lacks."
+        return "The springs are those of the model file, which does not say how well they are known."
+    return "The interval covers the uncertainty of the calibrated parameters, but not what the model leaves out."
 
 
 def _todo(given: Arm, model: str, *, from_table: bool = False) -> str:
@@ -176,13 +178,16 @@ def _todo(given: Arm, model: str, *, from_table: bool = False) -> str:
     if given.description.calibration is None:
         return f"Calibrate the model with readings: `stiffarm calibrate {name} DATA --out calibrated`."
     if from_table:
-        return f"Where they differ by more than readings scatter, ask what is missing: `stiffarm diagnose {name} DATA`."
-    return f"See it over the workspace: `stiffarm map joints {name} --html --out map`."
+        return (
+            "If they differ by more than the scatter of the readings, find out what the model is missing: "
+            f"`stiffarm diagnose {name} DATA`."
+        )
+    return f"Map the stiffness over the workspace: `stiffarm map joints {name} --html --out map`."
 
 
 def _rows(rows: Sequence[Mapping[str, Any]]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     named = list(dict.fromkeys(key for row in rows for key in row))
-    return (*map(_head, named), "difference"), [
+    return (*map(_head, named), "difference (+: model too soft)"), [
         (*("–" if row.get(n) is None else _cell(row[n]) for n in named), f"{_error(row):+.3f}") for row in rows
     ]
 

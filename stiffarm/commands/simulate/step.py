@@ -162,7 +162,7 @@ def show(result: dict[str, Any]) -> None:
     if result.get("effects"):
         say(f"with effects: {', '.join(result['effects'])}")
     if result["joints_without_spring"] and not result["rigid_joints"]:
-        say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid (calibrate first?)")
+        say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid until calibrated")
     if result["links"] == NO_LINKS:
         say(f"note: {NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
     else:
@@ -193,5 +193,5 @@ def _show_field(found: dict[str, Any]) -> None:
         say(f"note: {message}")
     say(f"strain energy: {found['budget']['leader']}")
     stress, part = found["largest_von_mises_MPa"], found["largest_von_mises_in"]
-    say(f"largest von Mises stress: {stress:.3g} MPa in {part} (peaks at ends and kinks grow with a finer mesh)")
-    say(f"motion is drawn {found['scale_factor']:g} times")
+    say(f"largest von Mises stress: {stress:.3g} MPa in {part} (a peak at an end or a kink rises with a finer mesh)")
+    say(f"deflection is drawn magnified {found['scale_factor']:g} times")

@@ -27,9 +27,9 @@ def write_report(rows: Sequence[Row], name: str, folder: OutputFolder) -> None:
     key = [
         KeyFigure(words.rate(by[name]), label, f"95\u00a0%: {words.interval(by[name])}" if by[name].of else "")
         for name, label in (
-            ("right family leads, detectable", "right family leads, of the detectable single effects"),
-            ("named and right, detectable", "of these were named right"),
-            ("a wrong name, all sets", "sets got a wrong name"),
+            ("right family leads, detectable", "of detectable single effects: the right family leads"),
+            ("named and right, detectable", "of these were named correctly"),
+            ("a wrong name, all sets", "of all sets got a wrong name"),
         )
     ]
     picture = pictures.add(scores_figure(scores(rows)), "scores", "Scores, with the number of sets in brackets.")
@@ -58,7 +58,7 @@ def _groups(rows: Sequence[Row], pictures: Pictures) -> Section:
     blocks: list[Block] = []
     bins = reliability(rows)
     if bins:
-        caption = "On the line, what was stated holds. Numbers: sets."
+        caption = "On the line, stated probabilities are right. Numbers: sets."
         blocks += [
             pictures.add(reliability_figure(bins), "reliability", caption),
             Table("Stated probability", words.RELIABILITY_HEADS, tuple(words.reliabilities(rows)), (0, 4)),
@@ -88,13 +88,13 @@ def _how() -> Section:
         (
             Bullets(
                 (
-                    f"Detectable: springs cannot take up what is hidden; chi-square rises by {DETECTABLE:.0f} or more, "
-                    "by the key. Of several effects: each of them by itself.",
-                    "Leads: the first name of a named verdict, the most probable effect of an ambiguous one. Verdicts "
-                    '"unknown" and "none" are answers of their own, whatever was tried on the way.',
-                    "Wrong name: an effect taken for sure that is not of the family of anything hidden.",
-                    "Outside of the catalogue is what the catalogue does not know as it stands now.",
-                    "Refused readings count, and are never right.",
+                    "Detectable: springs alone cannot explain the hidden effect; according to the key, it raises "
+                    f"chi-square by {DETECTABLE:.0f} or more. Of several effects, each must do so by itself.",
+                    "Leads: the first name of a named verdict, or the most probable effect of an ambiguous one. The "
+                    'verdicts "unknown" and "none" count as such, whatever was tried on the way.',
+                    "Wrong name: an effect named as certain that is not in the family of any hidden effect.",
+                    "Outside the catalogue: an effect that the present catalogue does not contain.",
+                    "Refused readings count as wrong.",
                 )
             ),
         ),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rehearsal.scoring import DETECTABLE, Share
 from stiffarm.commands.study.scores import KINDS, SHRINK, Row, Score, by_family, by_tag, reliability, scores, shrinkage
 
-HEADS = ("of", "share", "sets", "95 % interval", "aim", "met")
+HEADS = ("of", "share", "sets", "95 % interval", "target", "met")
 FAMILY_HEADS = ("effect", "sets", "detectable", "right family", "exact", "named and right")
 TAG_HEADS = ("tag", "value", "right family leads, detectable singles", "a wrong name, all sets")
 # Shares of fewer sets than this are counts.
@@ -89,7 +89,7 @@ def summary(rows: Sequence[Row]) -> list[str]:
         out.append(
             f"{_sets(named.of)} with one effect that the readings can show (chi-square {DETECTABLE:.0f} and more): the "
             f"right family leads in {_counted(led)}, and {_counted(named)} {'was' if named.count == 1 else 'were'} "
-            "named right."
+            "named correctly."
         )
     wrong, calm = by["a wrong name, all sets"], by["nothing hidden: a name"]
     out.append(f"A wrong name was given in {_counted(wrong)} of {_sets(wrong.of)}.")
@@ -97,10 +97,10 @@ def summary(rows: Sequence[Row]) -> list[str]:
         out.append(f"With nothing hidden, {_counted(calm)} of {_sets(calm.of)} got a name.")
     refused = by["refused, all sets"]
     if refused.count:
-        out.append(f"{refused.count} of {refused.of} sets were refused, which is never right; rows.csv says why.")
+        out.append(f"{refused.count} of {refused.of} sets were refused, which counts as wrong; rows.csv says why.")
     failed = by["failed, all sets"]
     if failed.count:
-        out.append(f"The program failed at {failed.count} sets: please report what rows.csv says of them.")
+        out.append(f"The program failed on {failed.count} sets: please report what rows.csv says about them.")
     return out
 
 
@@ -108,10 +108,12 @@ def todo(rows: Sequence[Row]) -> str:
     """What to do with such a result."""
     missed = [s.name for s in scores(rows) if s.is_met is False]
     if missed:
-        return f"Aims missed: {'; '.join(missed)}. rows.csv has every set: look at those with a wrong name first."
+        return (
+            f"Targets missed: {'; '.join(missed)}. rows.csv lists every set: start with those that have a wrong name."
+        )
     if len(rows) < TELLING:
         return (
-            f"{_sets(len(rows))} tell little: look at the intervals, and take {TELLING} or more before trusting a "
-            "rate. rows.csv has every set."
+            f"{_sets(len(rows))} are too few to trust a rate: look at the intervals, and use {TELLING} sets or more. "
+            "rows.csv lists every set."
         )
-    return "All aims are met. rows.csv has every set."
+    return "All targets are met. rows.csv lists every set."

@@ -176,7 +176,7 @@ function show(moved = true) {
   const s = summary();
   now.forEach((cell, k) => { if (cell) { cell.textContent = text(s[k]); cell.className = k === 4 && s[k] > 0 ? "out" : ""; } });
   $("said").className = why ? "out" : "";
-  $("said").textContent = `${text(length[i], 4)} mm along the path, gamma ${fixed(gamma[i], 1)}\u00b0: ` + (why ? `barred, ${D.causes[why].words}${pose ? "" : "; the arm stays where it was"}` :
+  $("said").textContent = `${text(length[i], 4)} mm along the path, gamma ${fixed(gamma[i], 1)}\u00b0: ` + (why ? `barred, ${D.causes[why].words}${pose ? "" : "; the arm is shown in its last pose"}` :
     `${D.quantity.name} ${text(v)}${D.quantity.unit ? " " + D.quantity.unit : ""}${error ? `, error ${text(e)} \u00b5m` : ""}`);
   const numbers = [fixed(gamma[i], 1), text(v), ...(error ? [text(e)] : []), ...(pose ?? state.pose).map(x => fixed(x * 180 / Math.PI, 1)), ...travel.subarray(RAILS * i, RAILS * i + RAILS)].map((x, k, all) => k >= all.length - RAILS ? fixed(1000 * x, 1) : x);
   here.forEach((cell, k) => { cell.textContent = numbers[k]; });

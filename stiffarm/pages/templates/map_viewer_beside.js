@@ -23,8 +23,8 @@ function takeOther(text, name) {
   return takeMap(d, name);
 }
 function takeMap(d, name) {
-  if (!d || !d.fields) return `${name} is no page of a map. Choose a map.html that stiffarm wrote.`;
-  if (!sameAxes(d)) return `${name} has other points than this map. Make both with the same grid.`;
+  if (!d || !d.fields) return `${name} is not a map page. Choose a map.html written by stiffarm.`;
+  if (!sameAxes(d)) return `${name} has different points from this map. Make both maps with the same grid.`;
   const known = d.fields.map(f => f.name), there = unpack(d.reached, Uint8Array);
   other = { title: `${name}: ${d.title || "map"}`, values: {}, warning: d.warning };
   while (fields[fields.length - 1].difference) fields.pop();

@@ -143,11 +143,11 @@ const FAMILY = 'system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",sans-ser
 // What stripes, fading and the ellipsoid mean, at the foot of the picture.
 function drawHints(pen, C, em, ink, places) {
   const words = [];
-  if (hasDoubt() && state.doubt !== "none") words.push(`${state.doubt === "hatch" ? "striped" : "faded"}: unsure, in full from ± ${100 * MOST_DOUBT} % (95 %)`);
+  if (hasDoubt() && state.doubt !== "none") words.push(`${state.doubt === "hatch" ? "striped" : "faded"}: uncertain, strongest from ± ${100 * MOST_DOUBT} % (95 %)`);
   for (const s of surfaces()) words.push(`surface at ${minusSign(digits(s.level, 4))} ${fields[state.field].sign}`);
   const round = ellipsoid();
   if (round) words.push(`ellipsoid: 1000 N moves the tool ${digits(1e6 * round.own[2].value, 2)} to ${digits(1e6 * round.own[0].value, 2)} mm`);
-  if (state.whatIf) words.push("what if: springs are not the model's");
+  if (state.whatIf) words.push("what if: springs differ from the model's");
   if (!words.length || narrow(C.width, em)) return;
   write(pen, words.join("; "), 0.9 * em, C.height - 0.9 * em, "left", "middle", ink);
 }

@@ -61,7 +61,7 @@ function changed() { // Which points are shown, or their colours.
   refilter(); renderer.update(); showCount(); draw();
 }
 function showCount() {
-  $("count").textContent = `${spaced(counts.shown)} of ${spaced(counts.of)} points shown${counts.grey ? `; ${spaced(counts.grey)} without a value, grey` : ""}${counts.left ? `; ${spaced(counts.left)} under the floor or inside the base left out` : ""}`;
+  $("count").textContent = `${spaced(counts.shown)} of ${spaced(counts.of)} points shown${counts.grey ? `; ${spaced(counts.grey)} without a value, grey` : ""}${counts.left ? `; ${spaced(counts.left)} left out under the floor or inside the base` : ""}`;
   canvas.setAttribute("aria-label", `Map of ${D.robot.title}, coloured by ${fields[state.field].label}: ${counts.shown} of ${counts.of} points shown. `
     + "Arrow keys turn the view, with Shift they move it, plus and minus zoom, N and P go from point to point.");
   const numbers = state.picked >= 0 && !shown[state.picked];
@@ -83,7 +83,7 @@ function setField(k) {
   listCategories(); rescale(); showLimit(); changed(); showPicked(); showRanking(); showShapes();
 }
 function showShapes() { // Hands that only some quantities and cuts have.
-  $("surface").disabled = !canSurface(); $("surface").title = canSurface() ? "" : "Needs a number over three free axes: fix the others under Cut."; $("doubt").disabled = !hasDoubt();
+  $("surface").disabled = !canSurface(); $("surface").title = canSurface() ? "" : "Needs a numeric quantity over three free axes: fix the other axes under Cut."; $("doubt").disabled = !hasDoubt();
   $("doubtPart").hidden = !D.error; $("ellipsoidPart").hidden = !entry && !D.surrogate;
 }
 function rescale() { // Ends of the colours from the values.
@@ -96,7 +96,7 @@ function rescale() { // Ends of the colours from the values.
 function showScale() { $("low").value = state.low; $("high").value = state.high; $("log").checked = state.log; $("clip").value = state.clip; }
 function setEnds() {
   const low = Number($("low").value), high = Number($("high").value), wrong = !(low < high) || (state.log && !(low > 0));
-  $("rangeFault").textContent = !wrong ? "" : low < high ? "A log scale begins above 0." : "The first number must be the smaller one.";
+  $("rangeFault").textContent = !wrong ? "" : low < high ? "A log scale must start above 0." : "The first value must be smaller than the second.";
   if (wrong) return;
   state.low = low; state.high = high; recolourPoints(); renderer.update(); draw();
 }
@@ -206,15 +206,15 @@ function showPicked() {
   const i = state.picked; $("pickedBody").hidden = i < 0; $("pickHint").hidden = i >= 0;
   if (i < 0) return;
   const f = fields[state.field], flags = [];
-  if (!reached[i]) flags.push(["not reached: the robot has no pose here", "bad"]);
+  if (!reached[i]) flags.push(["out of reach: the robot has no pose here", "bad"]);
   if (nearSingular[i]) flags.push(["near a singularity", "warn"]);
   $("flags").replaceChildren(...flags.map(([words, kind]) => make("span", { className: `flag ${kind}`, textContent: words })));
   $("headline").replaceChildren(make("small", { textContent: f.label }), make("b", { textContent: wordOf(f, i) }), ` ${f.sign}`);
   const range = interval(i);
   $("interval").textContent = range && state.field === D.error_of ? (range.share < 1
     ? `95 %: ${digits(range.low, 4)} to ${digits(range.high, 4)} ${f.sign} (± ${digits(100 * range.share, 2)} %)`
-    : `95 %: above ${digits(range.low, 4)} ${f.sign}; the calibration leaves its upper end open`) : "";
-  if (state.whatIf && state.field === stiffnessField) $("interval").textContent = `What if; ${digits(ofModel[i])} ${f.sign} by the model`;
+    : `95 %: above ${digits(range.low, 4)} ${f.sign}; the calibration gives no upper limit`) : "";
+  if (state.whatIf && state.field === stiffnessField) $("interval").textContent = `What if; ${digits(ofModel[i])} ${f.sign} with the model's springs`;
   if (other) $("interval").textContent = [$("interval").textContent, besideWords(i)].filter(Boolean).join(". ");
   showEllipsoid(i);
   $("place").replaceChildren(...["X", "Y", "Z"].map((n, k) => rowOf(n, Number.isFinite(X[k][i]) ? minusSign((1000 * X[k][i]).toFixed(1)) : "–", "mm")),
@@ -292,7 +292,7 @@ canvas.onpointermove = e => {
 canvas.oncontextmenu = e => e.preventDefault();
 canvas.addEventListener("wheel", e => { e.preventDefault(); zoom(Math.exp(0.0012 * e.deltaY)); }, { passive: false });
 canvas.ondblclick = e => { const found = pickAt(e.offsetX, e.offsetY); if (found >= 0) { eye.focus = X.map(x => x[found]); draw(); } };
-canvas.addEventListener("webglcontextlost", e => { e.preventDefault(); $("message").textContent = "The graphics were lost; waiting for them."; });
+canvas.addEventListener("webglcontextlost", e => { e.preventDefault(); $("message").textContent = "The browser lost its graphics context; waiting for it to return."; });
 canvas.addEventListener("webglcontextrestored", () => { renderer = makeGL(canvas); renderer.update(); $("message").textContent = ""; draw(); });
 
 // --- hands on the controls ---
@@ -340,8 +340,8 @@ try { renderer = makeGL(canvas); } catch (error) { fault = ` (${error.message.tr
 if (!renderer) {
   if (fault) canvas.replaceWith(canvas.cloneNode()); // A canvas that had a WebGL context gives no other.
   renderer = make2D($("view"));
-  $("message").textContent = `No WebGL in this browser${fault}: a slower, plainer drawing takes its place`
-    + (N > MOST_FLAT ? `; of more than ${spaced(MOST_FLAT)} points it draws some, evenly chosen.` : ".");
+  $("message").textContent = `No WebGL in this browser${fault}: a slower, simpler drawing is used`
+    + (N > MOST_FLAT ? `; of more than ${spaced(MOST_FLAT)} points it draws an even selection.` : ".");
 }
 buildSprings(); showCuts(); setField(0); look("oblique");
 let known = 0; // The view is fitted anew where the shape of the stage changes much.

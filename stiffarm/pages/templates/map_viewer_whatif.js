@@ -64,7 +64,7 @@ let springRows = [];
 function buildSprings() {
   if (!surrogate || !springs.length || stiffnessField < 0) return;
   springRows = springs.map(springRow);
-  $("whatIfPart").hidden = false; $("whatIfHint").textContent = "Each spring within its 95 % interval; where the model states none, ± 15 %. The stiffness along the load follows, and the ellipsoid; other quantities stay the model's.";
+  $("whatIfPart").hidden = false; $("whatIfHint").textContent = "Change each spring within its 95 % interval, or ± 15 % where the model states none. The stiffness along the load and the ellipsoid follow; other quantities do not change.";
   $("asModel").onclick = () => { springs.forEach(s => { s.times = 1; }); setSpring(0, 1); };
   showSprings();
 }

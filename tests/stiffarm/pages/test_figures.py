@@ -287,7 +287,7 @@ def test_match_axis_leaves_out_a_far_outlier_and_says_so() -> None:
     # The axis ends above the other residuals (0.05 mm), not at 3 mm.
     assert far.axes[1].get_ylim()[1] < 0.1
     assert "+3.00" in words(far)
-    assert "arrows leave the axis" in label_of(far.axes[1])
+    assert "arrows: beyond the axis" in label_of(far.axes[1])
     assert "arrows" not in label_of(near.axes[1])
 
 

@@ -22,8 +22,8 @@ from stiffarm.session.outputs import OutputFolder
 MODEL, URDF, CONTROLLER = "model.toml", "calibrated.urdf", "controller.json"
 SCHEMA = "stiffarm-controller-offsets/1"
 ZERO_WORDS = (
-    "An axis really stands at what the controller shows plus this: at mastering, tell the controller that it stands "
-    "there. Axes without a figure: these readings do not tell their zeros."
+    "The actual angle of an axis is the angle that the controller shows plus this correction: enter the actual angle "
+    "when mastering. These readings do not identify the zeros of axes without a value."
 )
 
 
@@ -53,11 +53,11 @@ def remarks(c: Positions, w: Written) -> tuple[str, ...]:
     if kinds & {"spring"}:
         lost.append("springs")
     if lost:
-        out.append(f"{URDF} has the joints' frames and zeros; {', '.join(lost)} have no place in a URDF: see {MODEL}")
+        out.append(f"{URDF} has the joints' frames and zeros; a URDF cannot hold {', '.join(lost)}: see {MODEL}")
     if "frame" in kinds and "zero" in kinds:
         out.append(
-            "zeros found together with frames are right with these frames only: for a controller that takes zeros "
-            "alone, calibrate once more with --free zeros"
+            "zeros found together with frames are valid only with these frames: for a controller that takes zeros "
+            "alone, calibrate again with --free zeros"
         )
     return tuple(out)
 
@@ -124,14 +124,14 @@ def section(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> S
         rows = tuple(
             (name, "-" if np.isnan(v) else f"{v:+.4f}") for name, v in zip(one.axes, one.zeros_deg, strict=True)
         )
-        tables.append(Table(f"Joint zeros, {who}", ("axis", "really beyond shown (deg)"), rows, text_columns=(0,)))
+        tables.append(Table(f"Joint zeros, {who}", ("axis", "actual minus shown (deg)"), rows, text_columns=(0,)))
         tools = tuple((name, *(f"{1e3 * v:.3f}" for v in p)) for name, p in one.tools.items())
         heads = ("target", "x (mm)", "y (mm)", "z (mm)")
         tables.append(Table(f"Targets in the flange frame, {who}", heads, tools, text_columns=(0,)))
     text = (
         f"{MODEL} is the arm with its errors, for every other command; {URDF} has the calibrated frames and zeros; "
-        f"{CONTROLLER} has what a controller takes, robot frames in the tracker's frame too. A controller takes no "
-        "errors of frames, ratios, couplings and curves: `stiffarm post --compensate` with this model puts them into "
-        f"programs. {ZERO_WORDS}"
+        f"{CONTROLLER} has what a controller can use, including the robot's base frames in the tracker's frame. Errors "
+        "of joint frames, ratios, couplings and curves cannot be entered in a controller: `stiffarm post --compensate` "
+        f"with this model corrects them in programs. {ZERO_WORDS}"
     )
     return Section("Corrections", (Text(text), *tables, Bullets(tuple(f"{r}." for r in remarks(c, w)))))

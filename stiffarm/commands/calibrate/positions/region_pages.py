@@ -102,13 +102,13 @@ def section(r: Regions, pictures: Pictures) -> Section:
     """The page's part."""
     text = (
         f"{r.words[0].upper()}{r.words[1:]}. Ranges are in the arm's base frame. A region counts as better or worse "
-        "only where shuffling the readings over the regions seldom makes one differ as much. regions.csv has them all: "
-        "place a part where the arm is accurate, and where it was read."
+        "only if the difference is more than chance: readings shuffled at random over the regions seldom differ as "
+        "much. regions.csv lists all regions: place a part where the arm is accurate and was measured."
     )
     picture = pictures.add(
         regions_figure(r),
         "regions",
-        "Each square: all readings in a column of regions, with how many these are. White: not read.",
+        "Each square: all readings in a column of regions, and their number. White: not measured.",
     )
     blocks: list[Block] = [Text(text), picture]
     judged = r.judged
@@ -122,5 +122,5 @@ def section(r: Regions, pictures: Pictures) -> Section:
 
 def _row(one: Region) -> tuple[str, ...]:
     figures = (one.before.rms, *_three(one.left_out))
-    verdict = "not told apart" if one.verdict == "as elsewhere" else one.verdict
+    verdict = "no difference" if one.verdict == "as elsewhere" else one.verdict
     return (where(one), str(one.readings), *(f"{1e3 * v:.3f}" for v in figures), verdict)

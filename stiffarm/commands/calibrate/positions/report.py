@@ -28,7 +28,7 @@ def write_report(
     key = [
         KeyFigure(f"{_rms_mm(c, 'before'):.3f} mm", "RMS with the arm as described"),
         KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
-        KeyFigure(f"{len(c.gross)}", "wrong readings named" if len(c.gross) != 1 else "wrong reading named"),
+        KeyFigure(f"{len(c.gross)}", "wrong readings found" if len(c.gross) != 1 else "wrong reading found"),
     ]
     told = [
         _accuracy(c, pictures),
@@ -40,12 +40,12 @@ def write_report(
     sections = [*told, corrections.section(c, *back), _open(c), _readings(c)]
     known = [one for one in c.findings if one.status == "determined"]
     sure = (
-        f"{len(known)} of {len(c.findings)} parameters are identified. Coordinates of readings left out lie in their "
-        f"95 % intervals in {100.0 * c.left_out.take(c.right).coverage.share:.0f} % of cases."
+        f"{len(known)} of {len(c.findings)} parameters are identified. Of the coordinates of left-out readings, "
+        f"{100.0 * c.left_out.take(c.right).coverage.share:.0f} % lie in their 95 % intervals."
     )
     todo = (
-        "Outside the angles that were read the joints' errors are not identified: measure where the robot will work."
-        if c.curves else "Free `periodic` too: joints' errors over their angles are often the largest part."
+        "Measure where the robot will work: outside the measured angles the joints' errors are not identified."
+        if c.curves else "Also free `periodic`: joint errors over their angles are often the largest part."
     )  # fmt: skip
     title = given.description.title.split(" (")[0]
     words = f"{c.found.data.source}, {len(c.found.data)} positions"
@@ -66,19 +66,20 @@ def _curves(c: Positions, pictures: Pictures) -> list[Section]:
     known = tuple(one for one in c.curves if one.is_known)
     if not known:
         return []
-    caption = "Line: what the joint turns beyond what it says; band: 95 %. Only where readings identify it."
+    caption = "Line: actual minus displayed joint angle; band: 95 %. Shown only where readings identify it."
     picture = pictures.add(curves_figure(known), "joint_errors", caption)
     text = (
-        "What each joint turns beyond what it says, as a smooth function of its angle, repeated every turn. Constant "
-        "parts are the zero's. How smooth and how high curves are is estimated from the readings; beyond the angles "
-        "that were read a curve is not identified, and predictions there allow for its height."
+        "Actual minus displayed angle of each joint, as a smooth function of its angle that repeats every turn. "
+        "Constant parts belong to the zero. Smoothness and height of the curves are estimated from the readings. "
+        "Outside the measured angles a curve is not identified, and predictions there include its height as an "
+        "uncertainty."
     )
     return [Section("Errors of the joints over their angles", (Text(text), picture))]
 
 
 def _parameters(c: Positions) -> Section:
     twins = Bullets(tuple(f"{one.words}." for one in c.twins))
-    text = "No readings at all can tell the following apart; each is held where the description has it."
+    text = "No readings can separate the following; each is held at the model's value."
     blocks: tuple[Block, ...] = (parameters_table(c.findings),)
     return Section("Parameters", (*blocks, Text(text), twins) if c.twins else blocks)
 
@@ -88,7 +89,7 @@ def _wrong(c: Positions) -> list[Section]:
         return []
     rows = tuple((str(g.line), f"{1e3 * g.distance:.3g}", g.cause) for g in c.gross[:50])
     table = Table("Wrong readings", ("line", "off by (mm)", "likely cause"), rows, text_columns=(0, 2))
-    text = "Named, not averaged: readings like these have all but no weight."
+    text = "These readings have almost no weight in the result."
     return [Section("Readings that are wrong", (Text(text), table))]
 
 

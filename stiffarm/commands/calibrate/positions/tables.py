@@ -42,7 +42,7 @@ def accuracy_words(c: Positions) -> str:
         text += f"; held out: {c.holdout[1].rms_m * 1e3:.3f} mm RMS"
     if c.gross:
         count = "one wrong reading" if len(c.gross) == 1 else f"{len(c.gross)} wrong readings"
-        text += f"; {count} named and left aside"
+        text += f"; {count} found and left out"
     return text
 
 
@@ -59,7 +59,7 @@ def accuracy_table(c: Positions) -> Table:
         new = [name for name in table.session.names if name not in c.found.data.session.names]
         rows.append(_row("held out, their frames fitted" if new else "held out", there.distance))
     heads = ("", "readings", "mean (mm)", "RMS (mm)", "95 % below (mm)", "largest (mm)")
-    return Table("How far targets are from where the arm puts them", heads, tuple(rows), text_columns=(0,))
+    return Table("Distance between measured and predicted targets", heads, tuple(rows), text_columns=(0,))
 
 
 def _row(words: str, d: Array) -> tuple[str, ...]:
@@ -71,7 +71,7 @@ def parameters_table(found: tuple[Finding, ...]) -> Table:
     """What was found, and how sure."""
     rows = tuple((f.name, value_text(f), interval_text(f), f.unit, f.status) for f in found)
     heads = ("parameter", "value", "95 % interval", "unit", "status")
-    return Table(f"{len(rows)} parameters beside error curves and frames", heads, rows, text_columns=(0, 1, 2, 3, 4))
+    return Table(f"{len(rows)} parameters, without error curves and frames", heads, rows, text_columns=(0, 1, 2, 3, 4))
 
 
 def value_text(f: Finding) -> str:

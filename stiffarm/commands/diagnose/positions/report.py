@@ -17,7 +17,7 @@ from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Te
 from stiffarm.pages.style import OKABE_ITO
 from stiffarm.session.outputs import OutputFolder
 
-QUESTION = "what is missing from the model, by positions?"
+QUESTION = "what is the model missing, judged by positions?"
 
 
 def write_report(given: Arm, m: Missing, folder: OutputFolder) -> None:
@@ -25,19 +25,19 @@ def write_report(given: Arm, m: Missing, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     before, after = (1e3 * x for x in m.left_out_rms())
     key = [
-        KeyFigure(f"{before:.3f} mm", "RMS of readings left out, geometry fitted"),
-        KeyFigure(f"{after:.3f} mm", "the same with what was found"),
+        KeyFigure(f"{before:.3f} mm", "RMS of left-out readings, with geometry fitted"),
+        KeyFigure(f"{after:.3f} mm", "the same, with the effects found"),
         KeyFigure(str(len(m.effects)), "effects named" if len(m.effects) != 1 else "effect named"),
     ]
     sections = [
         _found(m, pictures),
-        Section("What else was asked", (words.candidates_table(m), *_asked(m)), folded=True),
+        Section("Other candidates", (words.candidates_table(m), *_asked(m)), folded=True),
     ]
-    sections.append(Section("What the reader must know", (Bullets(tuple(f"{r}." for r in words.remarks(m))),)))
+    sections.append(Section("Remarks", (Bullets(tuple(f"{r}." for r in words.remarks(m))),)))
     names = free(m)
     todo = (
-        "Nothing: the calibrated geometry is what these readings ask for." if names is None
-        else f"Calibrate with them: stiffarm calibrate MODEL FILE --free {names}"
+        "Nothing: the calibrated geometry explains these readings." if names is None
+        else f"Calibrate with these effects: `stiffarm calibrate MODEL FILE --free {names}`."
     )  # fmt: skip
     title, data = given.description.title.split(" (")[0], m.after.data
     write_page(
@@ -52,7 +52,7 @@ def _found(m: Missing, pictures: Pictures) -> Section:
             f"{m.reason[:1].upper()}{m.reason[1:]}. A coordinate scatters by {1e3 * m.before.variances.sigma:.3g} mm."
         )
         return Section("What is missing", (Text(text),))
-    caption = "Bars: how far each effect moves the readings, beside geometry and all else that was found."
+    caption = "Bars: how far each effect moves the readings, in addition to geometry and the other effects found."
     blocks: list[Block] = [pictures.add(acts_figure(m), "effects", caption), words.found_table(m)]
     names = {x.name for one in m.found for x in one.unknowns}
     told = tuple(
@@ -69,7 +69,7 @@ def _asked(m: Missing) -> tuple[Block, ...]:
         f"a coordinate scatters by {1e3 * one.scatter:.3g} mm."
         for k, one in enumerate(m.looks, start=1)
     )
-    return (Text("Looks, one after the other, each with what was found before in the model:"), Bullets(lines))
+    return (Text("Search, step by step; each look includes the effects found before it:"), Bullets(lines))
 
 
 def acts_figure(m: Missing) -> Figure:

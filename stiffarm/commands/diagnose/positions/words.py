@@ -28,7 +28,7 @@ def answer(m: Missing) -> str:
     names = ", ".join(one.candidate.words for one in m.effects)
     maybe = ", ".join(one.candidate.words for one in m.provisional)
     if m.verdict == "none":
-        return f"Nothing is missing beside the geometry: {m.reason}"
+        return f"Nothing is missing except geometry errors: {m.reason}"
     if m.verdict == "unknown":
         return f"Something is missing that the catalogue does not know: {m.reason}"
     if m.verdict == "named":
@@ -41,8 +41,8 @@ def answer(m: Missing) -> str:
 def errors(m: Missing) -> str:
     """How the errors at readings left out fell."""
     before, after = (1e3 * x for x in m.left_out_rms())
-    text = f"Readings left out are predicted to {before:.3f} mm RMS with geometry, frames and targets fitted"
-    text += f", to {after:.3f} mm with what was found" if m.found else ""
+    text = f"Left-out readings are predicted to {before:.3f} mm RMS with geometry, frames and targets fitted"
+    text += f", to {after:.3f} mm with the effects found" if m.found else ""
     if m.holdout is not None:
         first, last = (1e3 * x.rms_m for x in m.holdout[1:])
         text += f"; held out: {first:.3f} mm" + (f" and {last:.3f} mm" if m.found else "")
@@ -53,14 +53,14 @@ def remarks(m: Missing) -> list[str]:
     """What the reader must know."""
     out = [one.words for one in m.gross]
     if not m.weighs:
-        out.append("nothing in the model or the table weighs anything: springs cannot be asked about")
+        out.append("neither the model nor the table has masses, so springs cannot be judged")
     out += [f"{one.candidate.code} may be {' or '.join(one.rivals)} instead" for one in m.provisional if one.rivals]
     hidden = m.looks[0].hidden
     if hidden:
         out.append(f"these readings cannot show: {', '.join(hidden)}")
     names = free(m)
     if names is not None:
-        out.append(f"to have these effects in the model: stiffarm calibrate MODEL FILE --free {names}")
+        out.append(f"to include these effects in the model: stiffarm calibrate MODEL FILE --free {names}")
     return out
 
 
@@ -83,5 +83,5 @@ def candidates_table(m: Missing) -> Table:
         for x in m.looks[-1].lines[:SHOWN]
     )
     heads = ("hypothesis", "probability", "log evidence over none", "would move readings by, RMS (mm)")
-    title = "What else could be missing, with what was found in the model" if m.found else "What could be missing"
+    title = "What else could be missing, with the effects found in the model" if m.found else "What could be missing"
     return Table(title, heads, rows, text_columns=(0,))

@@ -271,7 +271,7 @@ def _messages(found: Distribution) -> list[str]:
     low, high = (f(np.where(found.reached, found.value, -s * np.inf), axis=1) for f, s in ((np.min, -1), (np.max, 1)))
     several = found.reached.sum(axis=1) > 1
     if several.any() and (high[several] - low[several] <= SAME * np.abs(high[several])).all():
-        return ["gamma changes nothing here, as with a tool point on the flange axis: the best gamma means nothing"]
+        return ["gamma makes no difference here, as with a tool point on the flange axis: any gamma is as good"]
     return []
 
 

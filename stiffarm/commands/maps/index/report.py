@@ -44,18 +44,18 @@ def write_report(made: IndexMap, given: Arm, folder: OutputFolder, content: Mapp
 
 _PICTURES = {
     "index_map.png": (
-        "The index over the part at some angles, then each point at an angle of its own that is within a few per cent "
-        "of its best, and that angle. Hatched: no posture is there. index_map.csv has every point at every gamma.",
+        "The index over the part at some angles gamma; then with each point at its own gamma, within a few per cent of "
+        "its best; then that gamma. Hatched: out of reach. index_map.csv has every point at every gamma.",
         "maps of the index",
     ),
     "gamma_trade_off.png": (
-        "Each mark is one gamma: how good it is, and how many points it reaches. On the line no other gamma has more "
-        "of both. A gamma that misses the soft points looks better for it.",
+        "Each mark is one gamma: how good it is, and how many points it reaches. No other gamma beats those on the "
+        "line in both. A gamma that misses the soft points looks better than it is.",
         "index against reach",
     ),
     "gamma_statistics.png": (
-        "Mean, scatter and reach against gamma. Dashed: over the points that every gamma reaches, which compares like "
-        "with like.",
+        "Mean, scatter and reach against gamma. Dashed: only over the points that every gamma reaches, for a fair "
+        "comparison.",
         "statistics against gamma",
     ),
 }
@@ -99,30 +99,28 @@ def _sure(made: IndexMap, given: Arm, normal: Any) -> str:
     rows = np.flatnonzero(np.asarray(made.data.reached))
     rows = rows[:: max(1, len(rows) // JUDGED)]
     half = half_widths(given, np.asarray(made.data.q[rows]), np.asarray(normal, dtype=np.float64))
-    said = "all postures were found" if made.found.sure else "postures were searched for and some may be missing"
+    said = "all postures were found" if made.found.sure else "postures were searched for, and some may be missing"
     if half is None:
         return f"No interval: the model does not say how sure its springs are; {said}."
     low, high = np.quantile(half, [0.5, 0.95])
     return (
-        f"Stiffness along the normal is known to ± {percent(float(low))} at half of the points and to "
-        f"± {percent(float(high))} at 19 of 20 (95 %, by the model's calibration); {said}."
+        f"Stiffness along the normal is known to ± {percent(float(low))} or better at half of the points and to "
+        f"± {percent(float(high))} or better at 95 % of them (95 % intervals from the model's calibration); {said}."
     )
 
 
 def _todo(content: Mapping[str, Any]) -> str:
     if content["best_gamma"] is None:
-        return "Move or shrink the workpiece, change the tool, or judge by what is reached: `--partly`."
+        return "Move or shrink the workpiece, change the tool, or allow points out of reach: `--partly`."
     best = content["best_gamma"]
     if best["points_reached"] < content["workpiece_points"]:
         return (
-            "The map is no part: this gamma misses some of its points. Name the part with --workpiece, and the best "
-            "gamma that reaches all of it is found."
+            "This gamma does not reach all points of the map. Give the part with --workpiece to find the best gamma "
+            "that reaches all of the part."
         )
     if len(content["trade_off"]) > 1:
-        return (
-            "Decide whether the points that a stiffer gamma misses are needed; if not, leave them out of --workpiece."
-        )
-    return "Set the spindle to this gamma, or let `stiffarm posture` choose it point by point along a path."
+        return "A stiffer gamma misses some points. If you do not need them, leave them out of --workpiece."
+    return "Use this gamma for the whole part, or let `stiffarm posture` choose gamma point by point along a path."
 
 
 def _warnings(content: Mapping[str, Any]) -> list[str]:

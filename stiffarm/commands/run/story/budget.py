@@ -44,9 +44,9 @@ def _poses(f: Findings, pictures: Pictures) -> list[Block]:
         pictures.add(
             pose_shares_figure(budget, used.pose, motion_mm),
             "budget",
-            "Compliance budget by pose, each under its largest load; a part's share in the strain energy is its share "
+            "Compliance budget by pose, each under its largest load. A part's share in the strain energy is its share "
             "in the tool's motion along the load. The arm is statically determinate, so the shares add up exactly. "
-            "Link shares rest on assumed sections.",
+            "Link shares depend on assumed sections.",
         ),
     ]
 
@@ -70,9 +70,9 @@ def _pose(f: Findings, pictures: Pictures) -> tuple[str, PoseBudget, list[Block]
         blocks.append(
             Picture(
                 pictures.folder.path("figures/field.png"),
-                f"The arm in pose {label} with its motion drawn {arm.scale:g} times as large; dashed is the unloaded "
-                "arm. Colour is strain energy per volume of wall; joints are grey, their springs' shares stand beside "
-                "them. field.vtu holds displacements, energies and stresses for ParaView.",
+                f"The arm in pose {label}, its deflection magnified {arm.scale:g} times; dashed: unloaded. Colour: "
+                "strain energy per volume of wall. Joints are grey, with the share of their springs beside them. "
+                "field.vtu holds displacements, energies and stresses for ParaView.",
                 "deformed arm",
             )
         )

@@ -39,16 +39,15 @@ _DOUBTS_TEXT = (
     "look like outliers: about 1.0 mm would be expected from the other loads."
 )
 _PUBLISHED_RANKING = (
-    "The paper finds joint 2 dominant at all three poses, then joints 3 and 5, and joint 4 almost without "
+    "The XR701 paper finds joint 2 dominant at all three poses, then joints 3 and 5, and joint 4 almost without "
     "effect. The serial load path gives that order at poses 41 and 77; at pose 5 joint 3 leads, with the "
     "assumed geometry. With the parallelogram joint 3 leads everywhere."
 )
 _LEAST_ROUGHNESS = (
-    "Three distinct angles cannot fix the seven coefficients of a sixth degree. The rest is decided by least "
-    "roughness: ln k is the polynomial through the points whose coefficients, weighted by (1 + degree)^2, "
-    "are smallest. So the springs stay positive and show no bump that no point asks for. Two springs matched "
-    "to one reading form a valley; the choice in it leans to the starting value and is not information from "
-    "the data."
+    "Three distinct angles cannot fix the seven coefficients of a sixth-degree polynomial. Of all polynomials for "
+    "ln k through the points, the smoothest is chosen: the one with the smallest coefficients, weighted by "
+    "(1 + degree)^2. So the springs stay positive, without bumps between points. When two springs are matched to one "
+    "reading, many pairs fit equally well; the pair chosen depends on the starting value, not on the data."
 )
 
 # More readings than these hide one another in a picture of poses side by side.
@@ -71,7 +70,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     if unused:
         caption += " Pale bars were not used."
     if published:
-        caption += " Hatched ones are in doubt."
+        caption += " Hatched bars are in doubt."
         caption += " Of the three straight-wrist poses the middle one (41) deflects least at every load."
     few = len(levels) <= MOST_LEVELS
     under = ", ".join(f"{v:g}" for v in levels) if few else f"{levels[0]:.4g} to {levels[-1]:.4g}"
@@ -82,7 +81,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
         pictures.add(figure, "measured", caption),
     ]
     if still:
-        blocks.append(Text(f"No reading moves with {', '.join(still)}: nothing is said about their springs."))
+        blocks.append(Text(f"No reading depends on {', '.join(still)}, so their springs cannot be identified."))
     doubts: list[Block] = [Note(_proportionality(f, levels))] if 1 < len(levels) <= MOST_LEVELS else []
     if published:
         doubts.append(Note(_DOUBTS_TEXT))
@@ -107,8 +106,8 @@ def _proportionality(f: Findings, levels: Array) -> str:
     if max(means) < 1.05 * min(means):
         return f"Load and deflection are proportional within 5 %: {listed}."
     return (
-        f"Load and deflection are not proportional: on average {listed}. The models below are linear and "
-        "cannot say why (friction, preload or backlash would do it)."
+        f"Load and deflection are not proportional: on average {listed}. The models below are linear and cannot "
+        "explain this; friction, preload or backlash could."
     )
 
 
@@ -116,18 +115,18 @@ def first_model_section(f: Findings, r: RigidJoints) -> Section:
     """Flexible links with rigid joints against the readings."""
     simulated = np.abs(r.simulated_mm)
     factors = ", ".join(f"{factor:.0f} times in pose {pose}" for pose, factor in zip(r.pose, r.factor, strict=True))
-    note = "Where sections of links are assumed, the factor is an order of magnitude."
+    note = "Where link sections are assumed, the factor is only an order of magnitude."
     if f.is_published:
         note += (
-            " The paper's text gives 10^5 for its own shell model; the deflections printed in its Table 1 make "
-            "it about 10^4."
+            " The XR701 paper's text gives 10^5 for its own shell model; the deflections printed in its Table 1 give "
+            "about 10^4."
         )
     return Section(
         "First model: flexible links, rigid joints",
         (
             Text(
-                f"With rigid joints the {r.links} links alone give {simulated.min():.3f} to {simulated.max():.3f} mm. "
-                f"Measured is more, {factors}: the joints, not the links, make the arm soft."
+                f"With rigid joints the {r.links} links alone deflect {simulated.min():.3f} to {simulated.max():.3f} "
+                f"mm. The measured deflection is larger, {factors}: the joints, not the links, make the arm soft."
             ),
             Note(note),
         ),
@@ -141,8 +140,8 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
     caption = f"Effect of each spring on {read_words(f.effects)} (mm): positive means that a stiffer spring lowers it."
     if f.is_published and len(f.effects) > 1:
         caption += (
-            " With the parallelogram, joint 2 feels only the load times the upper arm's horizontal reach, so "
-            "its effect all but vanishes where the upper arm is vertical."
+            " With the parallelogram, the torque on joint 2 is only the load times the upper arm's horizontal reach, "
+            "so its effect almost vanishes where the upper arm is vertical."
         )
     rankings = tuple(
         f"{path} load path, pose {e.pose}: {' > '.join(e.ranking)}"
@@ -155,7 +154,7 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
             Text(
                 f"Two-level full factorial of {', '.join(f.scheme.beside.sensitivity.joints)} between "
                 f"{f.scheme.springs.low_Nm_per_rad:.0e} and {f.scheme.springs.high_Nm_per_rad:.0e} N m/rad. "
-                "Deflection is a sum over springs, so there are no interactions."
+                "The deflection is a sum over the springs, so there are no interactions."
             ),
             pictures.add(figure, "sensitivity", caption),
             Bullets(rankings),
@@ -169,9 +168,9 @@ def staged_section(f: Findings, pictures: Pictures) -> Section:
     """The published scheme, stage by stage, and its springs against angle."""
     blocks: list[Block] = [
         Text(
-            "The published scheme: parametric studies joint by joint on levels, refined about the best level "
-            "until the match is inside the gauge's digit or a bound is hit. A bound that is hit is widened, "
-            "and said so."
+            "The published scheme varies the springs joint by joint on levels and refines about the best level until "
+            "simulation and reading agree to within the gauge's resolution or a bound is hit. A bound that is hit is "
+            "widened, and this is reported."
         )
     ]
     for variant in f.variants:
@@ -190,15 +189,15 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
     others = [v for v in f.variants if v is not f.best.calibrated and np.isfinite(v.left_out_rms_mm)]
     beside = ", ".join(f"{v.left_out_rms_mm:.3f} mm ({v.name})" for v in others)
     text = (
-        f"Recommended is the model that best predicts poses that it has not seen: {f.best.name}, "
+        f"The recommended model, {f.best.name}, predicts poses that it has not seen best: "
         f"{f.best.left_out_rms_mm:.3f} mm RMS" + (f" against {beside}." if beside else ".")
     )
-    caption = f"Measured and simulated deflection by pose ({path} load path), and residuals. Band: the gauge's digit."
+    caption = f"Measured and simulated deflection by pose ({path} load path), and residuals. Band: gauge resolution."
     stage = f.constant.stages[-1]
     more: list[Block] = [
         _variants_table(f),
         Bullets(sentences(held, f.best.beside_variants_mm)),
-        Text(f"What {f.used.n} readings can and cannot tell ({f.constant.name} springs):"),
+        Text(f"What {f.used.n} readings can and cannot identify ({f.constant.name} springs):"),
         *told_blocks(f.constant, stage),
         Note(verdict(stage.result, f.scheme.noise.gauge_mm)[1]),
     ]
@@ -212,7 +211,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
                 "springs",
                 "Constant springs with 95 % intervals. Arrow to the right: the data do not exclude a rigid joint.",
             ),
-            Fold("All calibrations side by side, and what the readings can tell", tuple(b for b in more if b)),
+            Fold("All calibrations side by side, and what the readings can identify", tuple(b for b in more if b)),
         ),
     )
 
@@ -228,7 +227,7 @@ def _variants_table(f: Findings) -> Table:
     if f.best.calibrated is None:
         of = f.best
         cells = (f"{error:.3f}" for error in (of.rms_mm, of.left_out_rms_mm, of.held_out_rms_mm) if error is not None)
-        rows.append((of.name, "with what is missing", *cells, f"in {f.looks[-1].stem}/model.toml"))
+        rows.append((of.name, "with the missing effects", *cells, f"in {f.looks[-1].stem}/model.toml"))
     return Table(
         "Variants side by side (highlighted: recommended). Left-out: each pose is predicted by a calibration that has "
         "not seen it; many parameters can fit well and predict badly",

@@ -19,13 +19,13 @@ _COMPARED: Final = (("RMS", " (mm)"), ("left-out RMS", " (mm)"), ("structure's s
 _AGREE: Final = MappingProxyType({"within": "yes", "outside": "NO", "unknown": "no interval"})
 _HINT: Final[Mapping[LinkKind, str]] = MappingProxyType(
     {
-        "shell": "Beams know a link's sections along its centre line; shells know its walls, with openings, rims and "
-        "flanges where the model file has them.",
-        "solid": "Beams know a link's sections along its centre line; solids know all of its material, and links "
+        "shell": "Beams model a link by its sections along the centre line; shells model its walls, with openings, "
+        "rims and flanges where the model file has them.",
+        "solid": "Beams model a link by its sections along the centre line; solids model all of its material. Links "
         "without a solid are shells.",
-        "beam": "Rigid links show what flexible links add at all. Shells take longer to build and are compared with "
-        "beams by `stiffarm run --links shell`.",
-        "rigid": "Shells are compared with beams by `stiffarm run --links shell`.",
+        "beam": "The comparison shows what flexible links contribute. Shells take longer to build; to compare them "
+        "with beams, use `stiffarm run --links shell`.",
+        "rigid": "To compare shells with beams, use `stiffarm run --links shell`.",
     }
 )
 
@@ -34,7 +34,7 @@ def links_section(f: Findings, both: LinkModels) -> Section:
     """Both kinds of links, calibration by calibration: errors, shares, springs, and what follows."""
     own, other = both.nouns
     return Section(
-        f"What the link model changes: {own} beside {other}",
+        f"What the link model changes: {own} compared with {other}",
         (
             Text(
                 f"The links of this run are {own}. Here every calibration is repeated with {other}: same readings, "
@@ -44,9 +44,9 @@ def links_section(f: Findings, both: LinkModels) -> Section:
             _error_table(both, f.best_variant.name),
             _springs_table(both),
             Note(
-                "Calibration hides errors of the link model: what links give too little, the springs give more, as far "
-                "as both bend the arm in the same way over the poses. So an equally good fit does not say that the "
-                "links are right, and absolute link shares rest on the sections in the model file."
+                "Calibration hides errors of the link model: if the links are too stiff, the springs come out softer, "
+                "as far as both move the tool in the same way over the poses. So an equally good fit does not prove "
+                "that the links are right, and absolute link shares depend on the sections in the model file."
             ),
         ),
         folded=True,
@@ -64,9 +64,9 @@ def _error_table(both: LinkModels, best: str) -> Table:
         cells += [share_text(side, pair) for side, _ in sides]
         rows.append((pair.own.name, *cells, f"{better} of {poses}"))
     return Table(
-        f"{other.capitalize()} beside {own} (highlighted: recommended). Structure: links, bar and crank, their share "
-        f"in the strain energy, least to most of the readings. Last column: left-out poses to which {own} are nearer",
-        ("calibration", *columns, f"{own} nearer"),
+        f"{other.capitalize()} and {own} (highlighted: recommended). Structure's share: links, bar and crank in the "
+        f"strain energy, smallest to largest over the readings. Last column: left-out poses that {own} predict better",
+        ("calibration", *columns, f"{own} better"),
         tuple(rows),
         best=next(i for i, pair in enumerate(both.pairs) if pair.own.name == best),
     )
@@ -119,8 +119,8 @@ def _alone(both: LinkModels) -> str:
         kind, flexible = (other, a) if a.any() else (own, b)
         name = own if a.any() else other
         return (
-            start + f"{name} alone give {flexible.min():.3f} to {flexible.max():.3f} mm at the readings used, "
-            f"{kind} nothing."
+            start + f"{name} alone deflect {flexible.min():.3f} to {flexible.max():.3f} mm at the readings used; "
+            f"{kind} do not deflect."
         )
     ratio = a / b - 1.0
     word = "softer" if ratio.mean() > 0.0 else "stiffer"
@@ -130,7 +130,7 @@ def _alone(both: LinkModels) -> str:
     else:
         by = f"{percent(low)} to {percent(high)} {word}"
     return (
-        start + f"{own} alone give {a.min():.3f} to {a.max():.3f} mm at the readings used, {other} {b.min():.3f} to "
+        start + f"{own} alone deflect {a.min():.3f} to {a.max():.3f} mm at the readings used, {other} {b.min():.3f} to "
         f"{b.max():.3f} mm: {own} are {by}."
     )
 
@@ -151,11 +151,11 @@ def _verdict(both: LinkModels, best: str, gauge_mm: float) -> str:
     outside = any(s.agreement == "outside" for s in pair.springs)
     text = f"For the recommended calibration ({best}) "
     if not np.isfinite(difference):
-        text += f"the left-out poses do not compare {own} with {other}"
+        text += f"the left-out poses cannot compare {own} with {other}"
     elif abs(difference) < gauge_mm and not outside:
-        text += f"these readings do not tell {own} from {other}: the springs take up the difference"
+        text += f"these readings cannot distinguish {own} from {other}: the springs make up for the difference"
     elif abs(difference) < gauge_mm:
-        text += f"{own} and {other} predict alike, but with springs that do not agree"
+        text += f"{own} and {other} predict equally well, but with different springs"
     else:
         text += f"{own if difference < 0.0 else other} predict better by {abs(difference):.3f} mm"
     errors = {
@@ -167,7 +167,7 @@ def _verdict(both: LinkModels, best: str, gauge_mm: float) -> str:
     if not errors:
         return text + "."
     least = min(errors, key=errors.__getitem__)
-    return text + f". The smallest left-out error of all: {least}, {errors[least]:.3f} mm."
+    return text + f". Smallest left-out error of all: {errors[least]:.3f} mm, {least}."
 
 
 def share_text(side: LinkCalibrations, pair: Pair) -> str:

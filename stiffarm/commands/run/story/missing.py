@@ -52,6 +52,6 @@ def next_words(look: Look) -> str:
     if d.proposal is None:
         return next_sentence(d)
     return (
-        f"Measure {len(d.proposal.labels)} set-ups that would settle what is open: fill in "
-        f"{look.stem}/next_readings.csv and run again with it."
+        f"Measure the {len(d.proposal.labels)} set-ups in {look.stem}/next_readings.csv, chosen to tell the remaining "
+        "candidates apart; fill in that sheet and run again with it."
     )

@@ -29,7 +29,7 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
     if plan.adjust:
         text += (
             " Some levels are adjusted because the robot cannot reach every combination, so the design is not "
-            "orthogonal and main effects mix a little."
+            "orthogonal and the main effects are slightly confounded."
         )
     blocks: list[Block] = [Text(text)]
     # One picture: that of the model to take.
@@ -41,7 +41,8 @@ def effects_section(f: Findings, pictures: Pictures) -> Section:
         )
         if f.best.depends_on_angles:
             caption += (
-                " Angle-dependent springs are interpolated between few poses; extremes far from them are not data."
+                " Angle-dependent springs are interpolated between few poses; extremes far from those poses are "
+                "extrapolated, not measured."
             )
         blocks.append(pictures.add(main_effects_figure(effects), f"main_effects_{slug(name)}", caption))
     return Section("Main effects of the joint angles", tuple(blocks), folded=True)
@@ -54,11 +55,11 @@ def surrogate_section(f: Findings, pictures: Pictures) -> Section:
         "The surrogate and its error",
         (
             Text(
-                "A surrogate answers the structural stiffness under a vertical load from "
+                "A surrogate gives the structural stiffness under a vertical load from "
                 f"{', '.join(f.factorial[f.best.name].inputs)} without the FE model. Errors are relative errors of "
-                "compliance on runs that neither the fit nor its error bars have seen; some lie on the boundary of the "
-                "domain, where polynomials are worst, and “worst inside” leaves those out. Taken is the first basis of "
-                "the recommended model (surrogate.json)."
+                "compliance on runs that neither the fit nor its error bars have seen. Some of these runs lie on the "
+                "boundary of the domain, where polynomials are worst; “worst, uniform” leaves those out. "
+                "surrogate.json is the first basis of the recommended model."
             ),
             *(errors_table(one, name.capitalize()) for name, one in f.trained.items()),
             quality_picture(trained, pictures),
@@ -89,7 +90,7 @@ def _measured_poses(f: Findings) -> Table:
         "surrogate (N/mm)",
         "model (N/mm)",
         "relative difference",
-        "within the worst error stated",
+        "within the largest error above",
     )
     return Table("The measured poses", columns, rows)
 
@@ -97,9 +98,9 @@ def _measured_poses(f: Findings) -> Table:
 def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Section:
     """The stiffness map from both viewpoints."""
     captions = {
-        "oblique": "Every end-effector position of the sweep with its structural stiffness; warm and bright is "
-        "stiff. Points on the viewer's side of the robot's plane are left out.",
-        "side": "The same map seen along Y, onto the XZ cross-section.",
+        "oblique": "Tool positions of the sweep, coloured by structural stiffness; warm, bright colours are stiff. "
+        "Points on the viewer's side of the robot's plane are left out.",
+        "side": "The map seen along Y, onto the XZ cross-section.",
     }
     k = drawn["stiffness_N_per_mm"]
     swept, layer = default_sweep(f.given.robot)

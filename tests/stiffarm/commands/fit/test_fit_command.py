@@ -187,7 +187,7 @@ def test_the_matrix_and_any_direction(exact: Path) -> None:
     assert outcome.json["load_direction"] == [1.0, 0.0, 0.0] or np.allclose(outcome.json["load_direction"], [1, 0, 0])
     (turned,) = outcome.json["answers"]
     assert turned["relative_error95"] is turned["low95"] is turned["high95"] is None
-    assert "none was learned for this load direction" in turned["flags"]
+    assert "no error bar for this load direction" in turned["flags"]
 
 
 @pytest.mark.parametrize("option", [("--matrix",), ("--direction", "1,0,0")])
@@ -207,7 +207,7 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     )
     outcome = cli("query", exact, "poses.csv", "--json", "--out", "answers")
     assert outcome.code == 0, outcome.err
-    assert "1 of 3 poses are outside of what was fitted and have no value" in outcome.err
+    assert "1 of 3 poses lie outside the fitted range and have no value" in outcome.err
     inside, outside, straight = outcome.json["answers"]
     assert inside["flags"] == ""
     assert inside["near_singular"] is False
@@ -218,7 +218,7 @@ def test_a_table_with_rows_outside_is_answered_row_by_row(exact: Path, cli: Comm
     assert (outside["inside_domain"], outside["reachable"]) == (False, True)
     assert outside["flags"].startswith("not answered: q2_deg = 100 deg (allowed -135 to 35 deg)")
     assert straight["near_singular"] is True
-    assert straight["flags"].startswith("near singular (")
+    assert straight["flags"].startswith("near a singularity (")
     with Path("answers/query.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["pose"] for row in rows] == ["in", "out", "straight"]

@@ -127,11 +127,12 @@ def test_why_in_one_sentence(trained: Trained) -> None:
         pair = (replace(s, errors=replace(s.errors, rms_relative=r)) for s, r in ((first, a), (second, b)))
         return replace(trained, surrogates=tuple(pair))
 
-    assert "below a millionth are all alike, for no arm is known so well, and it knows all load" in choice_words(
-        with_rms(2e-9, 1e-9)
+    assert (
+        "below a millionth count as equal, because no arm is known that well; among equals, it covers all load"
+        in choice_words(with_rms(2e-9, 1e-9))
     )
     assert (
-        "it has the smallest RMS error on runs kept out, 0.1\u00a0%, against 2\u00a0% (trigonometric)"
+        "it has the smallest RMS error on runs kept out of the fit, 0.1\u00a0%, against 2\u00a0% (trigonometric)"
         in choice_words(with_rms(1e-3, 2e-2))
     )
     alone = replace(trained, surrogates=(first,))
@@ -162,8 +163,8 @@ def test_shares_inside_by_width_of_the_bars(trained: Trained, page: str) -> None
 
 def test_what_the_calibration_makes_of_it(page: str) -> None:
     # 1.96 times 10 %, as everywhere.
-    assert "the compliance is ± 20 % at the median pose and ± 20 % at the 95th percentile" in text(page)
-    assert "j5.stiffness at 100 % of the poses. There an error bar is a lower bound" in text(page)
+    assert "the compliance ± 20 % at the median pose and ± 20 % at the 95th percentile" in text(page)
+    assert "j5.stiffness at 100 % of the poses. There the error bar is a lower bound" in text(page)
 
 
 def test_each_file_with_its_size(page: str) -> None:
@@ -184,7 +185,7 @@ def test_where_it_holds_and_what_was_fixed(trained: Trained, page: str) -> None:
     assert fixed["q1"] == "0 %"
     assert fixed["q5"] == relative(best.fixed_influence["q5_deg"]).replace("\u00a0", " ")
     # Joint 5 stands at 0: the axes of joints 4 and 6 are one line in all poses.
-    assert "near singular: 100 % of the uniform poses" in text(page)
+    assert "near a singularity: 100 % of the uniform poses" in text(page)
 
 
 def test_the_example_can_be_asked(trained: Trained, page: str) -> None:
@@ -208,8 +209,8 @@ def test_no_figure_that_nobody_can_act_on(trained: Trained, tmp_path: Path) -> N
     wide = replace(best.parameters.gradients, coefficients=100.0 * best.parameters.gradients.coefficients)
     open_ones = replace(best, parameters=replace(best.parameters, gradients=wide))
     said = text(written(replace(trained, surrogates=(open_ones, other)), tmp_path / "out"))
-    assert "no number to work with" in said
-    assert "More readings would narrow the answers" in said
+    assert "do not rely on it" in said
+    assert "More readings would narrow the intervals" in said
     assert not re.search(r"± \d{3,} %|\d·10⁻¹\d", said)
 
 
@@ -221,7 +222,7 @@ def test_what_is_wrong_is_said(trained: Trained, tmp_path: Path) -> None:
     wrong[:3] *= -1.0
     predicted = {**trained.predicted, "trigonometric": wrong}
     said = text(written(replace(trained, surrogates=(narrow, other), predicted=predicted), tmp_path / "out"))
-    assert re.search(r"In tenth \d+ they are too narrow, by more than chance", said)
+    assert re.search(r"In tenth \d+ the bars are too narrow, by more than chance", said)
     assert "trigonometric gives no positive value at 3 runs, which are left out" in said
     # Three runs do not move the 95th percentile.
     assert "trigonometric: the largest error of the uniform runs, 200 %, is at q2" in said

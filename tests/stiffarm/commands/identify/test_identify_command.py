@@ -199,14 +199,14 @@ def test_a_part_of_a_campaign_says_what_it_does_not_know(made_up: Path, part: Pa
     found = outcome.json
     assert sum(d["status"] == "not identified" for d in found["stiffnesses"]) == 30
     assert "no readings of j1, j3, j4, j5, j6: their stiffnesses are not identified" in found["notes"]
-    # Gears alone, a map and a prediction would hang on numbers that nobody has.
+    # Gears alone, a map and a prediction would depend on stiffnesses that nobody has.
     assert found["at_flange"] is None
     assert found["map"] is None
-    assert "it hangs on stiffnesses that are not identified: j1.tx" in found["why_not_at_flange"]
+    assert "it depends on stiffnesses that are not identified: j1.tx" in found["why_not_at_flange"]
     held_out(tmp_path / "flange.csv", made_up / "model.toml")
     outcome = run_here("identify", "tx200", part, "--holdout", tmp_path / "flange.csv")
     assert outcome.code == 2
-    assert "it hangs on stiffnesses that are not identified" in outcome.err
+    assert "it depends on stiffnesses that are not identified" in outcome.err
 
 
 @pytest.mark.slow
@@ -215,5 +215,5 @@ def test_the_report_of_a_part_of_a_campaign(part: Path, tmp_path: Path) -> None:
     assert outcome.code == 0, outcome.err
     report = (tmp_path / "out" / "report.html").read_text()
     assert "not identified" in report
-    assert "A diagonal matrix a joint is enough at j2" in report
+    assert "A diagonal stiffness matrix per joint is enough at j2" in report
     assert not (tmp_path / "out" / "stiffness_map.csv").exists()

@@ -223,7 +223,7 @@ def test_a_slice_has_cells_and_says_what_is_not_reached(tmp_path: Path, where: s
     assert seen["good"]["picked"] == good
     check_panel(seen["good"], data, "kr60-3")
     assert seen["bad"]["picked"] == bad
-    assert "not reached" in seen["bad"]["flags"]
+    assert "out of reach" in seen["bad"]["flags"]
     assert {row[1] for row in seen["bad"]["values"]} == {"–"}
     assert seen["bad"]["budget"] == []
     assert seen["kept"]

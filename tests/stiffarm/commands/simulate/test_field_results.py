@@ -82,7 +82,7 @@ def test_the_scale_asked_for_is_taken(cli: Command, monkeypatch: pytest.MonkeyPa
     pose = ("simulate", "xr701", "--pose", POSE, "--rigid-joints", "--field", "--out")
     shown = cli(*pose, "one", "--scale", "1")
     assert shown.code == 0, shown.err
-    assert "motion is drawn 1 times" in shown.err
+    assert "deflection is drawn magnified 1 times" in shown.err
     assert "deflects most" in shown.err
     assert cli(*pose, "two", "--scale", "750", "--json").json["field"]["scale_factor"] == 750.0
     assert titles[0][0] == "ACMA XR701 under 650 N: motion drawn at true size"

@@ -88,7 +88,7 @@ def test_a_fault_in_one_set_does_not_cost_the_others(tmp_path: Path, monkeypatch
     monkeypatch.setattr(step, "diagnosed", faulty)
     rows = step.study(sets, 1)
     assert [(r.verdict, r.is_right, r.reason) for r in rows] == [("failed", False, "IndexError: no such row")] * 2
-    assert "failed at 2 sets" in " ".join(words.summary(rows))
+    assert "failed on 2 sets" in " ".join(words.summary(rows))
 
 
 @pytest.mark.parametrize(
