@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import load
 from made_up_positions import Plan, Truth, campaign
 from numpy.testing import assert_allclose
 
@@ -123,7 +124,7 @@ def test_all_else_follows_where_a_spring_is_held(found: Positions) -> None:
 @pytest.mark.oracle
 @pytest.mark.parametrize("name", ["kr60-3", "xr701"])
 def test_pinocchio_reads_the_calibrated_geometry_from_the_urdf(name: str) -> None:
-    pin = pytest.importorskip("pinocchio", reason="the oracle extra is not installed")
+    pin = load("pinocchio")
     model = build_model(load_description(name), "rigid").with_rigid_joints()
     rng = np.random.default_rng(4)
     joints = model.robot.joint_names

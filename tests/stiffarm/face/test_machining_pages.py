@@ -105,17 +105,18 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
     check(
         "program.md",
         [
-            f"(here {one['axes_mm']['rail'][0]:.2g} mm from the middle, with gamma {one['gamma_deg'][0]:.0f} deg)",
-            f"at the softest point ({one['worst_stiffness_N_per_mm']:.0f} N/mm) and in the mean "
+            f"here {one['axes_mm']['rail'][0]:.2g} mm from the middle, with gamma {one['gamma_deg'][0]:.0f} deg.",
+            f"at the softest point ({one['worst_stiffness_N_per_mm']:.0f} N/mm) and on average "
             f"({one['mean_stiffness_N_per_mm']:.0f} N/mm) and the predicted error ({one['rms_error_um']:.0f} um RMS)",
-            "the four plunges are not judged. Its first lines say what that gains over the present place: here nothing",
+            "the four plunges are not judged. Its first lines say how much that gains over the present place: here "
+            "nothing.",
             f"between {go['axes_mm']['rail'][0]:.0f} and {go['axes_mm']['rail'][1]:.0f} mm: then the mean is "
-            f"{go['mean_stiffness_N_per_mm']:.0f}, the softest point {go['worst_stiffness_N_per_mm']:.0f} N/mm and the "
-            f"error {go['rms_error_um']:.0f} um",
+            f"{go['mean_stiffness_N_per_mm']:.0f} N/mm, the softest point {go['worst_stiffness_N_per_mm']:.0f} N/mm "
+            f"and the error {go['rms_error_um']:.0f} um",
             f"(here within {off:.1g} um)",
             f"clearance (here over {replayed['distances_worked_out_up_to_mm']:.0f} mm)",
-            f"refused for the rail's acceleration in line {refused['line']}; with `--smoothing 100`, a controller that "
-            "blends corners over 100 ms, it passes",
+            f"refused for the rail's acceleration in line {refused['line']}; with `--smoothing 100`, for a "
+            "controller that blends corners over 100 ms, it passes",
         ],
     )
 
