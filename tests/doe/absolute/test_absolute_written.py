@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles import load
 from made_up_positions import Plan, Truth, campaign
 from numpy.testing import assert_allclose
+from oracles import load
 
 from doe.absolute.calibrate import Positions, calibrate_positions
 from doe.absolute.chain import evaluate, flange_targets, samples
