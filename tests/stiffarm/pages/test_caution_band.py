@@ -140,7 +140,7 @@ def test_the_deformed_arm_warns(cli: Command, tmp_path: Path, monkeypatch: pytes
     assert len(pngs) == 2
     assert all("no joint" in (said(png) or "") for png in pngs)
     # What gives most in the structure is not what gives most in the arm.
-    assert "structure alone" in outcome.json["field"]["budget"]["leader"]
+    assert "all joints rigid" in outcome.json["field"]["budget"]["leader"]
 
 
 @pytest.mark.slow

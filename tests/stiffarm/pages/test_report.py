@@ -28,7 +28,7 @@ STORY = (
     "rigid joints",
     "staged scheme",
     "Sensitivity",
-    "link model changes: beams beside rigid links",
+    "link model changes: beams compared with rigid links",
     "Main effects",
     "surrogate",
     "Assumptions",
@@ -239,7 +239,7 @@ def test_names_with_dollars_in_a_run_with_shells(tmp_path: Path, data_file: Path
     page = Page(run.report)
     assert page.texts["h1"][0].startswith(title)
     assert f"{pose}41" in page.texts["td"]
-    assert "link model changes: shells beside beams" in page.text
+    assert "link model changes: shells compared with beams" in page.text
     compared = run.results["link_models"]
     assert (compared["own"], compared["beside"]) == ("shell", "beam")
     assert compared["calibrations"][0]["beam"]["poses"][2]["pose"] == f"{pose}5"

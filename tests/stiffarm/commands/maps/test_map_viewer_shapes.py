@@ -188,8 +188,8 @@ def test_a_second_map_beside_on_one_scale_with_what_they_differ_by(where: str, t
       out.back = V.mapsSeen().length;"""
     seen, console = probed(page_of(data, "kr60-3"), tmp_path, probe.replace("</", "<\\/"), where)
     assert console == ""
-    assert "no page of a map" in seen["garbage"]
-    assert "other points" in seen["wrong"]
+    assert "not a map page" in seen["garbage"]
+    assert "different points" in seen["wrong"]
     assert [seen["alone"], seen["two"], seen["back"]] == [1, 2, 1]
     assert seen["fault"] == ""
     assert seen["changed"]
