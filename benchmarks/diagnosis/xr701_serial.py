@@ -10,23 +10,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+from fanuc_nested import said
+
 PATH = "load-path"
+COMMAND = ("diagnose", "xr701", "--load-path", "serial")
 RESULTS = Path(__file__).parent / "results" / "xr701_serial.json"
 # The third of the readings that the published scheme uses, and all of them.
 RUNS = {"650 N": ("--loads", "650"), "all loads": ()}
-
-
-def diagnosed(options: tuple[str, ...]) -> dict[str, Any]:
-    """The JSON of one diagnosis."""
-    command = [sys.executable, "-m", "stiffarm", "diagnose", "xr701", "--load-path", "serial", *options, "--json"]
-    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=True)  # noqa: S603
-    content: dict[str, Any] = json.loads(done.stdout)
-    return content
 
 
 def kept(content: dict[str, Any]) -> dict[str, Any]:
@@ -61,7 +55,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write the results file")
     write = parser.parse_args().write
-    text = json.dumps({name: kept(diagnosed(options)) for name, options in RUNS.items()}, indent=1) + "\n"
+    text = json.dumps({name: kept(said(*COMMAND, *options)) for name, options in RUNS.items()}, indent=1) + "\n"
     if write:
         RESULTS.write_text(text, encoding="utf-8")
     else:

@@ -128,23 +128,18 @@ def least_cost(layers: Layers, links: Links, total: Array) -> Ahead | Gap:
     i = 0
     while i < layers.n - 1:
         onto = layers.rows(i + 1)
-        if (onto.stop - onto.start) * len(total) > FEW_PAIRS:
-            a, b = _pairs(layers, links, i, np.isfinite(total))
-            dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
-            best, source = _least(total[a] + links.cost(i, dq), a, b, onto.stop - onto.start)
-            if not best.min() < np.inf:
-                return _gap(layers, links, i, np.isfinite(total))
-            total, i = best + layers.cost[onto], i + 1
-            sources.append(source)
-            continue
-        for known in _runs(_dense_run(layers, links, i)):
-            step = _side_by_side if len(known) > 1 else _crossing
-            totals, through, source = step(layers, i, total, known)
+        many = (onto.stop - onto.start) * len(total) > FEW_PAIRS
+        for known in [None] if many else _runs(_dense_run(layers, links, i)):
+            if known is None:
+                totals, through, source = _near_ones(layers, links, i, total)
+            else:
+                step = _side_by_side if len(known) > 1 else _crossing
+                totals, through, source = step(layers, i, total, known)
             open_ = (through < np.inf).any(axis=1)
             if not open_.all():
                 lost = int(np.argmin(open_))
                 return _gap(layers, links, i + lost, np.isfinite(totals[lost]))
-            total, i = totals[-1], i + len(known)
+            total, i = totals[-1], i + len(through)
             sources.append(source)
     return Ahead(total, np.concatenate([np.zeros(0, dtype=np.int32), *sources], dtype=np.int32))
 
@@ -181,6 +176,15 @@ def _crossing(layers: Layers, i: int, total: Array, known: Array) -> _Costs:
     return (total, best + layers.cost[layers.rows(i + 1)]), best[None], source
 
 
+def _near_ones(layers: Layers, links: Links, i: int, total: Array) -> _Costs:
+    """The same where there are so many states that only those near to one another are looked at."""
+    onto = layers.rows(i + 1)
+    a, b = _pairs(layers, links, i, np.isfinite(total))
+    dq = layers.q[onto][b] - layers.q[layers.rows(i)][a]
+    best, source = _least(total[a] + links.cost(i, dq), a, b, onto.stop - onto.start)
+    return (total, best + layers.cost[onto]), best[None], source
+
+
 def highest_floor(layers: Layers, links: Links) -> float | Gap:
     """Largest merit that some course nowhere goes below, or where all courses end."""
     ahead = floors(layers, links, layers.merit[layers.rows(0)])
@@ -199,10 +203,9 @@ def floors(layers: Layers, links: Links, floor: Array) -> Ahead | Gap:
     return Ahead(floor, np.zeros(0, dtype=np.int32))
 
 
-def course_cost(layers: Layers, links: Links, course: Integers) -> float:
-    """Cost of a course; its links are not checked."""
-    dq = np.diff(layers.q[course], axis=0)
-    return float(layers.cost[course].sum() + links.cost(slice(None), dq).sum())
+def course_cost(links: Links, q: Array, cost: Array) -> float:
+    """Cost of a course of poses q (n, dof) rad whose states cost (n,); its links are not checked."""
+    return float(cost.sum() + links.cost(slice(None), np.diff(q, axis=0)).sum())
 
 
 def summed(steps: Array, knots: Integers) -> Array:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import fem
-from machining.posture.courses import Gap, Layers, Links
+from machining.posture.courses import Gap, Layers, Links, course_cost
 from machining.posture.drive import Drive, Smoothness, singular_distance, smoothness
 from machining.posture.points import GammaRange, Postures, Sweep, sweep_gamma
 from machining.stiffness.objective import Objective
@@ -176,7 +176,7 @@ def course_of(problem: Problem, found: Postures, cost: Array) -> Course:
         names=found.names,
         mean=float(value.mean()),
         worst=float(value.max() if problem.objective.minimised else value.min()),
-        cost=float(cost.sum() + links.cost(slice(None), np.diff(found.q, axis=0)).sum()),
+        cost=course_cost(links, found.q, cost),
         smoothness=smoothness(problem.model.robot, problem.task.path, links, found.q, found.gamma, found.branch),
     )
 

@@ -57,12 +57,12 @@ class Session(Arm):
         try:
             request = read_line(line)
         except Exception as error:
-            return self.refusal(None, error)
+            return write_line(self.failure(None, error))
         answer = self.reply(request)
         try:
             return write_line(answer)
         except ValueError as error:  # a number that JSON has none for
-            return self.refusal(answer["id"], error)
+            return write_line(self.failure(answer["id"], error))
 
     def reply(self, request: Mapping[str, Any], within: str | None = None) -> dict[str, Any]:
         """The answer to a request; ``within``: the command that it is part of."""
@@ -71,12 +71,12 @@ class Session(Arm):
             name = id_of(request)
             found = self._run(request, within)
         except Exception as error:
-            return {"id": name, "ok": False, "error": error_of(error, self.code_of)}
+            return self.failure(name, error)
         return {"id": name, "ok": True, **found}
 
-    def refusal(self, name: Any, error: Exception) -> bytes:
-        """The answer line to a request, ``name`` its id, that ended in an error."""
-        return write_line({"id": name, "ok": False, "error": error_of(error, self.code_of)})
+    def failure(self, name: Any, error: Exception) -> dict[str, Any]:
+        """The answer to a request, ``name`` its id, that ended in an error."""
+        return {"id": name, "ok": False, "error": error_of(error, self.code_of)}
 
     def _run(self, request: Mapping[str, Any], within: str | None) -> dict[str, Any]:
         do = request.get("do")
@@ -100,7 +100,8 @@ def serve(session: Session, requests: BinaryIO, write: Callable[[bytes], None], 
             while line and not line.endswith(b"\n"):
                 line = requests.readline(longest)
             allowed, remedy = f"at most {longest} bytes", "ask in several requests"
-            write(session.refusal(None, NotReadError("line", value="too long", allowed=allowed, remedy=remedy)))
+            error = NotReadError("line", value="too long", allowed=allowed, remedy=remedy)
+            write(write_line(session.failure(None, error)))
             continue
         write(session.answer(line))
 

@@ -24,7 +24,7 @@ from robots.inverse.search import refine
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move
 # leaves the line by nearly a parabola, whose top lies in the middle: eight pieces see it to 2 %.
 PIECES = 8
-# Poses that Newton's method is given at once.
+# Poses, or moves, that are looked at together.
 BLOCK = 8_192
 
 

@@ -9,6 +9,8 @@ from robots.arrays import Array
 
 # Where gamma counts from on the curved paths: angles about 0 are within reach.
 ALONG_Y = np.array([0.0, 1.0, 0.0])
+# Joint speeds of the KR60, rad/s.
+SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
 
 def spindle() -> Array:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from posture_cases import ALONG_Y, dome, dome_task, part, spindle
+from posture_cases import ALONG_Y, SPEED, dome, dome_task, part, spindle
 
 import fem
 from machining.posture.drive import Drive
@@ -18,8 +18,6 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
 from robots import InputError, forward_kinematics
 from robots.arrays import Array, Integers
-
-SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
 
 def test_with_a_knot_at_every_point_it_is_the_search_of_short_paths(kr60: fem.ArmModel) -> None:

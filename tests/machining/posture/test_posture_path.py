@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from posture_cases import dome_task, spindle
+from posture_cases import SPEED, dome_task, spindle
 
 import fem
 from machining import stiffness_index
@@ -21,7 +21,6 @@ from robots import InputError, forward_kinematics, inverse_kinematics, singulari
 from robots.arrays import Array
 
 BARE = Drive(jump=np.inf, motion=0.0, limit=0.0, singular=0.0, singular_least=0.0)
-SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 F = np.array([200.0, -100.0, 150.0])
 
 

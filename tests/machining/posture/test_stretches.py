@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from posture_cases import dome_task
+from posture_cases import SPEED, dome_task
 
 import fem
 from machining.posture.drive import Drive
@@ -17,7 +17,6 @@ from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Integers
 
-SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 N = 60
 GAMMA = np.linspace(0.0, 0.4, N)
 
