@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from fem.effects import Maker, PlacedEffect, build_arm, reading_effects
+from fem.effects.secant import StatedLoad, plain, with_secants
 from fem.model import ArmModel, LinkKind
 from robots import LoadPath, ModelDescription, Robot
 from robots.joint_errors import designed
@@ -27,6 +28,14 @@ class Arm:
     model: ArmModel
     effects: tuple[PlacedEffect, ...] = ()
     own: tuple[Maker, ...] = ()
+
+    def at_load(self, load: StatedLoad) -> Self:
+        """The arm whose model has its effects at a stated load (:func:`fem.effects.secant.with_secants`).
+
+        Whatever is said in N/mm is asked of this one. Itself where no effect is the arm's own.
+        """
+        model = with_secants(self.model, self.effects, load)
+        return self if model is self.model else replace(self, model=model)
 
     @classmethod
     def of(
@@ -58,21 +67,28 @@ class Arm:
         if self.robot.errors is None:
             return self
         description = designed(self.description)
-        return replace(self, description=description, robot=as_designed(self.robot), model=self.model.as_designed)
+        changed = replace(self, description=description, robot=as_designed(self.robot))
+        return changed._with(plain(self.model).as_designed)
 
     def with_load_path(self, load_path: LoadPath) -> Arm:
         """The same arm with another load path."""
-        model = self.model
+        model = plain(self.model)
         if load_path == model.load_path:
             return self
         if load_path == "serial":
             # The links are the same, and building shells again would take its time.
-            return replace(self, model=replace(model, load_path="serial", bar=None))
-        return replace(self, model=build_arm(self.description, model.link_kind, load_path, own=self.own))
+            return self._with(replace(model, load_path="serial", bar=None))
+        return self._with(build_arm(self.description, model.link_kind, load_path, own=self.own))
 
     def with_links(self, links: LinkKind) -> Arm:
         """The same arm with another kind of links."""
-        return replace(self, model=build_arm(self.description, links, self.model.load_path, own=self.own))
+        return self._with(build_arm(self.description, links, self.model.load_path, own=self.own))
+
+    def _with(self, model: ArmModel) -> Self:
+        """The arm with another model, at the load that this one's is stated at."""
+        secants = self.model.secants
+        changed = replace(self, model=model)
+        return changed if secants is None else changed.at_load(secants.load)
 
 
 def with_flanges(description: ModelDescription, coupling: FlangeCoupling) -> ModelDescription:

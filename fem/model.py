@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from robots.arrays import Array
 from robots.robot import as_designed, robot_from
 from robots.schema.description import FlangeCoupling, Joint, Link, PlaceStiffness
 from robots.schema.quantities import Angles, Position, RotationalStiffness
+
+if TYPE_CHECKING:
+    from fem.effects.secant import Secants
 
 LinkKind = Literal["rigid", "beam", "shell", "solid"]
 LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell", "solid")
@@ -114,7 +117,8 @@ class ArmModel:
     sensor at the model's tool point, flange axes; zero is rigid. ``load_offset`` (3,) m, flange axes, and
     ``load_tilt`` (3,) rad, fixed-axis angles about the base's axes: where a test load really acts, from the read
     point, and how its direction is off (:func:`fem.statics.loads.placed`). ``load_point`` (3,) m, flange axes: what
-    points that readings bring themselves are off by. ``masses``: of the links, as declared.
+    points that readings bring themselves are off by. ``masses``: of the links, as declared. ``secants``: effects that
+    are in it as compliances at a stated load (:func:`fem.effects.secant.with_secants`).
     """
 
     robot: Robot
@@ -129,6 +133,7 @@ class ArmModel:
     load_tilt: Array = field(default_factory=lambda: np.zeros(3))
     load_point: Array = field(default_factory=lambda: np.zeros(3))
     masses: tuple[BodyMass, ...] = ()
+    secants: Secants | None = None
 
     @property
     def as_designed(self) -> ArmModel:
@@ -158,9 +163,8 @@ class ArmModel:
     def with_rigid_joints(self) -> ArmModel:
         """Copy with joints that do not give way."""
         none = np.zeros((6, 6))
-        return replace(
-            self, joints=tuple(replace(j, axial=RIGID, bearing=none, housing=none, laws=()) for j in self.joints)
-        )
+        joints = tuple(replace(j, axial=RIGID, bearing=none, housing=none, laws=()) for j in self.joints)
+        return replace(self, joints=joints, secants=None)
 
 
 def build_model(

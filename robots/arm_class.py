@@ -95,3 +95,10 @@ def usual_load(robot: Robot, description: ModelDescription | None = None) -> flo
         return STANDARD_GRAVITY * description.payload.si
     factor, power = TORQUE_OF_REACH
     return float(factor * max(reach_of(robot), SHORTEST) ** (power - 1.0))
+
+
+def stated_load(robot: Robot, description: ModelDescription) -> float:
+    """The force (N) that stiffnesses are stated at: of the calibration's loads the one nearest to the usual one."""
+    usual = usual_load(robot, description)
+    read = () if description.calibration is None else description.calibration.loads_N
+    return min((abs(load) for load in read if load), key=lambda load: abs(load - usual), default=usual)

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from fem.effects.secant import StatedAt
 from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.errors import InputError, require_one_of
@@ -105,6 +106,7 @@ class Surrogate(Scope):
     parameters : uncertainty of y by the calibrated parameters of the model; None where the model says nothing of it
     kinematics : the robot, by which near-singular poses are told; None where it is not known
     fixed_influence : fixed coordinate -> largest relative change of y that turning it makes (sampled)
+    at_load : of an arm with effects, the load that it was learned at; None: it has none
 
     Raises
     ------
@@ -123,6 +125,7 @@ class Surrogate(Scope):
     parameters: ParameterBars | None = None
     kinematics: Robot | None = None
     fixed_influence: dict[str, float] = field(default_factory=dict)
+    at_load: StatedAt | None = None
     notes: tuple[str, ...] = ()
     schema_version: str = SCHEMA
 

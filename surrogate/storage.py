@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetPydanticSchema, create_model
 from pydantic_core.core_schema import no_info_after_validator_function
 
+from fem.effects.secant import StatedAt
 from robots import Robot
 from robots.errors import InputError
 from robots.files.reading import parse_json, read_text
@@ -131,6 +132,8 @@ class _File(_Strict):
     parameters: _Parameters | None
     kinematics: _Robot | None
     errors: Annotated[ErrorFigures, _table(ErrorFigures)]
+    # Files of version 0.1 say nothing of it.
+    at_load: Annotated[StatedAt, _table(StatedAt, effects=_Texts, not_linear=_Texts, left_out=_Texts)] | None = None
     notes: list[str]
     content_sha256: str
 
@@ -203,6 +206,7 @@ def _content(s: Surrogate) -> dict[str, Any]:
         "parameters": _plain(s.parameters),
         "kinematics": None if arm is None else {name: _plain(getattr(arm, name)) for name in _Robot.model_fields},
         "errors": _plain(s.errors),
+        "at_load": _plain(s.at_load),
         "notes": list(s.notes),
     }
 
@@ -273,6 +277,7 @@ def _surrogate(file: _File) -> Surrogate:
         bars=file.error_bars,
         parameters=file.parameters,
         kinematics=None if file.kinematics is None else _arm(file.robot, file.kinematics),
+        at_load=file.at_load,
         notes=tuple(file.notes),
         schema_version=file.schema_version,
     )

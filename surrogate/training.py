@@ -294,6 +294,7 @@ def _unjudged(ways: _Ways, found: Fit) -> Surrogate:
         parameters=ways.parameters,
         fixed_influence=dict(task.fixed_influence),
         notes=task.notes,
+        at_load=task.at_load,
         factor=found.factor,
     )
 

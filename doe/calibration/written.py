@@ -18,6 +18,7 @@ from doe.calibration.run import Calibration, StageResult
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.problem import Problem
 from doe.model_file.uncertainty_table import NOTHING, CarriedOn, FoundNumber, carried_on, uncertainty_table
+from doe.planning.protocol import usual_loads
 from doe.tables.measurements import Measurements
 from fem.effects import LOAD_PATH
 from fem.elements.walls import wall_flexibilities
@@ -41,7 +42,8 @@ def with_origin(
 ) -> ModelDescription:
     """The description that a calibration ends with, its table of covariances and its source.
 
-    ``data``: the readings used; ``loads_N``: their loads as asked for, empty for all; ``notes``: remarks to keep.
+    ``data``: the readings used; ``loads_N``: their loads as asked for, empty: the usual ones of these;
+    ``notes``: remarks to keep.
     """
     scheme = "staged" if found.studies else "global"
     has_path = any(table.code == LOAD_PATH for table in found.description.effect)
@@ -62,7 +64,7 @@ def with_origin(
                 data=data.source,
                 data_sha256=data.sha256,
                 rms_mm=found.rms_mm,
-                loads_N=tuple(loads_N),
+                loads_N=tuple(loads_N) or tuple(usual_loads(data.wrench[:, :3]).tolist()),
                 notes=(*notes, *why),
                 uncertainty=sure,
             ),

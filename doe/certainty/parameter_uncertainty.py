@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 from fem import ArmModel, deflection
 from fem.effects import LOAD_PATH, Maker, PlacedEffect, build_plain, described_effects
+from fem.effects.secant import StatedLoad
 from fem.elements.walls import wall_flexibilities
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import NamedNumbers, Parameter, described_variables, named_numbers
@@ -107,6 +108,7 @@ class Bound:
     ``names`` (p + m): those with a variance, then those without; ``numbers``: of those that act on the compliance;
     ``columns`` (p + m,): where they stand in it, -1 for numbers of effects on readings. ``sizes`` (p + m,): by how
     much a variable may change where the readings say nothing. ``open_names``: of numbers and combinations left open.
+    ``stated``: the load at which effects that are not linear are in the model, as secants.
     """
 
     plain: ArmModel
@@ -117,12 +119,12 @@ class Bound:
     columns: Indices
     sizes: Array
     open_names: tuple[str, ...]
+    stated: StatedLoad | None = None
 
     def free(self, at: LoadedPoses) -> FreeModel:
         """The model with these numbers free at loaded poses."""
-        return FreeModel(
-            self.plain, self.numbers.parameters, at, self.numbers.laws, dict(self.walls), self.effects, None
-        )
+        n = self.numbers
+        return FreeModel(self.plain, n.parameters, at, n.laws, dict(self.walls), self.effects, None, self.stated)
 
 
 def bind(uncertainty: ParameterUncertainty, model: ArmModel, q: Array) -> Bound:
@@ -153,7 +155,8 @@ def _bound(uncertainty: ParameterUncertainty, model: ArmModel) -> Bound:
     names = (*uncertainty.names, *(u.name for u in uncertainty.undetermined))
     every = named_numbers(plain, names, effects)
     _same_numbers(uncertainty, described_variables(description, every)[: len(uncertainty.names)])
-    acting = tuple(e for e in effects if e.effect.stage == "model")
+    secant = () if model.secants is None else tuple(e.effect.code for e in model.secants.carried)
+    acting = tuple(e for e in effects if e.effect.stage == "model" or e.effect.code in secant)
     codes = {e.effect.code for e in acting}
     asked = [every.parameters[k] for k in every.columns]
     acts = np.array([not p.kind.of_effect or p.place in codes for p in asked], dtype=np.bool_)
@@ -163,7 +166,8 @@ def _bound(uncertainty: ParameterUncertainty, model: ArmModel) -> Bound:
     walls = wall_flexibilities(description, plain, numbers.parameters)
     together = tuple(_together(uncertainty.names, row) for row in uncertainty.directions)
     left_open = (*(u.name for u in uncertainty.undetermined), *together)
-    return Bound(plain, numbers, acting, walls, names, columns, _sizes(uncertainty, asked, every), left_open)
+    sizes, stated = _sizes(uncertainty, asked, every), None if model.secants is None else model.secants.load
+    return Bound(plain, numbers, acting, walls, names, columns, sizes, left_open, stated)
 
 
 def _together(names: tuple[str, ...], direction: Array) -> str:

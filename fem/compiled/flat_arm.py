@@ -129,6 +129,8 @@ class FlatArm:
 def why_not_flat(model: ArmModel) -> str | None:
     """What in the model has no place in a flat arm; None if all of it has."""
     p = model.robot.parallelogram
+    if model.secants is not None and model.secants.further:
+        return f"a part of its own that varies with the pose: {model.secants.further[0].name}"
     if model.bar is None or p is None:
         return None
     if model.bar.crank is not None and model.bar.crank.body != p.driven + 1:

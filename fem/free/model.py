@@ -21,8 +21,10 @@ import numpy as np
 
 from fem.compiled.compliance import deflection
 from fem.effects.base import PlacedEffect
+from fem.effects.described import with_model_effects
 from fem.effects.frames import turned_further
 from fem.effects.observed import observed
+from fem.effects.secant import StatedLoad, with_secants
 from fem.effects.situation import History, plain_history
 from fem.free.base import Flexibility, Given, Parameter, Shifts
 from fem.free.parameters import AXIAL, FreeLaw, law_compliance
@@ -48,9 +50,10 @@ class FreeModel:
     """A model, the numbers set free, and the loaded poses at which it is asked.
 
     ``at``: loads as the model says that they act. ``laws``: springs over angles whose coefficients are among the
-    parameters. ``walls``: by link, the link's
-    flexibility and its derivative with ln(wall) as functions of the wall (m). ``effects``: what the arm has beyond
-    the model, none of it in ``model`` yet; ``history`` of the loaded poses, by default each a loading from zero.
+    parameters. ``walls``: by link, the link's flexibility and its derivative with ln(wall) as functions of the wall
+    (m). ``effects``: what the arm has beyond the model, none of it in ``model`` yet; ``history`` of the loaded poses,
+    by default each a loading from zero. ``stated``: the load at whose secants the effects of the arm act; None: they
+    act at the loads as they are.
     """
 
     model: ArmModel
@@ -60,6 +63,7 @@ class FreeModel:
     walls: dict[str, Flexibility] = field(default_factory=dict)
     effects: tuple[PlacedEffect, ...] = ()
     history: History | None = None
+    stated: StatedLoad | None = None
 
     def __post_init__(self) -> None:
         codes = frozenset(e.effect.code for e in self.effects)
@@ -142,6 +146,9 @@ class FreeModel:
             offset, tilt = model.load_offset + self._shift(u, "load"), model.load_tilt + self._shift(u, "tilt")
             model = replace(model, load_offset=offset, load_tilt=tilt)
         moved = self._moved(u, self.at, arm)
+        if self.stated is not None:
+            at_load = with_secants(with_model_effects(model, effects), effects, self.stated)
+            return deflection(at_load, moved.q, moved.wrench, moved.point)
         return observed(model, moved, effects, self.history or plain_history(len(self.at)))
 
     def _differences(self, u: Array, value: Array) -> Array:

@@ -64,12 +64,12 @@ def compliance_factor(model: ArmModel, q: Array, point: Array | None = None) -> 
         _check(model, parts)
         # Of springs that are single numbers at each pose, the compliance stays outside.
         single = [part.compliance for part in parts if part.compliance.ndim == 1]
-        roots = [np.eye(1) if part.compliance.ndim == 1 else _square_root(part.compliance) for part in parts]
+        roots = [_root(model, part) for part in parts]
         rows.append(
             np.concatenate([F @ np.moveaxis(p.matrix(), 2, 0) for F, p in zip(roots, parts, strict=True)], axis=1)
         )
         weights.append(np.stack(single, axis=1) if single else np.empty((len(tool), 0)))
-    count = [len(root) for root in roots]
+    count = [root.shape[-2] for root in roots]
     springs = np.array([part.compliance.ndim == 1 for part in parts])
     group = np.where(springs, np.cumsum(springs) - 1, -1)
     names = np.repeat([part.name for part in parts], count).tolist()
@@ -102,6 +102,20 @@ def _apart(joint: JointPart) -> JointPart:
     inverse = np.linalg.pinv(bearing[:5, :5] / np.outer(size, size), rcond=_NO_COMPLIANCE, hermitian=True)
     bearing[5, 5] = coupling @ inverse @ coupling
     return replace(joint, bearing=bearing, axial=SumSpring(joint.axial, -bearing[5, 5]))
+
+
+def _root(model: ArmModel, part: Transfer) -> Array:
+    """F (r, s), or (n, r, s) of a part that depends on the pose, with F^T F its compliance; 1 of a single spring."""
+    if part.compliance.ndim < 3:
+        return np.eye(1) if part.compliance.ndim == 1 else _square_root(part.compliance)
+    values, vectors = np.linalg.eigh(np.moveaxis(part.compliance, 2, 0))
+    if (values[:, 0] < -_NO_COMPLIANCE * np.abs(values).max()).any():
+        raise InputError(
+            f"model of {model.robot.name}: compliance of {part.name} at the stated load",
+            allowed="positive semidefinite",
+            remedy="learn the stiffness along one load (--basis polynomial or trigonometric)",
+        )
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, :, None] * vectors.swapaxes(1, 2))
 
 
 def _square_root(C: Array) -> Array:

@@ -75,7 +75,7 @@ class Transfer:
     """A compliant part: it carries ``s = T w``; deformed by h it moves the tool by ``d = T^T h``.
 
     T (s, 6) is never formed. Its first six rows are ``moved``; ``along`` comes on top (one may be None).
-    ``compliance``: (s, s), or (n,) for a single spring that depends on the pose.
+    ``compliance``: (s, s), or where it depends on the pose (n,) for a single spring, (s, s, n) for another part.
     ``joint``: index of the joint if the part is the spring about that joint's axis, else None.
     """
 
@@ -97,6 +97,8 @@ class Transfer:
 
     def deformation(self, s: Array) -> Array:
         """Deformation (s, n) of the part under what it carries."""
+        if self.compliance.ndim == 3:
+            return np.asarray(np.einsum("ijn,j...n->i...n", self.compliance, s))
         return s * self.compliance if self.compliance.ndim == 1 else constant_times(self.compliance, s)
 
     def displacement(self, h: Array) -> Array:
@@ -181,6 +183,10 @@ def transfers(model: ArmModel, frames: BodyFrames, q: Array, tool: Array, first:
         R_flange = poses_last(frames.R_flange)
         own = poses_last(tool_position(model.robot, frames))
         yield Transfer("tool", model.tool, Moved(R_flange, arm.tool - own))
+    for part in () if model.secants is None else model.secants.further:
+        at = poses_last(tool_position(model.robot, frames, part.load.point))
+        straight = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, len(q)))
+        yield Transfer(part.name, poses_last(part.compliance(q)), Moved(straight, arm.tool - at))
     if loop is None or model.bar is None:
         return
     if model.bar.compliance > 0.0:

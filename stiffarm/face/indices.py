@@ -58,6 +58,7 @@ def index(
     tip_mm: Sequence[float] | None = None,
     normal: Sequence[float] = (0.0, 0.0, 1.0),
     force_N: Sequence[float] | None = None,
+    at_load_N: float | None = None,
 ) -> Indices:
     """Compute stiffness indices at poses: k_fs, NSPI, Rayleigh quotient, weakest and stiffest direction, isotropy.
 
@@ -68,6 +69,7 @@ def index(
     tip_mm : tool tip on the flange; default: the model's tool point
     normal : of the surface, base axes
     force_N : on the tool, base axes; NSPI and the Rayleigh quotient need it
+    at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
 
     Raises
     ------
@@ -83,6 +85,7 @@ def index(
     (1,)
     """
     from stiffarm.commands.index.results import IndexQuestion, answer, rows
+    from stiffarm.session.stated import DOWN, at_load
 
     poses = [q_deg] if isinstance(q_deg, Mapping) else list(q_deg)
     tip = arm.robot.T_flange_tool[:3, 3] if tip_mm is None else 1e-3 * np.array(tip_mm, dtype=np.float64)
@@ -91,5 +94,6 @@ def index(
     with called():
         q = np.stack([arm.pose(pose) for pose in poses])
         labels = tuple(str(k) for k in range(1, len(poses) + 1))
+        arm = at_load(arm, at_load_N, DOWN if force is None else force, tip)
         found = answer(arm.model, IndexQuestion(q, labels, tip, across, force))
     return Indices(frame(rows(arm.robot, found)), arm.name, found)

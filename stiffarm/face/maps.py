@@ -14,7 +14,8 @@ from robots.arrays import Array
 from stiffarm.face.arms import DOWN, Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
-from stiffarm.session.caution import cautioned, uncalibrated
+from stiffarm.session.caution import cautioned, caveats
+from stiffarm.session.stated import stated_words
 from surrogate.maps.data import MapData
 
 if TYPE_CHECKING:
@@ -41,7 +42,8 @@ class Map(Shown):
         """Robot, kind of map, and how many of its points have a pose."""
         d = self.data
         reached = int(np.count_nonzero(d.reached))
-        return f"Map of {self.arm.name} over {d.layout.kind}: {reached} of {d.layout.n} points have a pose"
+        of = f"Map of {self.arm.name} over {d.layout.kind}: {reached} of {d.layout.n} points have a pose"
+        return ". ".join(filter(None, (of, stated_words(self.arm.model))))
 
     def to_frame(self) -> pd.DataFrame:
         """One row a quantity: its unit, least value, median and largest value."""
@@ -85,11 +87,13 @@ class Map(Shown):
         """Draw one quantity with the robot in it; ``file``: a PNG to write."""
         from stiffarm.commands.maps.figures.whole import one_figure
 
-        with cautioned(uncalibrated(self.arm)):
+        with cautioned(caveats(self.arm)):
             return Picture.of(one_figure(self.data, quantity, self.arm)).kept(file)
 
 
-def map_joints(arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN) -> Map:
+def map_joints(
+    arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+) -> Map:  # fmt: skip
     """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers.
 
     Parameters
@@ -97,6 +101,7 @@ def map_joints(arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN)
     arm : the arm
     points : values of each swept coordinate
     direction : of the load, base axes
+    at_load_N : load at which an arm with effects is mapped; default: :func:`robots.arm_class.stated_load`
 
     Raises
     ------
@@ -109,12 +114,13 @@ def map_joints(arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN)
     >>> sa.map_joints(sa.load("xr701"), points=3).data.layout.kind
     'joints'
     """
-    return _mapped(arm, "joints", direction, {"--points": str(points)})
+    return _mapped(arm, "joints", direction, {"--points": str(points)}, at_load_N=at_load_N)
 
 
 def map_slice(
     arm: Arm, *, plane: Literal["xz", "yz", "xy"] = "xz", at_mm: float | None = None, step_mm: float | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, seed: int = 0,
+    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    seed: int = 0,
 ) -> Map:  # fmt: skip
     """Map the arm over tool points in a plane of the base frame.
 
@@ -126,6 +132,7 @@ def map_slice(
     step_mm : between points; default: some hundred points along the longer side
     pose : which of the poses that reach a point: "stiffest", "softest", "best-gamma" or "fixed" tool axis
     direction : of the load, base axes
+    at_load_N : as of :func:`map_joints`
     seed : of the search for extreme poses
 
     Raises
@@ -141,12 +148,15 @@ def map_slice(
     'slice'
     """
     stepped = {} if step_mm is None else _stepped(arm, plane, step_mm)
-    return _mapped(arm, "slice", direction, {"--plane": plane, "--at": at_mm, "--pose": pose, **stepped}, seed)
+    return _mapped(
+        arm, "slice", direction, {"--plane": plane, "--at": at_mm, "--pose": pose, **stepped}, seed, at_load_N
+    )
 
 
 def map_box(
     arm: Arm, *, x_mm: Range | None = None, y_mm: Range | None = None, z_mm: Range | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, seed: int = 0,
+    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    seed: int = 0,
 ) -> Map:  # fmt: skip
     """Map the arm over tool points in a box along the base's axes.
 
@@ -154,7 +164,7 @@ def map_box(
     ----------
     arm : the arm
     x_mm, y_mm, z_mm : first value, last value and step, or one value; default: all that the tool reaches
-    pose, direction, seed : as of :func:`map_slice`
+    pose, direction, at_load_N, seed : as of :func:`map_slice`
 
     Raises
     ------
@@ -168,12 +178,13 @@ def map_box(
     >>> m.data.layout.n
     2
     """
-    return _mapped(arm, "box", direction, {"--x": x_mm, "--y": y_mm, "--z": z_mm, "--pose": pose}, seed)
+    return _mapped(arm, "box", direction, {"--x": x_mm, "--y": y_mm, "--z": z_mm, "--pose": pose}, seed, at_load_N)
 
 
 def map_cylinder(
     arm: Arm, *, r_mm: Range | None = None, phi_deg: Range | None = None, z_mm: Range | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, seed: int = 0,
+    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    seed: int = 0,
 ) -> Map:  # fmt: skip
     """Map the arm over tool points in a cylinder about the base's z axis.
 
@@ -181,7 +192,7 @@ def map_cylinder(
     ----------
     arm : the arm
     r_mm, phi_deg, z_mm : first value, last value and step, or one value; default: all that the tool reaches
-    pose, direction, seed : as of :func:`map_slice`
+    pose, direction, at_load_N, seed : as of :func:`map_slice`
 
     Raises
     ------
@@ -195,21 +206,26 @@ def map_cylinder(
     >>> sa.map_cylinder(arm, r_mm=1000, phi_deg=(0, 90, 90), z_mm=800, pose="best-gamma").data.layout.n
     2
     """
-    return _mapped(arm, "cylinder", direction, {"--r": r_mm, "--phi": phi_deg, "--z": z_mm, "--pose": pose}, seed)
+    return _mapped(
+        arm, "cylinder", direction, {"--r": r_mm, "--phi": phi_deg, "--z": z_mm, "--pose": pose}, seed, at_load_N
+    )
 
 
 def _mapped(
-    arm: Arm, kind: str, direction: Sequence[float], options: Mapping[str, Range | str | None], seed: int = 0
+    arm: Arm, kind: str, direction: Sequence[float], options: Mapping[str, Range | str | None], seed: int = 0,
+    at_load_N: float | None = None,
 ) -> Map:  # fmt: skip
     from stiffarm.commands.maps.options import read_map_options
-    from stiffarm.commands.maps.request import engine_of
+    from stiffarm.commands.maps.request import engine_of, stated
     from stiffarm.commands.maps.step import metadata
     from surrogate.maps.assembled import computed_map
 
     typed = {option: _as_typed(value) for option, value in options.items()}
     typed["--direction"] = ",".join(map(_as_typed_number, direction))
+    typed["--at-load"] = None if at_load_N is None else _as_typed_number(at_load_N)
     with called():
         asked = read_map_options(arm, kind, typed, seed)
+        arm = stated(arm, asked.request)
         engine = engine_of(asked.request, arm.description, arm.model)
         data = computed_map(engine, metadata(arm, asked))
         data.require_reached("move or widen the grid, or let the orientation be free: pose='stiffest'")

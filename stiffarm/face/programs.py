@@ -98,6 +98,7 @@ def post(
     tolerance_um: float = 100.0,
     operations: Sequence[str] = (),
     tool_numbers: Sequence[int] = (),
+    at_load_N: float | None = None,
     seed: int = 0,
 ) -> Program:
     """Write robot programs from a tool path, read them back and compare.
@@ -113,6 +114,7 @@ def post(
     gamma_deg : one angle about the tool axis, or first and last angle and step to choose the stiffest from
     tolerance_um : allowed deviation of joint motion from a straight line between points
     operations, tool_numbers : of the tool path, take these only; default: all
+    at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
     seed : of the random numbers
 
     Raises
@@ -128,11 +130,13 @@ def post(
     from machining.toolpaths import read_toolpath
     from machining.toolpaths.selection import select
     from stiffarm.commands.post.targets import parse_targets
+    from stiffarm.session.stated import at_load
 
     place = Path(folder)
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
     with called():
+        arm = at_load(arm, at_load_N)
         targets = parse_targets(",".join(formats), coordinates)
         expect(Path(path), PATH)
         setup = setup_of(arm, cell)

@@ -96,6 +96,7 @@ def posture(
     milling: str | Path | None = None,
     operations: Sequence[str] = (),
     tool_numbers: Sequence[int] = (),
+    at_load_N: float | None = None,
     seed: int = 0,
 ) -> Posture:
     """Find the stiffest posture along a tool path that can be driven: gamma, branch and turns of the joints.
@@ -110,6 +111,7 @@ def posture(
     aim : the mean over the points, or the worst point
     force_N : on the tool, base axes; ``milling``: a milling file instead
     operations, tool_numbers : of the tool path, take these only; default: all
+    at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
 
     Raises
     ------
@@ -122,10 +124,11 @@ def posture(
     from machining.tool_cuts import cut_of_tools
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
+    from stiffarm.session.stated import at_load
     from stiffarm.session.task_setup import effects_left_out
 
-    arm = arm.as_designed
     with called():
+        arm = at_load(arm.as_designed, at_load_N)
         require_springs(arm, "posture")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         expect(Path(path), PATH)
@@ -164,6 +167,7 @@ def place(
     collisions: bool = True,
     operations: Sequence[str] = (),
     tool_numbers: Sequence[int] = (),
+    at_load_N: float | None = None,
 ) -> Placement:
     """Find where the base should stand, or how it should move, on the cell's linear axes for the stiffest cut.
 
@@ -178,6 +182,7 @@ def place(
     gamma_deg : first and last angle about the tool axis, and step
     collisions : keep the arm clear of the cell
     operations, tool_numbers : of the tool path, take these only; default: all
+    at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
 
     Raises
     ------
@@ -193,9 +198,10 @@ def place(
     from machining.tooling import require_tools
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
+    from stiffarm.session.stated import at_load
 
-    arm = arm.as_designed
     with called():
+        arm = at_load(arm.as_designed, at_load_N)
         require_springs(arm, "placement")
         cut = _cut(force_N, force_axes, milling)
         if cut is None:

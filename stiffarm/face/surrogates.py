@@ -51,10 +51,11 @@ class Surrogate(Shown):
     def title(self) -> str:
         """Robot, basis, and errors on runs it has not seen."""
         e = self.learned.errors
-        return (
+        of = (
             f"Surrogate of {self.learned.robot}: {self.learned.basis}, error on unseen runs {e.rms_relative:.1e} RMS, "
             f"{e.max_relative:.1e} at worst"
         )
+        return ". ".join((of, *self.learned.notes[1:]))
 
     def to_frame(self) -> pd.DataFrame:
         """One row an input: its name and the range that it was learned over, in degrees."""
@@ -140,6 +141,7 @@ def fit(
     runs: int | None = None,
     accuracy: float | None = None,
     direction: Sequence[float] = DOWN,
+    at_load_N: float | None = None,
     seed: int = 0,
 ) -> Surrogate:
     """Learn the stiffness of an arm over its joint angles, with error bars, judged on runs it has not seen.
@@ -153,6 +155,7 @@ def fit(
     runs : model runs to fit on; default: 4096, or three for each term
     accuracy : relative RMS error to refine to
     direction : of the load, base axes
+    at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
     seed : of the random numbers
 
     Raises
@@ -168,8 +171,10 @@ def fit(
     1
     """
     from stiffarm.commands.fit.learning import learning_task
+    from stiffarm.session.stated import at_load
     from surrogate import inputs_that_matter, train
 
+    arm = at_load(arm, at_load_N, direction)
     names = inputs_that_matter(arm.model, direction) if inputs is None else tuple(inputs)
     for name in names:
         require_one_of("inputs", name, arm.coordinates)

@@ -36,6 +36,13 @@ def cautioned(text: str) -> Iterator[None]:
         _said.reset(before)
 
 
+def caveats(arm: Arm) -> str:
+    """What pictures and pages must say of an arm's stiffness: springs it lacks, its load, what is left out of it."""
+    from stiffarm.session.stated import stated_words
+
+    return " ".join(filter(None, (uncalibrated(arm), stated_words(arm.model))))
+
+
 def uncalibrated(arm: Arm) -> str:
     """The warning of a model with joints held rigid for want of a spring, or with springs that nobody measured."""
     rigid, joints = arm.joints_without_springs, len(arm.model.joints)
@@ -62,5 +69,5 @@ def uncalibrated(arm: Arm) -> str:
 
 def warned(arm: Arm) -> dict[str, str]:
     """The same as an entry ``warning`` of what a file says of itself; none where there is nothing to warn of."""
-    text = uncalibrated(arm)
+    text = caveats(arm)
     return {"warning": text} if text else {}

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from robots import InputError
 from stiffarm.session.caution import cautioned
@@ -27,6 +27,9 @@ from stiffarm.session.outputs import OutputFolder
 if TYPE_CHECKING:
     from doe import Measurements
     from fem.arm import Arm
+    from robots.arrays import Array
+
+Given = TypeVar("Given", bound="Arm")
 
 
 @contextmanager
@@ -78,6 +81,20 @@ class Frame:
         given = read_model(name, links, load_path, own=own_effects(effect), without=without, sets=values)
         self.files |= {**own_files(effect), "model": model_hash(given)}
         self.caution = uncalibrated(given) if shown else ""
+        return given
+
+    def at_load(
+        self, given: Given, size_N: float | None, direction: Sequence[float] | Array = (0.0, 0.0, -1.0),
+        point: Array | None = None,
+    ) -> Given:  # fmt: skip
+        """The arm with its effects in its compliance, as :func:`stiffarm.session.stated.at_load`; said and shown."""
+        from stiffarm.session.caution import caveats
+        from stiffarm.session.stated import at_load, stated_words
+
+        given = at_load(given, size_N, direction, point)
+        if words := stated_words(given.model):
+            say(f"note: {words}")
+        self.caution = caveats(given)
         return given
 
     def readings(

@@ -122,8 +122,8 @@ def parse_reference(text: str | None) -> Array | None:
 
 
 def effects_left_out(given: Arm) -> list[str]:
-    """Codes of the model's effects that only readings know of: no posture, program or placement has them in it."""
-    return [placed.effect.code for placed in given.effects]
+    """Codes of the arm's effects that no posture, program or placement has in it: they go by the clock or a session."""
+    return [] if given.model.secants is None else [e.effect.code for e in given.model.secants.left_out]
 
 
 def parse_speed(robot: Robot, text: str | None) -> Array | None:

@@ -23,6 +23,7 @@ from stiffarm.session.options import (
     Sets,
 )
 from stiffarm.session.parsing import parse_word
+from stiffarm.session.stated import AtLoad
 from surrogate import inputs_that_matter
 
 
@@ -100,6 +101,7 @@ def fit(
             "--matrix", help="With --format: write the 6 x 6 compliance instead of the compliance along the load."
         ),
     ] = False,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -136,9 +138,10 @@ def fit(
             name: None if text is None else np.array(parsing.parse_direction(text, f"--{name}"))
             for name, text in (("normal", normal), ("force", force))
         }
-        given = frame.model(model, links, load_path, without="the surrogate", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, sets=sets, shown=True)
         if note := uncalibrated(given):
             say(f"note: {note}")
+        given = frame.at_load(given, at_load, vectors["force"] if vectors["force"] is not None else along)
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)
         scalar = None

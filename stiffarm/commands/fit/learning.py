@@ -9,7 +9,6 @@ import numpy as np
 
 from doe.certainty.propagation import ParameterUncertainty, parameter_uncertainty, propagate
 from fem import ArmModel, compliance
-from fem.effects import reading_effects
 from machining import INDICES
 from machining.stiffness.indices import evaluate
 from robots import InputError, ModelDescription, content_hash
@@ -17,6 +16,7 @@ from robots.arrays import Array
 from robots.robot import middle_pose
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.stated import stated_at, stated_words
 from stiffarm.session.steps import VERTICAL
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
 
@@ -78,12 +78,9 @@ def learning_task(
     known = parameter_uncertainty(description) if scalar is None else None
     if known is not None:
         more = _uncertain(model, known, np.array(scope.load_direction))
-    codes = [placed.effect.code for placed in reading_effects(description, model)]
-    notes = (
-        f"{model.link_kind} links, {model.load_path} load path",
-        *([f"without {', '.join(codes)}"] if codes else []),
-    )
-    return task_of(model, scope, rng, scalar=scalar, notes=notes, **more)
+    said = stated_words(model)
+    notes = (f"{model.link_kind} links, {model.load_path} load path", *([said] if said else []))
+    return task_of(model, scope, rng, scalar=scalar, notes=notes, at_load=stated_at(model), **more)
 
 
 def _uncertain(model: ArmModel, known: ParameterUncertainty, direction: Array) -> dict[str, Any]:

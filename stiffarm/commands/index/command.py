@@ -23,6 +23,7 @@ from stiffarm.session.inputs import with_links
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
+from stiffarm.session.stated import DOWN, AtLoad, stated_table
 from stiffarm.session.task_options import NormalOpt, ToolOpt
 
 # Rows of the table on the screen; files have all.
@@ -62,6 +63,7 @@ def index(
             "load. Default: no load.",
         ),
     ] = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -74,7 +76,7 @@ def index(
     Also the Rayleigh quotient, directional stiffness, weakest and stiffest direction, and isotropy.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the indices", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, sets=sets, shown=True)
         q, labels = _poses(given, pose, table)
         question = index_results.IndexQuestion(
             q,
@@ -84,8 +86,10 @@ def index(
             None if force is None else parse_vector(force, "--force", "N in base axes"),
             None if load is None else parsing.parse_load(load),
         )
+        along = next((v[:3] for v in (question.force, question.load) if v is not None and v[:3].any()), DOWN)
+        given = frame.at_load(given, at_load, along, question.tip)
         found = index_results.answer(given.model, question, _joints_alone(given))
-        content = index_results.payload(given.robot, found)
+        content = index_results.payload(given.robot, found) | stated_table(given.model)
         frame.reads(poses=table)
         with frame.folder_if() as folder:
             if folder is not None:

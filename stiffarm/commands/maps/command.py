@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from typer.core import TyperGroup
 
@@ -21,6 +22,8 @@ from stiffarm.session.console import progress, say, say_notes, user_errors
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
+from stiffarm.session.parsing import tool_of
+from stiffarm.session.stated import DOWN, AtLoad, stated_table
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from surrogate.maps.layouts import PLANES
 
@@ -148,6 +151,7 @@ def joints_command(
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -157,7 +161,7 @@ def joints_command(
 ) -> None:
     """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers."""
     own = {"--points": str(points), "--layers": layers}
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
         if surrogate_file is not None:
             refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
@@ -199,6 +203,7 @@ def slice_command(
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -208,7 +213,7 @@ def slice_command(
 ) -> None:
     """Map the arm over tool points in a plane of the base frame."""
     own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
         _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
@@ -234,6 +239,7 @@ def box_command(
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -243,7 +249,7 @@ def box_command(
 ) -> None:
     """Map the arm over tool points in a box along the base's axes."""
     own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
         _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
@@ -274,6 +280,7 @@ def cylinder_command(
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -283,7 +290,7 @@ def cylinder_command(
 ) -> None:
     """Map the arm over tool points in a cylinder about the base's z axis."""
     own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path)
+    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
         _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
 
@@ -355,6 +362,7 @@ def index_command(
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -376,10 +384,12 @@ def index_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked, formats = asking.read_request(options), formats_of("index", options)
-        given = frame.model(model, links, load_path, without="the map", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, sets=sets, shown=True)
         wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
+        along = asked.objective.force
+        given = frame.at_load(given, at_load, DOWN if along is None else along, tool_of(given.robot, tool)[:3, 3])
         with frame.folder(seed) as folder, progress("map points") as bar:
-            content = files.make_index_map(given, asked, folder, wanted, seed, bar)
+            content = files.make_index_map(given, asked, folder, wanted, seed, bar) | stated_table(given.model)
         _say(content, frame)
 
 
@@ -389,9 +399,10 @@ def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, T
 
 def _shared(
     direction: Text, values: Text, tool: Text, normal: Text, file_format: Text, dask: Text, work: Path | None,
-    load_path: Text,
+    load_path: Text, at_load: float | None,
 ) -> dict[str, Text]:  # fmt: skip
     return {
+        "--at-load": None if at_load is None else repr(at_load),
         "--direction": direction, "--values": values, "--tool": tool, "--normal": normal, "--format": file_format,
         "--dask": dask, "--work": None if work is None else str(work), "--load-path": load_path,
     }  # fmt: skip
@@ -421,9 +432,10 @@ def _arm_map(
 
     # Before the model: shells take a while, and a wrong option need not wait for them.
     check_options(kind, options)
-    given = frame.model(model, links, options["--load-path"], without="the map", sets=sets, shown=True)
+    given = frame.model(model, links, options["--load-path"], sets=sets, shown=True)
     require_springs(given, "map")
     asked = read_map_options(given, kind, options, seed)
+    given = frame.at_load(given, asked.request.at_load, asked.request.direction, np.array(asked.request.tool)[:3, 3])
     html, svg, pictures = drawn
     work = options["--work"]
     wanted = Files(
@@ -441,7 +453,7 @@ def _surrogate_map(
     """Structural stiffness over the joint coordinates, from a surrogate."""
     from stiffarm.commands.maps import sweep
 
-    given = frame.model(model, links, load_path, without="the map", sets=sets, shown=True)
+    given = frame.model(model, links, load_path, sets=sets, shown=True)
     learned = sweep.read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")

@@ -137,6 +137,7 @@ def read_map_options(given: Arm, kind: str, options: Mapping[str, str | None], s
         merit=options.get("--best-by") or "stiffness",
         block=POINTS_SEARCHED if free else POINTS_GIVEN,
         seed=seed,
+        at_load=None if options.get("--at-load") is None else float(options["--at-load"] or 0.0),
     )
     return Asked(request, grid, formats_of(kind, options), reach, words, note)
 

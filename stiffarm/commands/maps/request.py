@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from fem import LINK_KINDS, ArmModel
 from fem.arm import Arm
-from fem.effects import build_arm
 from machining import Objective
 from machining.stiffness.distribution import EveryGamma
 from machining.stiffness.map_rows import index_rows
@@ -23,6 +22,7 @@ from robots.arrays import Array
 from robots.files.reading import parse_json
 from robots.library.models import parse_description, to_toml
 from stiffarm import __version__
+from stiffarm.session.stated import Given, at_load
 from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
@@ -42,7 +42,7 @@ class MapRequest:
 
     ``grid``: see :func:`grid_table`; ``pose``: rule and its figures, None for a joint layout; ``tool`` (4, 4) rows, m,
     on the flange; ``direction``, ``normal``: base axes; ``wanted``: short names of quantities; ``merit``: what a pose
-    is chosen by; ``block``: points in one.
+    is chosen by; ``block``: points in one; ``at_load``: N, at which an arm with effects is mapped, None: as usual.
     """
 
     model: str
@@ -59,6 +59,7 @@ class MapRequest:
     merit: str
     block: int
     seed: int
+    at_load: float | None = None
     version: str = __version__
     form: str = FORM
 
@@ -142,6 +143,11 @@ SHORTS: tuple[str, ...] = (*(row.short for row in table_of()), "uncertainty")
 MERITS: tuple[str, ...] = tuple(row.short for row in table_of() if row.merit is not None)
 
 
+def stated(given: Given, asked: MapRequest) -> Given:
+    """The arm at the load that a map is asked for."""
+    return at_load(given, asked.at_load, asked.direction, np.array(asked.tool)[:3, 3])
+
+
 def engine_of(asked: MapRequest, description: ModelDescription, model: ArmModel) -> Engine:
     """What evaluates a request. Errors as :class:`Quantities`."""
     tool, direction = np.array(asked.tool), np.array(asked.direction)
@@ -201,5 +207,5 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
         )  # fmt: skip
     kind = next(kind for kind in LINK_KINDS if kind == asked.links)
     path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
-    model = build_arm(description, kind, path)
-    return asked, engine_of(asked, description, model)
+    given = stated(Arm.of(description, kind, path), asked)
+    return asked, engine_of(asked, description, given.model)

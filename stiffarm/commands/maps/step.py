@@ -17,10 +17,11 @@ from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
-from stiffarm.session.caution import uncalibrated, warned
+from stiffarm.session.caution import caveats, warned
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
+from stiffarm.session.stated import stated_table
 from surrogate.maps.assembled import counts, figures, map_data
 from surrogate.maps.blocks import Engine, run_blocks
 from surrogate.maps.cluster import run_on
@@ -76,9 +77,10 @@ def make_map(
         if not np.any(data.reached):
             raise _out_of_reach(given, asked)
         content = statistics(engine, arrays, data, asked)
-        warning = uncalibrated(given)
+        warning = caveats(given)
         content["warning"] = warning or None
         content["messages"] += [warning] if warning else []
+        content |= stated_table(given.model)
         with folder.timed("files"):
             names, messages = write_files(given, data, folder, files, np.array(asked.request.tool)[:3, 3])
         content["messages"] += messages

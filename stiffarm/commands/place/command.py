@@ -30,6 +30,7 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
 from stiffarm.session.softness import require_springs
+from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import GammaOpt, parse_gammas
 from stiffarm.session.task_setup import (
@@ -165,6 +166,7 @@ def place(
     read: ReadOpt = None,
     operation: OperationOpt = None,
     tool_number: ToolNumberOpt = None,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -179,7 +181,8 @@ def place(
     placement.json into --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the placement", sets=sets, shown=True).as_designed
+        given = frame.model(model, links, load_path, sets=sets, shown=True).as_designed
+        given = frame.at_load(given, at_load)
         require_springs(given, "placement")
         described = read_cell(cell)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)), singular_least=singular)
@@ -217,7 +220,7 @@ def place(
                 step = place_along(
                     problem, given_path, how, notes, lambda _, done, total: bar(done, total), mapped=folder is not None
                 )
-            content = placement_payload.payload(step)
+            content = placement_payload.payload(step) | stated_table(given.model)
             if folder is not None:
                 _write(folder, model, given, step, content)
         frame.answer(content, lambda: _show(step))

@@ -34,6 +34,7 @@ from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import parse_numbers, parse_word
 from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
+from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
@@ -184,6 +185,7 @@ def post(
     tool_number: ToolNumberOpt = None,
     singular: SingularOpt = Drive.singular_least,
     seed: Seed = 0,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -196,7 +198,8 @@ def post(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         targets = parse_targets(formats, coordinates)
-        given = frame.model(model, links, load_path, without="the programs", sets=sets, shown=True)
+        given = frame.model(model, links, load_path, sets=sets, shown=True)
+        given = frame.at_load(given, at_load)
         setup = read_setup(model, given, cell, tool, part)
         carried = payload_of(given.description, payload, compensate=compensate)
         side = coming.parse_approach(approach, approach_deg, given.robot)
@@ -260,6 +263,7 @@ def post(
                 _check(run.posted.program, followed)
             positions = given.description.positions
             content = post_report.payload(run, positions) | {"effects_left_out": effects_left_out(given)}
+            content |= stated_table(given.model)
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder, positions)
         for note in not_corrected(given.description, compensate=compensate):

@@ -30,6 +30,7 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.path_options import OperationOpt, ReadOpt, ToolNumberOpt, reading
 from stiffarm.session.softness import require_springs
+from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import (
     GammaOpt,
@@ -132,6 +133,7 @@ def posture(
     operation: OperationOpt = None,
     tool_number: ToolNumberOpt = None,
     seed: Seed = 0,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -146,7 +148,8 @@ def posture(
     --out.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the postures", sets=sets, shown=True).as_designed
+        given = frame.model(model, links, load_path, sets=sets, shown=True).as_designed
+        given = frame.at_load(given, at_load)
         setup = read_setup(model, given, cell, tool, part)
         require_springs(given, "posture")
         expect(path, PATH, model=model)
@@ -185,6 +188,7 @@ def posture(
                 "links": given.model.link_kind,
                 "load_path": given.model.load_path,
                 "effects_left_out": effects_left_out(given),
+                **stated_table(given.model),
             }
             if folder is not None:
                 _write(folder, setup, model, given, posed, content, tool_path)

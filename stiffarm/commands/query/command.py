@@ -16,6 +16,7 @@ from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Out
+from stiffarm.session.stated import stated_table
 from stiffarm.session.table_kinds import SURROGATE, described, expect
 from surrogate import Surrogate, load_surrogate
 from surrogate import query as ask
@@ -87,8 +88,11 @@ def query(
             "load_direction": _load_direction(learned, along),
             "fixed_deg": dict(learned.fixed_deg),
             "errors": answers.surrogate_errors(learned),
+            **stated_table(learned.at_load),
             "answers": rows,
         }
+        # The first says how the links were modelled; the others, what a stiffness has in it and what not.
+        say_notes(learned.notes[1:])
         frame.reads(surrogate=surrogate_file, poses=table)
         with frame.folder_if() as folder:
             if folder is not None:

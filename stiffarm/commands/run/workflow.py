@@ -33,6 +33,7 @@ from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.stated import at_load
 from stiffarm.session.steps import FactorialRuns
 from stiffarm.session.workspace import WorkspaceStiffness, workspace_stiffness
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
@@ -173,7 +174,7 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
     for look in looks:
         d = look.found
         if d.in_model and d.used.n == used.n:
-            arm, after = look.written.arm, d.found.after
+            arm, after = at_load(look.written.arm), d.found.after
             errors_mm = after.fit_rms_mm, d.left_out_rms_mm[1]
             held_mm = None if d.held_out is None else d.held_out.rms_after_mm
             count = len(after.setting.data)

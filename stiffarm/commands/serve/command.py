@@ -21,9 +21,10 @@ from stiffarm.session.console import EXIT_OTHER, say
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, Sets
+from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
-from stiffarm.session.task_setup import CellOpt, read_setup
+from stiffarm.session.task_setup import CellOpt, effects_left_out, read_setup
 
 MIB = 1024 * 1024
 
@@ -36,6 +37,7 @@ def serve_command(
     longest: Annotated[
         int, typer.Option("--line-limit", metavar="MIB", help="Longest request line, in MiB.", min=1, max=1024)
     ] = LONGEST_LINE // MIB,
+    at_load: AtLoad = None,
     links: Links = None,
     load_path: LoadPathOpt = None,
     sets: Sets = None,
@@ -47,7 +49,8 @@ def serve_command(
     postprocessors; docs/reference/serve.md describes the protocol. Ends at the end of the input.
     """
     with command(debug=debug) as frame:
-        given = frame.model(model, links, load_path, without="the answers", sets=sets)
+        given = frame.model(model, links, load_path, sets=sets)
+        given = frame.at_load(given, at_load)
         setup = read_setup(model, given, cell, tool, part)
         session = open_session(given, setup)
         answers = _claim_stdout()
@@ -66,7 +69,8 @@ def open_session(given: Arm, setup: Setup) -> Session:
         "model_hash": model_hash(given),
         "links": given.model.link_kind,
         "load_path": given.model.load_path,
-        "effects_left_out": [effect.effect.code for effect in given.effects],
+        "effects_left_out": effects_left_out(given),
+        **stated_table(given.model),
         # A cell of --tool and --part has no name of its own.
         "cell": None if setup.arm is None else setup.cell.name,
     }

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fem.arm import Arm
+from fem.effects.secant import StatedLoad
 from robots.constants import NORMAL_95
 from stiffarm.commands.simulate.figures import readings_figure
 from stiffarm.pages.bars import ranked_figure
@@ -144,7 +145,7 @@ def _head(name: str) -> str:
 def _interval(given: Arm, q: Any, wrench: Any, k: float) -> tuple[float, float]:
     """The 95 % interval of the stiffness along the force by the model's calibration; NaN where nothing is known."""
     nothing = (np.nan, np.nan)
-    if given.description.calibration is None or given.effects or np.any(wrench[3:]):
+    if given.description.calibration is None or np.any(wrench[3:]):
         return nothing
     from doe.certainty.propagation import parameter_uncertainty, propagate
     from robots import InputError
@@ -153,7 +154,8 @@ def _interval(given: Arm, q: Any, wrench: Any, k: float) -> tuple[float, float]:
     if known is None:
         return nothing
     try:
-        e = NORMAL_95 * float(propagate(given.model, known, q[None], wrench[:3], widened=True).relative_sd[0])
+        model = given.at_load(StatedLoad(wrench[:3])).model
+        e = NORMAL_95 * float(propagate(model, known, q[None], wrench[:3], widened=True).relative_sd[0])
     except InputError:
         return nothing
     return k / (1.0 + e), k / (1.0 - e) if e < 1.0 else np.inf

@@ -52,7 +52,10 @@ def of_pose(
     d = np.sum([part[0] for part in parts.values()], axis=0) if parts else np.zeros(6)
     flagged(model.robot, d[None], "--pose under --load")
     force = wrench[:3]
-    along = float(d[:3] @ force) / float(force @ force) if force.any() else float("nan")
+    # What a load or a gauge adds is in the reading, and no compliance of the arm.
+    arm = d - np.sum([parts[e.effect.code][0] for e in given.effects if e.effect.code in parts and not
+                      e.effect.of_the_arm] or [np.zeros(6)], axis=0)  # fmt: skip
+    along = float(arm[:3] @ force) / float(force @ force) if force.any() else float("nan")
     return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},

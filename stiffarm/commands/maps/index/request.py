@@ -106,6 +106,7 @@ def map_request(given: Arm, asked: IndexRequest, seed: int) -> MapRequest:
         merit="stiffness",
         block=max(1, TARGETS // len(asked.gamma)),
         seed=seed,
+        at_load=None if given.model.secants is None else given.model.secants.load.size,
     )
 
 

@@ -1,0 +1,105 @@
+"""The load at which stiffnesses of an arm with effects are stated: what every answer says of it, in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+import typer
+
+from fem import ArmModel
+from fem.arm import Arm
+from fem.effects.base import PlacedEffect
+from fem.effects.secant import StatedAt, StatedLoad, worth
+from robots import require_positive
+from robots.arm_class import stated_load
+from robots.arrays import Array
+
+Given = TypeVar("Given", bound=Arm)
+DOWN = (0.0, 0.0, -1.0)
+# Poses by which the worth of what is left out is judged.
+JUDGED = 64
+
+AtLoad = Annotated[
+    float | None,
+    typer.Option(
+        "--at-load",
+        metavar="N",
+        help="Load in N at which stiffness is stated, for a model with effects that are not linear in the load, such "
+        "as backlash. Default: of the loads it was calibrated with, the one nearest to the rated load.",
+    ),
+]
+
+
+def at_load(
+    given: Given, size_N: float | None = None, direction: Sequence[float] | Array = DOWN, point: Array | None = None
+) -> Given:
+    """The arm with all its effects in its compliance, at a load: what is asked wherever an answer is in N/mm or mm.
+
+    Parameters
+    ----------
+    size_N : force; None: :func:`robots.arm_class.stated_load`
+    direction : of the force, base axes
+    point : (3,) m, flange frame, at which it acts; None: the model's tool point
+
+    Raises
+    ------
+    InputError
+        A load that is not above 0, or a law that fails.
+    """
+    require_positive("--at-load", size_N, remedy="give the load in N at which stiffness is asked")
+    size = stated_load(given.robot, given.description) if size_N is None else size_N
+    along = np.asarray(direction, dtype=np.float64)
+    return given.at_load(StatedLoad(size * along / np.linalg.norm(along), point))
+
+
+def stated_words(model: ArmModel) -> str:
+    """At which load a stiffness of this arm holds, and what is left out of it with its worth; empty where neither is.
+
+    ``model``: of :func:`at_load`.
+    """
+    s = model.secants
+    if s is None:
+        return ""
+    out = []
+    if s.bent:
+        out.append(f"Stiffness at a load of {_load_words(s.load)} (secant): {_codes(s.bent)} "
+                   f"{'is' if len(s.bent) == 1 else 'are'} not linear in the load.")  # fmt: skip
+    if s.left_out:
+        out.append(f"Left out of every stiffness: {_codes(s.left_out)}, worth {_worth(model):+.3g} N/mm (median of "
+                   "poses), which depends on more than pose and load.")  # fmt: skip
+    return " ".join(out)
+
+
+def stated_at(model: ArmModel) -> StatedAt | None:
+    """The same for files; None where there is nothing to say."""
+    s = model.secants
+    if s is None:
+        return None
+    carried, bent, left = (tuple(e.effect.code for e in some) for some in (s.carried, s.bent, s.left_out))
+    return StatedAt(s.load.size, carried, bent, left, _worth(model) if left else None)
+
+
+def stated_table(at: ArmModel | StatedAt | None) -> dict[str, Any]:
+    """The same for JSON, of an arm or of what was learned of one: an entry ``at_load``, or none."""
+    at = stated_at(at) if isinstance(at, ArmModel) else at
+    return {} if at is None else {"at_load": asdict(at)}
+
+
+def _worth(model: ArmModel) -> float:
+    robot = model.robot
+    low, high = np.clip(robot.limits, -np.pi, np.pi).T
+    drawn = np.random.default_rng(0).uniform(low, high, (16 * JUDGED, robot.dof))
+    return float(np.median(worth(model, drawn[robot.reachable(drawn)][:JUDGED]))) * 1e-3
+
+
+def _codes(effects: Sequence[PlacedEffect]) -> str:
+    return ", ".join(e.effect.code for e in effects)
+
+
+def _load_words(load: StatedLoad) -> str:
+    along = load.force / load.size
+    way = "downward" if np.allclose(along, DOWN) else "along " + ", ".join(f"{v + 0.0:.3g}" for v in along)
+    return f"{load.size:.4g} N {way}"
