@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from doe import Measurements, bundled_data, factorial_poses
+from doe import Measurements, bundled_data, factorial_poses, read_measurements
 from doe.estimation.study_plan import Factorial
 from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel, LinkKind, directional_stiffness
 from fem.arm import Arm
-from robots import InputError
+from robots import InputError, Robot
 from robots.arm_class import arm_class
 from robots.arrays import Array
-from robots.files.reading import read_sha256
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
@@ -67,12 +66,12 @@ def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None =
     return RigidJoints(given.model.link_kind, data.pose, *both)
 
 
-def bundled_sha256(robot: str) -> str | None:
-    """Hash of the measurement table bundled with a robot, or None."""
+def is_bundled(robot: Robot, table: Measurements) -> bool:
+    """Whether these are the readings bundled with a robot, by what they say."""
     try:
-        return read_sha256(bundled_data(robot), "measurement file")
+        return table.says_the_same(read_measurements(bundled_data(robot.name), robot))
     except InputError:
-        return None
+        return False
 
 
 def springs_seen(given: Arm, data: Measurements) -> tuple[str, ...]:

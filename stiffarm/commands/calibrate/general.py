@@ -56,8 +56,7 @@ def plan_of(given: Arm, table: Measurements, scheme_file: Path | None, *, staged
     """The scheme whose loads, bounds and gauge hold: the one given, or the bundled one of the bundled readings."""
     if staged or scheme_file is not None:
         return readings.read_scheme(given.robot, scheme_file)
-    bundled = table.sha256 == steps.bundled_sha256(given.robot.name)
-    return bundled_campaign(given.robot.name) if bundled else None
+    return bundled_campaign(given.robot.name) if steps.is_bundled(given.robot, table) else None
 
 
 def run(

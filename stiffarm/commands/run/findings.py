@@ -19,7 +19,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run import held_out
 from stiffarm.commands.run.link_models import LinkCalibrations, LinkModels
 from stiffarm.commands.run.missing import Look
-from stiffarm.session.steps import FactorialRuns, RigidJoints, bundled_sha256
+from stiffarm.session.steps import FactorialRuns, RigidJoints, is_bundled
 from surrogate import Surrogate, Trained
 
 
@@ -101,7 +101,7 @@ class Findings:
     @property
     def is_published(self) -> bool:
         """Whether these are the bundled readings of a published scheme: the paper's own remarks and doubts hold."""
-        return self.published is not None and self.data.sha256 == bundled_sha256(self.given.robot.name)
+        return self.published is not None and is_bundled(self.given.robot, self.data)
 
     @property
     def title(self) -> str:
