@@ -105,7 +105,7 @@ def study(
         u = parameter_uncertainty(with_origin(fit, data))
         assert u is not None
         model = fit.model
-        found = propagate(model, u, others, widened=True)
+        found = propagate(model, u, others)
         error = 1.0 / (fem.directional_stiffness(true, others) * found.compliance) - 1.0
         holds[k] = np.abs(error) <= NORMAL_95 * found.relative_sd
         lower[k], rough[k] = found.is_lower_bound, found.is_rough

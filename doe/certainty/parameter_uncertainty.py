@@ -24,6 +24,8 @@ from robots.schema.uncertainty import NumberStatus, NumberVariable, Undetermined
 SET_UP = ("load.", "point.")
 # Numbers of the file and of its covariance are written with nine digits or more.
 SAME = 1e-6
+# Degrees of freedom that stand for a normal distribution in a file, which holds no infinity.
+AS_NORMAL = 1e6
 # Poses at which a model is compared with the one that the description gives.
 COMPARED = 8
 REMEDY = "calibrate again, or take [calibration.uncertainty] out of the model file"
@@ -65,7 +67,8 @@ class ParameterUncertainty:
         1.96 standard deviations of whatever is linear in the variables then are its 95 % interval: exactly where
         all have the same degrees of freedom, else nearly.
         """
-        wider = student.ppf(0.975, self.degrees_of_freedom) / NORMAL_95
+        known = np.where(self.degrees_of_freedom >= AS_NORMAL, np.inf, self.degrees_of_freedom)
+        wider = student.ppf(0.975, known) / NORMAL_95
         return np.asarray(self.covariance * np.outer(wider, wider))
 
 

@@ -56,7 +56,8 @@ class Propagated:
     """The compliance along a unit wrench at n poses and its uncertainty.
 
     ``compliance`` (n,): m/N for a force. ``gradient`` (n, p): of ln(compliance) by the variables.
-    ``relative_sd`` (n,): standard deviation over compliance, the same for the stiffness to first order.
+    ``relative_sd`` (n,): standard deviation over compliance, the same for the stiffness to first order, times Student's
+    t over the normal quantile: 1.96 of it are 95 % (:attr:`ParameterUncertainty.widened`), wherever it is shown.
     ``open_share`` (n, m): by which share each of the m numbers and combinations ``open_names`` that the readings left
     open may change the compliance; it is not in ``relative_sd``. ``is_rough`` (n,): the first order does not hold.
     """
@@ -86,8 +87,6 @@ def propagate(
     q: Array,
     direction: Array | None = None,
     point: Array | None = None,
-    *,
-    widened: bool = False,
 ) -> Propagated:
     """Propagate the covariance of the calibrated numbers to the compliance along a direction.
 
@@ -98,7 +97,6 @@ def propagate(
     direction : force (3,) or (n, 3), or force and moment (6,) or (n, 6), base axes, its length does not matter (of
         six: of all six); default -Z
     point : (3,) or (n, 3) m, flange frame, instead of the model's tool point
-    widened : standard deviations times Student's t over the normal quantile, so that 1.96 of them are 95 %
 
     Raises
     ------
@@ -120,7 +118,7 @@ def propagate(
         )
     G /= C[:, None]
     p = len(uncertainty.names)
-    V = uncertainty.widened if widened else uncertainty.covariance
+    V = uncertainty.widened
     sd = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", G[:, :p], V, G[:, :p]), 0.0))
     rough = (sd > ROUGH) | _bent(bound, uncertainty, q, G)
     return Propagated(C, G[:, :p], sd, bound.open_names, np.abs(_open_change(bound, uncertainty, G)), rough)
@@ -172,8 +170,6 @@ def sampled(
     draws: int = 1000,
     direction: Array | None = None,
     point: Array | None = None,
-    *,
-    widened: bool = False,
 ) -> Array:
     """Compliances (draws, n) of models whose numbers are drawn from the normal distribution of their variables.
 
@@ -184,7 +180,7 @@ def sampled(
     q = as_poses(model.robot, q)
     bound = bind(uncertainty, model, q)
     load = _unit_wrench(direction, len(q))
-    u = _draws(bound, uncertainty, rng, draws, widened)
+    u = _draws(bound, uncertainty, rng, draws)
     out = np.empty((draws, len(q)))
     for rows, at in _batches(model, q, load, point):
         d = bound.free(at).displacements(u)
@@ -195,21 +191,19 @@ def sampled(
 def drawn_variables(
     uncertainty: ParameterUncertainty, model: ArmModel, q: Array, rng: np.random.Generator, draws: int
 ) -> Array:
-    """Variables (draws, p) of models whose numbers are drawn as in :func:`sampled`, widened.
+    """Variables (draws, p) of models whose numbers are drawn as in :func:`sampled`.
 
     Numbers that do not act on the compliance keep their value. ``q`` (n, dof) rad: some poses, to know the model by.
     """
     bound = bind(uncertainty, model, q)
     columns = bound.columns[: len(uncertainty.names)]
-    u = _draws(bound, uncertainty, rng, draws, widened=True)
+    u = _draws(bound, uncertainty, rng, draws)
     return np.where(columns >= 0, u[:, np.maximum(columns, 0)], uncertainty.estimate)
 
 
-def _draws(
-    bound: Bound, uncertainty: ParameterUncertainty, rng: np.random.Generator, draws: int, widened: bool
-) -> Array:
+def _draws(bound: Bound, uncertainty: ParameterUncertainty, rng: np.random.Generator, draws: int) -> Array:
     """Variables (draws, P) of the whole free model."""
-    V = uncertainty.widened if widened else uncertainty.covariance
+    V = uncertainty.widened
     acts = np.flatnonzero(bound.columns[: len(uncertainty.names)] >= 0)
     columns = bound.columns[acts]
     positive = np.array([bound.numbers.parameters[c].scale == "compliance" for c in columns], dtype=np.bool_)

@@ -23,11 +23,13 @@ class Simulation(Shown):
     """The tool's displacement at one pose under one load.
 
     ``displacement``: mm and mrad by name, ``dz_mm`` below zero under a downward load; ``stiffness_N_per_mm``: the
-    force over the displacement along it, None for a rigid arm or without a force; ``by_part``: what each part adds.
+    force over the displacement along it, None for a rigid arm or without a force; ``interval95_N_per_mm``: ends of its
+    95 % interval by the calibration, None where nothing is known, an open upper end None; ``by_part``: what each part adds.
     """
 
     displacement: Mapping[str, float]
     stiffness_N_per_mm: float | None  # noqa: N815 - the unit as the shop writes it
+    interval95_N_per_mm: tuple[float, float | None] | None  # noqa: N815 - as above
     by_part: Mapping[str, Mapping[str, float]]
     robot: str
 
@@ -89,7 +91,9 @@ def simulate(
     wrench = np.array(in_order(load, WRENCH_NAMES, "load"))
     with called():
         found = of_pose(arm, arm.pose(q_deg), wrench, rigid_joints)
-    return Simulation(found["displacement"], found["stiffness_N_per_mm"], found["by_part"], arm.name)
+    ends = found["interval95_N_per_mm"]
+    known = None if ends is None else (ends[0], ends[1])
+    return Simulation(found["displacement"], found["stiffness_N_per_mm"], known, found["by_part"], arm.name)
 
 
 def replay(arm: Arm, readings: Readings, *, rigid_joints: bool = False) -> Replayed:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from fem.arm import Arm
 from machining.cutting import Estimated, StiffnessUncertainty, SurfaceError
 from robots.arrays import Array
-from robots.constants import NORMAL_95
+from stiffarm.session import intervals
+from stiffarm.session.intervals import propagated
 from stiffarm.session.json_text import number
 
 
@@ -73,18 +72,5 @@ def half_widths(arm: Arm, q: Array, direction: Array, point: Array | None = None
     By the covariance that a calibration left in the model file; None where there is none. ``point`` (3,) m: the tool
     point in the flange frame.
     """
-    if arm.description.calibration is None:
-        return None
-    # Only calibrated models need them, and they take their time to load.
-    from doe.certainty.parameter_uncertainty import parameter_uncertainty
-    from doe.certainty.propagation import propagate
-
-    table = parameter_uncertainty(arm.description)
-    if table is None:
-        return None
-    return np.asarray(NORMAL_95 * propagate(arm.model, table, q, direction, point).relative_sd)
-
-
-def stiffness_interval(value: float, half: float) -> tuple[float, float]:
-    """Ends of a stiffness's 95 % interval from half its width as a share: it is the compliance that is off by it."""
-    return value / (1.0 + half), value / (1.0 - half) if half < 1.0 else float("inf")
+    found = propagated(arm.description, arm.model, q, direction, point)
+    return None if found is None else intervals.half_widths(found)

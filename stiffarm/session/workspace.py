@@ -10,7 +10,8 @@ import numpy as np
 from fem import ArmModel, compliance_budget, directional_stiffness
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
-from robots.constants import M_TO_MM, NORMAL_95
+from robots.constants import M_TO_MM
+from stiffarm.session.intervals import half_widths, propagated, stiffness_interval
 from stiffarm.session.json_text import number
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
@@ -123,24 +124,20 @@ def workspace_poses(robot: Robot, count: int = WORKSPACE_POSES) -> tuple[Array, 
     return full(Q), tuple(robot.coordinates[i] for i in columns)
 
 
-def workspace_stiffness(
-    description: ModelDescription, model: ArmModel, q: Array | None = None, values: Array | None = None
-) -> WorkspaceStiffness:
-    """Softest, median and stiffest pose under a vertical load.
+def workspace_stiffness(description: ModelDescription, model: ArmModel) -> WorkspaceStiffness:
+    """Softest, median and stiffest pose under a vertical load, of those of :func:`workspace_poses`.
 
     Parameters
     ----------
     description : that the model was built from: its calibration's covariance makes the intervals
-    q : (n, dof) rad, poses; default those of :func:`workspace_poses`
-    values : (n,) N/mm, their stiffness, where it is known already
 
     Raises
     ------
     InputError
         No pose can be taken, or nothing deflects under a vertical load.
     """
-    poses = workspace_poses(model.robot)[0] if q is None else q
-    stiffness = 1e-3 * directional_stiffness(model, poses) if values is None else values
+    poses = workspace_poses(model.robot)[0]
+    stiffness = 1e-3 * directional_stiffness(model, poses)
     order = np.argsort(np.where(np.isfinite(stiffness), stiffness, np.inf), kind="stable")
     count = int(np.count_nonzero(np.isfinite(stiffness)))
     if not count:
@@ -152,7 +149,7 @@ def workspace_stiffness(
     spots = []
     for k, name in enumerate(("softest", "median", "stiffest")):
         value, e, most = float(stiffness[rows[k]]), float(half[k]), int(np.argmax(budget.share[k]))
-        ends = (value / (1.0 + e), value / (1.0 - e) if e < 1.0 else np.inf if np.isfinite(e) else np.nan)
+        ends = stiffness_interval(value, e)
         spots.append(
             Spot(
                 name, tuple(np.degrees(at[k]).tolist()), tuple(tool[k].tolist()), value, *ends,
@@ -164,18 +161,13 @@ def workspace_stiffness(
 
 def _half_widths(description: ModelDescription, model: ArmModel, q: Array) -> tuple[Array, list[tuple[str, ...]]]:
     """Half-widths (n,) of the 95 % intervals of the compliance over it, NaN if unknown; what was left open at each."""
-    nothing: tuple[Array, list[tuple[str, ...]]] = np.full(len(q), np.nan), [() for _ in q]
-    if description.calibration is None:
-        return nothing
-    # Only calibrated models need them, and they take their time to load.
-    from doe.certainty.propagation import SHARE, parameter_uncertainty, propagate
-
-    known = parameter_uncertainty(description)
-    if known is None:
-        return nothing
     try:
-        found = propagate(model, known, q, widened=True)
+        found = propagated(description, model, q)
     except InputError:
-        return nothing
+        found = None
+    if found is None:
+        return np.full(len(q), np.nan), [() for _ in q]
+    from doe.certainty.propagation import SHARE
+
     names = [tuple(n for n, s in zip(found.open_names, row, strict=True) if s > SHARE) for row in found.open_share]
-    return NORMAL_95 * found.relative_sd, names
+    return half_widths(found), names

@@ -12,7 +12,7 @@ from fem.arm import Arm
 from machining import INDICES
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
 from stiffarm.commands.index.results import IndexAnswer, alone_words, cell
-from stiffarm.pages.arm_uncertainty import half_widths, stiffness_interval
+from stiffarm.pages.arm_uncertainty import half_widths
 from stiffarm.pages.blocks import percent
 from stiffarm.pages.numbers import ranged, significant
 from stiffarm.pages.report import Answer, Fold, KeyFigure, Picture, Section, Table, Text, write_page

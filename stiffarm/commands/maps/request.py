@@ -21,7 +21,9 @@ from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.files.reading import parse_json
 from robots.library.models import parse_description, to_toml
+from robots.robot import middle_pose
 from stiffarm import __version__
+from stiffarm.session.intervals import propagated
 from stiffarm.session.stated import Given, at_load
 from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
@@ -173,16 +175,16 @@ def uncertainty_of(
     description: ModelDescription, model: ArmModel, direction: Array, point: Array
 ) -> Callable[[Array], Array] | None:
     """Relative standard uncertainty (n,) of poses by the covariance that a calibration left in the model file."""
-    if description.calibration is None:
+    table = None if description.calibration is None else description.calibration.uncertainty
+    if table is None or propagated(description, model, middle_pose(model.robot)[None], direction, point) is None:
         return None
-    # Only calibrated models need them, and they take their time to load.
-    from doe.certainty.parameter_uncertainty import parameter_uncertainty
-    from doe.certainty.propagation import propagate
 
-    table = parameter_uncertainty(description)
-    if table is None:
-        return None
-    return lambda q: propagate(model, table, q, direction, point).relative_sd
+    def relative(q: Array) -> Array:
+        found = propagated(description, model, q, direction, point)
+        assert found is not None  # noqa: S101 - it was a line before
+        return found.relative_sd
+
+    return relative
 
 
 def evaluate(text: str, number: int) -> dict[str, Any]:

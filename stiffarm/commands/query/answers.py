@@ -9,6 +9,7 @@ import numpy as np
 
 from fem.statics.small_displacements import FLAG
 from stiffarm.session.console import say, show_table
+from stiffarm.session.intervals import stiffness_interval
 from stiffarm.session.json_text import number
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
@@ -49,7 +50,7 @@ def query_rows(
                 # In full: a bar may be far below the sixth digit.
                 **{n: float(v) for n, v in zip(surrogate.inputs, row, strict=True)},
                 name: value if np.isfinite(value) else None,
-                **_interval(surrogate, value, bar),
+                **_interval(value, bar),
                 "relative_error95": _finite(bar),
                 "relative_error95_surrogate": _finite(result.model_error[i]),
                 "relative_error95_calibration": _finite(result.parameter_error[i]),
@@ -66,13 +67,12 @@ def query_rows(
     return rows
 
 
-def _interval(surrogate: Surrogate, value: float, bar: float) -> dict[str, float | None]:
-    """The 95 % interval; a bar is of ``predicted / true - 1``, which a stiffness, a reciprocal, turns round."""
+def _interval(value: float, bar: float) -> dict[str, float | None]:
+    """The 95 % interval; of the compliance, so that it is the one that all others show."""
     if not (np.isfinite(bar) and np.isfinite(value)):
         return {"low95": None, "high95": None}
-    if surrogate.quantity.name == COMPLIANCE:
-        return {"low95": value * max(1.0 - bar, 0.0), "high95": value * (1.0 + bar)}
-    return {"low95": value / (1.0 + bar), "high95": value / (1.0 - bar) if bar < 1.0 else None}
+    low, high = stiffness_interval(value, bar)
+    return {"low95": low, "high95": _finite(high)}
 
 
 def flags(result: QueryResult, i: int) -> str:

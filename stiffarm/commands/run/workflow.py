@@ -20,8 +20,9 @@ from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
-from stiffarm.commands.maps import sweep
-from stiffarm.commands.maps.viewer import viewer_page
+from stiffarm.commands.maps.files import Files
+from stiffarm.commands.maps.options import read_map_options
+from stiffarm.commands.maps.step import make_map
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof
 from stiffarm.commands.run.findings import Findings, Recommended, slug
@@ -37,8 +38,6 @@ from stiffarm.session.stated import at_load
 from stiffarm.session.steps import FactorialRuns
 from stiffarm.session.workspace import WorkspaceStiffness, workspace_stiffness
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
-from surrogate.maps.data import MapData
-from surrogate.maps.quantities import STIFFNESS_ARRAY
 from surrogate.model import predict_compliance
 
 
@@ -79,14 +78,9 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
-            made = sweep.learned_map(arm, findings.surrogate, options.points, progress=bar)
-            drawn = sweep.write(made, arm, folder)
-            folder.write_text(
-                "map.html",
-                viewer_page(made, arm.description, arm.model, title=f"Stiffness map of the {findings.title}"),
-            )
-            drawn["files"].append("map.html")
-        stiffness = _at_the_tool(findings, made)
+            asked = read_map_options(arm, "joints", {"--points": str(options.points)}, options.seed)
+            drawn = make_map(arm, asked, folder, Files(asked.formats, html=True), bar)
+        stiffness = workspace_stiffness(arm.description, arm.model)
         for message in drawn["messages"]:
             say(f"note: {message}")
         told = None
@@ -208,13 +202,6 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
         trained[name] = learning.learn(description, model, plan.inputs, f.seed, folder, stem, name, degree=degree)
     check = _measured_pose_check(trained[f.best.name].best, f.best.model, f.used)
     return replace(f, factorial=factorial, trained=trained, pose_check=check)
-
-
-def _at_the_tool(f: Findings, made: MapData) -> WorkspaceStiffness:
-    """The recommended model's stiffness at the poses of the map."""
-    reached = np.asarray(made.reached)
-    values = np.asarray(made.fields[STIFFNESS_ARRAY].values)[reached]
-    return workspace_stiffness(f.best.description, f.best.model, np.asarray(made.q)[reached], values)
 
 
 def _write_results(

@@ -17,6 +17,8 @@ from stiffarm.session.parsing import DISPLACEMENT_NAMES
 from stiffarm.session.reading_checks import history_notes
 from stiffarm.session.softness import flagged
 
+UNITS = {"mm": slice(0, 3), "mrad": slice(3, 6)}
+
 
 def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, Any]:
     """Simulated against measured for every reading."""
@@ -40,10 +42,18 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, An
     error = (d - data.displacement) * 1e3
     return head(given, model, rigid_joints) | {
         "notes": [*data.notes, *notes],
-        "rms_mm": _rms(error[:, :3][data.used[:, :3]]),
-        "rms_mrad": _rms(error[:, 3:][data.used[:, 3:]]),
+        **{f"rms_{unit}": _rms(error[:, of][data.used[:, of]]) for unit, of in UNITS.items()},
+        # Both of single components, so that nothing simulated is 100 % off.
+        "rms_over_measured": {
+            unit: _ratio(error[:, of][data.used[:, of]], 1e3 * data.displacement[:, of][data.used[:, of]])
+            for unit, of in UNITS.items()
+        },
         "readings": rows,
     }
+
+
+def _ratio(error: Array, measured: Array) -> float | None:
+    return number(float(np.linalg.norm(error) / np.linalg.norm(measured))) if np.any(measured) else None
 
 
 def _rms(error: Array) -> float | None:

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from fem.arm import Arm
-from fem.effects.secant import StatedLoad
-from robots.constants import NORMAL_95
 from stiffarm.commands.simulate.figures import readings_figure
 from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.blocks import Pictures
@@ -51,8 +49,9 @@ def write_pose_report(
     most = max(parts, key=parts.__getitem__, default="nothing")
     key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool; {most} contributes most")]
     if k is not None:
-        low, high = (np.nan, np.nan) if result["rigid_joints"] else _interval(given, q, wrench, k)
-        known = np.isfinite(low)
+        ends = result["interval95_N_per_mm"]
+        known = ends is not None
+        low, high = (np.nan, np.nan) if ends is None else (ends[0], np.inf if ends[1] is None else ends[1])
         value = known_to(k, low, high) if known else significant(k)
         interval = f"95\u00a0%: {ranged(low, high, 'N/mm')}" if known else "no interval: not calibrated"
         key.insert(0, KeyFigure(f"{value} N/mm", "stiffness along the force", interval))
@@ -84,11 +83,11 @@ def write_table_report(given: Arm, result: Mapping[str, Any], made_of: str, fold
     unit = "mm" if result["rms_mm"] is not None else "mrad"
     rms = result[f"rms_{unit}"]
     worst = int(np.nanargmax(np.abs(errors)))
-    level = float(np.sqrt(np.nanmean(np.square(read))))
+    share = result["rms_over_measured"][unit]
     shown = f"{significant(rms)} {unit}"
     key = [
         KeyFigure(shown, "RMS of simulated minus measured"),
-        KeyFigure(f"{100.0 * rms / level:.2g}\u00a0%" if level else "–", "of what was read (RMS)"),
+        KeyFigure("–" if share is None else f"{100.0 * share:.2g}\u00a0%", "of what was read (RMS)"),
         KeyFigure(f"{significant(abs(errors[worst]))} {unit}", f"largest, in pose {rows[worst]['pose']}"),
     ]
     poses, loads = [row["pose"] for row in rows], np.array([float(row["load_N"]) for row in rows])
@@ -101,7 +100,7 @@ def write_table_report(given: Arm, result: Mapping[str, Any], made_of: str, fold
     by_pose = sorted(range(len(rows)), key=lambda k: (names.index(poses[k]), loads[k]))
     lede = (
         f"{len(rows)} readings at {len(names)} poses: simulated and measured differ by {shown} RMS, "
-        f"{'' if not level else f'{100.0 * rms / level:.2g} % of what was read'}."
+        f"{'' if share is None else f'{100.0 * share:.2g} % of what was read'}."
     )
     sections = [
         Section("The readings farthest off", (Table("", heads, tuple(cells[k] for k in order), text_columns=(0, 1)),)),
@@ -140,25 +139,6 @@ def _head(name: str) -> str:
         if found:
             return f"{what}{rest.replace('_', ' ')} ({unit})"
     return name.replace("_", " ")
-
-
-def _interval(given: Arm, q: Any, wrench: Any, k: float) -> tuple[float, float]:
-    """The 95 % interval of the stiffness along the force by the model's calibration; NaN where nothing is known."""
-    nothing = (np.nan, np.nan)
-    if given.description.calibration is None or np.any(wrench[3:]):
-        return nothing
-    from doe.certainty.propagation import parameter_uncertainty, propagate
-    from robots import InputError
-
-    known = parameter_uncertainty(given.description)
-    if known is None:
-        return nothing
-    try:
-        model = given.at_load(StatedLoad(wrench[:3])).model
-        e = NORMAL_95 * float(propagate(model, known, q[None], wrench[:3], widened=True).relative_sd[0])
-    except InputError:
-        return nothing
-    return k / (1.0 + e), k / (1.0 - e) if e < 1.0 else np.inf
 
 
 def _sure(given: Arm, result: Mapping[str, Any]) -> str:

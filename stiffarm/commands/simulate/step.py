@@ -11,10 +11,12 @@ from fem import ArmModel, deflection_by_part
 from fem.arm import Arm
 from fem.effects import History, observed
 from fem.effects.base import STAGES
+from fem.effects.secant import StatedLoad
 from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
+from stiffarm.session.intervals import interval_at, interval_json
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
@@ -56,11 +58,16 @@ def of_pose(
     arm = d - np.sum([parts[e.effect.code][0] for e in given.effects if e.effect.code in parts and not
                       e.effect.of_the_arm] or [np.zeros(6)], axis=0)  # fmt: skip
     along = float(arm[:3] @ force) / float(force @ force) if force.any() else float("nan")
+    ends = (np.nan, np.nan)
+    if not rigid_joints and along > 0.0 and not wrench[3:].any():
+        stated = given.at_load(StatedLoad(force)).model
+        ends = interval_at(given.description, stated, q, force, 1e-3 / along)
     return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
         "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
         "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
+        "interval95_N_per_mm": interval_json(ends),
         "by_part": {
             name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
             for name, part in parts.items()
@@ -188,7 +195,9 @@ def show(result: dict[str, Any]) -> None:
     if "field" in result:
         _show_field(result["field"])
     k = result["stiffness_N_per_mm"]
-    say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm"))
+    ends = result["interval95_N_per_mm"]
+    sure = "" if ends is None else f" (95 %: {ranged(ends[0], np.inf if ends[1] is None else ends[1], 'N/mm')})"
+    say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm{sure}"))
 
 
 def _show_field(found: dict[str, Any]) -> None:

@@ -106,10 +106,10 @@ def map_section(f: Findings, drawn: dict[str, Any], pictures: Pictures) -> Secti
     swept, layer = default_sweep(f.given.robot)
     text = f"{drawn['points']} poses swept over {', '.join(swept)}"
     text += f", with {layer} moving the tool out of the plane. " if layer else ". "
-    low, middle, high = (significant(k[name]) for name in ("min", "median", "max"))
+    low, high = (significant(k[name]) for name in ("min", "max"))
     text += (
-        f"Stiffness under a vertical load runs from {low} to {high} N/mm, median {middle} N/mm; it is largest "
-        "where the load passes through the joints. map.html is the map: turn it, cut it, pick points."
+        f"Stiffness under a vertical load runs from {low} to {high} N/mm; it is largest where the load passes through "
+        "the joints. map.html is the map: turn it, cut it, pick points."
     )
     views = {}
     for name in drawn["files"]:

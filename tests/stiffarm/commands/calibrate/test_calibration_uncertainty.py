@@ -45,7 +45,7 @@ def test_the_loaded_model_propagates_it(calibrated: Path) -> None:
     influence, _ = spring_influence(model, POSES, np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]))
     columns = [model.robot.joint_names.index(name.removesuffix(".stiffness")) for name in u.names]
     down = -influence[:, columns, 2]
-    by_hand = np.sqrt(np.einsum("ni,ij,nj->n", down, u.covariance, down)) / answer.compliance
+    by_hand = np.sqrt(np.einsum("ni,ij,nj->n", down, u.widened, down)) / answer.compliance
     np.testing.assert_allclose(answer.relative_sd, by_hand, rtol=1e-9)
 
 
