@@ -17,7 +17,7 @@ from robots.errors import InputError
 from robots.frames import unit_vector
 from robots.inverse.singularities import BLOCK, NEAR_SINGULAR, singularity_distance
 from surrogate.model import COMPLIANCE, Surrogate, predict, raw, refuse
-from surrogate.scope import Scope, count_rows
+from surrogate.scope import Scope, count_rows, every
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
@@ -108,8 +108,7 @@ def query(
         nothing but values beyond small displacements.
     """
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
-    inside: Bools = np.all(surrogate.inside(poses), axis=1)
-    reachable: Bools = np.all(surrogate.couplings.kept(poses), axis=1)
+    inside, reachable = every(surrogate.inside(poses)), every(surrogate.couplings.kept(poses))
     good = inside & reachable
     if not extrapolate and len(poses) and not good.any():
         raise InputError(
@@ -120,7 +119,8 @@ def query(
         )
     asked = np.ones(len(poses), dtype=np.bool_) if extrapolate else good
     value = np.full(len(poses), np.nan)
-    value[good] = _values(surrogate, poses[good], direction)
+    answered = poses if good.all() else poses[good]
+    value[good] = _values(surrogate, answered, direction)
     value[asked & ~good] = _extrapolated(surrogate, poses[asked & ~good], direction)
     if extrapolate and len(poses) and not np.isfinite(value).any():
         refuse(surrogate, value, ~good)

@@ -32,6 +32,8 @@ MANY = 3
 kernels = partial(compiled_loops, "surrogate.kernels")
 _plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
 _square_plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
+# Of squares, terms with all coefficients below this share of the largest are rounding of a fit.
+NOTHING = 1e-13
 # Rows of outputs that numpy squares at once.
 _BLOCK = 8_192
 
@@ -112,7 +114,8 @@ def _run(
 
 
 def _plan(compiled: ModuleType, expansion: Expansion, squares: bool = False) -> Plan:
-    kept = np.any(expansion.coefficients != 0.0, axis=1)
+    size = np.abs(expansion.coefficients).max(axis=1)
+    kept = size > (NOTHING * size.max() if squares else 0.0)
     kept[0] |= not kept.any()  # a sum of nothing still needs one term
     terms, coefficients = expansion.terms[kept], expansion.coefficients[kept]
     inputs = _input_order(terms)

@@ -145,7 +145,7 @@ class Scope:
 
     def holds(self, Q: Array) -> Bools:
         """Which poses (n, k) rad lie in the domain and keep the couplings (n,)."""
-        return self.inside(Q).all(axis=1) & self.couplings.kept(Q).all(axis=1)
+        return every(self.inside(Q)) & every(self.couplings.kept(Q))
 
 
 def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -161,6 +161,11 @@ def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
             remedy="give a range to each input, or make the input a fixed coordinate",
         )
     return lo, hi
+
+
+def every(kept: Bools) -> Bools:
+    """Which rows (n,) of (n, k) are all true; mostly all are, and going along short rows takes long."""
+    return np.ones(len(kept), dtype=np.bool_) if kept.all() else np.asarray(kept.all(axis=1))
 
 
 def _between(values: Array, lower: Array | float, upper: Array | float) -> Bools:
