@@ -126,7 +126,7 @@ def query(
         refuse(surrogate, value, ~good)
     known = direction is None or same_direction(direction, surrogate.load_direction)
     judged = good & known
-    model, parameters = _bars(surrogate, poses, value, judged)
+    model, parameters = _bars(surrogate, answered if known else answered[:0], value, judged)
     model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
     beyond = _beyond_small(surrogate, value)
@@ -179,16 +179,19 @@ def same_direction(a: Array, b: Sequence[float]) -> bool:
 
 
 def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:
-    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
-    model = np.full(len(poses), np.inf)
-    parameters = np.full(len(poses), np.nan)
+    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known.
+
+    ``poses``: those that are ``good`` (n,).
+    """
+    model = np.full(len(good), np.inf)
+    parameters = np.full(len(good), np.nan)
     if surrogate.bars is None:
         model[good] = np.nan
     else:
-        model[good] = surrogate.bars.half_width(poses[good])
+        model[good] = surrogate.bars.half_width(poses)
     if surrogate.parameters is not None:
         own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
-        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
+        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses, own)
     return model, parameters
 
 
