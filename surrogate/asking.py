@@ -11,17 +11,19 @@ import numpy as np
 from fem.statics.small_displacements import beyond_small, refuse_beyond
 from robots import Robot
 from robots.arm_class import usual_load
-from robots.arrays import Array, Bools
+from robots.arrays import Array, Bools, in_blocks
 from robots.constants import NORMAL_95
 from robots.errors import InputError
 from robots.frames import unit_vector
-from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from surrogate.model import COMPLIANCE, Surrogate, predict, refuse
-from surrogate.scope import Scope, count_rows
+from robots.inverse.singularities import BLOCK, NEAR_SINGULAR, singularity_distance
+from surrogate.model import COMPLIANCE, Surrogate, predict, raw, refuse
+from surrogate.scope import Scope, count_rows, every
 
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
 ROUGH_95 = 0.6
+# Of more poses than this, nearness to singularities is told only when asked for: it takes ten times the query.
+SINGULARITY_ROWS = 1_000
 # No structure is as stiff as this, m/N; beyond, 1/c overflows.
 _STIFFEST = 1e-300
 
@@ -43,7 +45,7 @@ class QueryResult:
         (:mod:`fem.statics.small_displacements`): the value does not hold. False for other quantities than stiffnesses,
         and where the robot is not known
     singularity : (n,) smallest singular value of the Jacobian at the tool point, lengths over the arm's
-        (:func:`robots.singularity_distance`); NaN if the robot is not known
+        (:func:`robots.singularity_distance`); NaN if the robot is not known or it was not asked for
     open : row -> what the calibration left open and what matters there: its error bar is a lower bound
     faults : row -> what is wrong with it, in words, for all rows outside
     """
@@ -80,7 +82,14 @@ class QueryResult:
         return np.isfinite(self.value)
 
 
-def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, direction: Array | None = None) -> QueryResult:
+def query(
+    surrogate: Surrogate,
+    Q: Array,
+    extrapolate: bool = False,
+    *,
+    direction: Array | None = None,
+    singularity: bool | None = None,
+) -> QueryResult:
     """Value with error bars and flags; Q (n, k) rad in the order of ``surrogate.inputs``.
 
     Rows outside of the domain or of a coupling are flagged and get no value.
@@ -90,6 +99,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
     extrapolate : give values there too, flagged and without error bar
     direction : (3,) another force direction, for a factored surrogate: values without error bars, which were learned
         for its own direction
+    singularity : tell how near each pose is to a singularity; None: for up to `SINGULARITY_ROWS` poses
 
     Raises
     ------
@@ -98,8 +108,7 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
         nothing but values beyond small displacements.
     """
     poses = surrogate.poses(Q, f"query of {surrogate.robot}")
-    inside: Bools = np.all(surrogate.inside(poses), axis=1)
-    reachable: Bools = np.all(surrogate.couplings.kept(poses), axis=1)
+    inside, reachable = every(surrogate.inside(poses)), every(surrogate.couplings.kept(poses))
     good = inside & reachable
     if not extrapolate and len(poses) and not good.any():
         raise InputError(
@@ -110,22 +119,23 @@ def query(surrogate: Surrogate, Q: Array, extrapolate: bool = False, *, directio
         )
     asked = np.ones(len(poses), dtype=np.bool_) if extrapolate else good
     value = np.full(len(poses), np.nan)
-    value[good] = _values(surrogate, poses[good], direction)
+    answered = poses if good.all() else poses[good]
+    value[good] = _values(surrogate, answered, direction)
     value[asked & ~good] = _extrapolated(surrogate, poses[asked & ~good], direction)
     if extrapolate and len(poses) and not np.isfinite(value).any():
         refuse(surrogate, value, ~good)
     known = direction is None or same_direction(direction, surrogate.load_direction)
     judged = good & known
-    model, parameters = _bars(surrogate, poses, value, judged)
+    model, parameters = _bars(surrogate, answered if known else answered[:0], value, judged)
     model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
     beyond = _beyond_small(surrogate, value)
-    near = (
-        np.full(len(poses), np.nan)
-        if surrogate.kinematics is None
-        else singularity_distance(surrogate.kinematics, full_poses(surrogate.kinematics, surrogate, poses)).sigma_min
-    )
-    faults = {int(i): surrogate.fault(poses[i]) for i in np.flatnonzero(~good)}
+    near, robot = np.full(len(poses), np.nan), surrogate.kinematics
+    if robot is not None and (len(poses) <= SINGULARITY_ROWS if singularity is None else singularity):
+        for rows in in_blocks(len(poses), BLOCK):
+            near[rows] = singularity_distance(robot, full_poses(robot, surrogate, poses[rows])).sigma_min
+    bad = np.flatnonzero(~good)
+    faults = dict(zip(bad.tolist(), surrogate.words_of_faults(poses[bad]), strict=True))
     return QueryResult(
         value, total, model, parameters, inside, reachable, beyond, near, _left_open(surrogate, poses, judged), faults
     )
@@ -154,14 +164,12 @@ def _values(surrogate: Surrogate, poses: Array, direction: Array | None) -> Arra
 
 
 def _extrapolated(surrogate: Surrogate, poses: Array, direction: Array | None) -> Array:
-    """Values far outside, one by one: NaN where the fit gives none."""
-    out = np.full(len(poses), np.nan)
-    for i in range(len(poses)):
-        try:
-            out[i] = _values(surrogate, poses[i : i + 1], direction)[0]
-        except InputError:
-            continue
-    return out
+    """Values far outside: NaN where the fit gives none."""
+    y = raw(surrogate, poses, direction)
+    if surrogate.quantity.name != COMPLIANCE:
+        return np.where(np.isfinite(y), y, np.nan)
+    fine = np.isfinite(y) & (y > _STIFFEST)
+    return np.where(fine, 1.0 / np.where(fine, y, 1.0), np.nan)
 
 
 def same_direction(a: Array, b: Sequence[float]) -> bool:
@@ -171,16 +179,19 @@ def same_direction(a: Array, b: Sequence[float]) -> bool:
 
 
 def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:
-    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
-    model = np.full(len(poses), np.inf)
-    parameters = np.full(len(poses), np.nan)
+    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known.
+
+    ``poses``: those that are ``good`` (n,).
+    """
+    model = np.full(len(good), np.inf)
+    parameters = np.full(len(good), np.nan)
     if surrogate.bars is None:
         model[good] = np.nan
     else:
-        model[good] = surrogate.bars.half_width(poses[good])
+        model[good] = surrogate.bars.half_width(poses)
     if surrogate.parameters is not None:
         own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
-        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
+        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses, own)
     return model, parameters
 
 
@@ -189,10 +200,10 @@ def _left_open(surrogate: Surrogate, poses: Array, good: Bools) -> dict[int, tup
     if p is None:
         return {}
     there = p.matters(poses) & good[:, None]
-    return {
-        int(i): tuple(n for n, yes in zip(p.undetermined, there[i], strict=True) if yes)
-        for i in np.flatnonzero(there.any(axis=1))
-    }
+    rows = np.flatnonzero(there.any(axis=1))
+    kinds, kind = np.unique(there[rows], axis=0, return_inverse=True)
+    names = [tuple(n for n, yes in zip(p.undetermined, one, strict=True) if yes) for one in kinds]
+    return dict(zip(rows.tolist(), (names[j] for j in kind.reshape(-1)), strict=True))
 
 
 def full_poses(robot: Robot, scope: Scope, Q: Array) -> Array:

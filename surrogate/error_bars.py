@@ -18,7 +18,7 @@ from robots.arrays import Array, Bools
 from robots.errors import InputError, require_at_least
 from surrogate.basis import Basis, polynomial_basis
 from surrogate.expansion import Expansion
-from surrogate.fast import evaluate
+from surrogate.fast import evaluate, sum_of_squares
 from surrogate.scope import Scope
 
 LEVEL = 0.95
@@ -82,7 +82,7 @@ class ParameterBars:
 
     def relative_sd(self, Q: Array, y: Array) -> Array:
         """Relative standard deviation (n,); Q (n, k) rad, the quantity y (n,)."""
-        return np.asarray(np.linalg.norm(evaluate(self.gradients, Q), axis=1) / np.abs(y))
+        return np.asarray(np.sqrt(sum_of_squares(self.gradients, Q)) / np.abs(y))
 
     def matters(self, Q: Array) -> Bools:
         """Which of ``undetermined`` matter at which pose (n, m); Q (n, k) rad."""
@@ -120,12 +120,12 @@ def learn_bars(basis: Basis, scope: Scope, Q_fitted: Array, Q: Array, error: Arr
 
 def _size(leverage: Expansion, scale: Expansion, exponent: float, Q: Array) -> Array:
     # Capped: far outside of the domain the quadratic runs away, and nothing is known there anyway.
-    log = scale(Q)[:, 0] + exponent * _log_leverage(leverage, Q)
+    log = evaluate(scale, Q)[:, 0] + exponent * _log_leverage(leverage, Q)
     return np.asarray(np.exp(np.minimum(log, 50.0)))
 
 
 def _log_leverage(leverage: Expansion, Q: Array) -> Array:
-    return np.asarray(np.log(np.sum(evaluate(leverage, Q) ** 2, axis=1) + 1e-30))
+    return np.asarray(np.log(sum_of_squares(leverage, Q) + 1e-30))
 
 
 def _leverage(basis: Basis, Q: Array) -> Expansion:

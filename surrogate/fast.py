@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Integers, in_blocks
 from robots.errors import InputError, require_at_least
 from robots.threads import compiled_loops, in_shares
 from surrogate.expansion import Expansion
@@ -31,6 +31,11 @@ MANY = 3
 # None where numba is not there.
 kernels = partial(compiled_loops, "surrogate.kernels")
 _plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
+_square_plans: WeakKeyDictionary[Expansion, Plan] = WeakKeyDictionary()
+# Of squares, terms with all coefficients below this share of the largest are rounding of a fit.
+NOTHING = 1e-13
+# Rows of outputs that numpy squares at once.
+_BLOCK = 8_192
 
 
 def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> Array:
@@ -60,39 +65,65 @@ def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> 
     return _run(compiled, expansion, plan, poses, threads)
 
 
+def sum_of_squares(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> Array:
+    """Sum of the outputs' squares (n,) at Q (n, k) rad, as of :func:`evaluate`, without holding the outputs.
+
+    Orthogonal mixtures of the outputs have the same one; of all mixtures the triangular one takes half the work.
+    """
+    poses = np.asarray(Q, dtype=np.float64)
+    compiled = kernels() if len(poses) * expansion.n_terms >= FEWEST else None
+    if compiled is None:
+        blocks = (evaluate(expansion, poses[rows], threads) for rows in in_blocks(len(poses), _BLOCK))
+        return np.concatenate([np.zeros(0), *(np.sum(y**2, axis=1) for y in blocks)])
+    plan = _square_plans.get(expansion)
+    if plan is None:
+        plan = _square_plans.setdefault(expansion, _plan(compiled, expansion, squares=True))
+    return _run(compiled, expansion, plan, poses, threads, squares=True)[:, 0]
+
+
 def backend() -> str:
     """What large batches are evaluated by: 'numba' or 'numpy'."""
     return "numpy" if kernels() is None else "numba"
 
 
-def _run(compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, threads: int | None) -> Array:
-    out = np.empty((len(poses), expansion.n_outputs))
-    kernel = compiled.sums if expansion.n_outputs < MANY else compiled.products
+def _run(
+    compiled: ModuleType, expansion: Expansion, plan: Plan, poses: Array, threads: int | None, squares: bool = False
+) -> Array:
+    out = np.empty((len(poses), 1 if squares else expansion.n_outputs))
+    many = squares or expansion.n_outputs >= MANY
     raw = 1 + (plan.figures[:, 1:3] * [2, 1]).sum(axis=1).max()
     # One row more: the angle itself has a place even where there are no polynomials.
     room = len(plan.first_entry) - 1 + raw + 1
 
     def share(part: slice) -> None:
         angles, found = np.array(poses[part], order="C"), out[part]
-        kernel(angles, plan, np.empty((room, compiled.BLOCK)), found)
+        work = np.empty((room, compiled.BLOCK))
+        if many:
+            compiled.products(angles, plan, work, found, squares)
+        else:
+            compiled.sums(angles, plan, work, found)
         # Not finite, or more turns than the compiled code takes off: as slow and as exact as numpy is.
         odd = np.isnan(found[:, 0])
         if odd.any():
             with np.errstate(invalid="ignore", over="ignore"):
-                found[odd] = expansion(angles[odd])
+                y = expansion(angles[odd])
+                found[odd] = np.sum(y**2, axis=1, keepdims=True) if squares else y
 
     in_shares(len(poses), SHARE, threads, share)
     return out
 
 
-def _plan(compiled: ModuleType, expansion: Expansion) -> Plan:
-    kept = np.any(expansion.coefficients != 0.0, axis=1)
+def _plan(compiled: ModuleType, expansion: Expansion, squares: bool = False) -> Plan:
+    size = np.abs(expansion.coefficients).max(axis=1)
+    kept = size > (NOTHING * size.max() if squares else 0.0)
     kept[0] |= not kept.any()  # a sum of nothing still needs one term
     terms, coefficients = expansion.terms[kept], expansion.coefficients[kept]
     inputs = _input_order(terms)
     terms = terms[:, inputs]
     order = np.lexsort(terms.T[::-1])
     terms, coefficients = terms[order], coefficients[order]
+    if squares:
+        coefficients = np.asarray(np.linalg.qr(coefficients.T, mode="r").T, dtype=np.float64)
     rows = np.empty_like(terms)
     figures, entries, first_row = [], [], 0
     for place, i in enumerate(inputs):
@@ -112,7 +143,7 @@ def _plan(compiled: ModuleType, expansion: Expansion) -> Plan:
     common = [*np.argmax(differ, axis=1), 0] if differ.size else [0]
     t, m = coefficients.shape
     weights = coefficients.T
-    if m >= MANY:
+    if squares or m >= MANY:
         leaves, outputs = compiled.LEAVES, compiled.OUTPUTS
         weights = np.zeros((-(-t // leaves) * leaves, -(-m // outputs) * outputs))
         weights[:t, :m] = coefficients

@@ -188,8 +188,11 @@ def sums(Q: Array, p: Plan, work: Array, out: Array) -> None:
 
 
 @compiled
-def products(Q: Array, p: Plan, work: Array, out: Array) -> None:
-    """As :func:`sums`, for many outputs: each product is formed once; eight at a time go to two outputs at a time."""
+def products(Q: Array, p: Plan, work: Array, out: Array, squares: bool) -> None:
+    """As :func:`sums`, for many outputs: each product is formed once; eight at a time go to two outputs at a time.
+
+    ``squares``: out (n, 1) is the sum of the outputs' squares; the weights are lower triangular then.
+    """
     k, padded = len(p.inputs), p.weights.shape[1]
     rows, last_leaf = len(p.first_entry) - 1, len(p.leaf_row) - 1
     F, G = work[:rows], work[rows:]
@@ -211,10 +214,23 @@ def products(Q: Array, p: Plan, work: Array, out: Array) -> None:
                 for b in range(BLOCK):
                     L[room, b] = P[k - 1, b] * F[row, b]
                 if room == LEAVES - 1 or leaf == last_leaf:
-                    _add_eight(p.weights, leaf - room, L, Y)
-        for b in range(min(BLOCK, len(Q) - start)):
-            for o in range(out.shape[1]):
-                out[start + b, o] = Y[o, b] + bad[b]
+                    # Row t of a triangle has nothing beyond output t.
+                    _add_eight(p.weights, leaf - room, L, Y[: leaf - room + LEAVES] if squares else Y)
+        if squares:
+            _add_squares(Y, bad, out[start : start + BLOCK, 0])
+        else:
+            for b in range(min(BLOCK, len(Q) - start)):
+                for o in range(out.shape[1]):
+                    out[start + b, o] = Y[o, b] + bad[b]
+
+
+@inlined
+def _add_squares(Y: Array, bad: Array, out: Array) -> None:
+    for o in range(len(Y)):
+        for b in range(BLOCK):
+            bad[b] += Y[o, b] * Y[o, b]
+    for b in range(len(out)):
+        out[b] = bad[b]
 
 
 @inlined

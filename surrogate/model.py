@@ -15,7 +15,7 @@ from robots.errors import InputError, require_one_of
 from robots.frames import unit_vector
 from surrogate.error_bars import ErrorBars, ParameterBars
 from surrogate.expansion import Expansion
-from surrogate.fast import evaluate
+from surrogate.fast import evaluate, sum_of_squares
 from surrogate.scope import ROWS_SHOWN, Scope, count_rows
 
 Target = Literal["direct", "logarithm", "factored"]
@@ -159,8 +159,17 @@ class Surrogate(Scope):
         return self.factor is not None
 
     @cached_property
-    def _along_load(self) -> Expansion:
-        return self.along(np.array(self.load_direction))
+    def _along_load(self) -> list[tuple[Expansion | None, Expansion]]:
+        return self._weighted(np.array(self.load_direction))
+
+    def _weighted(self, direction: Array) -> list[tuple[Expansion | None, Expansion]]:
+        """Rows along a direction (3,) by their weight, None for 1."""
+        assert self.factor is not None  # noqa: S101 - asked only of factored ones
+        rows, weights = self.along(direction), (*self.factor.weights, None)
+        return [
+            (weights[g], Expansion(rows.families, rows.terms, rows.coefficients[:, self.factor.group == g]))
+            for g in np.unique(self.factor.group)
+        ]
 
     def along(self, direction: Array) -> Expansion:
         """Rows of a factored surrogate times a force direction (3,): (n, r) numbers, whose weighted squares add up."""
@@ -181,14 +190,21 @@ def predict(surrogate: Surrogate, Q: Array, direction: Array | None = None) -> A
         Wrong shape, an angle that is not finite, so far outside of the domain that the fit overflows, or another
         direction of a surrogate that knows only one.
     """
-    poses = surrogate.poses(Q, f"query of {surrogate.robot}")
-    # Far outside of the domain anything may overflow; what comes of it is refused just below.
+    y = raw(surrogate, surrogate.poses(Q, f"query of {surrogate.robot}"), direction)
+    refuse(surrogate, y, ~np.isfinite(y))
+    return y
+
+
+def raw(surrogate: Surrogate, poses: Array, direction: Array | None = None) -> Array:
+    """As `predict` at finite poses (n, k) rad, whatever the fit gives there, NaN and infinity too."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         if surrogate.factor is not None:
-            rows = (
-                surrogate.along(unit_vector(direction, "direction")) if direction is not None else surrogate._along_load
-            )
-            y = np.sum(surrogate.factor.weight(poses) * evaluate(rows, poses) ** 2, axis=1)
+            known = direction is None
+            rows = surrogate._along_load if known else surrogate._weighted(unit_vector(direction, "direction"))
+            y = np.zeros(len(poses))
+            for law, part in rows:
+                square = sum_of_squares(part, poses)
+                y += square if law is None else np.exp(evaluate(law, poses)[:, 0]) * square
         elif direction is not None:
             raise InputError(
                 "direction of a query",
@@ -200,7 +216,6 @@ def predict(surrogate: Surrogate, Q: Array, direction: Array | None = None) -> A
             y = evaluate(surrogate.expansion, poses)[:, 0]
             if surrogate.target == "logarithm":
                 y = np.exp(y)
-    refuse(surrogate, y, ~np.isfinite(y))
     return np.asarray(y)
 
 

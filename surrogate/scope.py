@@ -127,20 +127,25 @@ class Scope:
 
     def faults(self, Q: Array) -> list[str]:
         """Say what is wrong with the first few poses outside of the domain or the couplings, in degrees."""
-        bad = ~(self.inside(Q).all(axis=1) & self.couplings.kept(Q).all(axis=1))
-        return [f"row {i + 1}: {self.fault(Q[i])}" for i in np.flatnonzero(bad)[:ROWS_SHOWN]]
+        bad = np.flatnonzero(~self.holds(Q))[:ROWS_SHOWN]
+        return [f"row {i + 1}: {words}" for i, words in zip(bad, self.words_of_faults(Q[bad]), strict=True)]
 
-    def fault(self, pose: Array) -> str:
-        """Say what is wrong with one pose (k,) outside of the domain or the couplings, in degrees."""
-        out = []
-        for j in np.flatnonzero(~self.inside(pose[None])[0]):
-            out.append(f"{self.inputs[j]} = {_range(pose[j], self.lower[j], self.upper[j])}")
+    def words_of_faults(self, Q: Array) -> list[str]:
+        """Say what is wrong with each pose (n, k) outside of the domain or the couplings, in degrees."""
+        out: list[list[str]] = [[] for _ in Q]
         c = self.couplings
-        for j in np.flatnonzero(~c.kept(pose[None])[0]):
-            factors = c.matrix[j]
+        named = [(f"{name} =", self.lower[j], self.upper[j]) for j, name in enumerate(self.inputs)]
+        for name, factors, low, high in zip(c.names, c.matrix, c.lower, c.upper, strict=True):
             terms = " ".join(f"{f:+g} {n}" for f, n in zip(factors, self.inputs, strict=True) if f != 0.0)
-            out.append(f"{c.names[j]}: {terms} = {_range(factors @ pose, c.lower[j], c.upper[j])}")
-        return "; ".join(out)
+            named.append((f"{name}: {terms} =", low, high))
+        for (name, low, high), values in zip(named, (*Q.T, *(c.matrix @ Q.T)), strict=True):
+            for i in np.flatnonzero(~_between(values, low, high)):
+                out[i].append(f"{name} {_range(values[i], low, high)}")
+        return ["; ".join(words) for words in out]
+
+    def holds(self, Q: Array) -> Bools:
+        """Which poses (n, k) rad lie in the domain and keep the couplings (n,)."""
+        return every(self.inside(Q)) & every(self.couplings.kept(Q))
 
 
 def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
@@ -158,7 +163,12 @@ def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
     return lo, hi
 
 
-def _between(values: Array, lower: Array, upper: Array) -> Bools:
+def every(kept: Bools) -> Bools:
+    """Which rows (n,) of (n, k) are all true; mostly all are, and going along short rows takes long."""
+    return np.ones(len(kept), dtype=np.bool_) if kept.all() else np.asarray(kept.all(axis=1))
+
+
+def _between(values: Array, lower: Array | float, upper: Array | float) -> Bools:
     return np.asarray((values >= lower - LIMIT_TOLERANCE_RAD) & (values <= upper + LIMIT_TOLERANCE_RAD))
 
 

@@ -24,7 +24,7 @@ from doe.estimation.estimate import Estimate, check_enough, seen_columns
 from doe.estimation.least_squares import ROUNDING, bounded_step, minimise, prior_residual
 from doe.estimation.problem import Problem
 from robots import InputError
-from robots.arrays import Array, Bools, Indices, Integers
+from robots.arrays import Array, Bools, Indices, Integers, in_blocks
 from robots.progress import Progress
 
 # A pose whose readings hold all but this share of what is known in some direction is left out by a fit anew.
@@ -34,6 +34,8 @@ SHARE_LEFT = 1e-3
 NEAR = 0.3
 # Slopes at a bound below this share of their size are rounding.
 LEVEL = 1e-9
+# Numbers that poses take while they are left out together: some 40 MB.
+_BLOCK = 1_000_000
 # Progress is told this often.
 TOLD = 100
 
@@ -50,9 +52,19 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
     reasons = dict[str, str]()
     order = np.argsort(p.pose, kind="stable")
     ends = np.searchsorted(p.pose[order], np.arange(len(p.poses) + 1))
-    for k, label in enumerate(p.poses):
+    each, done = np.diff(ends), np.zeros(len(p.poses), dtype=np.bool_)
+    for n in np.unique(each[each > 0]):
+        alike = np.flatnonzero(each == n)
+        for part in in_blocks(len(alike), max(1, _BLOCK // (n * (n + len(e.u))))):
+            k = alike[part]
+            mine = order[ends[k][:, None] + np.arange(n)]
+            fine, *values = whole.all_without(mine)
+            done[k], mine = fine, mine[fine]
+            error[mine], variance[mine], size[mine] = (v[fine] for v in values)
+    for k in np.flatnonzero(~done):
+        label = p.poses[k]
         if progress is not None and k % max(len(p.poses) // TOLD, 1) == 0:
-            progress(k, len(p.poses))
+            progress(int(k), len(p.poses))
         mine = order[ends[k] : ends[k + 1]]
         step = whole.step_without(mine)
         try:
@@ -136,6 +148,48 @@ class _Whole:
             return None
         return step
 
+    def all_without(self, mine: Indices) -> tuple[Bools, Array, Array, Array]:
+        """Errors, variances and sizes of the noise (k, n) of poses with components ``mine`` (k, n), each left out.
+
+        What :meth:`step_without`, :meth:`predicted` and :meth:`size_without` give of one, by matrices (n, n): the
+        inverse of ``I - Q^T Q`` is ``I + Q^T (I - Q Q^T)^-1 Q``. The first value (k,): for which poses this holds;
+        others need a fit anew, meet a bound, or have something to say.
+        """
+        (low, high), n = self.room, mine.shape[1]
+        J, Q, own = self.e.jacobian[mine], self.Q[mine], self.white[mine]
+        use = np.flatnonzero((low < 0.0) & (high > 0.0) & self.R.any(axis=0))
+        norm = np.linalg.norm(self.R[:, use], axis=0)
+        U, s, V = np.linalg.svd(self.R[:, use] / norm, full_matrices=False)
+        if len(s) < len(use) or (s <= ROUNDING * s.max(initial=0.0)).any():
+            return np.zeros(len(mine), dtype=np.bool_), *np.zeros((3, *mine.shape))
+        left, way = np.linalg.eigh(np.eye(n) - Q @ Q.swapaxes(1, 2))
+        half = way.swapaxes(1, 2) / np.sqrt(np.maximum(left, SHARE_LEFT))[:, :, None]
+        # The step: where it is free in all variables used, and what pulls at those that stand at a bound.
+        h = self.g - _times(Q.swapaxes(1, 2), own)
+        P, H = Q @ U, h @ U
+        inner = np.eye(n) - P @ P.swapaxes(1, 2)
+        inner[left[:, 0] < SHARE_LEFT] = np.eye(n)
+        y = H + _times(P.swapaxes(1, 2), np.linalg.solve(inner, _times(P, H)[:, :, None])[:, :, 0])
+        step = np.zeros((len(mine), len(low)))
+        step[:, use] = (y / s) @ V / norm
+        moved = y @ U.T
+        pull = (h - moved + _times(Q.swapaxes(1, 2), _times(Q, moved))) @ self.R
+        size = np.sqrt(np.maximum(np.sum(self.R**2, axis=0) - np.sum((Q @ self.R) ** 2, axis=1), 0.0))
+        rest = LEVEL * size * np.sqrt(np.sum(h**2, axis=1) + np.sum(_times(half, _times(Q, h)) ** 2, axis=1))[:, None]
+        fine = (left[:, 0] >= SHARE_LEFT) & ((step >= low) & (step <= high)).all(axis=1)
+        at_low, at_high = (low >= 0.0) & (pull <= rest), (high <= 0.0) & (pull >= -rest)
+        fine &= ((low < 0.0) & (high > 0.0) | at_low | at_high).all(axis=1)
+        if not self.e.problem.is_linear:
+            fine &= np.linalg.norm(moved, axis=1) <= NEAR
+        fine &= ~moves_with(J, self.seen, self.null).any(axis=1)
+        B = J @ self.turn
+        variance = np.sum(B**2, axis=2) + np.sum((half @ (Q @ B.swapaxes(1, 2))) ** 2, axis=1)
+        total, spare, share = float(self.white @ self.white), len(self.white) - Q.shape[2], np.ones(len(mine))
+        if total > 0.0 and spare > n:
+            drop = np.sum(_times(half, own) ** 2, axis=1)
+            share = np.maximum(total - drop, 0.0) / (spare - n) / min(total / spare, 1.0)
+        return fine, self.e.residual[mine] - _times(J, step), variance, np.repeat(share[:, None], n, axis=1)
+
     def predicted(self, mine: Indices, step: Array) -> tuple[Array, Array, list[str]]:
         """Errors of the components ``mine`` after a step, their variances by the parameters, and unknown ones.
 
@@ -204,9 +258,19 @@ def moving_with(p: Problem, J: Array, seen: Bools, null: Array) -> list[str]:
     ``seen`` (p,): those that the readings behind an estimate move with; ``null`` (d, p): directions that they leave
     open.
     """
-    moves = np.linalg.norm(J, axis=0) > 1e-9 * np.linalg.norm(J)
-    open_ = ~seen & moves
-    for row in null:
-        if np.linalg.norm(J @ row) > 1e-6 * np.linalg.norm(J * row):
-            open_ |= row != 0.0
+    open_ = moves_with(J[None], seen, null)[0]
     return [q.name for q, unknown in zip(p.parameters, open_, strict=True) if unknown]
+
+
+def moves_with(J: Array, seen: Bools, null: Array) -> Bools:
+    """Which parameters (k, p) :func:`moving_with` names, of k groups of readings with derivatives J (k, n, p)."""
+    open_ = ~seen & (np.linalg.norm(J, axis=1) > 1e-9 * np.sqrt(np.sum(J**2, axis=(1, 2)))[:, None])
+    for row in null:
+        mixed = np.linalg.norm(J @ row, axis=1) > 1e-6 * np.sqrt(np.sum((J * row) ** 2, axis=(1, 2)))
+        open_ |= mixed[:, None] & (row != 0.0)
+    return np.asarray(open_)
+
+
+def _times(A: Array, x: Array) -> Array:
+    """Matrices (k, m, n) times vectors (k, n), one by one."""
+    return np.asarray((A @ x[:, :, None])[:, :, 0])

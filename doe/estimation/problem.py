@@ -234,12 +234,14 @@ def _first_apart(value: Array, group: Integers, fresh: Bools) -> Integers:
     What sticks, or has to settle, makes the first cycle another one than those after it: no scatter, and no outliers.
     """
     out, apart, within = 2 * group, [], []
-    order = np.argsort(group, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+    # Of most groups there is nothing to compare.
+    firsts, laters = (np.bincount(group[which], minlength=1 + group.max(initial=0)) for which in (fresh, ~fresh))
+    known = np.flatnonzero(((firsts > 0) & (laters > 1))[group])
+    order = known[np.argsort(group[known], kind="stable")]
+    for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(order) else ():
         first, later = value[rows[fresh[rows]]], value[rows[~fresh[rows]]]
-        if len(first) and len(later) > 1:
-            apart.append(abs(float(first.mean() - np.median(later))))
-            within.append(float(np.median(np.abs(later - np.median(later)))))
+        apart.append(abs(float(first.mean() - np.median(later))))
+        within.append(float(np.median(np.abs(later - np.median(later)))))
     differ = len(apart) >= FEWEST_FIRST and np.median(apart) > FIRST_APART * np.median(within)
     return out + fresh if differ else out
 

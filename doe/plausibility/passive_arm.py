@@ -225,8 +225,10 @@ class Frozen:
         )
 
 
-def refuse_frozen(model: ArmModel, data: Measurements) -> None:
+def refuse_frozen(model: ArmModel, data: Measurements, whole: Problem | None = None) -> None:
     """Refuse tables in which nothing moved, or a column that stands still where the arm cannot; each file by itself.
+
+    ``whole``: all readings, with nothing set free, where that has been set up already.
 
     Raises
     ------
@@ -237,8 +239,9 @@ def refuse_frozen(model: ArmModel, data: Measurements) -> None:
     """
     files = files_of(data) or (data.source,) * data.n
     faults = []
+    several = set(files)
     for file in dict.fromkeys(files):
-        mine = data.select(np.array([name == file for name in files]))
+        mine = data if len(several) == 1 else data.select(np.array([name == file for name in files]))
         if not np.nan_to_num(mine.displacement).any():
             faults.append(
                 InputError(
@@ -248,7 +251,8 @@ def refuse_frozen(model: ArmModel, data: Measurements) -> None:
                 )
             )
         else:
-            faults += [one.fault(file) for one in frozen_columns(PassiveArm.of(problem(model, mine, ())))]
+            p = problem(model, mine, ()) if whole is None or mine is not data else whole
+            faults += [one.fault(file) for one in frozen_columns(PassiveArm.of(p))]
     raise_any(data.source, faults)
 
 

@@ -84,20 +84,20 @@ def _groups(data: Measurements, size: Array) -> list[Indices]:
     """Rows of each cycle, in order of first appearance."""
     unit = np.round(data.wrench / np.maximum(size, 1e-300)[:, None], SAME) + 0.0
     point = np.round(np.nan_to_num(data.point, nan=1e9), 9) + 0.0
-    by_step = np.isfinite(data.step)
+    # With steps one direction stands for a line: the first component that is not zero is positive.
+    first = np.take_along_axis(unit, np.argmax(unit != 0.0, axis=1)[:, None], axis=1)
+    unit = np.where(np.isfinite(data.step)[:, None] & (first < 0.0), 0.0 - unit, unit)
     groups: dict[object, list[int]] = {}
-    for i in range(data.n):
-        way = tuple(unit[i].tolist())
-        if by_step[i]:
-            # One direction stands for a line: the first component that is not zero is positive.
-            first = next((v for v in way if v != 0.0), 1.0)
-            way = tuple(v * np.sign(first) + 0.0 for v in way)
-        groups.setdefault((data.pose[i], data.repeat[i], way, tuple(point[i].tolist())), []).append(i)
+    for i, key in enumerate(zip(data.pose, data.repeat, map(bytes, np.hstack([unit, point])), strict=True)):
+        groups.setdefault(key, []).append(i)
     return [np.array(rows, dtype=np.intp) for rows in groups.values()]
 
 
 def _ranks(data: Measurements, size: Array, rows: Indices) -> Indices | None:
     """Places (k,) of a cycle's readings in time, from 0, equal at one time; None where that is not known."""
+    if len(rows) == 1:
+        alone = np.isfinite(data.step[rows[0]]) or data.phase[rows[0]] is not None
+        return np.zeros(1, dtype=np.intp) if alone else None
     step, load = data.step[rows], size[rows]
     # Opposite loads of one size are different loads, as steps may lead from one to the other.
     turned = data.wrench[rows] @ data.wrench[rows[0]] < 0.0

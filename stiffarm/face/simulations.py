@@ -24,7 +24,8 @@ class Simulation(Shown):
 
     ``displacement``: mm and mrad by name, ``dz_mm`` below zero under a downward load; ``stiffness_N_per_mm``: the
     force over the displacement along it, None for a rigid arm or without a force; ``interval95_N_per_mm``: ends of its
-    95 % interval by the calibration, None where nothing is known, an open upper end None; ``by_part``: what each part adds.
+    95 % interval by the calibration, None where nothing is known, an open upper end None; ``by_part``: what each part
+    adds.
     """
 
     displacement: Mapping[str, float]

@@ -68,6 +68,7 @@ class Surrogate(Shown):
         *,
         extrapolate: bool = False,
         direction: Sequence[float] | None = None,
+        singularity: bool | None = None,
     ) -> Answers:
         """Value at poses with its 95 % interval and flags; outside of what was learned there is no value.
 
@@ -77,25 +78,24 @@ class Surrogate(Shown):
             an input that is not named is 0
         extrapolate : answer outside of the domain too, flagged
         direction : another load direction, base axes; needs the factored basis
+        singularity : flag poses near a singularity; default: for up to 1000 poses, since it takes ten times the query
 
         Raises
         ------
         InputError
             A coordinate that the surrogate does not have, or an angle that is no finite number.
         """
-        from stiffarm.commands.query.answers import query_rows, value_name
+        from stiffarm.commands.query.answers import flag_words, query_columns, value_name
         from surrogate import query
 
-        poses = _poses(q_deg)
-        inputs = self.learned.inputs
-        degrees = np.array([in_order(pose, inputs, "q_deg", "number of degrees") for pose in poses])
-        degrees = degrees.reshape(len(poses), len(inputs))
+        degrees = _degrees(q_deg, self.learned.inputs)
         along = None if direction is None else np.array(direction, dtype=np.float64)
         with called():
-            result = query(self.learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
-            found = query_rows(self.learned, degrees, [str(k) for k in range(1, len(poses) + 1)], result)
-        name = value_name(self.learned)[0]
-        return Answers(frame(found)[[*inputs, name, "low95", "high95", "flags"]], name)
+            result = query(
+                self.learned, np.radians(degrees), extrapolate=extrapolate, direction=along, singularity=singularity
+            )
+            found = query_columns(self.learned, degrees, result)
+        return Answers(frame({**found, "flags": flag_words(result)}), value_name(self.learned)[0])
 
     def save(self, file: str | Path) -> Path:
         """Write the surrogate; returns the path.
@@ -124,12 +124,24 @@ class Surrogate(Shown):
         return path
 
 
-def _poses(q_deg: Mapping[str, float] | Sequence[Mapping[str, float]] | pd.DataFrame) -> list[Mapping[str, float]]:
-    if isinstance(q_deg, Mapping):
-        return [q_deg]
-    if isinstance(q_deg, Sequence):
-        return list(q_deg)
-    return [{str(name): float(value) for name, value in row.items()} for row in q_deg.to_dict("records")]
+def _degrees(
+    q_deg: Mapping[str, float] | Sequence[Mapping[str, float]] | pd.DataFrame, inputs: tuple[str, ...]
+) -> Array:
+    """Angles (n, k) of the inputs."""
+
+    def one(pose: Mapping[str, float]) -> list[float]:
+        return in_order(pose, inputs, "q_deg", "number of degrees")
+
+    if isinstance(q_deg, Mapping | Sequence):
+        found = [one(pose) for pose in ([q_deg] if isinstance(q_deg, Mapping) else q_deg)]
+        return np.array(found, dtype=np.float64).reshape(len(found), len(inputs))
+    names = [str(name) for name in q_deg.columns]
+    one(dict.fromkeys(names, 0.0))
+    out = np.zeros((len(q_deg), len(inputs)))
+    out[:, [inputs.index(name) for name in names]] = q_deg
+    for row in np.flatnonzero(~np.isfinite(out).all(axis=1))[:1]:
+        one(dict(zip(inputs, out[row].tolist(), strict=True)))
+    return out
 
 
 def fit(

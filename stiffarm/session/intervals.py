@@ -38,18 +38,30 @@ def half_widths(found: Propagated) -> Array:
     return np.asarray(NORMAL_95 * found.relative_sd)
 
 
+def stiffness_ends(value: Array, half: Array) -> tuple[Array, Array]:
+    """Ends (n,) of the 95 % intervals of stiffnesses from half their widths as a share.
+
+    It is the compliance that is off by the share; an upper end of infinity means that there is none, NaN that nothing
+    is known.
+    """
+    high = np.where(
+        half < 1.0, value / np.where(half < 1.0, 1.0 - half, 1.0), np.where(np.isfinite(half), np.inf, np.nan)
+    )
+    return np.asarray(value / (1.0 + half)), np.asarray(high)
+
+
 def stiffness_interval(value: float, half: float) -> tuple[float, float]:
-    """Ends of a stiffness's 95 % interval from half its width as a share: it is the compliance that is off by it."""
-    high = value / (1.0 - half) if half < 1.0 else np.inf if np.isfinite(half) else np.nan
-    return value / (1.0 + half), float(high)
+    """The same of one stiffness."""
+    low, high = stiffness_ends(np.array(value), np.array(half))
+    return float(low), float(high)
 
 
 def interval_at(
-    description: ModelDescription, model: ArmModel, q: Array, direction: Array, value: float
+    description: ModelDescription, model: ArmModel, q: Array, direction: Array, value: float, point: Array | None = None
 ) -> tuple[float, float]:
     """Ends of the 95 % interval of a stiffness at one pose (dof,); NaN where nothing is known of it."""
     try:
-        found = propagated(description, model, q[None], direction)
+        found = propagated(description, model, q[None], direction, point)
     except InputError:
         # Links or a load path other than those it was calibrated with.
         found = None

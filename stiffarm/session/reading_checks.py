@@ -53,8 +53,9 @@ def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
     InputError
         Naming file, column and value, or what of the readings is left beside any passive arm.
     """
-    refuse_frozen(given.model, table)
-    refuse_telling_nothing(problem(given.model, used, ()), used.source)
+    p = problem(given.model, used, ())
+    refuse_frozen(given.model, table, p if used is table else None)
+    refuse_telling_nothing(p, used.source)
 
 
 def read_held_out(given: Arm, file: Path, *, confirm_units: bool = False, model: str = "MODEL") -> Measurements:

@@ -20,6 +20,7 @@ from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import with_links
+from stiffarm.session.intervals import interval_at, interval_json
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
@@ -90,6 +91,10 @@ def index(
         given = frame.at_load(given, at_load, along, question.tip)
         found = index_results.answer(given.model, question, _joints_alone(given))
         content = index_results.payload(given.robot, found) | stated_table(given.model)
+        for pose_q, one in zip(q, content["poses"], strict=True):
+            value = one["indices"]["directional_N_per_mm"] or np.nan
+            ends = interval_at(given.description, given.model, pose_q, question.normal, value, question.tip)
+            one["directional_interval95_N_per_mm"] = interval_json(ends)
         frame.reads(poses=table)
         with frame.folder_if() as folder:
             if folder is not None:

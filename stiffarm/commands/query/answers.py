@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fem.statics.small_displacements import FLAG
+from robots.arrays import Array
 from stiffarm.session.console import say, show_table
-from stiffarm.session.intervals import stiffness_interval
-from stiffarm.session.json_text import number
+from stiffarm.session.intervals import stiffness_ends
+from stiffarm.session.json_text import number, numbers
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 
@@ -30,49 +32,62 @@ def value_name(surrogate: Surrogate) -> tuple[str, float]:
     return surrogate.quantity.name, 1.0
 
 
+def query_columns(surrogate: Surrogate, poses_deg: Array, result: QueryResult) -> dict[str, Array]:
+    """Angles, value and its 95 % interval, NaN where not known: what a data frame shows beside the flags."""
+    name, factor = value_name(surrogate)
+    value, bar = factor * result.value, np.where(np.isfinite(result.relative_error), result.relative_error, np.nan)
+    low, high = stiffness_ends(value, bar)
+    high = np.where(np.isfinite(high), high, np.nan)
+    return {**dict(zip(surrogate.inputs, poses_deg.T, strict=True)), name: value, "low95": low, "high95": high}
+
+
 def query_rows(
-    surrogate: Surrogate, poses_deg: Any, labels: Sequence[str], result: QueryResult, *, matrix: bool = False
+    surrogate: Surrogate, poses_deg: Array, labels: Sequence[str], result: QueryResult, *, matrix: bool = False
 ) -> list[dict[str, Any]]:
     """Query answers, one row a pose; ``matrix``: with the compliance matrix (SI)."""
-    name, factor = value_name(surrogate)
     matrices = None
     if matrix:
         # Of answered rows only: far outside it may overflow, which would be refused.
         matrices = np.full((len(poses_deg), 6, 6), np.nan)
         matrices[result.answered] = compliance_matrix(surrogate, np.radians(poses_deg)[result.answered])
-    near = result.near_singular
-    rows = []
-    for i, (label, row) in enumerate(zip(labels, poses_deg, strict=True)):
-        value, bar = float(factor * result.value[i]), float(result.relative_error[i])
-        rows.append(
-            {
-                "pose": label,
-                # In full: a bar may be far below the sixth digit.
-                **{n: float(v) for n, v in zip(surrogate.inputs, row, strict=True)},
-                name: value if np.isfinite(value) else None,
-                **_interval(value, bar),
-                "relative_error95": _finite(bar),
-                "relative_error95_surrogate": _finite(result.model_error[i]),
-                "relative_error95_calibration": _finite(result.parameter_error[i]),
-                "max_relative_error_seen": number(surrogate.errors.max_relative),
-                "inside_domain": bool(result.inside_domain[i]),
-                "reachable": bool(result.reachable[i]),
-                "error_is_lower_bound": i in result.open,
-                "near_singular": None if np.isnan(result.singularity[i]) else bool(near[i]),
-                FLAG: bool(result.beyond_small[i]),
-                "flags": flags(result, i),
-                **({} if matrices is None else _entries(matrices[i], bool(result.answered[i]))),
-            }
-        )
+    columns: dict[str, Sequence[Any]] = {
+        "pose": labels,
+        # In full: a bar may be far below the sixth digit.
+        **{n: _known(v, v.tolist()) for n, v in query_columns(surrogate, poses_deg, result).items()},
+        "relative_error95": numbers(result.relative_error),
+        "relative_error95_surrogate": numbers(result.model_error),
+        "relative_error95_calibration": numbers(result.parameter_error),
+        "max_relative_error_seen": [number(surrogate.errors.max_relative)] * len(poses_deg),
+        "inside_domain": result.inside_domain.tolist(),
+        "reachable": result.reachable.tolist(),
+        "error_is_lower_bound": [i in result.open for i in range(len(poses_deg))],
+        "near_singular": _known(result.singularity, result.near_singular.tolist()),
+        FLAG: result.beyond_small.tolist(),
+        "flags": flag_words(result).tolist(),
+    }
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    if matrices is not None:
+        for row, C, answered in zip(rows, matrices, result.answered.tolist(), strict=True):
+            row.update(_entries(C, answered))
     return rows
 
 
-def _interval(value: float, bar: float) -> dict[str, float | None]:
-    """The 95 % interval; of the compliance, so that it is the one that all others show."""
-    if not (np.isfinite(bar) and np.isfinite(value)):
-        return {"low95": None, "high95": None}
-    low, high = stiffness_interval(value, bar)
-    return {"low95": low, "high95": _finite(high)}
+def _known(at: Array, values: list[Any]) -> list[Any]:
+    """The values, None where ``at`` (n,) is not finite."""
+    fine = np.isfinite(at)
+    return values if fine.all() else [v if yes else None for v, yes in zip(values, fine.tolist(), strict=True)]
+
+
+def flag_words(result: QueryResult) -> NDArray[np.object_]:
+    """Flags (n,) of all rows in words; most have none."""
+    n = len(result.value)
+    out = np.full(n, "", dtype=object)
+    some = (result.near_singular & result.answered) | result.beyond_small | result.rough
+    some |= result.answered & np.isnan(result.relative_error)
+    some[[*result.faults, *result.open]] = True
+    for i in np.flatnonzero(some).tolist():
+        out[i] = flags(result, i)
+    return out
 
 
 def flags(result: QueryResult, i: int) -> str:
@@ -141,10 +156,6 @@ def show_answers(surrogate: Surrogate, rows: Sequence[dict[str, Any]]) -> None:
     for r in rows[:_FLAGS_SHOWN]:
         if r["flags"]:
             say(f"pose {r['pose']}: {r['flags']}")
-
-
-def _finite(value: float) -> float | None:
-    return number(float(value)) if np.isfinite(value) else None
 
 
 def _entries(C: Any, answered: bool) -> dict[str, float | None]:

@@ -20,6 +20,7 @@ from stiffarm.session.stated import stated_table
 from stiffarm.session.table_kinds import SURROGATE, described, expect
 from surrogate import Surrogate, load_surrogate
 from surrogate import query as ask
+from surrogate.asking import SINGULARITY_ROWS
 from surrogate.model import COMPLIANCE
 
 
@@ -63,6 +64,14 @@ def query(
         str | None,
         typer.Option("--model", metavar="MODEL", help="Refuse the surrogate unless it was fitted to this model."),
     ] = None,
+    singularity: Annotated[
+        bool | None,
+        typer.Option(
+            "--singularity/--no-singularity",
+            help="Flag poses close to a singularity. Default: for up to 1000 poses.",
+            show_default=False,
+        ),
+    ] = None,
     out: Out = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -79,7 +88,7 @@ def query(
         along = None if direction is None else np.array(parsing.parse_direction(direction))
         degrees, labels, remarks = _poses(learned, pose, table)
         say_notes(tuple(remarks))
-        result = ask(learned, np.radians(degrees), extrapolate=extrapolate, direction=along)
+        result = ask(learned, np.radians(degrees), extrapolate=extrapolate, direction=along, singularity=singularity)
         rows = answers.query_rows(learned, degrees, labels, result, matrix=matrix)
         content: dict[str, Any] = {
             "robot": learned.robot,
@@ -101,6 +110,8 @@ def query(
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
             say(f"note: {unanswered} of {len(rows)} poses lie outside the fitted range and have no value: see flags")
+        if singularity is None and len(rows) > SINGULARITY_ROWS:
+            say(f"note: with more than {SINGULARITY_ROWS} poses, --singularity flags those close to one")
         frame.answer(content, lambda: answers.show_answers(learned, rows))
 
 

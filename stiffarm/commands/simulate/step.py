@@ -15,6 +15,7 @@ from fem.effects.secant import StatedLoad
 from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description, require_positive
 from robots.arrays import Array
+from stiffarm.pages.numbers import ranged
 from stiffarm.session.console import say, show_table
 from stiffarm.session.intervals import interval_at, interval_json
 from stiffarm.session.json_text import number
