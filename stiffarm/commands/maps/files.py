@@ -34,7 +34,8 @@ class Files:
     """What is written besides map.json, and where the map is worked.
 
     ``formats``: of :data:`WRITERS`; ``figures``: those for papers of a joint sweep too, which has two pictures of its
-    own; ``dask``: address of a scheduler; ``work``: folder of the blocks, which then stays.
+    own; ``dask``: address of a scheduler; ``work``: folder of the blocks, which then stays; ``table``: all points as
+    CSV, where they are not too many.
     """
 
     formats: tuple[str, ...]
@@ -44,6 +45,7 @@ class Files:
     html: bool = False
     dask: str | None = None
     work: Path | None = None
+    table: bool = True
 
     @property
     def picture_formats(self) -> tuple[str, ...]:
@@ -64,7 +66,7 @@ def write_files(
     joints, formats = data.layout.kind == "joints", files.picture_formats
     title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
     names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title, tool)
-    if data.layout.n <= CSV_UP_TO:
+    if files.table and data.layout.n <= CSV_UP_TO:
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
     if joints and files.pictures and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:

@@ -79,7 +79,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
             asked = read_map_options(arm, "joints", {"--points": str(options.points)}, options.seed)
-            drawn = make_map(arm, asked, folder, Files(asked.formats, html=True), bar)
+            drawn = make_map(arm, asked, folder, Files(asked.formats, html=True, table=False), bar)
         stiffness = workspace_stiffness(arm.description, arm.model)
         for message in drawn["messages"]:
             say(f"note: {message}")
