@@ -14,7 +14,7 @@ from doe.absolute.fit import fit
 from doe.absolute.gross import gross
 from doe.absolute.prediction import carried_over, folds, left_out
 from doe.absolute.readings import AbsoluteReadings, Labels, Payload
-from doe.absolute.start import started
+from doe.absolute.start import doubt, started
 from doe.absolute.turns import rotation
 from doe.absolute.unknowns import Layout, unknowns
 from fem import ArmModel, build_model
@@ -57,7 +57,7 @@ def test_readings_left_out_lie_in_their_intervals(found: Positions) -> None:
 def test_leaving_out_is_what_a_fit_without_them_gives(kr60: ArmModel, found: Positions) -> None:
     first = found.found
     whole = fit(kr60, first.data, first.layout, first.start, robust=False, variances=first.variances)
-    part = folds(len(whole.data), 5)
+    part = folds(whole.data, 5)
     rest = whole.data.take(part != 0)
     # Names of sessions and targets stand in the order of the whole, which both parts begin with.
     again = fit(kr60, rest, whole.layout, started(kr60.robot, rest), robust=False, variances=whole.variances)
@@ -153,8 +153,8 @@ def test_positions_in_a_plane_have_a_frame(kr60: ArmModel) -> None:
 def test_angles_that_are_not_the_arms_are_refused_or_doubted(kr60: ArmModel, two_targets: AbsoluteReadings) -> None:
     signs = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
     begin = started(kr60.robot, replace(two_targets, q=two_targets.q * signs))
-    assert "misses half of its readings" in begin.doubt(kr60.robot)[0]
-    assert not started(kr60.robot, two_targets).doubt(kr60.robot)
+    assert "misses half of its readings" in doubt(kr60.robot, begin.error)[0]
+    assert not doubt(kr60.robot, started(kr60.robot, two_targets).error)
     same = replace(two_targets, q=np.repeat(two_targets.q[:1], len(two_targets), axis=0))
     with pytest.raises(InputError, match="no frame"):
         started(kr60.robot, same)
