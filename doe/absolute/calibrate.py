@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.absolute.chain import flange_targets
 from doe.absolute.fit import Fit, first_values, fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.identified import Curve, Finding, Open, curve_words, curves, findings, left_open, unread_words
 from doe.absolute.known import known
 from doe.absolute.prediction import Predicted, carried_over, folds, left_out, sessions_left_out
 from doe.absolute.readings import AbsoluteReadings
-from doe.absolute.start import Start, doubt, started
+from doe.absolute.start import Start, doubt, far_words, started
 from doe.absolute.structure import Twin, twins
 from doe.absolute.unknowns import USUAL, Layout, unknowns
 from doe.absolute.weight import has_weight
@@ -66,8 +67,14 @@ class Positions:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the reader must know, in words."""
+        robot, targets = self.found.model.robot, flange_targets(self.found.layout, self.found.u)
         described = np.linalg.norm(self.before.residual, axis=1)
-        out = [*doubt(self.found.model.robot, described), *spring_words(self), *(one.words for one in self.gross)]
+        out = [
+            *doubt(robot, described),
+            *far_words(robot, self.found.data.target.names, targets),
+            *spring_words(self),
+            *(one.words for one in self.gross),
+        ]
         out += curve_words(self.curves)
         out += [one.words for one in self.open]
         if self.holdout is not None:

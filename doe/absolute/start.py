@@ -9,6 +9,7 @@ squares, Rousseeuw 1984, doi:10.1080/01621459.1984.10477105): a target mislabell
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,8 @@ SEARCH, ASIDE, FEW_TRIALS = 40, 5, 40
 APART_m, APART, LEAST_APART_m = 0.02, 50.0, 1e-3
 # A target is no farther from the flange than so many lengths of the arm.
 FARTHEST = 2.0
+# Share of the arm's length beyond which that is said.
+REACH = 0.5
 # Share of the arm's length (of a rotation: of the positions' spread) by which a described arm may miss the middle one.
 MISSED = 0.03
 # Nine numbers say something of units where they leave less than this share of what targets alone leave.
@@ -80,6 +83,16 @@ def doubt(robot: Robot, distance: Array) -> tuple[str, ...]:
         f"the arm as described misses half of its readings by more than {1e3 * middle:.0f} mm: look for a sign, a "
         "zero, a unit or a length that is wrong in the model or the table (stiffarm robots check tells which)",
     )
+
+
+def far_words(robot: Robot, names: Sequence[str], targets: Array) -> Iterator[str]:
+    """A sentence for each target (t, 3) m so far from the flange that a unit or a length may be wrong."""
+    for name, distance in zip(names, np.linalg.norm(targets, axis=1), strict=True):
+        if distance > REACH * stretched_length(robot):
+            yield (
+                f"target {name or 'on the flange'} is {1e3 * distance:.0f} mm from the flange: if it is not, check the "
+                "unit of the positions and the arm's lengths, which few joints that move cannot tell from a target"
+            )
 
 
 def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
