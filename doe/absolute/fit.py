@@ -31,7 +31,7 @@ ROUNDS = 40
 # Rounds in which weights are worked out anew, at the angles that joints really have.
 LOADED = (1, 2, 4, 7)
 # Rounds in which the readings are asked for variances.
-TELLING = (1, 3, 6, 9, 12)
+TELLING = (1, 3, 6)
 # Shares of a step that are tried one after the other until one comes nearer.
 SHARES = (1.0, 0.5, 0.2, 0.05, 0.01)
 # All positions together move by less than this share of their scatter in a step.

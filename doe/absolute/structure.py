@@ -32,6 +32,8 @@ ORDER = (
     "target", "zero", "frame", "rail", "ratio", "coupling", "spring", "mass", "payload", "periodic", "growth", "drift",
     "reversal",
 )  # fmt: skip
+# Components of a rail's way below this share of the largest are none.
+OBLIQUE = 0.1
 # What the start finds and no model has.
 STARTED = ("rail.", "target.")
 
@@ -62,13 +64,16 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
     looked = tuple(
         one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT
     )  # fmt: skip
-    part = Layout(tuple(sorted(looked, key=lambda one: (ORDER.index(one.kind), -_way(one, nominal)))))
+    way = np.array(nominal.way) / np.abs(nominal.way).max()
+    # Turns about a rail along an axis move nothing: that it was found to lie slightly off tells nothing of them.
+    way = np.where(np.abs(way) < OBLIQUE, 0.0, way)
+    part = Layout(tuple(sorted(looked, key=lambda one: (ORDER.index(one.kind), -_along(one, way)))))
     some = _random(model, data, np.random.default_rng(seed))
     u = np.array([one.start for one in part.unknowns])
     for k, (t, a) in part.of("target"):
         u[k] = nominal.targets[t, a]
     for k, (turns, order, a) in part.of("rail"):
-        u[k] = nominal.way[a] if (turns, order) == (0, 1) else 0.0
+        u[k] = way[a] if (turns, order) == (0, 1) else 0.0
     # Masses move something where springs give way; everything else is looked at where none does, for what gives way
     # has the levers of the arm as described, and does not turn with its zeros.
     soft = u + np.array([1e-6 * (one.kind == "spring") for one in part.unknowns])
@@ -87,9 +92,9 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
     return tuple(_dependent(columns * scale[:, None], names))
 
 
-def _way(one: Unknown, nominal: Nominal) -> float:
-    """How much of a rail's way an unknown is."""
-    return abs(nominal.way[one.index[2]]) if one.kind == "rail" and one.index[:2] == (0, 1) else 0.0
+def _along(one: Unknown, way: Array) -> float:
+    """How much of a rail's way (3,) an unknown is."""
+    return float(abs(way[one.index[2]])) if one.kind == "rail" and one.index[:2] == (0, 1) else 0.0
 
 
 def _scale(one: Unknown) -> float:
