@@ -171,8 +171,11 @@ def without_weight(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_no_worse(before: Fit, after: Fit, wrong: Sequence[Gross]) -> None:
-    """Raise InputError where an estimate misses the readings, wrong ones aside, by more than it did before."""
-    rows = [one.row for one in wrong]
+    """Raise InputError where an estimate misses the readings, wrong ones aside, by more than it did before.
+
+    Where most readings count as wrong, it is the estimate that is.
+    """
+    rows = [one.row for one in wrong] if 2 * len(wrong) < len(after.data) else []
     first, last = (1e3 * float(np.sqrt(np.mean(np.delete(_square(f), rows)))) for f in (before, after))
     if last > (1.0 + ROUNDING) * first:
         raise InputError(

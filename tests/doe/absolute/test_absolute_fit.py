@@ -255,11 +255,12 @@ def test_an_estimate_that_ends_worse_than_it_began_is_refused(found: Positions) 
         check_no_worse(found.before, spoilt, ())
 
 
-@pytest.mark.parametrize("way", ["x", "y", "z"])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.004, 1.0, 0.0), (0.004, 0.0, 1.0), (0.7, -0.6, 0.4)])
 @pytest.mark.parametrize("free", [("geometry", "rail.x", "rail.y", "rail.z"), ("geometry",), ("zeros",)])
-def test_a_base_may_be_carried_along_any_of_its_axes(kr60: ArmModel, way: str, free: tuple[str, ...]) -> None:
+def test_a_base_may_be_carried_any_way(kr60: ArmModel, way: tuple[float, ...], free: tuple[str, ...]) -> None:
     """The way is known from the start, whichever of it are twins of frames, and whatever is free."""
-    truth = Truth({"rail.x": 0.004, f"rail.{way}": 1.0, "j2.zero": 1e-3, "j3.zero": -2e-3, "j4.zero": 1e-3}
+    truth = Truth({f"rail.{a}": v for a, v in zip("xyz", way, strict=True)}
+                  | {"j2.zero": 1e-3, "j3.zero": -2e-3, "j4.zero": 1e-3}
                   | {f"target.{t}.{a}": 0.1 for t in "ab" for a in "xyz"} | {"target.b.x": -0.1})  # fmt: skip
     data = campaign(kr60, truth, Plan(60, targets=2, rail=1.2, noise=2e-5), np.random.default_rng(8))
     c = calibrate_positions(kr60, data, free, parts=3)
