@@ -4,8 +4,8 @@
     python benchmarks/absolute/measured_positions.py few DATA FOLDER    the same from 15 to 200 poses drawn at random
     python benchmarks/absolute/measured_positions.py page FOLDER        writes docs/validation/positions.md
 
-Ten-fold: the whole estimate, variances among it, once for each tenth without it. Carried over: the arm as found, with
-nothing but the other session's frame (and target, where it is another one) fitted.
+Ten-fold: the whole estimate, variances among it, once for each tenth of the poses without it. Carried over: the arm as
+found, with nothing but the other session's frame (and target, where it is another one) fitted.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def ur5(data: Path, which: str) -> AbsoluteReadings:
 
 def ten_fold(model: ArmModel, c: Positions, *, again: bool) -> Predicted:
     """Ten-fold, with all estimated anew for each tenth, or from the whole's variances."""
-    data, part = c.found.data, folds(len(c.found.data), FOLDS)
+    data, part = c.found.data, folds(c.found.data, FOLDS)
     if not again:
         return left_out(c.found, part)
     error, half = np.zeros((2, len(data), 3))

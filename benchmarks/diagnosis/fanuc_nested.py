@@ -22,7 +22,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from doe import bundled_data, read_measurements
-from doe.diagnosis.nested import FOLDS, Nested, folds_of, nested, pose_numbers
+from doe.certainty.folds import folds_of, pose_numbers
+from doe.diagnosis.nested import FOLDS, Nested, nested
 from doe.diagnosis.setting import setting_of
 from doe.estimation.problem import Problem, problem
 from doe.tables.loaded import rms_mm
@@ -132,7 +133,7 @@ def main() -> int:
     for name, p in problems.items():
         out[name] = {"fit": unseen(p), "left_out": unseen(p, p.pose), "nested": []}
     out["diagnosed"], found = {"springs": [], "nested": []}, Counter[str]()
-    s, pose = setting_of(description, model, data), pose_numbers(data)
+    s, pose = setting_of(description, model, data), pose_numbers(data.q)
     row = np.nonzero(data.used)[0]
     for seed in range(a.splits):
         n: Nested = nested(s, data, folds=a.folds, seed=seed)

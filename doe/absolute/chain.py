@@ -31,13 +31,14 @@ class Nominal:
     """What derivatives and laws refer to, the same for all readings.
 
     ``targets`` (t, 3) m: about where they sit, for levers of what gives way; ``rail``: ends of its length used, m;
-    ``time``: of the first and the last reading; ``temperature``: mean, deg C.
+    ``time``: of the first and the last reading; ``temperature``: mean, deg C; ``way`` of the rail, about, a metre.
     """
 
     targets: Array
     rail: tuple[float, float]
     time: tuple[float, float] = (0.0, 0.0)
     temperature: float = 0.0
+    way: tuple[float, ...] = (1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

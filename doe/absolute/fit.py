@@ -121,7 +121,7 @@ def fit(
     """
     if 3 * len(data) <= FRAME * len(start.frames) + 3 * len(start.targets):
         raise InputError("readings", value=len(data), allowed=f"more than {2 * len(start.frames) + len(start.targets)}")
-    u = _first(layout, start)
+    u = first_values(layout, start)
     free = np.arange(len(u)) if held is None else np.flatnonzero(np.isnan(held))
     u = u if held is None else np.where(np.isnan(held), u, held)
     work = _Work(model, layout, data, free, start)
@@ -246,7 +246,8 @@ def _within(data: AbsoluteReadings, rows: Indices) -> AbsoluteReadings:
     return replace(part, target=replace(data.target, number=data.target.number[rows]))
 
 
-def _first(layout: Layout, start: Start) -> Array:
+def first_values(layout: Layout, start: Start) -> Array:
+    """Variables (p,) to begin with."""
     u = np.array([one.start for one in layout.unknowns])
     for k, (t, a) in layout.of("target"):
         u[k] = start.targets[t, a]

@@ -19,10 +19,15 @@ from doe.absolute.readings import AbsoluteReadings, Payload
 from doe.absolute.reduced import FRAME, Own, block_rows, frame_columns, reduce_sessions, triangle
 from doe.absolute.shrinkage import posterior
 from doe.absolute.start import started
+from doe.certainty.folds import folds_of, pose_numbers
 from doe.certainty.predictive import UPPER, Coverage
+from robots import InputError
 from robots.arrays import Array, Bools, Indices, Integers, in_blocks
 from robots.constants import NORMAL_95
 from robots.progress import Progress, report_progress
+
+# Fewer poses than this are left out one by one.
+FEW = 40
 
 
 @dataclass(frozen=True)
@@ -55,10 +60,32 @@ class Predicted:
         return Coverage.of(self.error.reshape(-1), self.half95.reshape(-1))
 
 
-def folds(n: int, k: int, seed: int = 0) -> Integers:
-    """Which of k parts (n,) each reading is left out with."""
-    out = np.empty(n, dtype=np.int64)
-    out[np.random.default_rng(seed).permutation(n)] = np.arange(n) % k
+def folds(data: AbsoluteReadings, k: int, seed: int = 0) -> Integers:
+    """Which of k parts (n,) each reading is left out with: poses as a whole, few of them one by one."""
+    return folds_of(pose_numbers(data.q), k, seed, FEW)
+
+
+def sessions_left_out(found: Fit, k: int, seed: int = 0, *, robust: bool = True) -> Predicted | None:
+    """Readings of whole sessions predicted by the others, with nothing but their frames (and own targets) fitted.
+
+    What an arm is worth where tracker or base were moved: the sessions' frames take no part of its errors with them.
+    None where there is one session, or one without which the rest tells too little.
+    """
+    data, still = found.data, set(range(len(found.u))) - set(found.free.tolist())
+    part = folds_of(data.session.number, k, seed)
+    held = {found.layout.unknowns[i].name: float(found.u[i]) for i in still}
+    out = Predicted(np.zeros((len(data), 3)), np.zeros((len(data), 3)))
+    for number in range(int(part.max()) + 1):
+        rest, gone = data.take(part != number), part == number
+        layout = found.layout.with_targets(rest)
+        values = np.array([held.get(one.name, np.nan) for one in layout.unknowns])
+        try:
+            begin = replace(started(found.model.robot, rest, seed), rail=found.start.rail)
+            there = fit(found.model, rest, layout, begin, held=values, robust=robust, variances=found.variances)
+            one = carried_over(there, data.take(gone), robust=robust)[0]
+        except InputError:
+            return None
+        out.error[gone], out.half95[gone] = one.error, one.half95
     return out
 
 

@@ -1,7 +1,7 @@
 """Accuracy by region of the workspace: cubes in the arm's base frame, and which differ by more than chance.
 
-Chance is what shuffling the readings over the regions gives: the RMS of a region counts as better or worse than the
-rest where, of all regions at once, fewer than one shuffle in twenty has any that far off.
+Chance is what shuffling the poses over the regions gives, each with all of its readings: the RMS of a region counts as
+better or worse than the rest where, of all regions at once, fewer than one shuffle in twenty has any that far off.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from doe.absolute.calibrate import Positions
-from robots.arrays import Array, Integers
+from doe.certainty.folds import pose_numbers
+from robots.arrays import Array, Indices, Integers
 
 Verdict = Literal["better", "as elsewhere", "worse", "too few readings"]
 # Edges that are tried, m; the first with so many readings in the regions of most readings is taken, else the largest.
@@ -114,7 +115,7 @@ def accuracy_regions(c: Positions, *, edge: float | None = None, seed: int = 0) 
     edge = edge or _edge(place)
     cell, which = np.unique(np.floor(place / edge).astype(np.int64), axis=0, return_inverse=True)
     which = which.reshape(-1)
-    verdicts = _verdicts(out, which, np.random.default_rng(seed))
+    verdicts = _verdicts(out, which, pose_numbers(data.q[right]), np.random.default_rng(seed))
     made = []
     for k, corner in enumerate(cell):
         mine = which == k
@@ -136,24 +137,35 @@ def _edge(place: Array) -> float:
     return EDGES_m[-1]
 
 
-def _verdicts(d: Array, which: Integers, rng: np.random.Generator) -> list[Verdict]:
-    """Of each region, by shuffling distances d (n,) over regions (n,)."""
+def _verdicts(d: Array, which: Integers, pose: Integers, rng: np.random.Generator) -> list[Verdict]:
+    """Of each region, by shuffling poses (n,) with their distances d (n,) over the regions (n,) of others."""
     counts = np.bincount(which)
     enough = counts >= LEAST
     if enough.sum() < 2:
         return ["as elsewhere" if e and len(counts) > 1 else "too few readings" for e in enough]
 
-    def logs(order: Array) -> Array:
-        return np.asarray(0.5 * np.log(np.maximum(np.bincount(which, order**2) / counts, 1e-300)))
+    def logs(at: Integers) -> Array:
+        inside = np.maximum(np.bincount(at, minlength=len(counts)), 1)
+        return np.asarray(0.5 * np.log(np.maximum(np.bincount(at, d**2, len(counts)) / inside, 1e-300)))
 
-    null = np.array([logs(rng.permutation(d)) for _ in range(SHUFFLES)])
+    null = np.array([logs(which[_shuffled(pose, rng)]) for _ in range(SHUFFLES)])
     centre, spread = null.mean(axis=0), np.maximum(null.std(axis=0), 1e-12)
     farthest = np.abs((null - centre) / spread)[:, enough].max(axis=1)
     limit = float(np.quantile(farthest, 1.0 - CHANCE))
-    off = (logs(d) - centre) / spread
+    off = (logs(which) - centre) / spread
     out: list[Verdict] = []
     for e, x in zip(enough, off, strict=True):
         out.append(
             "too few readings" if not e else "better" if x < -limit else "worse" if x > limit else "as elsewhere"
         )
     return out
+
+
+def _shuffled(pose: Integers, rng: np.random.Generator) -> Indices:
+    """For each reading (n,) the one whose place it takes: that of another pose, in turn where this has fewer."""
+    each = np.bincount(pose)
+    order, first = np.argsort(pose, kind="stable"), np.cumsum(each) - each
+    rank = np.empty(len(pose), dtype=np.intp)
+    rank[order] = np.arange(len(pose)) - first[pose[order]]
+    other = rng.permutation(len(each))[pose]
+    return np.asarray(order[first[other] + rank % each[other]])

@@ -9,9 +9,11 @@ squares, Rousseeuw 1984, doi:10.1080/01621459.1984.10477105): a target mislabell
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from doe.absolute.chain import Nominal
 from doe.absolute.readings import AbsoluteReadings
@@ -31,10 +33,20 @@ FAR, LEAST_m = 6.0, 0.005
 # Lengths along three axes that agree to this share but differ from the arm's by that factor are in another unit; single
 # ones beyond the last factor are no frame at all.
 ALIKE, SCALE, WILD = 1.3, 1.5, 5.0
-# Rounds of frame and targets in turn, and how far positions must lie apart in a second direction for that.
-IN_TURN, APART_m = 60, 0.02
-# Share of the arm's length (in a plane: of the positions' spread) by which a described arm may miss the middle reading.
+# Rounds of a rotation's search and of leaving readings aside, and random sets where most readings spoil it.
+SEARCH, ASIDE, FEW_TRIALS = 40, 5, 40
+# How far positions must lie apart in a second direction: less where they miss the middle reading by much less.
+APART_m, APART, LEAST_APART_m = 0.02, 50.0, 1e-3
+# A target is no farther from the flange than so many lengths of the arm.
+FARTHEST = 2.0
+# Share of the arm's length beyond which that is said.
+REACH = 0.5
+# Share of the arm's length (of a rotation: of the positions' spread) by which a described arm may miss the middle one.
 MISSED = 0.03
+# Nine numbers say something of units where they leave less than this share of what targets alone leave.
+TELLS = 0.1
+# What rotations are looked for from.
+ROUND = Rotation.create_group("O").as_matrix()
 
 
 @dataclass(frozen=True)
@@ -55,20 +67,32 @@ class Start:
     time: tuple[float, float] = (0.0, 0.0)
     temperature: float = 0.0
 
-    def doubt(self, robot: Robot) -> tuple[str, ...]:
-        """A sentence where the described arm is far from its readings; none else."""
-        middle = float(np.median(self.error))
-        if middle <= MISSED * stretched_length(robot):
-            return ()
-        return (
-            f"the arm as described misses half of its readings by more than {1e3 * middle:.0f} mm: look for a sign, a "
-            "zero, a unit or a length that is wrong in the model or the table (stiffarm robots check tells which)",
-        )
-
     @property
     def nominal(self) -> Nominal:
         """What derivatives refer to."""
-        return Nominal(self.targets, self.rail, self.time, self.temperature)
+        way = {"way": tuple(self.way.tolist())} if self.way.any() else {}
+        return Nominal(self.targets, self.rail, self.time, self.temperature, **way)
+
+
+def doubt(robot: Robot, distance: Array) -> tuple[str, ...]:
+    """A sentence where the described arm, frames and targets fitted, is far (n,) m from its readings; none else."""
+    middle = float(np.median(distance))
+    if middle <= MISSED * stretched_length(robot):
+        return ()
+    return (
+        f"the arm as described misses half of its readings by more than {1e3 * middle:.0f} mm: look for a sign, a "
+        "zero, a unit or a length that is wrong in the model or the table (stiffarm robots check tells which)",
+    )
+
+
+def far_words(robot: Robot, names: Sequence[str], targets: Array) -> Iterator[str]:
+    """A sentence for each target (t, 3) m so far from the flange that a unit or a length may be wrong."""
+    for name, distance in zip(names, np.linalg.norm(targets, axis=1), strict=True):
+        if distance > REACH * stretched_length(robot):
+            yield (
+                f"target {name or 'on the flange'} is {1e3 * distance:.0f} mm from the flange: if it is not, check the "
+                "unit of the positions and the arm's lengths, which few joints that move cannot tell from a target"
+            )
 
 
 def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
@@ -98,6 +122,12 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
             ways.append(x[12 + 3 * T :])
         frames.append(Frame(R, np.zeros(3)))
     targets /= np.maximum(weight, 1.0)[:, None]
+    far, most = float(np.linalg.norm(targets, axis=1).max(initial=0.0)), FARTHEST * stretched_length(robot)
+    if far > most:
+        raise InputError(
+            "targets: farthest from the flange", value=f"{1e3 * far:.3g} mm", allowed=f"{1e3 * most:.3g} mm at most",
+            remedy="check that positions are in mm, and that the model is the robot that was measured",
+        )  # fmt: skip
     way = np.mean(ways, axis=0) if ways else np.zeros(3)
     P = at.p_flange + np.einsum("nij,nj->ni", at.R_flange, targets[data.target.number]) + data.rail[:, None] * way
     return _settled(data, frames, targets, way, P)
@@ -176,49 +206,91 @@ def _session(
         x = _solved(A[kept], b[kept], used)
         error = np.linalg.norm(b - A @ x, axis=1)
         kept = np.flatnonzero(error <= max(FAR * float(np.median(error)), 1e-9))
+    turned, there, fits = _rotated(A, b, used, kept, x, rng)
+    if fits:
+        return turned, there
+    _check_scale(x, A[kept], b[kept], used)
     s = np.linalg.svd(x[:9].reshape(3, 3), compute_uv=False)
-    if s[0] < ALIKE * s[-1] and not 1.0 / SCALE < s[0] < SCALE:
+    return (turned, there) if s[-1] > 1.0 / WILD and s[0] < WILD else (None, kept)
+
+
+def _check_scale(x: Array, A: Array, b: Array, used: Bools) -> None:
+    """Refuse positions in another unit, or mirrored, where nine numbers x[:9] say so that are not said by targets."""
+    alone = used.copy()
+    alone[:9] = False
+    least, most = (float(np.median(np.linalg.norm(b - A @ y, axis=1))) for y in (x, _solved(A, b, alone)))
+    s = np.linalg.svd(x[:9].reshape(3, 3), compute_uv=False)
+    if least >= TELLS * most or s[0] >= ALIKE * s[-1]:
+        return
+    if not 1.0 / SCALE < s[0] < SCALE:
         raise InputError(
             "positions of targets",
             value=f"{1.0 / s[0]:.3g} times as far from one another as the arm moves them",
             allowed="mm, as the columns x_mm, y_mm and z_mm say",
             remedy="convert them to mm, or choose the model of the robot that was measured",
         )
-    if s[0] < ALIKE * s[-1] and np.linalg.det(x[:9].reshape(3, 3)) < 0.0:
+    if np.linalg.det(x[:9].reshape(3, 3)) < 0.0:
         raise InputError(
             "positions of targets",
             value="the mirror image of where the arm puts them",
             allowed="a frame whose axes are right-handed",
             remedy="give one coordinate the other sign, or swap two that were mistaken for one another",
         )
-    if s[-1] > 1.0 / WILD and s[0] < WILD:
-        return x, kept
-    return (None, kept) if moves else _in_turn(b, R[mine], data, mine)
 
 
-def _in_turn(p: Array, R: Array, data: AbsoluteReadings, mine: Indices) -> tuple[Array | None, Indices]:
-    """Frame and targets one after the other, for positions in a plane, which leave nine free numbers open.
+def _rotated(
+    A: Array, b: Array, used: Bools, kept: Indices, x: Array, rng: np.random.Generator
+) -> tuple[Array, Indices, bool]:
+    """Numbers with a rotation first, which readings agree, and whether half of them do to a share of their spread.
 
-    The frame as a rotation (Kabsch) with the targets as they are, targets and a shift with that frame, and so on.
+    From the readings ``kept``, which agree with nine numbers x[:9]; where that does not fit, from random sets.
     """
-    T, y, target = len(data.target.names), data.position[mine], data.target.number[mine]
-    o, kept = np.zeros((T, 3)), np.arange(len(mine))
-    design = np.concatenate([*(R * (target == t)[:, None, None] for t in range(T)),
-                             np.broadcast_to(np.eye(3), R.shape)], axis=2)  # fmt: skip
-    x, error = np.zeros(12 + 3 * T), np.full(len(mine), np.inf)
-    for _ in range(IN_TURN):
-        P = p + np.einsum("nij,nj->ni", R, o[target])
-        a, b = P[kept].mean(axis=0), y[kept].mean(axis=0)
-        Q = nearest_rotation((y[kept] - b).T @ (P[kept] - a))
-        inside = (y - b) @ Q + a
-        found = np.linalg.lstsq(design[kept].reshape(-1, 3 * T + 3), (inside - p)[kept].reshape(-1), rcond=1e-8)[0]
-        o = found[:-3].reshape(T, 3)
-        error = np.linalg.norm(inside - p - design @ found, axis=1)
+    y = A[:, 0, :3]
+    spread = np.linalg.svd(y - np.median(y, axis=0), compute_uv=False) / np.sqrt(len(y))
+    starts = np.concatenate([nearest_rotation(x[:9].reshape(3, 3))[None], ROUND])
+    size, best, least = -(-int(used[9:].sum() + 3) // 3) + 2, x, np.inf
+    for trial in range(FEW_TRIALS):
+        rows = rng.choice(len(y), min(size, len(y)), replace=False) if trial else kept
+        for _ in range(1 if trial else ASIDE):
+            found = _turned(A[rows], b[rows], used, starts)
+            error = np.linalg.norm(b - A @ found, axis=1)
+            middle = float(np.median(error))
+            if middle < least:
+                least, best = middle, found
+            rows = np.flatnonzero(error <= max(FAR * middle, LEAST_m))
+        if least < MISSED * float(np.linalg.norm(spread)):
+            break
+    for _ in range(ASIDE):
+        error = np.linalg.norm(b - A @ best, axis=1)
         kept = np.flatnonzero(error <= max(FAR * float(np.median(error)), LEAST_m))
-        x[:9], x[12:] = Q.T.reshape(-1), found[:-3]
-    spread = np.linalg.svd(y[kept] - y[kept].mean(axis=0), compute_uv=False) / np.sqrt(len(kept))
-    good = spread[1] > APART_m and float(np.median(error)) < MISSED * float(np.linalg.norm(spread))
-    return (x, kept) if good else (None, kept)
+        best = _turned(A[kept], b[kept], used, best[:9].reshape(1, 3, 3))
+    wide = spread[1] > max(min(APART_m, APART * least), LEAST_APART_m)
+    return best, kept, bool(wide and least < MISSED * np.linalg.norm(spread))
+
+
+def _turned(A: Array, b: Array, used: Bools, starts: Array) -> Array:
+    """The numbers of least squares of which the first nine are a rotation (by rows), from rotations (k, 3, 3)."""
+    flat, known, free = A.reshape(-1, A.shape[2]), b.reshape(-1), np.flatnonzero(used[9:]) + 9
+    U, s, _ = np.linalg.svd(flat[:, free], full_matrices=False)
+    U = U[:, s > 1e-10 * s[0]]
+    rows = np.column_stack([flat[:, :9], known])
+    H = np.linalg.qr(rows - U @ (U.T @ rows), mode="r")
+    M, damping = starts.copy(), np.full(len(starts), 1e-3 * np.sum(H[:, :9] ** 2))
+    miss = H[:, 9] - M.reshape(-1, 9) @ H[:, :9].T
+    about = np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2)
+    for _ in range(SEARCH):
+        J = (M[:, None] @ about).reshape(len(M), 3, 9) @ H[:, :9].T
+        G = J @ J.swapaxes(1, 2) + damping[:, None, None] * np.eye(3)
+        w = np.linalg.solve(G, J @ miss[:, :, None])[:, :, 0]
+        tried = M @ Rotation.from_rotvec(w).as_matrix()
+        left = H[:, 9] - tried.reshape(-1, 9) @ H[:, :9].T
+        better = np.sum(left**2, axis=1) < np.sum(miss**2, axis=1)
+        M, miss = np.where(better[:, None, None], tried, M), np.where(better[:, None], left, miss)
+        damping = damping * np.where(better, 0.1, 10.0)
+    x = np.zeros(A.shape[2])
+    x[:9] = M[int(np.argmin(np.sum(miss**2, axis=1)))].reshape(-1)
+    x[free] = np.linalg.lstsq(flat[:, free], known - flat[:, :9] @ x[:9], rcond=1e-10)[0]
+    return x
 
 
 def _solved(A: Array, b: Array, used: Bools) -> Array:

@@ -1,7 +1,8 @@
 """Which unknowns no campaign could tell apart: singular directions of the derivatives at random poses over all angles.
 
-Columns are taken in an order of preference, the sessions' frames first; one that the columns before it span at every
-pose is held at what the arm's description says, and the combination that it is the twin of is said.
+Columns are taken in an order of preference, the sessions' frames first, and of a rail's way the largest component; one
+that the columns before it span at every pose is held at what the arm's description says (a rail's way and targets where
+the start found them), and the combination that it is the twin of is said.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ ORDER = (
     "target", "zero", "frame", "rail", "ratio", "coupling", "spring", "mass", "payload", "periodic", "growth", "drift",
     "reversal",
 )  # fmt: skip
+# Components of a rail's way below this share of the largest are none.
+OBLIQUE = 0.1
+# What the start finds and no model has.
+STARTED = ("rail.", "target.")
 
 
 @dataclass(frozen=True)
@@ -43,10 +48,11 @@ class Twin:
     @property
     def words(self) -> str:
         """One sentence."""
+        held = "where the first fit of frames put it" if self.name.startswith(STARTED) else "as the model has it"
         if not self.others:
-            return f"{self.name} moves no target: held as the model has it"
+            return f"{self.name} moves no target: held {held}"
         together = "moves" if len(self.others) == 1 else "move together"
-        return f"{self.name} moves what {_listed(self.others)} {together}: held as the model has it"
+        return f"{self.name} moves what {_listed(self.others)} {together}: held {held}"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -58,13 +64,16 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
     looked = tuple(
         one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT
     )  # fmt: skip
-    part = Layout(tuple(sorted(looked, key=lambda one: ORDER.index(one.kind))))
+    way = np.array(nominal.way) / np.abs(nominal.way).max()
+    # Turns about a rail along an axis move nothing: that it was found to lie slightly off tells nothing of them.
+    way = np.where(np.abs(way) < OBLIQUE, 0.0, way)
+    part = Layout(tuple(sorted(looked, key=lambda one: (ORDER.index(one.kind), -_along(one, way)))))
     some = _random(model, data, np.random.default_rng(seed))
     u = np.array([one.start for one in part.unknowns])
     for k, (t, a) in part.of("target"):
         u[k] = nominal.targets[t, a]
     for k, (turns, order, a) in part.of("rail"):
-        u[k] = float((turns, order, a) == (0, 1, 0))
+        u[k] = way[a] if (turns, order) == (0, 1) else 0.0
     # Masses move something where springs give way; everything else is looked at where none does, for what gives way
     # has the levers of the arm as described, and does not turn with its zeros.
     soft = u + np.array([1e-6 * (one.kind == "spring") for one in part.unknowns])
@@ -81,6 +90,11 @@ def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nomi
     ]
     scale = np.array([1.0] * FRAME + [_scale(one) for one in part.unknowns])
     return tuple(_dependent(columns * scale[:, None], names))
+
+
+def _along(one: Unknown, way: Array) -> float:
+    """How much of a rail's way (3,) an unknown is."""
+    return float(abs(way[one.index[2]])) if one.kind == "rail" and one.index[:2] == (0, 1) else 0.0
 
 
 def _scale(one: Unknown) -> float:

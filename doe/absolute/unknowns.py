@@ -249,7 +249,7 @@ def targets(data: AbsoluteReadings) -> Iterator[Unknown]:
 
 
 def unknowns(robot: Robot, data: AbsoluteReadings, free: Sequence[str]) -> tuple[Unknown, ...]:
-    """What the names of groups and single numbers set free, each once, and the targets.
+    """What the names of groups and single numbers set free, each once, and the targets and the way of a rail.
 
     Raises
     ------
@@ -260,7 +260,8 @@ def unknowns(robot: Robot, data: AbsoluteReadings, free: Sequence[str]) -> tuple
     for name in free:
         for one in _named(robot, data, name):
             out[one.name] = one
-    for one in targets(data):
+    way = (one for one in rail(robot, data) if one.index[:2] == (0, 1))
+    for one in (*way, *targets(data)):
         out[one.name] = one
     return tuple(out.values())
 

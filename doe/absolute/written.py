@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from doe.absolute.calibrate import Positions
+from doe.absolute.calibrate import Positions, check_no_worse
 from doe.absolute.chain import evaluate, samples
 from doe.absolute.fit import Fit
 from doe.absolute.identified import Curve, Finding
@@ -84,6 +84,7 @@ def written(c: Positions, before: ModelDescription) -> Written:
     """
     silent = tuple(f.name for f in c.findings if f.name in _springs(c.found) and f.value is None)
     fit = with_springs_as_before(c.found, silent)
+    check_no_worse(c.before, fit, c.gross)
     predicted = c.found.residual - fit.residual
     moved = float(np.sqrt(np.mean(np.sum(predicted**2, axis=1))))
     elsewhere = [one.name for one in c.found.moving.unknowns if one.kind in NOT_HERE]

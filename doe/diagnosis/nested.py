@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from doe.certainty.folds import SPLIT, folds_of, pose_numbers
 from doe.diagnosis.candidates import standing
 from doe.diagnosis.checks import FEWEST
 from doe.diagnosis.diagnose import diagnose
@@ -25,8 +26,6 @@ from robots.arrays import Array, Bools, Integers
 from robots.progress import Messages, Progress
 
 FOLDS = 5
-# Fewer poses than this are left out one at a time.
-SPLIT = 10
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def why_not_nested(data: Measurements, folds: int) -> str | None:
     """Why there is no such figure for these readings; None if there can be one."""
     if folds == 0:
         return "no folds were asked for"
-    poses = len(np.unique(pose_numbers(data)))
+    poses = len(np.unique(pose_numbers(data.q)))
     return None if poses >= FEWEST else f"{poses} poses are too few to leave any out: {FEWEST} would do"
 
 
@@ -107,7 +106,7 @@ def nested(
     if reason is not None:
         raise InputError("folds", value=folds, remedy=reason)
     say = progress or (lambda text: None)
-    fold = folds_of(pose_numbers(data), folds, seed)
+    fold = folds_of(pose_numbers(data.q), folds, seed, SPLIT)
     row, component = np.nonzero(data.used)
     before, after = np.zeros(len(row)), np.zeros(len(row))
     found = []
@@ -146,18 +145,3 @@ def _one(
 
 def _part(history: History, rows: Bools) -> History:
     return history.take(np.flatnonzero(rows).astype(np.intp))
-
-
-def pose_numbers(data: Measurements) -> Integers:
-    """Number of the pose (n,) of each reading: readings at the same angles are of one pose, whatever their labels."""
-    return np.unique(np.round(data.q, 9), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
-
-
-def folds_of(pose: Integers, folds: int, seed: int) -> Integers:
-    """The fold (n,) in which each reading is left out, its pose (n,) as a whole; as many poses in each as can be."""
-    poses = int(pose.max()) + 1
-    count = poses if poses < SPLIT else min(folds, poses)
-    order = np.random.default_rng(seed).permutation(poses)
-    of_pose = np.empty(poses, dtype=np.int64)
-    of_pose[order] = np.arange(poses) % count
-    return np.asarray(of_pose[pose])

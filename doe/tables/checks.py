@@ -92,9 +92,11 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
         faults.add(lines[int(outside[0])], problem, allowed="joint angles in degrees",
                    remedy="convert the joint columns to degrees")  # fmt: skip
         return
-    for i in outside.tolist():
+    _, first, rows = np.unique(np.round(q[outside], 9), axis=0, return_index=True, return_counts=True)
+    for i, count in sorted(zip(outside[first].tolist(), rows.tolist(), strict=True)):
+        times = f", and {count - 1} more of this pose" if count > 1 else ""
         for problem in robot.violations(q[i]):
-            faults.add(lines[i], f"pose {pose[i]} cannot be taken: {problem}",
+            faults.add(lines[i], f"pose {pose[i]}{times} cannot be taken: {problem}",
                        allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
 
 

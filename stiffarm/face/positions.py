@@ -29,9 +29,10 @@ class PositionCalibration(Shown):
     """A finished calibration from positions. ``calibration["j3.zero"]`` is one of its parameters.
 
     ``arm``: the calibrated arm, to be saved as a model file; ``before_rms_mm``: RMS of the distances with the arm as
-    described, ``rms_mm``: calibrated; ``left_out_rms_mm``: of readings that took no part; ``holdout_rms_mm``: of
-    readings kept out, None without any; ``wrong``: readings that no scatter explains, in words, which are left aside;
-    ``remarks``: what the reader must know. ``found`` has all else.
+    described, ``rms_mm``: calibrated; ``left_out_rms_mm``: of poses that took no part; ``sessions_out_rms_mm``: of
+    whole sessions, their frames fitted, None with one; ``holdout_rms_mm``: of readings kept out, None without any;
+    ``wrong``: readings that no scatter explains, in words, which are left aside; ``remarks``: what the reader must
+    know. ``found`` has all else.
     """
 
     name: str
@@ -40,6 +41,7 @@ class PositionCalibration(Shown):
     before_rms_mm: float
     rms_mm: float
     left_out_rms_mm: float
+    sessions_out_rms_mm: float | None
     holdout_rms_mm: float | None
     wrong: tuple[str, ...]
     remarks: tuple[str, ...]
@@ -55,7 +57,7 @@ class PositionCalibration(Shown):
         """Robot and accuracy."""
         return (
             f"Positions of {self.name}: RMS {self.before_rms_mm:.3f} mm as described, {self.rms_mm:.3f} mm calibrated, "
-            f"{self.left_out_rms_mm:.3f} mm at readings left out"
+            f"{self.left_out_rms_mm:.3f} mm at poses left out"
         )
 
     def to_frame(self) -> pd.DataFrame:
@@ -145,7 +147,8 @@ def calibrate_positions(
     return PositionCalibration(
         arm.name, as_face(made),
         tuple(Identified(f.name, f.value, f.unit, f.interval95, f.status) for f in found.findings),
-        before, after, out, None if found.holdout is None else 1e3 * found.holdout[1].rms_m,
+        before, after, out, None if (apart := found.sessions_out) is None else _rms_mm(apart.distance[found.right]),
+        None if found.holdout is None else 1e3 * found.holdout[1].rms_m,
         tuple(one.words for one in found.gross), found.remarks, found,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from scipy.special import logsumexp
 
-from doe.absolute.calibrate import FEW, FOLDS, fitted
+from doe.absolute.calibrate import FOLDS, fitted
 from doe.absolute.fit import Fit
 from doe.absolute.gross import Gross, gross
 from doe.absolute.known import known
@@ -131,12 +131,13 @@ class _Work:
     data: AbsoluteReadings
     begin: Start
     base: Layout
+    same: tuple[Twin, ...]
 
     def fit(self, more: Sequence[Unknown]) -> Fit:
         """Geometry, frames and targets with some effects' unknowns."""
         taken = {one.name for one in more}
         rest = tuple(one for one in self.base.unknowns if one.name not in taken)
-        return fitted(self.model, self.data, Layout((*rest, *more)), self.begin, robust=True)
+        return fitted(self.model, self.data, Layout((*rest, *more)), self.begin, self.same, robust=True)
 
 
 def diagnose_positions(
@@ -155,8 +156,7 @@ def diagnose_positions(
     names = ("geometry", *(f"rail.{a}" for a in "xyz" if data.has_rail))
     layout = Layout(unknowns(model.robot, data, names))
     same = twins(model, data, layout, begin.nominal, seed)
-    base = layout.without([one.name for one in same]).unknowns
-    work = _Work(model, data, begin, Layout((*base, *_as_every_arm(model, data, layout))))
+    work = _Work(model, data, begin, Layout((*layout.unknowns, *_as_every_arm(model, data, layout))), same)
     some = candidates(model, data)
     say(f"{len(data)} positions, {len(some)} candidates")
     before = work.fit(())
@@ -166,7 +166,7 @@ def diagnose_positions(
         others = [other for i, other in enumerate(picks) if i != k]
         one = _once_more(work, pick, others, some) if len(picks) > 1 else pick
         (effects if one.probability >= NAME else provisional).append(one)
-    parts = folds(len(data), len(data) if len(data) < FEW else FOLDS, seed)
+    parts = folds(data, FOLDS, seed)
     first = left_out(before, parts)
     kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
     out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after,

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from made_up import campaign, exactly, read, setting
 
+from doe.certainty.folds import folds_of, pose_numbers
 from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.hypotheses import Options
-from doe.diagnosis.nested import folds_of, nested, pose_numbers, why_not_nested
+from doe.diagnosis.nested import nested, why_not_nested
 from doe.diagnosis.proposals.next_readings import propose
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import hold_out
@@ -47,7 +48,7 @@ def test_equal_angles_are_one_pose_whatever_the_labels() -> None:
     data = read({}, poses=6, repeats=1)
     renamed = data.select(np.ones(data.n, dtype=bool))
     object.__setattr__(renamed, "pose", tuple(f"{k}" for k in range(data.n)))
-    assert len(set(pose_numbers(renamed).tolist())) == 6
+    assert len(set(pose_numbers(renamed.q).tolist())) == 6
 
 
 @pytest.mark.slow
@@ -59,7 +60,7 @@ def test_what_is_left_out_does_not_change_its_own_prediction() -> None:
     assert found.chosen["friction:j2"] == 2
     assert found.rms_after_mm < 0.7 * found.rms_before_mm
     spoilt = data.select(np.ones(data.n, dtype=bool))
-    pose = pose_numbers(data)
+    pose = pose_numbers(data.q)
     of_reading = folds_of(pose, 2, 4)
     shifted = np.where((of_reading == 0)[:, None], data.displacement * 1.3, data.displacement)
     object.__setattr__(spoilt, "displacement", shifted)

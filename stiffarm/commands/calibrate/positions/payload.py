@@ -35,6 +35,7 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
         "before": distances(c.distances()["before"]),
         "after": distances(c.distances()["after"]),
         "left_out": predicted(c.left_out.take(c.right)),
+        "left_out_sessions": None if c.sessions_out is None else predicted(c.sessions_out.take(c.right)),
         "scatter_sd_mm": number(1e3 * found.variances.sigma),
         "scatter_tail": number(found.tail),
         "settled": found.settled,

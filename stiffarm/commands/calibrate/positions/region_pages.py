@@ -63,7 +63,7 @@ def regions_figure(r: Regions) -> Figure:
     """RMS by column of regions, from above and from the side, before and for readings left out."""
     title = "How far off the arm is, by region of its workspace"
     with drawing(title, (10.0, 8.4), 2, 2) as (figure, axes):
-        for k, (name, d) in enumerate((("as described", r.before), ("calibrated, readings left out", r.left_out))):
+        for k, (name, d) in enumerate((("as described", r.before), ("calibrated, poses left out", r.left_out))):
             views = [(a, b, view, _columns(r, d, a, b)) for a, b, view in _VIEWS]
             # One scale for both views of the same errors.
             most = 1e3 * max(float(np.nanmax(rms)) for *_, (_, _, rms, _) in views)

@@ -27,7 +27,7 @@ def write_report(
     pictures = Pictures(folder)
     key = [
         KeyFigure(f"{_rms_mm(c, 'before'):.3f} mm", "RMS with the arm as described"),
-        KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of readings that the calibration has not seen"),
+        KeyFigure(f"{_rms_mm(c, 'left out'):.3f} mm", "RMS of poses that the calibration has not seen"),
         KeyFigure(f"{len(c.gross)}", "wrong readings found" if len(c.gross) != 1 else "wrong reading found"),
     ]
     told = [
@@ -57,7 +57,7 @@ def _rms_mm(c: Positions, which: str) -> float:
 
 
 def _accuracy(c: Positions, pictures: Pictures) -> Section:
-    caption = "Left out: each reading predicted by a calibration that has not seen it."
+    caption = "Left out: each reading predicted by a calibration that has not seen its pose."
     picture = pictures.add(accuracy_figure(c), "accuracy", caption)
     return Section("How accurate, before and after", (picture, accuracy_table(c)))
 

@@ -35,9 +35,11 @@ def accuracy_words(c: Positions) -> str:
     before, after, out = (1e3 * float(np.sqrt(np.mean(d**2))) for d in c.distances().values())
     text = (
         f"{before:.3f} mm RMS with the arm as described, {after:.3f} mm calibrated; "
-        f"readings left out are predicted to {out:.3f} mm RMS, {100.0 * inside.share:.0f} % of "
+        f"poses left out are predicted to {out:.3f} mm RMS, {100.0 * inside.share:.0f} % of "
         "their coordinates within the 95 % intervals"
     )
+    if c.sessions_out is not None:
+        text += f"; sessions left out, their frames fitted: {1e3 * c.sessions_out.take(c.right).rms_m:.3f} mm RMS"
     if c.holdout is not None:
         text += f"; held out: {c.holdout[1].rms_m * 1e3:.3f} mm RMS"
     if c.gross:
@@ -52,8 +54,10 @@ def accuracy_table(c: Positions) -> Table:
     rows = [
         _row("arm as described, frames and targets fitted", d["before"]),
         _row("calibrated", d["after"]),
-        _row("calibrated, readings left out", d["left out"]),
+        _row("calibrated, poses left out", d["left out"]),
     ]
+    if c.sessions_out is not None:
+        rows.append(_row("calibrated, sessions left out, their frames fitted", c.sessions_out.distance[c.right]))
     if c.holdout is not None:
         table, there, _ = c.holdout
         new = [name for name in table.session.names if name not in c.found.data.session.names]

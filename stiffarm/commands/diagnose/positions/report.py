@@ -25,7 +25,7 @@ def write_report(given: Arm, m: Missing, folder: OutputFolder) -> None:
     pictures = Pictures(folder)
     before, after = (1e3 * x for x in m.left_out_rms())
     key = [
-        KeyFigure(f"{before:.3f} mm", "RMS of left-out readings, with geometry fitted"),
+        KeyFigure(f"{before:.3f} mm", "RMS of left-out poses, with geometry fitted"),
         KeyFigure(f"{after:.3f} mm", "the same, with the effects found"),
         KeyFigure(str(len(m.effects)), "effects named" if len(m.effects) != 1 else "effect named"),
     ]

@@ -39,9 +39,9 @@ def answer(m: Missing) -> str:
 
 
 def errors(m: Missing) -> str:
-    """How the errors at readings left out fell."""
+    """How the errors at poses left out fell."""
     before, after = (1e3 * x for x in m.left_out_rms())
-    text = f"Left-out readings are predicted to {before:.3f} mm RMS with geometry, frames and targets fitted"
+    text = f"Left-out poses are predicted to {before:.3f} mm RMS with geometry, frames and targets fitted"
     text += f", to {after:.3f} mm with the effects found" if m.found else ""
     if m.holdout is not None:
         first, last = (1e3 * x.rms_m for x in m.holdout[1:])
