@@ -161,7 +161,14 @@ def calibrate(
         staged = general.is_staged(scheme, arm, None, named=names is not None or file is not None)
         plan = general.plan_of(arm, readings.table, None, staged=staged)
         options = general.Options(
-            free=names, campaign=file, loads=loads, staged=staged, robust=robust, bootstrap=bootstrap, seed=seed
+            free=names,
+            campaign=file,
+            loads=loads,
+            staged=staged,
+            robust=robust,
+            bootstrap=bootstrap,
+            seed=seed,
+            diagnose="stiffarm.diagnose(arm, readings)",
         )
         request = general.request_of(arm, readings.table, plan, options)
         found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)
