@@ -6,6 +6,7 @@ Each test has a stated rate of false alarms, :data:`LEVEL` where the springs are
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -78,7 +79,7 @@ def order_of_rows(q: Array) -> Array:
     return np.linspace(0.0, 1.0, len(q)) if mixed else np.full(len(q), np.nan)
 
 
-def drift(e: Estimate, clock: Array) -> Drift | None:
+def drift(e: Estimate, clock: Array, floor: tuple[float, float]) -> Drift | None:
     """Whether residuals follow the order of reading: a straight line and one wave over the clock in each component.
 
     Noise is estimated again with the drift free, so that scatter between set-ups, which a drift looks like, is told
@@ -86,6 +87,7 @@ def drift(e: Estimate, clock: Array) -> Drift | None:
     as there are set-ups (times components) to spare, else as many as readings.
 
     ``clock`` (m,): from 0 to 1, NaN where it is not known; None is returned there, and where too few readings are left.
+    ``floor``: least standard deviation of a reading, m and rad.
     """
     p = e.problem
     if not np.isfinite(clock).all() or len(np.unique(clock)) < FEWEST_TIMES:
@@ -96,10 +98,8 @@ def drift(e: Estimate, clock: Array) -> Drift | None:
     J, weight = e.jacobian[:, seen], _weight(e)
     V = e.noise.covariance(p, e.prediction, weight)
     if e.estimated:
-        least = float(min(x for x in e.noise.white if x > 0.0)) * 1e-3
-        told = fit_noise(
-            p, e.prediction, np.hstack([J, D]), e.residual, e.noise, (least, least), weight, names=e.estimated
-        )
+        free = np.hstack([J, D])
+        told = fit_noise(p, e.prediction, free, e.residual, e.noise, floor, weight, names=e.estimated)
         V = told.covariance(p, e.prediction, weight)
     priors = prior_residual(p, e.u)
     white = V.whiten(np.column_stack([e.residual, J, D]))
@@ -116,7 +116,9 @@ def drift(e: Estimate, clock: Array) -> Drift | None:
     if left < 1 or k == 0:
         return None
     gone, scatter = float(np.sum((way.T @ z) ** 2)), float(z @ z - np.sum((still.T @ z) ** 2))
-    ratio = gone / k * (len(z) - rank - k) / max(scatter - gone, 1e-300)
+    # Sigmas that came with the readings may be wrong; an estimated noise is not, but may stand at the gauge's digit.
+    mean = (scatter - gone) / (len(z) - rank - k)
+    ratio = gone / k / max(mean, 1.0 if e.estimated else 1e-300)
     moved, found = np.split(np.linalg.lstsq(A, z, rcond=ROUNDING)[0], [J.shape[1]])
     u = e.u.copy()
     u[seen] = np.clip(u[seen] + moved, p.bounds[0][seen], p.bounds[1][seen])
@@ -129,50 +131,31 @@ def _weight(e: Estimate) -> Array:
     return e.weight if np.mean(e.weight < 0.5) <= MOST_OUTLIERS else np.ones(len(e.weight))
 
 
-@dataclass(frozen=True)
-class Sums:
-    """Sums of squares, each reading over its own standard deviation, and degrees of freedom.
+def left_in_groups(y: Array, group: Integers, columns: Sequence[Array]) -> tuple[Array, int]:
+    """What is left (m,) of y by ``columns`` (m,), fitted in each group by itself, and its degrees of freedom."""
+    left, freedom, across = y, len(y), list[Array]()
+    # One column after the other, each across those before it (Gram and Schmidt), in all groups at once.
+    for column in columns:
+        x = column
+        for q in across:
+            x = x - q * np.bincount(group, q * x)[group]
+        length, whole = np.bincount(group, x**2), np.bincount(group, column**2)
+        there = length > ROUNDING * whole
+        across.append(x * np.where(there, 1.0 / np.sqrt(np.where(there, length, 1.0)), 0.0)[group])
+        left = left - across[-1] * np.bincount(group, across[-1] * left)[group]
+        freedom -= int(there.sum())
+    return np.where(np.abs(left) > ROUNDING * np.abs(y), left, 0.0), freedom
 
-    ``lines``: about a straight line over the load for each set-up, component and phase; ``proportional``: about one
-    line through zero for each set-up and component. ``reach``: what zeros of set-ups that are off by one unit add to
-    the second.
-    """
 
-    lines: float
-    lines_dof: int
-    proportional: float
-    proportional_dof: int
-    reach: float
+def numbered(rows: Array) -> Integers:
+    """The number (m,) of each different row (m, k)."""
+    return np.asarray(np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1))
 
 
-def within_setups(
-    setup: Integers, component: Integers, down: Bools, load: Array, value: Array, precision: Array
-) -> Sums:
-    """Readings (m,) against lines of their own: what scatters whatever arm it is, and what no linear arm does.
-
-    ``setup``: number of pose, direction and point of the load; ``down``: read while unloading; ``precision``: one over
-    a reading's own variance.
-    """
-    group = np.unique(6 * setup + component, return_inverse=True)[1]
-    phase = np.unique(2 * group + down, return_inverse=True)[1]
-
-    def sums(key: Integers) -> list[Array]:
-        every = (np.ones(len(load)), load, load**2, value, load * value, value**2)
-        return [np.asarray(np.bincount(key, precision * x), dtype=np.float64) for x in every]
-
-    one, x, xx, y, xy, yy = sums(phase)
-    spread, slope = xx - x**2 / one, xy - x * y / one
-    several = spread > ROUNDING * xx
-    about = yy - y**2 / one - np.where(several, slope**2 / np.where(several, spread, 1.0), 0.0)
-    one0, x0, xx0, _, xy0, yy0 = sums(group)
-    through = yy0 - xy0**2 / xx0
-    return Sums(
-        float(np.maximum(about, 0.0).sum()),
-        len(value) - len(one) - int(several.sum()),
-        float(np.maximum(through, 0.0).sum()),
-        len(value) - len(one0),
-        float(np.maximum(one0 - x0**2 / xx0, 0.0).sum()),
-    )
+def setups(wrench: Array, pose: Integers, component: Integers) -> Integers:
+    """The number (m,) of component, pose and direction of the load (m, 6) of each reading."""
+    size = np.maximum(np.linalg.norm(wrench, axis=1), 1e-300)[:, None]
+    return numbered(np.column_stack([np.round(wrench / size, 3) + 0.0, pose, component]))
 
 
 @dataclass(frozen=True)
@@ -192,41 +175,38 @@ class Unexplained:
     setups_p: float
 
 
-def unexplained(e: Estimate, down: Bools, drifted: Array | float = 0.0) -> Unexplained:
+def unexplained(e: Estimate, down: Bools, floor: float, drifted: Array | float = 0.0) -> Unexplained:
     """Whether deflections are proportional to the load in each set-up, and what set-ups give by the springs.
 
     A linear arm's deflection is proportional to the load, whatever its springs, links, tilts, and whatever share of
     the deflection set-ups scatter by: backlash, friction, hardening, another load than the sheet's or a zero that
-    moved are not. ``down`` (m,): read while unloading; ``drifted`` (m,): a drift that was found, taken off.
+    moved are not. ``down`` (m,): read while unloading; ``floor``: least standard deviation of a
+    reading (m); ``drifted`` (m,): a drift that was found, taken off.
     """
-    p, at = e.problem, e.problem.free.at
-    size = np.linalg.norm(at.wrench, axis=1)
-    case = np.column_stack([at.wrench / np.maximum(size, 1e-300)[:, None], 10.0 * at.point])
-    setup = np.unique(np.column_stack([np.round(case, 3)[p.row] + 0.0, p.pose]), axis=0, return_inverse=True)[1]
-    precision = _weight(e) / e.noise.variance(p, e.prediction)
-    of = setup.reshape(-1), p.component
-    read = size[p.row], p.value - drifted, precision
-    s = within_setups(*of, down, *read)
-    if s.lines_dof == 0:
-        s = within_setups(*of, np.zeros_like(down), *read)
+    p = e.problem
+    wrench, root = p.free.at.wrench[p.row], np.sqrt(_weight(e) / e.noise.variance(p, e.prediction))
+    group = setups(wrench, p.pose, p.component)
+    x, y = root * np.linalg.norm(wrench, axis=1), root * (p.value - drifted)
+    about, about_dof = left_in_groups(y, 2 * group + down, [root, x])
+    if about_dof == 0:
+        about, about_dof = left_in_groups(y, group, [root, x])
+    through, through_dof = left_in_groups(y, group, [x])
+    lines, proportional = float(about @ about), float(through @ through)
+    # What zeros of set-ups that are off by 1 m (or rad) add to the second.
+    reach = float(np.sum(left_in_groups(root, group, [x])[0] ** 2))
     zero_p = zero_m = times = setups_p = share = math.nan
-    own = float(np.median(1.0 / precision))
-    more = s.proportional_dof - s.lines_dof
-    if s.lines_dof > 0 and more > 0 and s.lines > 0.0 and s.reach > 0.0:
-        rise = s.proportional - s.lines
-        scatter = s.lines / s.lines_dof
-        ratio = rise / more / scatter / (1.0 + ZEROS**2 * own * s.reach / more)
-        zero_p = float(fisher.sf(ratio, min(more, len(np.unique(6 * of[0] + of[1]))), s.lines_dof))
-        zero_m = math.sqrt(max(rise - more * scatter, 0.0) / s.reach)
+    more, own = through_dof - about_dof, float(np.median(root**-2))
+    if min(about_dof, more) > 0 and reach > 0.0:
+        rise, scatter = proportional - lines, max(lines / about_dof, floor**2 / own)
+        ratio = rise / more / scatter / (1.0 + ZEROS**2 * own * reach / more)
+        zero_p = float(fisher.sf(ratio, min(more, len(np.unique(group))), about_dof))
+        zero_m = math.sqrt(max(rise - more * scatter, 0.0) / reach)
         times = zero_m / math.sqrt(own * scatter)
-    basis = spanning((e.jacobian * np.sqrt(precision)[:, None])[:, e.seen], ROUNDING)
-    z = (e.residual - drifted) * np.sqrt(precision)
-    lack_dof = len(p) - s.proportional_dof - basis.shape[1]
-    if s.proportional_dof > 0 and lack_dof > 0 and s.proportional > 0.0:
-        lack = float(z @ z - np.sum((basis.T @ z) ** 2)) - s.proportional
-        setups_p = float(
-            fisher.sf(lack / lack_dof / (s.proportional / s.proportional_dof), lack_dof, s.proportional_dof)
-        )
-        common = np.sum(e.noise.common(p, e.prediction) ** 2, axis=1)
-        share = float(np.sqrt(common.sum() / max(float(np.sum(e.prediction**2)), 1e-300)))
+    basis, z = spanning((e.jacobian * root[:, None])[:, e.seen], ROUNDING), root * (e.residual - drifted)
+    lack_dof = len(p) - through_dof - basis.shape[1]
+    if min(through_dof, lack_dof) > 0 and proportional > 0.0:
+        lack = float(z @ z - np.sum((basis.T @ z) ** 2)) - proportional
+        setups_p = float(fisher.sf(lack / lack_dof / (proportional / through_dof), lack_dof, through_dof))
+        common = float(np.sum(e.noise.common(p, e.prediction) ** 2))
+        share = math.sqrt(common / max(float(np.sum(e.prediction**2)), 1e-300))
     return Unexplained(zero_m, times, zero_p, share, setups_p)

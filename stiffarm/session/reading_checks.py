@@ -14,7 +14,7 @@ from doe import Measurements, read_measurements
 from doe.certainty.doubts import Doubt
 from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
-from doe.plausibility.stated_scatter import check_sigma, sigma_doubt
+from doe.plausibility.stated_scatter import sigma_doubt
 from doe.plausibility.units_check import check_units, class_doubt
 from fem.arm import Arm
 from fem.effects import History, PlacedEffect
@@ -43,7 +43,7 @@ def check_readings(given: Arm, data: Measurements, *, confirm_units: bool = Fals
     refuse_against_load(data)
     notes = check_units(given.description, given.model, data, confirm_units=confirm_units)
     refuse_large(given, data)
-    check_sigma(given.model, data, confirmed=confirm_units)
+    sigma_doubt(given.model, data, confirmed=confirm_units)
     for remark in (against_load(data), *notes):
         if remark is not None:
             say(f"note: {remark}")

@@ -222,7 +222,7 @@ def calibrate(
     ]
     doubts = reading_doubts(given, used)
     for stage in (s for s in found.stages if s.study is None):
-        doubts += _doubts(stage, used, history, words.place(stage, found.stages), request.diagnose)
+        doubts += _doubts(stage, used, history, words.place(stage, found.stages), request)
     remarks = (
         *(doubt.words for doubt in doubts),
         *words.study_remarks(found.studies),
