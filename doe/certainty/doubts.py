@@ -127,8 +127,12 @@ def drift(e: Estimate, clock: Array, floor: tuple[float, float]) -> Drift | None
 
 
 def _weight(e: Estimate) -> Array:
-    """Weights (m,) of the readings; all one where so many lost theirs that they are no outliers."""
-    return e.weight if np.mean(e.weight < 0.5) <= MOST_OUTLIERS else np.ones(len(e.weight))
+    """Weights (m,) of the readings; all one where so many lost theirs that they are no outliers, or by given sigmas.
+
+    Sigmas that are too small make outliers of good readings.
+    """
+    trusted = np.isnan(e.problem.sigma).all() and np.mean(e.weight < 0.5) <= MOST_OUTLIERS
+    return e.weight if trusted else np.ones(len(e.weight))
 
 
 def left_in_groups(y: Array, group: Integers, columns: Sequence[Array]) -> tuple[Array, int]:

@@ -220,7 +220,7 @@ def calibrate(
     shifts = [
         e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind.shifts == "point"
     ]
-    doubts = reading_doubts(given, used)
+    doubts = [*reading_doubts(given, used)]
     for stage in (s for s in found.stages if s.study is None):
         doubts += _doubts(stage, used, history, words.place(stage, found.stages), request)
     remarks = (
@@ -232,21 +232,23 @@ def calibrate(
     )
     return Calibrated(
         request, used, found, with_origin(found, used, request.loads, remarks), stages, error, half, skipped,
-        None if holdout is None else held_out(found, holdout), remarks, doubts,
+        None if holdout is None else held_out(found, holdout), remarks, tuple(doubts),
     )  # fmt: skip
 
 
-def _doubts(stage: StageResult, used: Measurements, history: History, place: str, diagnose: str) -> tuple[Doubt, ...]:
+def _doubts(stage: StageResult, used: Measurements, history: History, place: str, request: Request) -> list[Doubt]:
     """What the readings of a stage say against it: a drift in their order, and what no springs explain."""
-    e, read = stage.estimate, readings_of(used, stage.stage)
+    e, read, floor = stage.estimate, readings_of(used, stage.stage), request.campaign.noise.floor
     then = history_of_part(used, lambda whole: readings_of(whole, stage.stage), history)
     down = then.unloading(load_size(read.wrench))[e.problem.row]
     by_rows = not np.isfinite(then.clock).all()
-    moved = drift(e, (order_of_rows(read.q) if by_rows else then.clock)[e.problem.row])
-    sure = moved is not None and moved.p_value < LEVEL
-    left = unexplained(e, down, moved.size if moved is not None and sure else 0.0)
-    said = [words.drift_doubt(stage, moved, by_rows=by_rows)] if moved is not None and sure else []
-    return tuple(replace(one, words=place + one.words) for one in (*said, *words.unexplained_doubts(left, diagnose)))
+    moved = drift(e, (order_of_rows(read.q) if by_rows else then.clock)[e.problem.row], floor)
+    if moved is None or moved.p_value >= LEVEL:
+        said = words.unexplained_doubts(unexplained(e, down, floor[0]), request.diagnose)
+    else:
+        left = unexplained(e, down, floor[0], moved.size)
+        said = [words.drift_doubt(stage, moved, by_rows), *words.unexplained_doubts(left, request.diagnose)]
+    return [replace(one, words=place + one.words) for one in said]
 
 
 def _builder(given: Arm) -> Callable[[ModelDescription], ArmModel]:

@@ -138,7 +138,7 @@ def place(s: StageResult, stages: Sequence[StageResult]) -> str:
     return f"stage {s.stage.name}: " if len(stages) > 1 else ""
 
 
-def drift_doubt(s: StageResult, found: Drift, *, by_rows: bool) -> Doubt:
+def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
     """How far what was read drifts, and what the parameters would be with the drift free."""
     p, sizes = s.estimate.problem, {}
     for k in np.unique(p.component).tolist():
