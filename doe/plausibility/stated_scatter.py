@@ -40,7 +40,8 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
     Raises
     ------
     InputError
-        Stated and seen scatter are more than SLIP times apart, and nobody has ``confirmed`` that.
+        Stated and seen scatter are more than SLIP times apart, and nobody has ``confirmed`` that; or, whoever has, more
+        than its square.
     """
     p = problem(model, data, ())
     mine = np.isfinite(p.sigma) & (p.component < 3)
@@ -67,12 +68,13 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
     square = float(np.sum(np.clip(left, -CUT * scale, CUT * scale) ** 2))
     times, stated = max(float(np.sqrt(square / freedom)), 1e-12), 1e3 * float(np.sqrt(np.mean(sigma**2)))
     said = f"sigma_mm says {stated:.3g} mm, but {of} by {times * stated:.3g} mm"
-    if not (confirmed or 1.0 / SLIP <= times <= SLIP):
+    limit = SLIP**2 if confirmed else SLIP
+    if not 1.0 / limit <= times <= limit:
         raise InputError(
             f"{data.source}: {said}{' (micrometres typed as millimetres?)' if times < 1.0 else ''}",
-            allowed=f"a standard deviation within {SLIP:g} times of what the readings show",
+            allowed=f"a standard deviation within {limit:g} times of what the readings show",
             remedy="correct the column sigma_mm (standard deviation of one reading, mm) or leave it out, so that the "
-            "scatter is estimated; or confirm with --confirm-units that the table is right as it is",
+            f"scatter is estimated{'' if confirmed else '; or confirm with --confirm-units that it is right as it is'}",
         )
     p_value = min(2.0 * min(float(chi2.sf(square, freedom)), float(chi2.cdf(square, freedom))), 1.0)
     if p_value >= LEVEL or 1.0 / NEAR <= times <= NEAR:

@@ -144,10 +144,13 @@ def test_sigmas_far_from_what_is_seen_are_refused_everywhere(folder: Path, sigma
 
 
 def test_confirmed_sigmas_are_taken_and_refuted(folder: Path) -> None:
-    for sigma_mm in (20.0, 1e-6):
+    for sigma_mm in (20.0, 1e-3):
         table = _table(folder, Campaign(noise=148e-6, sigma_mm=sigma_mm))
         doubts = _doubts(_calibrated(folder, table, "--confirm-units"))
         assert doubts["sigma"]["factor"] == pytest.approx(0.148 / sigma_mm, rel=0.25)
+    absurd = _calibrated(folder, _table(folder, Campaign(noise=148e-6, sigma_mm=1e-6)), "--confirm-units")
+    assert absurd.code == 2
+    assert "--confirm-units" not in absurd.err
 
 
 @pytest.mark.parametrize(("sigma_mm", "repeats"), [(0.02, 1), (0.02, 3), (0.3, 1), (0.3, 3), (1.0, 3)])
