@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from doe.estimation.estimate import Estimate
-from doe.estimation.least_squares import prior_residual, spanning
+from doe.estimation.least_squares import spanning
 from doe.estimation.noise import fit_noise
 from robots.arrays import Array, Bools, Integers
 
@@ -86,6 +86,8 @@ def drift(e: Estimate, clock: Array, floor: tuple[float, float]) -> Drift | None
     from it: set-ups scatter independently of their order. Where they scatter the F test has as many degrees of freedom
     as there are set-ups (times components) to spare, else as many as readings.
 
+    Priors are left out: parameters are as free to follow the clock as readings leave them.
+
     ``clock`` (m,): from 0 to 1, NaN where it is not known; None is returned there, and where too few readings are left.
     ``floor``: least standard deviation of a reading, m and rad.
     """
@@ -101,17 +103,13 @@ def drift(e: Estimate, clock: Array, floor: tuple[float, float]) -> Drift | None
         free = np.hstack([J, D])
         told = fit_noise(p, e.prediction, free, e.residual, e.noise, floor, weight, names=e.estimated)
         V = told.covariance(p, e.prediction, weight)
-    priors = prior_residual(p, e.u)
     white = V.whiten(np.column_stack([e.residual, J, D]))
-    z = np.concatenate([white[:, 0], -priors[0]])
-    none = np.zeros((len(priors[0]), D.shape[1]))
-    A = np.vstack([white[:, 1:], np.hstack([priors[1][:, seen], none])])
+    z, A, fixed = white[:, 0], white[:, 1:], J.shape[1] + of.shape[1]
     # Springs, and a zero of each component: neither is a drift.
-    still = spanning(A[:, : J.shape[1] + of.shape[1]], ROUNDING)
-    W = A[:, J.shape[1] + of.shape[1] :]
-    way = spanning(W - still @ (still.T @ W), ROUNDING)
+    still = spanning(A[:, :fixed], ROUNDING)
+    way = spanning(A[:, fixed:] - still @ (still.T @ A[:, fixed:]), ROUNDING)
     k, rank = way.shape[1], still.shape[1]
-    several = e.problem.blocks.most > 1 and any(name.startswith("pose") for name in e.estimated)
+    several = p.blocks.most > 1 and any(name.startswith("pose") for name in e.estimated)
     left = (len(p.blocks) if several else len(p)) - rank - k
     if left < 1 or k == 0:
         return None

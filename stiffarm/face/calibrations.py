@@ -18,6 +18,7 @@ from stiffarm.face.shown import Shown, frame
 if TYPE_CHECKING:
     import pandas as pd
 
+    from doe.certainty.doubts import Doubt
     from stiffarm.commands.calibrate.step import Calibrated
 
 
@@ -65,6 +66,11 @@ class Calibration(Shown):
     def at_bound(self) -> int:
         """How many parameters stand at an end of their range."""
         return self.found.found.count.at_bound
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What the readings say against it: each with ``code``, ``words`` and ``p_value``; the words are remarks."""
+        return self.found.doubts
 
     @property
     def identified(self) -> int:

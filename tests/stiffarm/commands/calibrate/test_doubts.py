@@ -221,7 +221,7 @@ def test_bundled_readings_are_of_their_class(robot: str) -> None:
     arm = sa.load(robot)
     readings = sa.read_readings(sa.bundled(robot), arm)
     joints = ["j2.stiffness", "j3.stiffness"]
-    assert "class" not in {one.code for one in sa.calibrate(arm, readings, free=joints).found.doubts}
+    assert "class" not in {one.code for one in sa.calibrate(arm, readings, free=joints).doubts}
     softer = replace(readings, table=replace(readings.table, displacement=4.448 * readings.table.displacement))
     found = sa.calibrate(arm, softer, free=joints)
     assert any(text.startswith("soft for its class by a factor of") for text in found.remarks)
