@@ -16,6 +16,7 @@ from scipy.stats import f as fisher
 from doe.estimation.estimate import Estimate
 from doe.estimation.least_squares import spanning
 from doe.estimation.noise import fit_noise
+from doe.estimation.problem import Problem
 from robots.arrays import Array, Bools, Integers
 
 # Share of right calibrations that each code of a doubt is raised about.
@@ -154,10 +155,11 @@ def numbered(rows: Array) -> Integers:
     return np.asarray(np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1))
 
 
-def setups(wrench: Array, pose: Integers, component: Integers) -> Integers:
-    """The number (m,) of component, pose and direction of the load (m, 6) of each reading."""
-    size = np.maximum(np.linalg.norm(wrench, axis=1), 1e-300)[:, None]
-    return numbered(np.column_stack([np.round(wrench / size, 3) + 0.0, pose, component]))
+def setups(p: Problem) -> Integers:
+    """The number (m,) of component, pose, direction and point of the load of each reading."""
+    at = p.free.at
+    way = at.wrench / np.maximum(np.linalg.norm(at.wrench, axis=1), 1e-300)[:, None]
+    return numbered(np.column_stack([np.round(np.hstack([way, at.point]), 3)[p.row] + 0.0, p.pose, p.component]))
 
 
 @dataclass(frozen=True)
@@ -186,9 +188,9 @@ def unexplained(e: Estimate, down: Bools, floor: float, drifted: Array | float =
     reading (m); ``drifted`` (m,): a drift that was found, taken off.
     """
     p = e.problem
-    wrench, root = p.free.at.wrench[p.row], np.sqrt(_weight(e) / e.noise.variance(p, e.prediction))
-    group = setups(wrench, p.pose, p.component)
-    x, y = root * np.linalg.norm(wrench, axis=1), root * (p.value - drifted)
+    group, root = setups(p), np.sqrt(_weight(e) / e.noise.variance(p, e.prediction))
+    # Of the residual, so that what effects of the model explain is no doubt; springs' own share is proportional.
+    x, y = root * np.linalg.norm(p.free.at.wrench, axis=1)[p.row], root * (e.residual - drifted)
     about, about_dof = left_in_groups(y, 2 * group + down, [root, x])
     if about_dof == 0:
         about, about_dof = left_in_groups(y, group, [root, x])
@@ -204,10 +206,10 @@ def unexplained(e: Estimate, down: Bools, floor: float, drifted: Array | float =
         zero_p = float(fisher.sf(ratio, min(more, len(np.unique(group))), about_dof))
         zero_m = math.sqrt(max(rise - more * scatter, 0.0) / reach)
         times = zero_m / math.sqrt(own * scatter)
-    basis, z = spanning((e.jacobian * root[:, None])[:, e.seen], ROUNDING), root * (e.residual - drifted)
+    basis = spanning((e.jacobian * root[:, None])[:, e.seen], ROUNDING)
     lack_dof = len(p) - through_dof - basis.shape[1]
     if min(through_dof, lack_dof) > 0 and proportional > 0.0:
-        lack = float(z @ z - np.sum((basis.T @ z) ** 2)) - proportional
+        lack = float(y @ y - np.sum((basis.T @ y) ** 2)) - proportional
         setups_p = float(fisher.sf(lack / lack_dof / (proportional / through_dof), lack_dof, through_dof))
         common = float(np.sum(e.noise.common(p, e.prediction) ** 2))
         share = math.sqrt(common / max(float(np.sum(e.prediction**2)), 1e-300))

@@ -48,10 +48,10 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
     if not mine.any():
         return None
     row, component, sigma, value = p.row[mine], p.component[mine], p.sigma[mine], p.value[mine]
-    wrench, (influence, rest) = data.wrench[row], spring_parts(model, data)
+    influence, rest = spring_parts(model, data)
     phase = np.unique([x or "" for x in data.phase], return_inverse=True)[1][row]
-    line = numbered(np.column_stack([setups(wrench, p.pose[mine], component), phase]))
-    one, load = 1.0 / sigma, np.linalg.norm(wrench, axis=1) / sigma
+    line = numbered(np.column_stack([setups(p)[mine], phase]))
+    one, load = 1.0 / sigma, np.linalg.norm(data.wrench[row], axis=1) / sigma
     springs = (influence[row, component] / sigma[:, None]).T
     seen: tuple[tuple[str, Integers, Array, Sequence[Array]], ...] = (
         ("repeats scatter", p.replicate[mine], value, [one]),

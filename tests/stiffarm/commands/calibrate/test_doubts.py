@@ -93,6 +93,16 @@ def test_the_command_that_is_named_runs(folder: Path) -> None:
     assert done.code == 0, done.err
 
 
+@pytest.mark.slow
+def test_what_the_model_has_already_is_no_doubt(folder: Path) -> None:
+    """The same readings by the model that `diagnose` made of them, play included."""
+    table, out = _table(folder, replace(PLAY, loads=(60.0, 200.0, 500.0))), folder / "diagnosed"
+    done = run_here("diagnose", folder / "arm" / "mine.toml", table, "--folds", "0", "--next", "0", "--out", out)
+    assert done.code == 0, done.err
+    after = run_here("calibrate", out / "model.toml", table, "--free", "j2.stiffness,j3.stiffness", "--json")
+    assert "not-proportional" not in _doubts(after)
+
+
 # --- drift --------------------------------------------------------------------------------------------------
 
 
@@ -180,7 +190,7 @@ def test_diagnose_and_run_say_so_too(folder: Path) -> None:
     table, model = _table(folder, Campaign(noise=148e-6, sigma_mm=0.02)), folder / "arm" / "mine.toml"
     done = run_here("diagnose", model, table, "--folds", "0", "--next", "0", "--json")
     assert [one["code"] for one in done.json["doubts"]] == ["sigma"]
-    done = run_here("run", model, table, "--no-rehearsal", "--out", folder / "run")
+    done = run_here("run", model, table, "--no-rehearse", "--out", folder / "run")
     assert done.code == 0, done.err
     assert "warning: sigma_mm is refuted" in done.out + done.err
     assert "sigma_mm is refuted" in (folder / "run" / "report.html").read_text(encoding="utf-8")
