@@ -43,6 +43,8 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
         Stated and seen scatter are more than SLIP times apart, and nobody has ``confirmed`` that; or, whoever has, more
         than its square.
     """
+    if np.isnan(data.sigma).all():
+        return None
     p = problem(model, data, ())
     mine = np.isfinite(p.sigma) & (p.component < 3)
     if not mine.any():
@@ -60,7 +62,8 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
     )
     for of, group, y, columns in seen:  # noqa: B007 - the last one stays
         left, freedom = left_in_groups(y / sigma, group, columns)
-        if freedom >= FEWEST:
+        # Where most agree to the digit it is the gauge's rounding that is seen, and nothing of the scatter.
+        if FEWEST <= freedom <= np.count_nonzero(left):
             break
     else:
         return None

@@ -185,6 +185,14 @@ def test_right_sigmas_are_not_refuted(folder: Path) -> None:
             assert _doubts(_calibrated(folder, _table(folder, campaign, seed=seed))) == {}
 
 
+def test_repeats_that_agree_to_the_digit_tell_no_scatter(folder: Path) -> None:
+    """Noise of 1 um, read to 10 um and stated as what rounding leaves: most repeats are the same."""
+    campaign = Campaign(noise=1e-6, sigma_mm=0.003, repeats=3)
+    made = read(campaign, np.random.default_rng(2))
+    table = write(campaign, replace(made, moved=np.round(made.moved, 5)), folder / "rounded.csv")
+    assert "sigma" not in _doubts(_calibrated(folder, table))
+
+
 @pytest.mark.slow
 def test_diagnose_and_run_say_so_too(folder: Path) -> None:
     table, model = _table(folder, Campaign(noise=148e-6, sigma_mm=0.02)), folder / "arm" / "mine.toml"
