@@ -35,6 +35,8 @@ TORQUE_OF_REACH = (220.0, 3.5)
 WIDER_WITHOUT_BOTH = 3.0
 # A shorter reach (one joint and a tool) is no arm; its class is that of the smallest, m.
 SHORTEST = 0.2
+# The source of springs that nobody measured: the middle of what arms of the size have (`stiffarm new --springs class`).
+CLASS_PRIOR = "class-prior"
 # Springs this far beyond their class are still taken without a question.
 BEYOND_CLASS = 3.0
 

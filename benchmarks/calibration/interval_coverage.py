@@ -18,13 +18,17 @@ from coverage_cases import CASES, ROBOTS, STATUSES, WHITE, Case, standard_error,
 
 from doe.estimation.noise import FEWEST_POSES
 
+# The section on `calibrate` itself: command_coverage.py made its figures.
+COMMAND = Path(__file__).with_name("command_coverage_page.md")
 HEADING = """# Coverage of calibration intervals
 
 <!-- figures from: docs/validation/calibration_coverage.md -->
-If the noise is estimated together with the scatter between set-ups, 95 % intervals contain the true value in 92 to 97
-% of the cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly any bias. If set-ups scatter and
-the noise model leaves this out, they contain it in only 14 to 18 %; if that scatter is treated as white noise, in 56
-to 61 %. All readings are simulated; real ones also contain errors of the model.
+The estimator's 95 % intervals, with the noise estimated together with the scatter between set-ups, contain the true
+value in 92 to 97 % of the estimator's cases below (standard errors of 0.4 to 0.9 %), and the estimates have hardly any
+bias. If set-ups scatter and the noise model leaves this out, they contain it in only 14 to 18 %; if that scatter is
+treated as white noise, in 56 to 61 %. All readings are simulated; real ones also contain errors of the model.
+
+{command}## What the estimator covers
 
 Written by `python benchmarks/calibration/interval_coverage.py --repeats {repeats} --write
 docs/validation/calibration_coverage.md`.
@@ -47,7 +51,8 @@ deviations of the estimate. *Time*: of one fit with intervals, one thread, media
 
 def table(results: list[tuple[str, Case, dict[str, float]]], repeats: int) -> str:
     """The page: what was done, the table, what the cases are, what to know about them."""
-    out = [HEADING.format(repeats=repeats, white=1e6 * WHITE.white[0], turn=1e6 * WHITE.white[1])]
+    command = COMMAND.read_text(encoding="utf-8")
+    out = [HEADING.format(command=command, repeats=repeats, white=1e6 * WHITE.white[0], turn=1e6 * WHITE.white[1])]
     for robot, case, r in results:
         shares = " | ".join(f"{100.0 * r[s]:.0f}" for s in STATUSES)
         out.append(

@@ -36,7 +36,7 @@ from robots.schema.quantities import RotationalStiffness
 
 Build = Callable[[ModelDescription], ArmModel]
 
-FORMAT = "stiffarm-stage/2"
+FORMAT = "stiffarm-stage/3"
 # Numbers that were kept are those of these readings if one more round of the estimator moves predictions by no more
 # than this share of their standard deviations, and the noise and the weights of readings by no more than that one.
 KEPT_STILL, KEPT_WITHIN = 1e-2, 0.1
@@ -266,7 +266,7 @@ def _run_stage(
     parameters, laws = campaign.free(model, stage.parameters, effects)
     walls = wall_flexibilities(description, model, parameters)
     p = problem(model, used, parameters, laws, walls, effects, then)
-    gauge = (campaign.noise.gauge_mm * 1e-3, campaign.noise.gauge_mrad * 1e-3)
+    gauge = campaign.noise.floor
     file = hashlib.sha256(f"{key}:{model.link_kind}:{model.load_path}:{stage.model_dump_json()}".encode()).hexdigest()
     robust = campaign.noise.robust
     kept = store.get(file, lambda arrays: _fault(arrays, p, gauge, robust)) if store is not None else None

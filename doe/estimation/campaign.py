@@ -94,6 +94,14 @@ class NoiseChoice(Strict):
     gauge_mrad: PositiveFloat = 0.01
     robust: bool = True
 
+    @property
+    def floor(self) -> tuple[float, float]:
+        """Least standard deviation of a reading (m, rad): what rounding to the gauge's digit leaves, digit / sqrt(12).
+
+        The whole digit would be 3.5 times too much: intervals of readings finer than it would be as much too wide.
+        """
+        return self.gauge_mm * 1e-3 / math.sqrt(12.0), self.gauge_mrad * 1e-3 / math.sqrt(12.0)
+
 
 class Stage(Strict):
     """One stage: these numbers, on these poses and loads (none named: all), others held where they are.

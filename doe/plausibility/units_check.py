@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import fdtrc, ndtr
 
+from doe.certainty.doubts import Doubt
 from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.least_squares import bounded_step
@@ -29,8 +30,10 @@ from doe.tables.measurements import Measurements
 from fem import ArmModel
 from fem.free.parameters import parameter
 from robots import InputError, ModelDescription
-from robots.arm_class import MAIN_JOINTS, SHORTEST, ArmClass, arm_class, reach_of
+from robots.arm_class import CLASS_PRIOR, MAIN_JOINTS, SHORTEST, ArmClass, arm_class, reach_of
 from robots.arrays import Array
+from robots.schema.description import BUILT_IN_SOURCES
+from robots.schema.quantities import RotationalStiffness
 
 # Factors tried: four decades on both sides, twenty steps each; all known units lie among them.
 SCALES = np.logspace(-4.0, 4.0, 161)
@@ -48,6 +51,9 @@ NO_ARM_AT_ALL = 100.0
 # Nearer ones (but this far: models leave out a quarter of the compliance easily) must be significant: by the readings,
 # and by the set-ups, which scatter as wholes.
 NEAR, BY_READINGS, BY_SETUPS = 1.2, 1e-4, 0.1
+# Arms beyond this share at either end of their class are remarked on, where they are so many times off its middle.
+# Springs that a model states from a source are within the last factor with 95 % (published ones; assumed).
+AT_CLASS_END, CLASS_TIMES, OWN = 0.05, 2.0, 2.0
 # Units that are named, likeliest first.
 NAMED = 3
 # A spring is outside where its interval with this confidence is, and its value by this factor more; its readings have
@@ -244,6 +250,43 @@ def suspicions(description: ModelDescription, model: ArmModel, data: Measurement
     found = [_by_scale(m, of, k) for m, k in ((moved, TRANSLATIONS), (turned, ROTATIONS)) if m is not None]
     out = tuple(one for one in found if one is not None)
     return out if out or moved is None else _by_springs(model, data, of, moved)
+
+
+def class_doubt(description: ModelDescription, model: ArmModel, data: Measurements) -> Doubt | None:
+    """Whether all that was read is softer or stiffer than arms of this class: a unit wrong by 2 to 5, or the load.
+
+    The middle of the class would give one deflection per load; what was read is so many times it. Logarithms of
+    stiffnesses are taken as normally distributed in a class, 95 % of them between its ends, and as one for all joints
+    of an arm, for strong arms are strong in every joint. Springs whose source the model states count instead of the
+    class, with 95 % within OWN times their value.
+    """
+    of = arm_class(description, model.robot)
+    low, high = of.low.copy(), of.high.copy()
+    for k, joint in enumerate(description.joint):
+        own = joint.stiffness
+        if isinstance(own, RotationalStiffness) and own.source not in (*BUILT_IN_SOURCES, CLASS_PRIOR):
+            low[k], high[k] = own.si / OWN, own.si * OWN
+    of = replace(of, low=low, high=high)
+    m = misfits(model, data, of, rotations=False)
+    if m is None:
+        return None
+    # Per load, not per size: what scatters beside small deflections would make any arm look stiff.
+    each = m.A * m.size[:, None] / np.sqrt(of.low * of.high)
+    middle = each.sum(axis=1) + m.links * m.size
+    square = float(middle @ middle)
+    softer = float((m.y * m.size) @ middle) / square if square > 0.0 else 0.0
+    if softer <= 0.0:
+        return None
+    sd = float(np.abs(middle @ each) @ np.log(of.high / of.low)) / 4.0 / square
+    p = float(ndtr(-abs(np.log(softer)) / max(sd, 1e-12)))
+    times, way = max(softer, 1.0 / softer), "soft" if softer > 1.0 else "stiff"
+    if p >= AT_CLASS_END or times < CLASS_TIMES:
+        return None
+    words = (
+        f"{way} for its class by a factor of {times:.2g}: check units and load. Of arms of this class ({of.size}) "
+        f"{100.0 * p:.2g} % are as {way} or more at these set-ups"
+    )
+    return Doubt("class", words, p, times)
 
 
 def _by_scale(m: Misfits, of: ArmClass, own: tuple[UnitChoice, ...]) -> Suspicion | None:

@@ -18,6 +18,7 @@ from stiffarm.face.shown import Shown, frame
 if TYPE_CHECKING:
     import pandas as pd
 
+    from doe.certainty.doubts import Doubt
     from stiffarm.commands.calibrate.step import Calibrated
 
 
@@ -65,6 +66,11 @@ class Calibration(Shown):
     def at_bound(self) -> int:
         """How many parameters stand at an end of their range."""
         return self.found.found.count.at_bound
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """What the readings say against it: each with ``code``, ``words`` and ``p_value``; the words are remarks."""
+        return self.found.doubts
 
     @property
     def identified(self) -> int:
@@ -161,7 +167,14 @@ def calibrate(
         staged = general.is_staged(scheme, arm, None, named=names is not None or file is not None)
         plan = general.plan_of(arm, readings.table, None, staged=staged)
         options = general.Options(
-            free=names, campaign=file, loads=loads, staged=staged, robust=robust, bootstrap=bootstrap, seed=seed
+            free=names,
+            campaign=file,
+            loads=loads,
+            staged=staged,
+            robust=robust,
+            bootstrap=bootstrap,
+            seed=seed,
+            diagnose="stiffarm.diagnose(arm, readings)",
         )
         request = general.request_of(arm, readings.table, plan, options)
         found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)

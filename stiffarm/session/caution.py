@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
+from robots.arm_class import CLASS_PRIOR
+
 if TYPE_CHECKING:
     from fem.arm import Arm
 
-# The source of springs that nobody measured: the middle of what arms of the size have (`stiffarm new --springs class`).
-CLASS_PRIOR = "class-prior"
 RIGID_AS_ASKED = "Joints held rigid, as asked: only the links deflect here."
 
 _said: ContextVar[str] = ContextVar("caution", default="")

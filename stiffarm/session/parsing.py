@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -42,6 +43,17 @@ def refuse_together(options: Mapping[str, object]) -> None:
     given = [name for name, value in options.items() if value is not None]
     if len(given) > 1:
         raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
+
+
+def typed_again(command: str, arguments: Iterable[object], options: Mapping[str, object]) -> str:
+    """A command line to copy: what was typed of ``arguments`` and ``options``, quoted where a shell needs it."""
+    words = [*command.split(), *map(str, arguments)]
+    for name, value in options.items():
+        if isinstance(value, bool):
+            words += [name] * value
+        else:
+            words += [w for one in (value if isinstance(value, list) else [value]) if one for w in (name, str(one))]
+    return shlex.join(words)
 
 
 def parse_numbers(text: str, between: str = ",") -> tuple[float, ...] | None:

@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from doe import Measurements, read_measurements
+from doe.certainty.doubts import Doubt
 from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
-from doe.plausibility.units_check import check_units
+from doe.plausibility.stated_scatter import sigma_doubt
+from doe.plausibility.units_check import check_units, class_doubt
 from fem.arm import Arm
 from fem.effects import History, PlacedEffect
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
@@ -35,14 +37,22 @@ def check_readings(given: Arm, data: Measurements, *, confirm_units: bool = Fals
     Raises
     ------
     InputError
-        Most readings move against their load, look like other units, or are beyond small displacements.
+        Most readings move against their load, look like other units, are beyond small displacements, or scatter by
+        something quite else than their sigma_mm.
     """
     refuse_against_load(data)
     notes = check_units(given.description, given.model, data, confirm_units=confirm_units)
     refuse_large(given, data)
+    sigma_doubt(given.model, data, confirmed=confirm_units)
     for remark in (against_load(data), *notes):
         if remark is not None:
             say(f"note: {remark}")
+
+
+def reading_doubts(given: Arm, data: Measurements) -> tuple[Doubt, ...]:
+    """What readings that are taken say against themselves: size for this class of arm, scatter against sigma_mm."""
+    found = class_doubt(given.description, given.model, data), sigma_doubt(given.model, data)
+    return tuple(one for one in found if one is not None)
 
 
 def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:

@@ -168,7 +168,11 @@ def calibrate(
             robust,
             bootstrap,
             seed,
-        )
+            parsing.typed_again(
+                "stiffarm diagnose", (model, *(data or ())), {"--effect": effect, "--loads": loads, "--links": links,
+                "--load-path": load_path, "--set": sets, "--confirm-units": confirm_units},
+            ),
+        )  # fmt: skip
         kept = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed if bootstrap else None) as folder:
             found = general_calibration.run(given, table, plan, options, kept)

@@ -27,7 +27,8 @@ MOST_DRAWS = 10_000
 class Options:
     """What was typed, parsed: names of ``joints`` and of ``free`` parameters, ``campaign`` file; None: not given.
 
-    ``staged``: the plan itself is run, stage by stage, with levels at this ``spacing``.
+    ``staged``: the plan itself is run, stage by stage, with levels at this ``spacing``; ``diagnose``: the command that
+    asks the same readings what is missing.
     """
 
     joints: tuple[str, ...] | None = None
@@ -41,6 +42,7 @@ class Options:
     robust: bool = True
     bootstrap: int = 0
     seed: int = 0
+    diagnose: str = Request.diagnose
 
 
 def is_staged(scheme: str | None, given: Arm, scheme_file: Path | None, *, named: bool) -> bool:
@@ -80,7 +82,7 @@ def request_of(given: Arm, table: Measurements, plan: Campaign | None, options: 
     if not options.robust:
         campaign = campaign.model_copy(update={"noise": campaign.noise.model_copy(update={"robust": False})})
     loads = options.loads if options.loads is not None else campaign.loads_N
-    return Request(campaign, loads, expected, options.bootstrap, options.seed, options.spacing)
+    return Request(campaign, loads, expected, options.bootstrap, options.seed, options.spacing, options.diagnose)
 
 
 def _at_once(

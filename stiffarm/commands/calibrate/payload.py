@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from doe.calibration.run import Count as ParameterCount
+from doe.certainty.doubts import Doubt
 from doe.certainty.lack_of_fit import outliers
 from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import ParameterEstimate
@@ -44,6 +45,7 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
         "left_out_in_interval95": coverage(c.coverage),
         "left_out_not_predicted": c.skipped,
+        "doubts": [doubt(d) for d in c.doubts],
         "remarks": list(c.remarks),
         "poses": poses(c),
         "stages": [stage(s, c.request.campaign.noise.gauge_mm) for s in c.stages],
@@ -60,6 +62,11 @@ def calibration(c: Calibrated) -> dict[str, Any]:
     if c.holdout is not None:
         out["holdout"] = holdout(c.holdout)
     return out
+
+
+def doubt(d: Doubt) -> dict[str, Any]:
+    """One thing that readings say against a calibration: its test, and how many times the expected it is."""
+    return {"code": d.code, "words": d.words, "p_value": number(d.p_value), "factor": number(d.factor, 3)}
 
 
 def spring_key(joint: str) -> str:

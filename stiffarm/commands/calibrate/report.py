@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from doe.tables.joined import files_of
@@ -29,7 +31,7 @@ QUESTION = "which springs explain the readings?"
 def write_report(c: Calibrated, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
-    key, answer = _key_figures(c), Answer(_sure(c), _todo(c))
+    key, answer = _key_figures(c), Answer(_sure(c), _todo(c), warnings=words.doubt_sentences(c.doubts))
     try:
         stiffness = workspace_stiffness(c.description, c.model)
     except InputError as hindrance:
@@ -40,7 +42,7 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
         picture = pictures.add(workspace_answer.answer_figure(stiffness), "stiffness_at_the_tool", caption)
         key = [*workspace_answer.key_figures(stiffness), key[0]]
         sure = f"{answer.sure} {workspace_answer.interval_remark(stiffness)}"
-        answer = Answer(sure, answer.todo, picture, _rigid(c))
+        answer = replace(answer, sure=sure, picture=picture, warnings=(*words.doubt_sentences(c.doubts), *_rigid(c)))
     sections: list[Section] = []
     for number, s in enumerate(c.stages):
         sections += stage_section(c, s, pictures, "" if len(c.stages) == 1 else f"_{number + 1}")

@@ -17,6 +17,7 @@ from doe.calibration.run import (
     without_outliers,
 )
 from doe.calibration.written import with_origin
+from doe.certainty.doubts import LEVEL, Doubt, drift, order_of_rows, unexplained
 from doe.certainty.lack_of_fit import downweighted
 from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.predictive import Coverage
@@ -27,9 +28,10 @@ from doe.estimation.campaign import Campaign, Freed, NoiseChoice, campaign_of
 from doe.estimation.estimate import estimate
 from doe.tables.checks import refuse_seen
 from doe.tables.loaded import history_of_part, points_of, rms_mm
+from doe.tables.measurements import load_size
 from fem import ArmModel
 from fem.arm import Arm
-from fem.effects import build_plain
+from fem.effects import History, build_plain
 from fem.free.parameters import TURN
 from meshes.array_cache import ArrayCache
 from robots import InputError, ModelDescription
@@ -37,7 +39,7 @@ from robots.arrays import Array
 from robots.progress import Progress
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout, held_out, left_out
-from stiffarm.session.reading_checks import refuse_useless
+from stiffarm.session.reading_checks import reading_doubts, refuse_useless
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Request:
     """What is asked of a calibration.
 
     ``loads`` N, empty for all; ``expected`` N m/rad: where joint springs are expected, to be said when they are
-    not; ``bootstrap``: how often to draw poses with replacement; ``spacing`` of the levels of studies pose by pose.
+    not; ``bootstrap``: how often to draw poses with replacement; ``spacing`` of the levels of studies pose by pose;
+    ``diagnose``: how to ask what is missing, the same table and model given.
     """
 
     campaign: Campaign
@@ -54,6 +57,7 @@ class Request:
     bootstrap: int = 0
     seed: int = 0
     spacing: str = "log"
+    diagnose: str = "stiffarm diagnose"
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,10 @@ class StageFindings:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """A finished calibration with its judgement; ``data``: the readings used; arrays (m,) as in ``found.overall``."""
+    """A finished calibration with its judgement; ``data``: the readings used; arrays (m,) as in ``found.overall``.
+
+    ``doubts``: what the readings say against it, or against themselves; their words are the first of ``remarks``.
+    """
 
     request: Request
     data: Measurements
@@ -95,6 +102,7 @@ class Calibrated:
     skipped: dict[str, str]
     holdout: Holdout | None
     remarks: tuple[str, ...]
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def scheme(self) -> str:
@@ -212,7 +220,11 @@ def calibrate(
     shifts = [
         e.parameter.name for s in stages for e in s.result.certainty.estimates if e.parameter.kind.shifts == "point"
     ]
+    doubts = [*reading_doubts(given, used)]
+    for stage in (s for s in found.stages if s.study is None):
+        doubts += _doubts(stage, used, history, words.place(stage, found.stages), request)
     remarks = (
+        *(doubt.words for doubt in doubts),
         *words.study_remarks(found.studies),
         *words.remarks(found.stages, request.expected),
         *words.points_remark(shifts, points_of(used)),
@@ -220,8 +232,23 @@ def calibrate(
     )
     return Calibrated(
         request, used, found, with_origin(found, used, request.loads, remarks), stages, error, half, skipped,
-        None if holdout is None else held_out(found, holdout), remarks,
+        None if holdout is None else held_out(found, holdout), remarks, tuple(doubts),
     )  # fmt: skip
+
+
+def _doubts(stage: StageResult, used: Measurements, history: History, place: str, request: Request) -> list[Doubt]:
+    """What the readings of a stage say against it: a drift in their order, and what no springs explain."""
+    e, read, floor = stage.estimate, readings_of(used, stage.stage), request.campaign.noise.floor
+    then = history_of_part(used, lambda whole: readings_of(whole, stage.stage), history)
+    down = then.unloading(load_size(read.wrench))[e.problem.row]
+    by_rows = not np.isfinite(then.clock).all()
+    moved = drift(e, (order_of_rows(read.q) if by_rows else then.clock)[e.problem.row], floor)
+    if moved is None or moved.p_value >= LEVEL:
+        said = words.unexplained_doubts(unexplained(e, down, floor[0]), request.diagnose)
+    else:
+        left = unexplained(e, down, floor[0], moved.size)
+        said = [words.drift_doubt(stage, moved, by_rows), *words.unexplained_doubts(left, request.diagnose)]
+    return [replace(one, words=place + one.words) for one in said]
 
 
 def _builder(given: Arm) -> Callable[[ModelDescription], ArmModel]:
@@ -264,4 +291,4 @@ def _independent(stage: StageResult, noise: NoiseChoice) -> Certainty:
     """The same estimate with every reading a set-up of its own, so that no scatter between set-ups can be found."""
     p = stage.estimate.problem
     apart = replace(p, pose=np.arange(len(p)), poses=tuple(map(str, range(len(p)))))
-    return certainty(estimate(apart, (noise.gauge_mm * 1e-3, noise.gauge_mrad * 1e-3), robust=noise.robust))
+    return certainty(estimate(apart, noise.floor, robust=noise.robust))

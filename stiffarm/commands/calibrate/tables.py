@@ -21,6 +21,7 @@ from stiffarm.session.words.springs import mega
 
 def show(c: Calibrated) -> None:
     """Parameters of each stage, noise, outliers, remarks and how good the result predicts."""
+    say_doubts(c)
     if c.found.studies:
         studies_table(c).show()
     for s in c.stages:
@@ -29,7 +30,7 @@ def show(c: Calibrated) -> None:
             say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
         for text in outlier_lines(s):
             say(f"outlier: {text}")
-    for remark in c.remarks:
+    for remark in c.remarks[len(c.doubts) :]:
         say(f"note: {remark}")
     say_errors(c)
     if c.holdout is not None:
@@ -41,6 +42,12 @@ def show_answer(c: Calibrated) -> None:
     for s in c.stages:
         numbers_table(s).show()
     say_errors(c)
+
+
+def say_doubts(c: Calibrated) -> None:
+    """What the readings say against a calibration, or against themselves."""
+    for doubt in c.doubts:
+        say(f"warning: {doubt.words}")
 
 
 def say_errors(c: Calibrated) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from doe.calibration.run import StageResult
+from doe.certainty.doubts import CAREFUL, LEVEL, Doubt, Drift, Unexplained, p_words
 from doe.certainty.lack_of_fit import LackOfFit, downweighted
 from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
@@ -28,8 +29,8 @@ REFUTED = 0.01
 BEYOND_GAUGE = 2.0
 # More outliers than this share of the readings are no outliers (assumed).
 MOST_OUTLIERS = 0.1
-# Set-ups that scatter by more than this share of the deflection are suspect (assumed).
-LARGE_SHARE = 0.05
+# Parameters that a drift moves by so many standard deviations are named, so many of them.
+MOVED, SHOWN = 0.5, 3
 
 _SHOWN = {
     "N m/rad": (1e-6, "1e6 N m/rad"),
@@ -128,9 +129,67 @@ def remarks(stages: Sequence[StageResult], expected: tuple[float, float] | None)
     """What a reader must not overlook: bounds, what is not seen, what trades off, what did not settle."""
     out: list[str] = []
     for s in stages:
-        place = f"stage {s.stage.name}: " if len(stages) > 1 else ""
-        out += [place + text for text in _stage_remarks(s, expected)]
+        out += [place(s, stages) + text for text in _stage_remarks(s, expected)]
     return tuple(out)
+
+
+def place(s: StageResult, stages: Sequence[StageResult]) -> str:
+    """The stage's name before what is said of it, where there are several."""
+    return f"stage {s.stage.name}: " if len(stages) > 1 else ""
+
+
+def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
+    """How far what was read drifts, and what the parameters would be with the drift free."""
+    p, sizes = s.estimate.problem, {}
+    for k in np.unique(p.component).tolist():
+        sizes[k] = float(np.ptp(found.size[p.component == k]))
+    most = max(sizes, key=lambda k: sizes[k] / (1.0 if k < 3 else 1e3))
+    moves = sorted(
+        ((abs(float(u - v)) / e.sd, e, e.parameter.outer(float(u)))
+         for u, v, e in zip(found.u, s.estimate.u, s.certainty.estimates, strict=True) if e.sd > 0.0),
+        key=lambda one: -one[0],
+    )  # fmt: skip
+    told = []
+    for times, e, value in [one for one in moves if one[0] >= MOVED][:SHOWN]:
+        factor, unit = spoken_unit(e.parameter)
+        told.append(
+            f"{e.parameter.name} {value * factor:.3g} instead of {e.value * factor:.3g} {unit} ({times:.2g} of its "
+            "standard deviations)"
+        )
+    order = "the rows (if that is the order of reading)" if by_rows else "reading"
+    text = (
+        f"what was read drifts: the residual of {COMPONENTS[most]} follows the order of {order}, by up to "
+        f"{1e3 * sizes[most]:.2g} {'mm' if most < 3 else 'mrad'} (F test, {p_words(found.p_value)}; "
+        f"{100.0 * LEVEL:g} % of steady campaigns give an alarm). "
+    )
+    text += f"With the drift free it would be {', '.join(told)}" if told else (
+        "No parameter would move by more than half of its standard deviation with the drift free"
+    )  # fmt: skip
+    return Doubt("drift", text, found.p_value, moves[0][0] if moves else 0.0)
+
+
+def doubt_sentences(doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    """The words of doubts as sentences, for a page's first screen."""
+    return tuple(f"{d.words[:1].upper()}{d.words[1:]}." for d in doubts)
+
+
+def unexplained_doubts(left: Unexplained, diagnose: str) -> list[Doubt]:
+    """That springs alone do not explain the readings, with what says so and how to ask what is missing."""
+    ask = f"ask what is missing: `{diagnose}`"
+    out = []
+    if left.zero_p < 0.5 * LEVEL:
+        out.append(Doubt("not-proportional", (
+            "the springs alone do not explain these readings: deflections are not proportional to the load, "
+            f"{1e3 * left.zero_m:.2g} mm RMS would be left at no load (F test, {p_words(left.zero_p)}; backlash, "
+            f"friction, hardening or a wrong load do that, no spring does); {ask}"
+        ), left.zero_p, left.zero_times))  # fmt: skip
+    if left.setups_p < 0.5 * LEVEL and left.setups_share > CAREFUL and not out:
+        out.append(Doubt("set-ups-differ", (
+            f"the springs alone do not explain these readings: set-ups differ from them by "
+            f"{100.0 * left.setups_share:.2g} % of the deflection, which readings of one set-up do not scatter by "
+            f"(F test, {p_words(left.setups_p)}) and careful set-ups stay within {100.0 * CAREFUL:g} %; {ask}"
+        ), left.setups_p, left.setups_share / CAREFUL))  # fmt: skip
+    return out
 
 
 def points_remark(names: Sequence[str], points: Sequence[PointOf]) -> tuple[str, ...]:
@@ -264,9 +323,9 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
     ]
     sizes = [f"{size} of {name.split(', ')[1]}" for name, size in noise_parts(e.noise, p) if "set-up" in name]
     text = f"Readings of one set-up share a common scatter ({' and '.join(sizes)}), so they are not independent. "
-    if e.noise.pose_share > LARGE_SHARE:
+    if e.noise.pose_share > CAREFUL:
         text += (
-            f"More than {LARGE_SHARE * 100:g} % of the deflection is more than careful set-ups give: something that "
+            f"More than {CAREFUL * 100:g} % of the deflection is more than careful set-ups give: something that "
             "the model lacks, or a spring held stiffer than it is, may stand behind it. "
         )
     if not ratios:
@@ -287,11 +346,6 @@ def _width_ratio(a: ParameterEstimate, b: ParameterEstimate) -> float | None:
     log = a.parameter.scale != "linear"
     wide, narrow = (float(np.diff(np.log(e.interval) if log else e.interval)[0]) for e in (a, b))
     return wide / narrow if narrow > 0.0 else None
-
-
-def p_words(p: float) -> str:
-    """``p = 0.034``; of one that no test can tell from zero: ``p below 0.0001``."""
-    return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
 def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
@@ -329,6 +383,8 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
             )
         if test.chi_p_value < REFUTED:
             return "refuted", found + "The model is refuted if these sigmas are right."
+        if test.chi_p_value > 1.0 - REFUTED:
+            return "refuted", found + "Readings fit better than these sigmas allow: the sigmas are too large."
         return "not refuted", found + "Nothing refutes the model."
     digits = e.noise.white[0] * 1e3 / gauge_mm
     text = "There are no replicates to spare, so the model cannot be tested against their scatter. "

@@ -65,6 +65,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "springs": {s.parameter.place: calibration_payload.spring(s) for s in springs_of(d) if d.tells},
         "noise": noise(found.after),
         "odd_readings": [odd_reading(d, k) for k in d.odd],
+        "doubts": [calibration_payload.doubt(doubt) for doubt in d.doubts],
         "remarks": list(d.remarks),
     }
 

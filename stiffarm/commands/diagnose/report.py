@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from doe.diagnosis.where import noise_floor_mm
 from fem.arm import Arm
-from stiffarm.commands.calibrate.words import bound_of, noise_parts
+from stiffarm.commands.calibrate.words import bound_of, doubt_sentences, noise_parts
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.files import Written
 from stiffarm.commands.diagnose.model import described, springs_of
@@ -55,7 +55,7 @@ def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
         f"{data_words(d.used)}; {len(p)} readings at {len(p.poses)} poses, {d.given.model.link_kind} links, "
         f"{d.given.model.load_path} load path, springs of {', '.join(d.found.before.setting.free)} fitted"
     )
-    answer = Answer(words.how_sure(d), next_sentence(d), first, _rigid(d))
+    answer = Answer(words.how_sure(d), next_sentence(d), first, (*doubt_sentences(d.doubts), *_rigid(d)))
     write_page(folder, title, words.headline(d), _key_figures(d), sections, QUESTION, made_of, answer)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
+from doe.certainty.doubts import Doubt
 from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
@@ -32,6 +33,7 @@ from robots.progress import Progress
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.session.reading_checks import reading_doubts
 from stiffarm.session.zones import FLOOR, parse_zone
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
@@ -66,6 +68,7 @@ class Diagnosed:
     that these readings could not tell from it; ``remarks``: what the reader must know of input and choice;
     ``nested``: errors at poses that the whole diagnosis had not seen. ``still_open``: of each effect named, the rivals
     that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open.
+    ``doubts``: what the readings say against themselves; their words are the first of ``remarks``.
     """
 
     request: Request
@@ -82,6 +85,7 @@ class Diagnosed:
     nested: Nested | None = None
     still_open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     nothing_next: str = ""
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def odd(self) -> list[int]:
@@ -163,7 +167,8 @@ def diagnose(
     used = select_loads(table, request.loads)
     refuse_few_poses(used)
     refuse_frozen(given.model, table)
-    remarks = _remarks(given, request)
+    doubts = reading_doubts(given, used)
+    remarks = (*(doubt.words for doubt in doubts), *_remarks(given, request))
     s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
     if holdout is not None:
         s = replace(s, known=standing(s, problem(s.model, holdout, ()).free.at))
@@ -193,6 +198,7 @@ def diagnose(
         _nested(s, used, request, options, found, say, progress),
         still_open,
         nothing_next,
+        doubts,
     )
 
 

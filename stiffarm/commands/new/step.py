@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robots import InputError, ModelDescription, load_description, read_urdf, require_positive
-from robots.arm_class import arm_class
+from robots.arm_class import CLASS_PRIOR, arm_class
 from robots.files.written import sha256_of
 from robots.library.commented import SCHEMA_FILE, commented_toml
 from robots.library.dh import Form, description_from_dh
@@ -22,7 +22,6 @@ from robots.schema.quantities import Mass, RotationalStiffness
 from robots.urdf.expanding import expanded
 from stiffarm.commands.new.dh_table import read_dh
 from stiffarm.commands.new.starts import pendant_table, write_sheet
-from stiffarm.session.caution import CLASS_PRIOR
 from stiffarm.session.outputs import OutputFolder
 
 # No arm bears or weighs less or more.

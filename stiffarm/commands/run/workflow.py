@@ -153,7 +153,10 @@ def _calibrated(
         say(line)
     say(f"recommended: {best.name} (smallest error at poses that it has not seen)")
     published = own.variants[0] if scheme.stage else None
-    return Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)
+    found = Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)
+    for doubt in found.constant.doubts:
+        say(f"warning: {doubt.words}")
+    return found
 
 
 def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Measurements) -> Recommended:

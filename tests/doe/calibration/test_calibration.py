@@ -211,7 +211,8 @@ def test_what_is_resumed_is_an_estimate_from_these_readings(
     (file,) = tmp_path.iterdir()
     kept = store.get(file.stem)
     assert kept is not None
-    assert bool((kept["weight"] < 0.1).any()) == bad_readings
+    # 300 standard deviations off; of good readings the noise of this fit makes one 5.
+    assert bool((kept["weight"] < 1e-3).any()) == bad_readings
     u, noise, weight = kept["u"], kept["noise"], kept["weight"]
     contents = {
         "spring": {"u": u * np.array([1.0, 1.01])},
