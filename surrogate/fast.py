@@ -126,7 +126,7 @@ def _plan(compiled: ModuleType, expansion: Expansion, squares: bool = False) -> 
     order = np.lexsort(terms.T[::-1])
     terms, coefficients = terms[order], coefficients[order]
     if squares:
-        coefficients = np.asarray(np.linalg.qr(coefficients.T, mode="r").T, dtype=np.float64)
+        coefficients = np.asarray(np.linalg.qr(coefficients.T, mode="r"), dtype=np.float64).T
     rows = np.empty_like(terms)
     figures, entries, first_row = [], [], 0
     for place, i in enumerate(inputs):

@@ -56,10 +56,12 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
     for n in np.unique(each[each > 0]):
         alike = np.flatnonzero(each == n)
         for part in in_blocks(len(alike), max(1, _BLOCK // (n * (n + len(e.u))))):
-            k = alike[part]
-            mine = order[ends[k][:, None] + np.arange(n)]
+            if progress is not None:
+                progress(int(done.sum()), len(done))
+            group = alike[part]
+            mine = order[ends[group][:, None] + np.arange(n)]
             fine, *values = whole.all_without(mine)
-            done[k], mine = fine, mine[fine]
+            done[group], mine = fine, mine[fine]
             error[mine], variance[mine], size[mine] = (v[fine] for v in values)
     for k in np.flatnonzero(~done):
         label = p.poses[k]
