@@ -22,7 +22,7 @@ from surrogate.scope import Scope, count_rows, every
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
 ROUGH_95 = 0.6
-# Of more poses than this, nearness to singularities is told only when asked for: it takes ten times the query.
+# Of more poses than this, nearness to singularities is told only when asked for: it takes many times as long.
 SINGULARITY_ROWS = 1_000
 # No structure is as stiff as this, m/N; beyond, 1/c overflows.
 _STIFFEST = 1e-300

@@ -77,7 +77,7 @@ class Surrogate(Shown):
             an input that is not named is 0
         extrapolate : answer outside of the domain too, flagged
         direction : another load direction, base axes; needs the factored basis
-        singularity : flag poses near a singularity; default: for up to 1000 poses, since it takes ten times the query
+        singularity : flag poses near a singularity; default: for up to 1000 poses, since it takes many times as long
 
         Raises
         ------
