@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal
@@ -41,6 +41,9 @@ LINK_KINDS: tuple[LinkKind, ...] = ("rigid", "beam", "shell", "solid")
 # Names of parts that are no links.
 PLACES = ("base", "tool", "bar", "crank")
 FLANGES: tuple[FlangeCoupling, ...] = ("rigid", "distributing")
+# Links of beams that were built in this process, so many at most.
+BEAM_PARTS = 256
+_beam_parts: dict[Hashable, LinkPart] = {}
 
 
 @dataclass(frozen=True)
@@ -283,6 +286,22 @@ def _described_link(
 
 
 def _beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
+    """A link of beams; calibrations build an arm again and again, and most of its links are the same."""
+    key = (name, body, *map(_hashable, vars(mesh).values()))
+    if key not in _beam_parts:
+        if len(_beam_parts) >= BEAM_PARTS:
+            _beam_parts.clear()
+        _beam_parts[key] = _new_beam_part(name, body, mesh)
+    return _beam_parts[key]
+
+
+def _hashable(value: Any) -> Hashable:
+    if isinstance(value, dict):
+        return tuple((name, _hashable(one)) for name, one in value.items())
+    return (value.shape, value.dtype.str, value.tobytes()) if isinstance(value, np.ndarray) else value
+
+
+def _new_beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     nodes = np.array(list(mesh.interfaces.values()))
     try:
         element = condense(name, tuple(mesh.interfaces), mesh.nodes[nodes], beam.assemble(mesh), nodes)

@@ -22,7 +22,7 @@ from surrogate.scope import Scope, count_rows, every
 # Half-width of a 95 % interval by parameters beyond which first-order propagation is off by 7 %
 # (doe.certainty.propagation).
 ROUGH_95 = 0.6
-# Of more poses than this, nearness to singularities is told only when asked for: it takes ten times the query.
+# Of more poses than this, nearness to singularities is told only when asked for: it takes many times as long.
 SINGULARITY_ROWS = 1_000
 # No structure is as stiff as this, m/N; beyond, 1/c overflows.
 _STIFFEST = 1e-300
@@ -119,14 +119,15 @@ def query(
         )
     asked = np.ones(len(poses), dtype=np.bool_) if extrapolate else good
     value = np.full(len(poses), np.nan)
-    answered = poses if good.all() else poses[good]
-    value[good] = _values(surrogate, answered, direction)
+    # Without a mask where all are: masks of many rows take as long as some of the work.
+    rows: Bools | slice = slice(None) if good.all() else good
+    value[rows] = _values(surrogate, poses[rows], direction)
     value[asked & ~good] = _extrapolated(surrogate, poses[asked & ~good], direction)
     if extrapolate and len(poses) and not np.isfinite(value).any():
         refuse(surrogate, value, ~good)
     known = direction is None or same_direction(direction, surrogate.load_direction)
     judged = good & known
-    model, parameters = _bars(surrogate, answered if known else answered[:0], value, judged)
+    model, parameters = _bars(surrogate, poses, value, rows if known else judged)
     model[good & ~judged] = np.nan
     total = np.hypot(model, np.where(np.isnan(parameters), 0.0, parameters))
     beyond = _beyond_small(surrogate, value)
@@ -178,20 +179,17 @@ def same_direction(a: Array, b: Sequence[float]) -> bool:
     return bool(np.linalg.norm(np.cross(one, other)) < 1e-12)
 
 
-def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools) -> tuple[Array, Array]:
-    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known.
-
-    ``poses``: those that are ``good`` (n,).
-    """
-    model = np.full(len(good), np.inf)
-    parameters = np.full(len(good), np.nan)
+def _bars(surrogate: Surrogate, poses: Array, value: Array, good: Bools | slice) -> tuple[Array, Array]:
+    """95 % half-widths by the surrogate's own error and by the parameters; infinite where nothing is known."""
+    model = np.full(len(poses), np.inf)
+    parameters = np.full(len(poses), np.nan)
     if surrogate.bars is None:
         model[good] = np.nan
     else:
-        model[good] = surrogate.bars.half_width(poses)
+        model[good] = surrogate.bars.half_width(poses[good])
     if surrogate.parameters is not None:
         own = 1.0 / value[good] if surrogate.quantity.name == COMPLIANCE else value[good]
-        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses, own)
+        parameters[good] = NORMAL_95 * surrogate.parameters.relative_sd(poses[good], own)
     return model, parameters
 
 

@@ -50,12 +50,7 @@ def evaluate(expansion: Expansion, Q: ArrayLike, threads: int | None = None) -> 
     InputError
         Q of another shape, or fewer than one thread.
     """
-    poses = np.asarray(Q, dtype=np.float64)
-    k = expansion.n_inputs
-    if poses.ndim != 2 or poses.shape[1] != k:
-        raise InputError("surrogate: angles", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
-    require_at_least("surrogate: threads", threads, 1)
-    compiled = kernels() if len(poses) * expansion.n_terms >= FEWEST else None
+    poses, compiled = _checked(expansion, Q, threads)
     if compiled is None:
         with np.errstate(invalid="ignore", over="ignore"):
             return expansion(poses)
@@ -70,8 +65,7 @@ def sum_of_squares(expansion: Expansion, Q: ArrayLike, threads: int | None = Non
 
     Orthogonal mixtures of the outputs have the same one; of all mixtures the triangular one takes half the work.
     """
-    poses = np.asarray(Q, dtype=np.float64)
-    compiled = kernels() if len(poses) * expansion.n_terms >= FEWEST else None
+    poses, compiled = _checked(expansion, Q, threads)
     if compiled is None:
         blocks = (evaluate(expansion, poses[rows], threads) for rows in in_blocks(len(poses), _BLOCK))
         return np.concatenate([np.zeros(0), *(np.sum(y**2, axis=1) for y in blocks)])
@@ -84,6 +78,15 @@ def sum_of_squares(expansion: Expansion, Q: ArrayLike, threads: int | None = Non
 def backend() -> str:
     """What large batches are evaluated by: 'numba' or 'numpy'."""
     return "numpy" if kernels() is None else "numba"
+
+
+def _checked(expansion: Expansion, Q: ArrayLike, threads: int | None) -> tuple[Array, ModuleType | None]:
+    """The poses, and the compiled loops where they are worth it."""
+    poses, k = np.asarray(Q, dtype=np.float64), expansion.n_inputs
+    if poses.ndim != 2 or poses.shape[1] != k:
+        raise InputError("surrogate: angles", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
+    require_at_least("surrogate: threads", threads, 1)
+    return poses, kernels() if len(poses) * expansion.n_terms >= FEWEST else None
 
 
 def _run(
@@ -123,7 +126,7 @@ def _plan(compiled: ModuleType, expansion: Expansion, squares: bool = False) -> 
     order = np.lexsort(terms.T[::-1])
     terms, coefficients = terms[order], coefficients[order]
     if squares:
-        coefficients = np.asarray(np.linalg.qr(coefficients.T, mode="r").T, dtype=np.float64)
+        coefficients = np.asarray(np.linalg.qr(coefficients.T, mode="r"), dtype=np.float64).T
     rows = np.empty_like(terms)
     figures, entries, first_row = [], [], 0
     for place, i in enumerate(inputs):

@@ -199,10 +199,9 @@ def raw(surrogate: Surrogate, poses: Array, direction: Array | None = None) -> A
     """As `predict` at finite poses (n, k) rad, whatever the fit gives there, NaN and infinity too."""
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         if surrogate.factor is not None:
-            known = direction is None
-            rows = surrogate._along_load if known else surrogate._weighted(unit_vector(direction, "direction"))
+            along = None if direction is None else unit_vector(direction, "direction")
             y = np.zeros(len(poses))
-            for law, part in rows:
+            for law, part in surrogate._along_load if along is None else surrogate._weighted(along):
                 square = sum_of_squares(part, poses)
                 y += square if law is None else np.exp(evaluate(law, poses)[:, 0]) * square
         elif direction is not None:

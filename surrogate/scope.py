@@ -127,7 +127,7 @@ class Scope:
 
     def faults(self, Q: Array) -> list[str]:
         """Say what is wrong with the first few poses outside of the domain or the couplings, in degrees."""
-        bad = np.flatnonzero(~self.holds(Q))[:ROWS_SHOWN]
+        bad = np.flatnonzero(~(every(self.inside(Q)) & every(self.couplings.kept(Q))))[:ROWS_SHOWN]
         return [f"row {i + 1}: {words}" for i, words in zip(bad, self.words_of_faults(Q[bad]), strict=True)]
 
     def words_of_faults(self, Q: Array) -> list[str]:
@@ -142,10 +142,6 @@ class Scope:
             for i in np.flatnonzero(~_between(values, low, high)):
                 out[i].append(f"{name} {_range(values[i], low, high)}")
         return ["; ".join(words) for words in out]
-
-    def holds(self, Q: Array) -> Bools:
-        """Which poses (n, k) rad lie in the domain and keep the couplings (n,)."""
-        return every(self.inside(Q)) & every(self.couplings.kept(Q))
 
 
 def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:

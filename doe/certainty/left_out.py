@@ -56,11 +56,12 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
     for n in np.unique(each[each > 0]):
         alike = np.flatnonzero(each == n)
         for part in in_blocks(len(alike), max(1, _BLOCK // (n * (n + len(e.u))))):
-            k = alike[part]
-            mine = order[ends[k][:, None] + np.arange(n)]
-            fine, *values = whole.all_without(mine)
-            done[k], mine = fine, mine[fine]
-            error[mine], variance[mine], size[mine] = (v[fine] for v in values)
+            if progress is not None:
+                progress(int(done.sum()), len(done))
+            group = alike[part]
+            mine = order[ends[group][:, None] + np.arange(n)]
+            fine, found, variance[mine], size[mine] = whole.all_without(mine)
+            done[group], error[mine[fine]] = fine, found[fine]
     for k in np.flatnonzero(~done):
         label = p.poses[k]
         if progress is not None and k % max(len(p.poses) // TOLD, 1) == 0:
@@ -68,14 +69,18 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
         mine = order[ends[k] : ends[k + 1]]
         step = whole.step_without(mine)
         try:
-            found, spread, unknown = _fitted_anew(e, mine) if step is None else whole.predicted(mine, step)
+            if step is None:
+                found, variance[mine], unknown = _fitted_anew(e, mine)
+            else:
+                J = e.jacobian[mine]
+                found, unknown = e.residual[mine] - J @ step, moving_with(p, J, e.seen, whole.null)
         except InputError as reason:
             reasons[label] = str(reason)
             continue
         if unknown:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(unknown)}"
         else:
-            error[mine], variance[mine], size[mine] = found, spread, whole.size_without(mine)
+            error[mine] = found
     return error, _half_widths(e, error, variance, size, np.bincount(p.pose)[p.pose]), reasons
 
 
@@ -151,19 +156,30 @@ class _Whole:
     def all_without(self, mine: Indices) -> tuple[Bools, Array, Array, Array]:
         """Errors, variances and sizes of the noise (k, n) of poses with components ``mine`` (k, n), each left out.
 
-        What :meth:`step_without`, :meth:`predicted` and :meth:`size_without` give of one, by matrices (n, n): the
-        inverse of ``I - Q^T Q`` is ``I + Q^T (I - Q Q^T)^-1 Q``. The first value (k,): for which poses this holds;
-        others need a fit anew, meet a bound, or have something to say.
+        By matrices (n, n): the inverse of ``I - Q^T Q`` is ``I + Q^T (I - Q Q^T)^-1 Q``. The size is the mean square of
+        the residuals in units of the noise, to first order and bounds aside: the sum of squares falls by
+        ``e^T (I - Q Q^T)^-1 e`` (Cook and Weisberg, section 2.2). The first value (k,): for which poses the errors
+        hold; the others meet a bound, need a fit anew (with a variance of its own), or move with what is left open.
         """
         (low, high), n = self.room, mine.shape[1]
         J, Q, own = self.e.jacobian[mine], self.Q[mine], self.white[mine]
+        left, way = np.linalg.eigh(np.eye(n) - Q @ Q.swapaxes(1, 2))
+        # What the others do not tell has no part.
+        scale = np.where(left > SHARE_LEFT, 1.0 / np.sqrt(np.maximum(left, SHARE_LEFT)), 0.0)
+        half = scale[:, :, None] * way.swapaxes(1, 2)
+        B = J @ self.turn
+        variance = np.sum(B**2, axis=2) + np.sum((half @ (Q @ B.swapaxes(1, 2))) ** 2, axis=1)
+        total, spare, share = float(self.white @ self.white), len(self.white) - Q.shape[2], np.ones(len(mine))
+        if total > 0.0 and spare > n:
+            drop = np.sum(_times(half, own) ** 2, axis=1)
+            # Noise that stands at the gauge's resolution is larger than the residuals: no less is known of it then.
+            share = np.maximum(total - drop, 0.0) / (spare - n) / min(total / spare, 1.0)
+        size = np.repeat(share[:, None], n, axis=1)
         use = np.flatnonzero((low < 0.0) & (high > 0.0) & self.R.any(axis=0))
         norm = np.linalg.norm(self.R[:, use], axis=0)
         U, s, V = np.linalg.svd(self.R[:, use] / norm, full_matrices=False)
         if len(s) < len(use) or (s <= ROUNDING * s.max(initial=0.0)).any():
-            return np.zeros(len(mine), dtype=np.bool_), *np.zeros((3, *mine.shape))
-        left, way = np.linalg.eigh(np.eye(n) - Q @ Q.swapaxes(1, 2))
-        half = way.swapaxes(1, 2) / np.sqrt(np.maximum(left, SHARE_LEFT))[:, :, None]
+            return np.zeros(len(mine), dtype=np.bool_), np.zeros(mine.shape), variance, size
         # The step: where it is free in all variables used, and what pulls at those that stand at a bound.
         h = self.g - _times(Q.swapaxes(1, 2), own)
         P, H = Q @ U, h @ U
@@ -174,49 +190,15 @@ class _Whole:
         step[:, use] = (y / s) @ V / norm
         moved = y @ U.T
         pull = (h - moved + _times(Q.swapaxes(1, 2), _times(Q, moved))) @ self.R
-        size = np.sqrt(np.maximum(np.sum(self.R**2, axis=0) - np.sum((Q @ self.R) ** 2, axis=1), 0.0))
-        rest = LEVEL * size * np.sqrt(np.sum(h**2, axis=1) + np.sum(_times(half, _times(Q, h)) ** 2, axis=1))[:, None]
+        norms = np.sqrt(np.maximum(np.sum(self.R**2, axis=0) - np.sum((Q @ self.R) ** 2, axis=1), 0.0))
+        rest = LEVEL * norms * np.sqrt(np.sum(h**2, axis=1) + np.sum(_times(half, _times(Q, h)) ** 2, axis=1))[:, None]
         fine = (left[:, 0] >= SHARE_LEFT) & ((step >= low) & (step <= high)).all(axis=1)
         at_low, at_high = (low >= 0.0) & (pull <= rest), (high <= 0.0) & (pull >= -rest)
         fine &= ((low < 0.0) & (high > 0.0) | at_low | at_high).all(axis=1)
         if not self.e.problem.is_linear:
             fine &= np.linalg.norm(moved, axis=1) <= NEAR
         fine &= ~moves_with(J, self.seen, self.null).any(axis=1)
-        B = J @ self.turn
-        variance = np.sum(B**2, axis=2) + np.sum((half @ (Q @ B.swapaxes(1, 2))) ** 2, axis=1)
-        total, spare, share = float(self.white @ self.white), len(self.white) - Q.shape[2], np.ones(len(mine))
-        if total > 0.0 and spare > n:
-            drop = np.sum(_times(half, own) ** 2, axis=1)
-            share = np.maximum(total - drop, 0.0) / (spare - n) / min(total / spare, 1.0)
-        return fine, self.e.residual[mine] - _times(J, step), variance, np.repeat(share[:, None], n, axis=1)
-
-    def predicted(self, mine: Indices, step: Array) -> tuple[Array, Array, list[str]]:
-        """Errors of the components ``mine`` after a step, their variances by the parameters, and unknown ones.
-
-        Unknown: the parameters that these components move with and the others do not determine.
-        """
-        J, Q = self.e.jacobian[mine], self.Q[mine]
-        B = J @ self.turn
-        variance = np.sum(B * np.linalg.solve(np.eye(Q.shape[1]) - Q.T @ Q, B.T).T, axis=1)
-        unknown = moving_with(self.e.problem, J, self.seen, self.null)
-        return self.e.residual[mine] - J @ step, variance, unknown
-
-    def size_without(self, mine: Indices) -> float:
-        """Mean square of the residuals in units of the noise by a fit without the components ``mine``.
-
-        To first order, and bounds aside: the sum of squares falls by ``e^T (I - Q Q^T)^-1 e`` (Cook and Weisberg,
-        section 2.2).
-        """
-        total, spare = float(self.white @ self.white), len(self.white) - self.Q.shape[1]
-        if total == 0.0 or spare <= len(mine):
-            return 1.0
-        Q, own = self.Q[mine], self.white[mine]
-        kept = np.eye(len(own)) - Q @ Q.T
-        size, way = np.linalg.eigh(kept)
-        told = size > SHARE_LEFT
-        drop = float(np.sum((way[:, told].T @ own) ** 2 / size[told]))
-        # Noise that stands at the gauge's resolution is larger than the residuals: no less is known of it then.
-        return float(max(total - drop, 0.0) / (spare - len(mine)) / min(total / spare, 1.0))
+        return fine, self.e.residual[mine] - _times(J, step), variance, size
 
 
 def _bounded(A: Array, b: Array, low: Array, high: Array) -> Array:

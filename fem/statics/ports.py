@@ -87,6 +87,8 @@ def ports(
     """
     q = as_poses(model.robot, q)
     w, points = poses_last(as_wrenches(wrench, len(q))), as_points(point, len(q))
+    if only is not None and not only:
+        return {}
     first, where = _in_a_row(q, points)
     places = _places(model, q[first], None if points is None else points[first], only)
     return {name: Port(name, T, where, w, flexibility) for name, (T, flexibility) in places.items()}
@@ -108,7 +110,7 @@ def _places(
     frames = forward_kinematics(model.robot, q)
     tool = tool_position(model.robot, frames, points)
     places: dict[str, tuple[Array, Array | None]] = {BASE: (_at(frames.R[:, 0], tool), None)}
-    for joint, T in joint_rows(model, frames, tool):
+    for joint, T in joint_rows(model, frames, tool, only=only):
         places[model.robot.joint_names[joint]] = (T, None)
     known = {link.name for link in model.links} | {"bar", "crank"}
     wanted = known if only is None else known & set(only)

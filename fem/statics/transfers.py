@@ -8,7 +8,7 @@ Arrays follow :mod:`fem.statics.vectors`: poses along the last axis.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -206,8 +206,10 @@ def axial_transfers(model: ArmModel, frames: BodyFrames, tool: Array, first: int
         yield joint.joint, _axial(arm, loop, joint.joint)
 
 
-def joint_rows(model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0) -> Iterator[tuple[int, Array]]:
-    """What each joint carries in its own axes, T (6, 6, n): forces and moments; see :func:`transfers`.
+def joint_rows(
+    model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0, only: Collection[str] | None = None
+) -> Iterator[tuple[int, Array]]:
+    """What each joint (of ``only``) carries in its own axes, T (6, 6, n): forces and moments; see :func:`transfers`.
 
     The last row is the torque that the joint's axial spring feels. Behind a parallelogram that is the torque of
     the crank's actuator, and the joint's own bearing feels none.
@@ -215,6 +217,8 @@ def joint_rows(model: ArmModel, frames: BodyFrames, tool: Array, first: int = 0)
     arm = _arm(model, frames, tool)
     loop = _loop(arm, first)
     for joint in model.joints:
+        if only is not None and joint.name not in only:
+            continue
         T = _bearing(arm, loop, joint.joint, np.zeros((6, 6))).matrix()
         T[5] = _axial(arm, loop, joint.joint).row
         yield joint.joint, T

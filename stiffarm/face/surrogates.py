@@ -78,7 +78,7 @@ class Surrogate(Shown):
             an input that is not named is 0
         extrapolate : answer outside of the domain too, flagged
         direction : another load direction, base axes; needs the factored basis
-        singularity : flag poses near a singularity; default: for up to 1000 poses, since it takes ten times the query
+        singularity : flag poses near a singularity; default: for up to 1000 poses, since it takes many times as long
 
         Raises
         ------
@@ -137,9 +137,12 @@ def _degrees(
         return np.array(found, dtype=np.float64).reshape(len(found), len(inputs))
     names = [str(name) for name in q_deg.columns]
     one(dict.fromkeys(names, 0.0))
-    out = np.zeros((len(q_deg), len(inputs)))
-    out[:, [inputs.index(name) for name in names]] = q_deg
-    for row in np.flatnonzero(~np.isfinite(out).all(axis=1))[:1]:
+    out = given = np.array(q_deg, dtype=np.float64)
+    if tuple(names) != inputs:
+        out = np.zeros((len(q_deg), len(inputs)))
+        out[:, [inputs.index(name) for name in names]] = given
+    if not np.isfinite(out).all():
+        row = np.flatnonzero(~np.isfinite(out).all(axis=1))[0]
         one(dict(zip(inputs, out[row].tolist(), strict=True)))
     return out
 

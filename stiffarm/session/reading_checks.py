@@ -55,15 +55,17 @@ def reading_doubts(given: Arm, data: Measurements) -> tuple[Doubt, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def refuse_useless(given: Arm, table: Measurements, used: Measurements) -> None:
+def refuse_useless(given: Arm, table: Measurements, used: Measurements, history: History | None = None) -> None:
     """Refuse a table in which a gauge stood still, and readings of it, those ``used``, that tell nothing.
+
+    ``history`` of those used, by default what the table says.
 
     Raises
     ------
     InputError
         Naming file, column and value, or what of the readings is left beside any passive arm.
     """
-    p = problem(given.model, used, ())
+    p = problem(given.model, used, (), history=history)
     refuse_frozen(given.model, table, p if used is table else None)
     refuse_telling_nothing(p, used.source)
 

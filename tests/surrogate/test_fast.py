@@ -50,6 +50,20 @@ def check(e: Expansion, Q: np.ndarray, found: np.ndarray) -> None:
     assert (np.abs(found - expected) / size(e, Q)).max() < 2e-14
 
 
+@pytest.mark.parametrize("m", [1, 3, 36])
+@pytest.mark.parametrize("kinds", CASES, ids="-".join)
+def test_the_sum_of_squares_is_that_of_the_outputs(kinds: tuple[str, ...], m: int, rng: np.random.Generator) -> None:
+    e = expansion(kinds, m, rng)
+    Q = angles(e, 300, rng)
+    Q[7] = np.nan
+    found, y = fast.sum_of_squares(e, Q), e(Q)
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(y[:, 0]))
+    # As in `check`: relative to the squares of the sizes of all sums.
+    kept = np.arange(len(Q)) != 7
+    off = np.abs(found - np.sum(y**2, axis=1))[kept]
+    assert (off <= 1e-12 * np.sum(size(e, Q[kept]) ** 2, axis=1)).all()
+
+
 @pytest.mark.parametrize("m", [1, 2, 3, 36])
 @pytest.mark.parametrize("kinds", CASES, ids="-".join)
 def test_the_same_as_the_expansion(kinds: tuple[str, ...], m: int, rng: np.random.Generator) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,8 @@ from robots.arm_class import usual_load
 from robots.errors import InputError
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
 from robots.kinematics import stretched_length
-from surrogate import compliance_matrix, full_poses, query, scope_of, task_of, train
+from surrogate import compliance_matrix, fast, full_poses, query, scope_of, task_of, train
+from surrogate.asking import SINGULARITY_ROWS
 from surrogate.model import Quantity, Surrogate, predict, predict_compliance
 
 
@@ -176,6 +178,49 @@ def test_near_singular_poses_are_flagged(arm):
     assert answer.answered[:100].all()
     np.testing.assert_array_equal(answer.near_singular, answer.singularity < NEAR_SINGULAR)
     assert np.count_nonzero(~answer.near_singular) > 0
+
+
+def test_in_bulk_nearness_to_singularities_is_told_on_request(arm, rng):
+    task, one = arm
+    Q = task.over_domain(SINGULARITY_ROWS + 1, rng)
+    assert np.isnan(query(one, Q).singularity).all()
+    assert not query(one, Q).near_singular.any()
+    few = query(one, Q[1:]).singularity
+    assert np.isfinite(few).all()
+    np.testing.assert_array_equal(query(one, Q, singularity=True).singularity[1:], few)
+    assert np.isnan(query(one, Q[:3], singularity=False).singularity).all()
+
+
+def test_many_poses_get_what_each_gets_alone(arm, coupled, rng):
+    """Value, bars and words, by whatever loops; some poses outside. 1e-12: rounding."""
+    task, one = arm
+    for s, Q in ((one, task.over_domain(40_000, rng)), (coupled, poses(40_000, 2, 3, "random", COUPLED))):
+        Q[::7, 0] += 9.0
+        many = query(s, Q)
+        for i in (1, 2, 3, 5):
+            alone = query(s, Q[i : i + 1])
+            for name in ("value", "relative_error", "model_error", "parameter_error"):
+                np.testing.assert_allclose(getattr(many, name)[i], getattr(alone, name)[0], rtol=1e-12)
+            assert i not in many.faults
+        assert list(many.faults) == np.flatnonzero(~many.answered).tolist() == [*range(0, len(Q), 7)]
+        assert all(words.startswith(f"{s.inputs[0]} = ") for words in many.faults.values())
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_many_poses_take_little_memory(arm, rng, monkeypatch, compiled):
+    """At most 1 kB a pose: 60 numbers of leverage alone would be half of it, as they were."""
+    task, one = arm
+    if not compiled:
+        monkeypatch.setattr(fast, "kernels", lambda: None)
+    Q = task.over_domain(100_000, rng)
+    query(one, Q[:20_000])
+    tracemalloc.start()
+    try:
+        query(one, Q)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak / len(Q) < 400
 
 
 def test_stiffnesses_beyond_small_displacements_are_flagged_or_refused(arm, rng):

@@ -202,9 +202,9 @@ def calibrate(
         refuse_seen(table, holdout, "the calibration")
     refuse_cut_cycles(given.effects, table, request.loads, "--loads")
     used = select_loads(table, request.loads)
-    refuse_useless(given, table, used)
-    build = _builder(given)
     history = history_of_part(table, lambda whole: select_loads(whole, request.loads))
+    refuse_useless(given, table, used, history if used is table else None)
+    build = _builder(given)
     found = run_campaign(
         given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history,
         spacing=request.spacing,

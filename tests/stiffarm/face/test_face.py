@@ -122,6 +122,15 @@ def test_a_surrogate_answers_frames_and_refuses_other_names(calibration: sa.Cali
     assert one.values[0] == several.values[0]
     with pytest.raises(sa.InputError, match="q_deg: name"):
         s.query(q_deg={"q9_deg": 5})
+    with pytest.raises(sa.InputError, match="q_deg: name"):
+        s.query(pd.DataFrame({"q2_deg": [5.0], "q9_deg": [5.0]}))
+    with pytest.raises(sa.InputError, match="q_deg: q2_deg"):
+        s.query(pd.DataFrame({"q2_deg": [5.0, np.nan]}))
+    rows = s.query([{"q2_deg": 5, "q3real_deg": 77.5}, {"q2_deg": 500}]).to_frame()
+    frames = s.query(pd.DataFrame({"q3real_deg": [77.5, 0.0], "q2_deg": [5.0, 500.0]})).to_frame()
+    pd.testing.assert_frame_equal(rows, frames)
+    assert np.isnan(rows["low95"][1])
+    assert rows["flags"][1].startswith("not answered: q2_deg = 500 deg")
     again = sa.load_surrogate(s.save(tmp_path / "surrogate.json"))
     assert again.query(q_deg={"q2_deg": 5, "q3real_deg": 77.5}).values[0] == one.values[0]
     header = s.save(tmp_path / "stiffness.h").read_text(encoding="utf-8")
