@@ -98,7 +98,7 @@ def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTab
     else:
         sheet = read_first_sheet(data, where)
         numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
-    stripped = [(line, tuple(cell.strip() for cell in row)) for line, row in numbered]
+    stripped = [(line, tuple(map(str.strip, row))) for line, row in numbered]
     if not stripped or not any(stripped[0][1]):
         raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
     body = {line: row for line, row in stripped[1:] if any(row)}
@@ -157,10 +157,11 @@ def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[st
     """
     # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    quoted = "'" in text
     rows, line = list[tuple[int, list[str]]](), 1
     try:
         for row in reader:
-            rows.append((line, list(map(as_read, row))))
+            rows.append((line, list(map(as_read, row)) if quoted else row))
             check_width(where, line, len(row))
             line = reader.line_num + 1  # a quoted cell may run over several lines
     except csv.Error as error:
@@ -310,16 +311,29 @@ def numbers(
     for k, name in enumerate(names):
         if name not in columns.known:
             continue
-        out[:, k], factor = np.nan, si_factor(name) if si else 1.0
-        for i, text in enumerate(texts(table, columns.known[name])):
-            try:
-                if text or empty is None:
-                    out[i, k] = parse_number(text, positive=positive) * factor
-            except ValueError as error:
-                problem = f"column {name}" + ("" if text else " is empty")
-                remedy = f"{error}{table.hint if 'decimal comma' in str(error) or 'unit' in str(error) else ''}"
-                faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=remedy)
+        cells, factor = texts(table, columns.known[name]), si_factor(name) if si else 1.0
+        # Most cells of a bad table are bad in the same way; the others are read once more by the loop of C.
+        read = {text: _number(text, positive, empty is not None) for text in set(cells)}
+        out[:, k] = factor * np.array([read[text][0] for text in cells]).reshape(-1)
+        bad = [i for i, text in enumerate(cells) if read[text][1]]
+
+        def fault(n: int, name: str = name, cells: Sequence[str] = cells, bad: Sequence[int] = bad,
+                  read: Mapping[str, tuple[float, str]] = read) -> dict[str, str | None]:  # fmt: skip
+            text = cells[bad[n]]
+            why = read[text][1]
+            return {"problem": f"column {name}" + ("" if text else " is empty"), "value": text or None,
+                    "allowed": allowed, "remedy": why + (table.hint if "decimal comma" in why or "unit" in why else "")}  # fmt: skip
+
+        faults.each([table.lines[i] for i in bad], fault)
     return out
+
+
+def _number(text: str, positive: bool, may_be_empty: bool) -> tuple[float, str]:
+    """The number in a cell, NaN where there is none, and what is wrong with it, "" where nothing is."""
+    try:
+        return parse_number(text, positive=positive) if text or not may_be_empty else np.nan, ""
+    except ValueError as error:
+        return np.nan, str(error)
 
 
 def joint_angles(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
@@ -360,18 +374,21 @@ def check_words(table: RawTable, columns: Columns, faults: Faults) -> None:
          "use one of these words"),
     ):  # fmt: skip
         if name in columns.known:
-            for line, text in zip(table.lines, texts(table, columns.known[name]), strict=True):
-                if not good.fullmatch(text):
-                    faults.add(line, f"column {name}", value=text, allowed=allowed, remedy=remedy)
+            cells = texts(table, columns.known[name])
+            words = {text for text in set(cells) if not good.fullmatch(text)}
+            bad = [i for i, text in enumerate(cells) if text in words] if words else []
+            parts = {"problem": f"column {name}", "allowed": allowed, "remedy": remedy}
+            faults.each([table.lines[i] for i in bad],
+                        lambda n, cells=cells, bad=bad, parts=parts: parts | {"value": cells[bad[n]]})  # type: ignore[misc]  # fmt: skip
 
 
 def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
     """Record rows with too many or too few cells as faults and leave them out."""
     width = len(table.header)
-    for line, row in zip(table.lines, table.rows, strict=True):
-        if len(row) != width:
-            faults.add(line, "the row does not fit the header", value=f"{len(row)} cells",
-                       allowed=f"{width} cells",
-                       remedy=f"look for a missing or extra separator, or a decimal comma{table.hint}")  # fmt: skip
     whole = tuple(len(row) == width for row in table.rows)
+    bad = [i for i, fits in enumerate(whole) if not fits]
+    faults.each([table.lines[i] for i in bad], lambda n: {
+        "problem": "the row does not fit the header", "value": f"{len(table.rows[bad[n]])} cells",
+        "allowed": f"{width} cells",
+        "remedy": f"look for a missing or extra separator, or a decimal comma{table.hint}"})  # fmt: skip
     return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))
