@@ -75,8 +75,11 @@ def read_grids(
         raise InputError(f"{where} is empty", remedy="export it again")
     text, name = decoded(data, where, encoding)
     if text.lstrip()[:1] in ("{", "[") and _is_json(text):
-        raise InputError(f"{where} is JSON", allowed="text in rows and columns, or a workbook (XLSX)",
-                         remedy="write a CSV file from it: a row for each reading, a column for each value")  # fmt: skip
+        raise InputError(
+            f"{where} is JSON",
+            allowed="text in rows and columns, or a workbook (XLSX)",
+            remedy="write a CSV file from it: a row for each reading, a column for each value",
+        )
     return (_text_grid(text, where, path.name, name, separator),)
 
 

@@ -266,8 +266,7 @@ def _check_words(made: Converted) -> None:
 def _read_back(made: Converted, robot: Robot | None) -> tuple[str, ...]:
     """Remarks of the reader that will take the table; without a robot joints that have no column are said."""
     if robot is None:
-        return ("joint columns are named q1_deg, q2_deg ...; with --model they are named as the arm's model names them, "
-                "and checked against it",)  # fmt: skip
+        return ("joint columns are named q1_deg, q2_deg ...; with --model as the arm's model names them",)
     if made.kind == DEFLECTIONS:
         return measurements_of(made.table(), robot).notes
     return absolute_of(made.table(), robot).notes

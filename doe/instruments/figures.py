@@ -51,7 +51,7 @@ def bare_and_unit(cell: str) -> tuple[str, str] | None:
         return None
     unit = unit_of(found[3])
     # 3g and 12h are labels as a rule; N, the degree and inches stand close to their number.
-    return (found[1], unit) if unit and (found[2] or len(found[3]) > 1 or found[3] in "N\u00b0\u00ba\"") else None
+    return (found[1], unit) if unit and (found[2] or len(found[3]) > 1 or found[3] in 'N\u00b0\u00ba"') else None
 
 
 def evidence(cells: Iterable[tuple[int, str]]) -> dict[str, tuple[int, str]]:

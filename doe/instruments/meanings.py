@@ -93,8 +93,9 @@ def meaning_of(text: str, where: str, joints: Sequence[str] = ()) -> Meaning:
     known, own = (*QUANTITIES, *WORDS, *LEFT), joint_words(joints)
     what = next((word for word, name in own.items() if name == what), what)
     if what not in known and what not in own and not _JOINT.fullmatch(what):
-        raise InputError(f"{where}: meaning", value=what, allowed=f"{', '.join(own) or 'q1, q2 ...'}, {', '.join(known)}",
-                         remedy=f"write {FORM}" + ("" if own else "; a model's own joints are known with --model"))  # fmt: skip
+        allowed = f"{', '.join(own) or 'q1, q2 ...'}, {', '.join(known)}"
+        more = "" if own else "; a model's own joints are known with --model"
+        raise InputError(f"{where}: meaning", value=what, allowed=allowed, remedy=f"write {FORM}{more}")
     made = Meaning(what, target=target.strip())
     for word in rest:
         if word in ("before", "after") and what in TWICE:

@@ -42,6 +42,8 @@ _USUAL: Final = {"length": ("mm", "inch", "um", "m"), "joint": ("deg", "rad"), "
 # Behind an underscore these are letters of a name as a rule: x_t is no x in tons.
 _LETTERS: Final = ("t", "g", "h")
 _OWN: Final = re.compile(r"q[1-9]\d*[a-z]*_(deg|rad)")
+# Units of a table by the first letter of the meaning.
+_TABLE_UNIT: Final = {"f": "N", "m": "Nm", "d": "mm", "r": "mrad"}
 # Arrays of a log: position[0], as ROS and its tools write them.
 _ARRAY: Final = re.compile(r".*?position\s*\[\d+\]", re.I)
 _AXIS_BEHIND: Final = re.compile(r"[\s_.-]*[xyz]\s*$", re.I)
@@ -180,7 +182,7 @@ def _open(
     if plain != rest and (what := MEANINGS.get(plain, ""))[:1] in ("f", "m", "d", "r") and what[1:] in AXES:
         return _ask(name, "its axes may be those of the sensor, the tool or the flange: convert its values to base "
                     "axes first, or say that they are in base axes",
-                    f"{what} {unit or {'f': 'N', 'm': 'Nm', 'd': 'mm', 'r': 'mrad'}[what[0]]}{tail}", "keep")  # fmt: skip
+                    f"{what} {unit or _TABLE_UNIT[what[0]]}{tail}", "keep")  # fmt: skip
     if rest in GAUGES:
         return _ask(name, "the direction that the gauge reads is not said",
                     *(f"d{axis} {unit or 'mm'}{tail}" for axis in "zyx"), "keep")  # fmt: skip

@@ -12,7 +12,6 @@ from robots import InputError, Robot
 from robots.arrays import Array, Bools, Indices
 from robots.faults import Faults
 
-
 _IN_FULL = 200
 
 

@@ -246,7 +246,7 @@ def _right_name(name: str, names: Sequence[str]) -> str | None:
 
 
 def likely_ours(name: str, joints: Collection[str] = ()) -> bool:
-    """Whether a column of this name would be taken for one of ours, right or misspelt; ``joints``: the arm's columns."""
+    """Whether a column of this name would be taken for one of ours, right or misspelt; ``joints``: the arm's."""
     own = (*LOADS, *DISPLACEMENTS, *OPTIONAL, *joints)
     return name in own or _right_name(name, own) is not None or _JOINT_LIKE.fullmatch(name) is not None
 
@@ -321,8 +321,9 @@ def numbers(
                   read: Mapping[str, tuple[float, str]] = read) -> dict[str, str | None]:  # fmt: skip
             text = cells[bad[n]]
             why = read[text][1]
+            hint = table.hint if "decimal comma" in why or "unit" in why else ""
             return {"problem": f"column {name}" + ("" if text else " is empty"), "value": text or None,
-                    "allowed": allowed, "remedy": why + (table.hint if "decimal comma" in why or "unit" in why else "")}  # fmt: skip
+                    "allowed": allowed, "remedy": why + hint}  # fmt: skip
 
         faults.each([table.lines[i] for i in bad], fault)
     return out
