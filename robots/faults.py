@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -38,6 +39,17 @@ class Faults:
         """Record a fault of a line in the words of :class:`robots.InputError`."""
         if self._takes(line):
             self._found.append((line, InputError(what, **parts)))
+
+    def each(self, lines: Sequence[int], fault: Callable[[int], Mapping[str, Any]]) -> None:
+        """Record a problem of each of many lines; ``fault``: arguments of :meth:`add` by place among them.
+
+        It is asked for the first ones only: a table can have a million.
+        """
+        self.count += len(lines)
+        self.lines.update(lines)
+        for k in sorted(range(len(lines)), key=lines.__getitem__)[:_FAULTS_KEPT]:
+            self.count -= 1  # counted once more
+            self.add(lines[k], **fault(k))
 
     def record(self, line: int, error: InputError) -> None:
         """Record an error that somebody else has found in a line."""

@@ -130,5 +130,6 @@ def as_text(values: Array) -> tuple[str, ...]:
 
 def joint_cells(read: Read, joint_columns: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
     """Columns of joint angles, in the order of the joints."""
-    names = sorted(read.joints, key=lambda name: int("".join(c for c in name if c.isdigit())))
+    order = list(joint_columns) or sorted(read.joints, key=lambda name: int("".join(c for c in name if c.isdigit())))
+    names = sorted(read.joints, key=order.index)
     return {joint_columns.get(name, f"{name}_deg"): as_text(read.numbers[name, "", ""]) for name in names}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from doe.instruments.decoded import decoded
 from doe.instruments.figures import is_number
-from doe.tables.columns import check_size, split_rows
+from doe.tables.columns import check_width, split_rows
 from doe.tables.workbook import read_sheet, sheet_names
 from robots import InputError
 from robots.files.reading import read_bytes
@@ -72,7 +74,21 @@ def read_grids(
     if not data.strip():
         raise InputError(f"{where} is empty", remedy="export it again")
     text, name = decoded(data, where, encoding)
+    if text.lstrip()[:1] in ("{", "[") and _is_json(text):
+        raise InputError(
+            f"{where} is JSON",
+            allowed="text in rows and columns, or a workbook (XLSX)",
+            remedy="write a CSV file from it: a row for each reading, a column for each value",
+        )
     return (_text_grid(text, where, path.name, name, separator),)
+
+
+def _is_json(text: str) -> bool:
+    """Whether it is JSON, or its first line is, as in a log of one object a line."""
+    for part in (text, text.lstrip().partition("\n")[0]):
+        with suppress(ValueError, RecursionError):
+            return bool(json.loads(part))
+    return False
 
 
 def _sheet(data: bytes, where: str, file: str, name: str) -> Grid:
@@ -136,11 +152,10 @@ def split_cells(text: str, split: str, where: str) -> list[tuple[int, list[str]]
     """Rows of cells with their line numbers."""
     if split.strip() or split == "\t":
         return split_rows(text, split, where)
-    out, cells, word = [], 0, _WORD if split == " " else _WORDS
+    out, word = [], _WORD if split == " " else _WORDS
     for k, line in enumerate(text.split("\n"), 1):
         row = [quoted or plain for quoted, plain in word.findall(line)]
-        cells += len(row)
-        check_size(where, k, len(row), cells)
+        check_width(where, k, len(row))
         out.append((k, row))
     return out
 
@@ -149,6 +164,8 @@ def _separator(lines: Sequence[str], where: str) -> str:
     """The separator under which most cells are whole numbers or words, in rows of one width."""
     looked = lines[:_LOOKED_AT]
     scores = {name: _score(looked, mark, where) for name, mark in SEPARATORS.items()}
+    if scores["tab"] and _by_tabs(_rows(looked, "\t", where)):
+        scores["blank"] = scores["blanks"] = 0.0  # these are inside of its cells
     best = max(scores, key=lambda name: scores[name])
     if scores[best] == 0.0:
         raise InputError(f"{where}: no separator makes a table of it", allowed=", ".join(SEPARATORS),
@@ -160,6 +177,13 @@ def _separator(lines: Sequence[str], where: str) -> str:
         raise InputError(f"{where}: the separator may be {best} or {' or '.join(rivals)}",
                          allowed=", ".join(SEPARATORS), remedy=f"say which, as in --separator {best}")  # fmt: skip
     return best
+
+
+def _by_tabs(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether rows of cells between tabs are a table: one width with numbers, and no cell of several numbers."""
+    holding = [row for row in rows if sum(map(is_number, row)) > 1]
+    several = (cell for row in holding for cell in row if " " in cell and not is_number(cell))
+    return len({len(row) for row in holding}) == 1 and not any(all(map(is_number, c.split())) for c in several)
 
 
 def _score(lines: Sequence[str], mark: str, where: str) -> float:

@@ -15,7 +15,7 @@ from doe.absolute.table import KEPT, NUMBERS, PENDANT, WORDS, absolute_of
 from doe.instruments.cells import Grid, read_grids
 from doe.instruments.combined import combined
 from doe.instruments.figures import NOT_READ, Mark, decimal_mark, is_number
-from doe.instruments.layout import Table, find_table
+from doe.instruments.layout import Table, by_joint, find_table, without_units
 from doe.instruments.mapping_file import Settings
 from doe.instruments.meanings import QUANTITIES, Meaning
 from doe.instruments.output import DEFLECTIONS, POSITIONS, Cells, joint_columns_of, kind_of, table_of
@@ -118,7 +118,7 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     faults += _of_other_joints(found, robot)
     raise_any("ambiguous columns", faults)
     marks = [_mark(table, one, asked) for table, one in zip(tables, found, strict=True)]
-    reads = [read_values(table, one.meanings, one.why, mark, _fill_of(table, one, asked, tables))
+    reads = [read_values(table, one.meanings, one.why, mark, _fill_of(table, one, asked, tables), joints)
              for table, one, (mark, _) in zip(tables, found, marks, strict=True)]  # fmt: skip
     whole, notes = combined(reads, asked.join)
     kind = kind_of(whole, asked.kind)
@@ -143,7 +143,8 @@ def _tables(file: Path, asked: Settings, *, several: bool) -> list[Table]:
     grids = read_grids(file, encoding=asked.encoding, separator=asked.separator, sheets=asked.sheets)
 
     def of(grid: Grid) -> Table | None:
-        return find_table(grid, columns=asked.names, if_bare=several, header=asked.header, rows=asked.rows)
+        found = find_table(grid, columns=asked.names, if_bare=several, header=asked.header, rows=asked.rows)
+        return found and without_units(by_joint(found), asked.columns)
 
     if len(grids) == 1 or asked.sheets:
         found = [of(grid) for grid in grids]
@@ -192,11 +193,11 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
     """Columns of joints that the model does not have."""
     if robot is None:
         return []
-    known = set(joint_columns_of(robot))
+    known = joint_columns_of(robot)
     return [
         InputError(
             f"column {name!r} is taken as joint {meaning.what}, which {robot.name} does not have",
-            allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in sorted(known)),
+            allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in known),
             remedy="say which of its joints it is, or keep: an angle of another convention must be converted first",
         )
         for one in found
@@ -265,7 +266,7 @@ def _check_words(made: Converted) -> None:
 def _read_back(made: Converted, robot: Robot | None) -> tuple[str, ...]:
     """Remarks of the reader that will take the table; without a robot joints that have no column are said."""
     if robot is None:
-        return ("joint columns are named q1_deg, q2_deg ...; with --model they are checked against the arm",)
+        return ("joint columns are named q1_deg, q2_deg ...; with --model as the arm's model names them",)
     if made.kind == DEFLECTIONS:
         return measurements_of(made.table(), robot).notes
     return absolute_of(made.table(), robot).notes

@@ -18,6 +18,7 @@ _MARKS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16"), (c
 # Text of Western letters in UTF-16 has a zero in nearly every second byte; a third of these is no accident.
 _ZEROS = 1 / 3
 _CONTROL: Final = re.compile(r"[\x00-\x08\x0b\x0e-\x1f\x7f]")
+_OPEN_DOCUMENT: Final = b"mimetypeapplication/vnd.oasis.opendocument"
 _WORKBOOKS: Final = {b"PK\x03\x04": "a workbook (XLSX)", b"\xd0\xcf\x11\xe0": "an old workbook (XLS)"}
 
 
@@ -29,6 +30,9 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
     InputError
         It is a workbook or another binary file, or not text in the encoding asked for.
     """
+    if data.startswith(b"PK\x03\x04") and _OPEN_DOCUMENT in data[:200]:
+        raise InputError(f"{where} is an OpenDocument file (ODS)", allowed="text, or a workbook (XLSX)",
+                         remedy="save it as XLSX, or as CSV (UTF-8)")  # fmt: skip
     for mark, what in _WORKBOOKS.items():
         if data.startswith(mark):
             raise InputError(f"{where} is {what} under another name", allowed="text, or a workbook named .xlsx",

@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Final, Literal
 
+from doe.instruments.units import unit_of
 from doe.tables.columns import LARGEST_NUMBER
 from doe.tables.workbook import Figure
 from robots import InputError
 
 Mark = Literal["point", "comma"]
 MARKS: Final[tuple[Mark, ...]] = ("point", "comma")
+_WITH_UNIT: Final = re.compile(r"([^A-Za-z]*?\d[.,]?(?:[eE][+-]?\d+)?)(\s*)([^\W\d_]+[^\d]*|[\u00b0\"][^\d]*)")
 # What stands in cells that were not read.
 NOT_READ: Final = frozenset(("", "-", "--", "---", "\u2013", "\u2014", "n/a", "#n/a", "na", "nan", "none", "null"))
 _MINUS: Final = re.compile(r"^[\u2212\u2013](?=[\d.,])")
@@ -35,9 +37,21 @@ def cleaned(cell: str) -> str:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number, whichever its decimal mark is."""
+    """Whether a cell holds a number, whichever its decimal mark is, with or without a unit behind it."""
     # No instrument writes longer ones.
-    return isinstance(cell, Figure) or (len(cell) < 60 and _LOOSE.fullmatch(cleaned(cell)) is not None)
+    if isinstance(cell, Figure):
+        return True
+    return len(cell) < 60 and (_LOOSE.fullmatch(cleaned(cell)) is not None or bare_and_unit(cell) is not None)
+
+
+def bare_and_unit(cell: str) -> tuple[str, str] | None:
+    """The number and the unit of a cell that has both, as 52.4\u00b0 or 173.9 mm; None of any other."""
+    found = None if isinstance(cell, Figure) or cell[-1:].isdigit() else _WITH_UNIT.fullmatch(cell.strip())
+    if found is None or not _LOOSE.fullmatch(cleaned(found[1])):
+        return None
+    unit = unit_of(found[3])
+    # 3g and 12h are labels as a rule; N, the degree and inches stand close to their number.
+    return (found[1], unit) if unit and (found[2] or len(found[3]) > 1 or found[3] in 'N\u00b0\u00ba"') else None
 
 
 def evidence(cells: Iterable[tuple[int, str]]) -> dict[str, tuple[int, str]]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from doe.instruments.cells import Grid, split_cells
-from doe.instruments.figures import is_number
+from doe.instruments.figures import NOT_READ, bare_and_unit, is_number
+from doe.instruments.meanings import WORDS, Meaning
+from doe.instruments.recognised import split_unit
 from doe.instruments.units import unit_of
+from doe.instruments.vocabulary import MEANINGS
 from robots import InputError
 from robots.errors import line_ranges, listed
 from robots.faults import Faults
@@ -19,6 +22,8 @@ from robots.faults import Faults
 _LOOKED_AT: Final = 2000
 _BRACKETS: Final = re.compile(r"^[\[(]\s*(.*?)\s*[\])]$")
 # "Units: mm", "Length unit = inch", "Einheit mm": what a file says of its lengths and angles above the table.
+# Arrays of a log: name[0] and position[0], field.name0 and field.position0; what stands before must be the same.
+_PLACE: Final = re.compile(r"(.*?)(name|position)s?\s*(?:\[\s*(\d+)\s*\]|[._]?(\d+))", re.I)
 _STATED: Final = re.compile(r"\b(?:units?|einheit(?:en)?)\b[^:=;,\t]*[:=;,\t ]+\s*([\w\u00b0\u00b5\u03bc,; /]+)", re.I)
 
 
@@ -182,6 +187,75 @@ def _checked(grid: Grid, body: Grid, names: tuple[str, ...], units: tuple[str, .
     rows = tuple(tuple(row[k] for k in used) for row in kept)
     return Table(grid.name, tuple(names[k] for k in used), tuple(padded[k] for k in used), rows, tuple(lines), (),
                  tuple(how))  # fmt: skip
+
+
+def by_joint(table: Table) -> Table:
+    """A log whose arrays name[k] hold the joints of position[k], with a column for each joint.
+
+    Raises
+    ------
+    InputErrors
+        Rows that name other joints than the first one, or one twice.
+    """
+    places = {k: found for k, name in enumerate(table.header) if (found := _PLACE.fullmatch(name))}
+    index = {k: (found[1], found[3] or found[4]) for k, found in places.items()}
+    names = {index[k]: k for k, found in places.items() if found[2].lower() == "name"}
+    positions = {index[k]: k for k, found in places.items() if found[2].lower() == "position"}
+    both = [(names[at], positions[at]) for at in positions if at in names]
+    if len(both) < 2 or len(both) < len(names):
+        return table
+    label, value = map(list, zip(*both, strict=True))
+    joints = tuple(table.rows[0][k] for k in label)
+    rest = [k for k in range(len(table.header)) if k not in label and k not in value]
+    faults, rows = Faults(table.name), list[tuple[str, ...]]()
+    for line, row in zip(table.lines, table.rows, strict=True):
+        cells = {row[n]: row[p] for n, p in both}
+        if len(cells) < len(both) or set(cells) != set(joints) or "" in cells:
+            faults.add(line, "names of joints", value=", ".join(row[k] for k in label), allowed=", ".join(joints),
+                       remedy="leave out rows of other arms with --rows FIRST-LAST")  # fmt: skip
+        else:
+            rows.append((*(cells[name] for name in joints), *(row[k] for k in rest)))
+    if twice := sorted({*joints} & {table.header[k] for k in rest}):
+        faults.add(0, f"columns {listed(twice)} are in the array of joints too", allowed="a name for each column",
+                   remedy="name all columns with --names")  # fmt: skip
+    faults.raise_if_any("readings")
+    return replace(
+        table, header=(*joints, *(table.header[k] for k in rest)), rows=tuple(rows),
+        units=(*(table.units[k] for k in value), *(table.units[k] for k in rest)),
+        how=(*table.how, "joints as the array of names calls them"),
+    )  # fmt: skip
+
+
+def without_units(table: Table, given: Mapping[str, Meaning]) -> Table:
+    """A table whose columns of numbers with units, as 52.4\u00b0, are numbers, with the unit as if below their names.
+
+    ``given``: what columns hold, as the user has said.
+
+    Raises
+    ------
+    InputErrors
+        Cells of a column in several units, or without one, or in another one than its name or the user says.
+    """
+    faults, units, bare = Faults(table.name), list(table.units), dict[int, list[str]]()
+    for k, name in enumerate(table.header):
+        if MEANINGS.get(name.strip().lower()) in WORDS:
+            continue
+        first = [row[k] for row in table.rows[:_LOOKED_AT]]
+        if 2 * sum(bare_and_unit(cell) is not None for cell in first) <= sum(cell not in NOT_READ for cell in first):
+            continue
+        meant = given[name].unit if name in given else split_unit(name)[1] or unit_of(units[k])
+        bare[k] = []
+        for line, row in zip(table.lines, table.rows, strict=True):
+            number, unit = bare_and_unit(row[k]) or (row[k], None)
+            if row[k].strip().lower() not in NOT_READ and unit != (meant := meant or unit):
+                faults.add(line, f"column {name}", value=row[k], allowed=f"numbers in {meant}, as its others",
+                           remedy="write all cells of a column in one unit")  # fmt: skip
+            bare[k].append(number)
+        units[k] = meant or ""
+    faults.raise_if_any("readings")
+    rows = tuple(tuple(bare[k][i] if k in bare else cell for k, cell in enumerate(row))
+                 for i, row in enumerate(table.rows))  # fmt: skip
+    return replace(table, rows=rows, units=tuple(units)) if bare else table
 
 
 def _trimmed(row: Sequence[str]) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -55,8 +55,8 @@ class Settings:
         return replace(self, **changes)
 
 
-def read_mapping(path: Path) -> Settings:
-    """Settings of a mapping file.
+def read_mapping(path: Path, joints: Sequence[str] = ()) -> Settings:
+    """Settings of a mapping file; ``joints``: columns of the model's joints.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def read_mapping(path: Path) -> Settings:
     columns = {}
     for name, text in made.get("columns", {}).items():
         try:
-            columns[name] = meaning_of(text, f"{where}, column {name!r}")
+            columns[name] = meaning_of(text, f"{where}, column {name!r}", joints)
         except InputError as error:
             faults.append(error)
     raise_any(where, faults)

@@ -6,6 +6,7 @@ MEANING [UNIT] [before|after] [negated] [of TARGET]
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -52,9 +53,9 @@ class Meaning:
     @property
     def kind(self) -> str:
         """Its dimension ("joint" for angles of joints), "" of words and of columns that are left as they are."""
-        if _JOINT.fullmatch(self.what):
-            return "joint"
-        return QUANTITIES[self.what][0] if self.what in QUANTITIES else ""
+        if self.what in QUANTITIES:
+            return QUANTITIES[self.what][0]
+        return "" if self.what in (*WORDS, *LEFT) else "joint"
 
     @property
     def needs_unit(self) -> bool:
@@ -71,8 +72,16 @@ class Meaning:
         return self.what not in LEFT and plain == replace(other, unit=None, negated=False)
 
 
-def meaning_of(text: str, where: str) -> Meaning:
+def joint_words(names: Sequence[str]) -> dict[str, str]:
+    """Columns of a model's joints by the word that means each: joint_1 for joint_1_deg; in full what is a word here."""
+    words = {name: name.rpartition("_")[0] for name in names}
+    return {name if word in (*QUANTITIES, *WORDS, *LEFT) else word: name for name, word in words.items()}
+
+
+def meaning_of(text: str, where: str, joints: Sequence[str] = ()) -> Meaning:
     """The meaning that a user has written; ``where`` names the option or the place in the mapping file.
+
+    ``joints``: columns of the model's joints, as joint_1_deg, which are meant by joint_1 and by joint_1_deg.
 
     Raises
     ------
@@ -81,10 +90,12 @@ def meaning_of(text: str, where: str) -> Meaning:
     """
     first, _, target = text.strip().partition(" of ")
     what, *rest = first.split() or [""]
-    known = (*QUANTITIES, *WORDS, *LEFT)
-    if what not in known and not _JOINT.fullmatch(what):
-        raise InputError(f"{where}: meaning", value=what, allowed=f"q1, q2 ..., {', '.join(known)}",
-                         remedy=f"write {FORM}")  # fmt: skip
+    known, own = (*QUANTITIES, *WORDS, *LEFT), joint_words(joints)
+    what = next((word for word, name in own.items() if name == what), what)
+    if what not in known and what not in own and not _JOINT.fullmatch(what):
+        allowed = f"{', '.join(own) or 'q1, q2 ...'}, {', '.join(known)}"
+        more = "" if own else "; a model's own joints are known with --model"
+        raise InputError(f"{where}: meaning", value=what, allowed=allowed, remedy=f"write {FORM}{more}")
     made = Meaning(what, target=target.strip())
     for word in rest:
         if word in ("before", "after") and what in TWICE:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from doe.instruments.axes import Axes, as_text, joint_cells
 from doe.instruments.deflections import MOVED, Deflections, deflections, loads_of, taken
 from doe.instruments.mapping_file import Settings
-from doe.instruments.meanings import AXES, QUANTITIES
+from doe.instruments.meanings import AXES, QUANTITIES, joint_words
 from doe.instruments.units import TABLE_UNITS
 from doe.instruments.values import Read
 from doe.tables.columns import LOADS, SAME_ANGLE_rad, likely_ours
@@ -78,7 +78,7 @@ def table_of(read: Read, kind: str, settings: Settings, robot: Robot | None) -> 
 
 def joint_columns_of(robot: Robot | None) -> dict[str, str]:
     """The name of each joint's column, as q3 -> q3real_deg."""
-    return {name.rpartition("_")[0]: name for name in robot.angle_names} if robot else {}
+    return joint_words(robot.angle_names) if robot else {}
 
 
 def _targets(read: Read) -> list[str]:
@@ -125,12 +125,12 @@ def _common(read: Read, notes: list[str]) -> Cells:
     return out
 
 
-def _with_kept(cells: Cells, read: Read, notes: list[str]) -> Cells:
-    """Columns that are kept, under names that no reader takes for its own."""
+def _with_kept(cells: Cells, read: Read, notes: list[str], joints: Collection[str]) -> Cells:
+    """Columns that are kept, under names that no reader takes for its own; ``joints``: names of the model's columns."""
     out = {**cells, **{name: words for name, words in read.words.items() if name not in cells}}
     for name, words in read.kept.items():
         plain = " ".join(name.split())
-        own = plain in out or likely_ours(plain)
+        own = plain in out or likely_ours(plain, joints)
         out[f"original {plain}" if own else plain] = words
         if own:
             notes.append(f"column {plain} is kept as 'original {plain}'")
@@ -183,7 +183,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
     )
     if np.isfinite(sigma).any():
         cells["sigma_mm"] = as_text(sigma)
-    return _with_kept(cells, read, notes), notes, read.places
+    return _with_kept(cells, read, notes, joint_columns.values()), notes, read.places
 
 
 def _one_row_a_target(read: Read, notes: list[str]) -> Read:
@@ -234,7 +234,7 @@ def _deflections(found: Deflections, joint_columns: Mapping[str, str]) -> Made:
         if any(number != "1" for number in numbers):
             cells["repeat"] = numbers
             notes.append("readings of the same pose and load are numbered as repeats")
-    return _with_kept(cells, read, notes), notes, read.places
+    return _with_kept(cells, read, notes, joint_columns.values()), notes, read.places
 
 
 def _same_angles(read: Read, notes: list[str]) -> Read:

@@ -11,17 +11,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from doe.instruments.meanings import AXES, Meaning, When, meaning_of, takes, units_for, with_unit
+from doe.instruments.meanings import AXES, Meaning, When, joint_words, meaning_of, takes, units_for, with_unit
 from doe.instruments.units import dimension, unit_of
 from doe.instruments.vocabulary import (
     AFTER,
+    AROUND_JOINTS,
     BEFORE,
     GAUGES,
     JOINT_WORDS,
+    LOCAL,
     MEANINGS,
     MEASURED,
     NO_JOINT,
     NOMINAL,
+    RATES,
     UNDIRECTED,
     URDF_JOINTS,
     WORDS,
@@ -39,6 +42,10 @@ _USUAL: Final = {"length": ("mm", "inch", "um", "m"), "joint": ("deg", "rad"), "
 # Behind an underscore these are letters of a name as a rule: x_t is no x in tons.
 _LETTERS: Final = ("t", "g", "h")
 _OWN: Final = re.compile(r"q[1-9]\d*[a-z]*_(deg|rad)")
+# Units of a table by the first letter of the meaning.
+_TABLE_UNIT: Final = {"f": "N", "m": "Nm", "d": "mm", "r": "mrad"}
+# Arrays of a log: position[0], as ROS and its tools write them.
+_ARRAY: Final = re.compile(r".*?position\s*\[\d+\]", re.I)
 _AXIS_BEHIND: Final = re.compile(r"[\s_.-]*[xyz]\s*$", re.I)
 
 
@@ -86,6 +93,8 @@ def recognise(
     for name, below, kind in zip(header, units, kinds, strict=True):
         if name in given:
             meaning, reason = given[name], "as given"
+            if meaning.needs_unit and unit_of(below) in units_for(meaning):
+                meaning = replace(meaning, unit=unit_of(below))
         else:
             found = _recognised(name, below, kind, run, targets, nominal, joints)
             if isinstance(found, Question):
@@ -114,6 +123,11 @@ def _recognised(
     unit = unit or unit_of(below)
     words = _plain(stem)
     when, rest = _when(words)
+    if joint := _of_model(stem, joints):
+        return _with(Meaning(joint), unit, name)
+    if kind == "number" and _ARRAY.fullmatch(name):
+        return _ask(name, "no column names the joint of this place in the array",
+                    *_joint_options("", joints, unit or "rad"), "keep")  # fmt: skip
     if name in run:
         return _with(Meaning(run[name]), unit, name)
     if name in targets:
@@ -136,12 +150,39 @@ def _recognised(
         if what in ("time", "date") and unit is None and kind != "number":
             return _time(name, what) if kind == "text" else Meaning(what, kind, when)
         return _with(Meaning(what, when=when), unit, name)
-    return _open(name, rest, unit, when, kind == "number")
+    return _open(name, rest, unit, when, kind == "number", joints)
 
 
-def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool) -> Meaning | Question:
+def _of_model(stem: str, joints: Sequence[str]) -> str | None:
+    """The word of the model's joint that a column is called after, as the model or a log of its controller does."""
+    known, words = joint_words(joints), _plain(stem).split()
+    if stem in known:
+        return stem
+    found = []
+    for word, name in known.items():
+        own = _plain(name.rpartition("_")[0]).split()
+        at = next((k for k in range(len(words) - len(own) + 1) if words[k : k + len(own)] == own), None)
+        if at is not None and not {*words[:at], *words[at + len(own) :]} - AROUND_JOINTS:
+            found.append(word)
+    return found[0] if len(found) == 1 else None
+
+
+def _joint_options(number: str, joints: Sequence[str], unit: str) -> list[str]:
+    """Meanings for a column that may be a joint: the model's, those of the same number first; without a model q1."""
+    known = sorted(joint_words(joints), key=lambda word: number not in re.findall(r"\d+", word))
+    return [f"{word} {unit}" for word in known or [f"q{number or '1'}"]]
+
+
+def _open(
+    name: str, rest: str, unit: str | None, when: When, has_numbers: bool, joints: Sequence[str]
+) -> Meaning | Question:
     """A column whose name says too little: a question where it may matter, else it is kept."""
     tail = f" {when}" if when else ""
+    plain = " ".join(word for word in rest.split() if word not in LOCAL)
+    if plain != rest and (what := MEANINGS.get(plain, ""))[:1] in ("f", "m", "d", "r") and what[1:] in AXES:
+        return _ask(name, "its axes may be those of the sensor, the tool or the flange: convert its values to base "
+                    "axes first, or say that they are in base axes",
+                    f"{what} {unit or _TABLE_UNIT[what[0]]}{tail}", "keep")  # fmt: skip
     if rest in GAUGES:
         return _ask(name, "the direction that the gauge reads is not said",
                     *(f"d{axis} {unit or 'mm'}{tail}" for axis in "zyx"), "keep")  # fmt: skip
@@ -151,18 +192,19 @@ def _open(name: str, rest: str, unit: str | None, when: When, has_numbers: bool)
                         f"hung {unit}", f"payload {unit}")  # fmt: skip
         return _ask(
             name,
-            "the direction of the load is not said",
+            "the direction of the load, in base axes, is not said",
             *([f"hung {unit or 'N'}", f"fz {unit or 'N'}", f"fx {unit or 'N'}", f"fy {unit or 'N'}", "keep"]),
         )
     found = _JOINT.fullmatch(rest)
     if found or rest in ("e1", "e 1", "track"):
         number, size = (found[2] if found and int(found[2]) else "1") if found else "7", dimension(unit) if unit else ""
-        meanings = [f"q{number} {unit or 'deg'}"] * (size != "length") + [f"rail {unit or 'mm'}"] * (size != "angle")
+        meanings = _joint_options(number, joints, unit or "deg") * (size != "length")
+        meanings += [f"rail {unit or 'mm'}"] * (size != "angle")
         return _ask(name, "it may be a joint", *meanings, "keep")
-    if has_numbers and JOINT_WORDS & set(rest.split()):
-        return _ask(name, "it may be a joint", f"q1 {unit or 'deg'}", "keep")
+    if has_numbers and JOINT_WORDS & set(rest.split()) and not RATES & set(rest.split()):
+        return _ask(name, "it may be a joint", *_joint_options("", joints, unit or "deg"), "keep")
     if has_numbers and unit and dimension(unit) == "angle" and not set(rest.split()) & NO_JOINT:
-        return _ask(name, "an angle whose name is not known may be a joint", f"q1 {unit}", "keep")
+        return _ask(name, "an angle whose name is not known may be a joint", *_joint_options("", joints, unit), "keep")
     return Meaning("keep")
 
 
@@ -199,9 +241,10 @@ def _exact(name: str, joints: Sequence[str]) -> Meaning | None:
         "payload_z_mm",
         "temperature_C",
         "time_s",
-        *joints,
     ) or _OWN.fullmatch(name):
         return meaning_of(f"{stem} {unit}", name)
+    if word := {column: word for word, column in joint_words(joints).items()}.get(name):
+        return Meaning(word, unit)
     return Meaning(name) if name in WORDS else None
 
 

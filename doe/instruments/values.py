@@ -75,8 +75,8 @@ class Read:
 
 
 def read_values(table: Table, meanings: Mapping[str, Meaning], why: Mapping[str, str], mark: Mark,
-                fill: Mapping[str, str]) -> Read:  # fmt: skip
-    """The values of a table.
+                fill: Mapping[str, str], joints: Sequence[str] = ()) -> Read:  # fmt: skip
+    """The values of a table; ``joints``: columns of the model's joints.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def read_values(table: Table, meanings: Mapping[str, Meaning], why: Mapping[str,
     places = tuple((table.name, line) for line in table.lines)
     dated = _with_dates(numbers, meanings)
     for name, text in fill.items():
-        columns.append(_fill(name, text, numbers, words, table))
+        columns.append(_fill(name, text, numbers, words, table, joints))
     return Read(table.name, numbers, words, kept, places, tuple(columns), dated)
 
 
@@ -173,7 +173,10 @@ def _with_dates(numbers: dict[Key, Array], meanings: Mapping[str, Meaning]) -> b
     return True
 
 
-def _fill(name: str, text: str, numbers: dict[Key, Array], words: dict[str, tuple[str, ...]], table: Table) -> Column:
+def _fill(
+    name: str, text: str, numbers: dict[Key, Array], words: dict[str, tuple[str, ...]], table: Table,
+    joints: Sequence[str],
+) -> Column:  # fmt: skip
     """A value that stands in no file, in every row."""
     where = f"--fill {name}={text}"
     n = len(table.rows)
@@ -183,7 +186,7 @@ def _fill(name: str, text: str, numbers: dict[Key, Array], words: dict[str, tupl
         words[name] = (text.strip(),) * n
         return Column(table.name, where, Meaning(name), "as given", 0, np.nan, np.nan)
     number, _, unit = text.strip().partition(" ")
-    meaning = meaning_of(f"{name} {unit}", where)
+    meaning = meaning_of(f"{name} {unit}", where, joints)
     key = (meaning.what, "", "")
     if not meaning.kind or meaning.needs_unit:
         raise InputError(where, allowed="a word such as session=day1, or a number with its unit as fz=-650 N",

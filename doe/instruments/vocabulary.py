@@ -15,8 +15,17 @@ NOMINAL: Final = frozenset(("nominal", "nom", "soll", "target", "design", "devia
                              "residual", "command", "commanded", "programmed", "goal", "planned"))  # fmt: skip
 NO_JOINT: Final = frozenset(("hz", "v", "azimuth", "elevation", "zenith", "horizontal", "vertical", "az", "el", "h",
                               "roll", "pitch", "yaw", "rotation", "tilt", "inclination", "neigung"))  # fmt: skip
+# What a log has of joints besides their angles.
+RATES: Final = frozenset(("velocity", "vel", "speed", "effort", "torque", "current", "acceleration", "accel", "load",
+                           "geschwindigkeit", "drehmoment", "strom", "beschleunigung"))  # fmt: skip
 # Words of which a column of numbers may be a joint.
 JOINT_WORDS: Final = frozenset(("joint", "axis", "achse", "gelenk", "elbow", "wrist", "shoulder", "theta", "winkel"))
+# What logs write around the name of a joint.
+AROUND_JOINTS: Final = frozenset(("joint", "joints", "state", "states", "angle", "winkel", "pos", "position",
+                                   "positions", "actual", "act", "ist", "measured"))  # fmt: skip
+# What says that a load or deflection may be along axes that move with the arm.
+LOCAL: Final = frozenset(("sensor", "ft", "tool", "tcp", "flange", "wrist", "gripper", "ee", "eef", "effector", "hand",
+                           "local", "transducer", "cell", "body", "werkzeug", "flansch", "greifer"))  # fmt: skip
 # Joints of Universal Robots by the names of their public URDF, from the base on.
 URDF_JOINTS: Final = ("shoulder pan", "shoulder lift", "elbow", "wrist 1", "wrist 2", "wrist 3")
 WORDS: Final = {

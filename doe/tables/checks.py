@@ -9,8 +9,10 @@ import numpy as np
 from doe.tables.columns import DISPLACEMENTS, POINT
 from doe.tables.measurements import Measurements
 from robots import InputError, Robot
-from robots.arrays import Array
+from robots.arrays import Array, Bools, Indices
 from robots.faults import Faults
+
+_IN_FULL = 200
 
 
 def joint_keys(q: Array) -> list[tuple[float, ...]]:
@@ -41,47 +43,61 @@ def check_loads(m: Measurements, faults: Faults) -> None:
         (given.any(axis=1) & ~given.all(axis=1), f"columns {', '.join(POINT)}: the point is incomplete",
          "three numbers, or three empty cells (the tool point)", "fill in the missing coordinate, 0 too"),
     ):  # fmt: skip
-        for i in np.flatnonzero(wrong):
-            faults.add(m.row_numbers[i], problem, allowed=allowed, remedy=remedy)
+        parts = {"problem": problem, "allowed": allowed, "remedy": remedy}
+        faults.each([m.row_numbers[i] for i in np.flatnonzero(wrong)], lambda _, parts=parts: parts)  # type: ignore[misc]
 
 
 def check_labels(m: Measurements, faults: Faults) -> None:
     """Record labels that stand for several poses."""
-    first: dict[str, tuple[int, tuple[float, ...]]] = {}
-    for line, label, key in zip(m.row_numbers, m.pose, joint_keys(m.q), strict=True):
-        known_line, known_key = first.setdefault(label, (line, key))
-        if key != known_key:
-            faults.add(line, "column pose, the label stands for other joint angles before", value=label,
-                       allowed=f"the angles of row {known_line}",
-                       remedy="correct the angles, or give this pose a label of its own")  # fmt: skip
+    _, first, which = np.unique(_numbered(m.pose), return_index=True, return_inverse=True)
+    known = first[which]
+    other = np.flatnonzero((np.round(m.q, 9) != np.round(m.q[known], 9)).any(axis=1))
+    faults.each([m.row_numbers[i] for i in other], lambda n: {
+        "problem": "column pose, the label stands for other joint angles before", "value": m.pose[other[n]],
+        "allowed": f"the angles of row {m.row_numbers[known[other[n]]]}",
+        "remedy": "correct the angles, or give this pose a label of its own"})  # fmt: skip
 
 
-def repeated_readings(m: Measurements) -> Iterator[tuple[int, int, bool]]:
-    """Readings that stand there twice: position, position of the earlier one, and whether their values agree."""
+def _numbered(words: Sequence[object]) -> Array:
+    """Numbers (n,) that are the same where words are."""
+    number: dict[object, float] = {}
+    return np.array([number.setdefault(word, float(len(number))) for word in words])
+
+
+def repeated_readings(m: Measurements) -> tuple[Indices, Indices, Bools]:
+    """Readings that stand there twice: places (k,), places of the earlier ones, and whether their values agree."""
     # NaN never equals itself; inf cannot occur in a table, so it can stand for "not given" in a key.
     settings = np.nan_to_num(np.column_stack([m.wrench, m.point, m.step]), nan=np.inf)
-    seen: dict[object, list[int]] = {}
-    keys = zip(joint_keys(m.q), map(tuple, settings.tolist()), m.repeat, m.phase, strict=True)
-    for i, key in enumerate(keys):
-        earlier = seen.setdefault(key, [])
-        for j in earlier:
-            both = m.used[i] & m.used[j]
-            if both.any():
-                yield i, j, bool(np.array_equal(m.displacement[i, both], m.displacement[j, both]))
-                break
-        earlier.append(i)
+    words = np.column_stack([_numbered(m.repeat), _numbered(m.phase)])
+    keys = np.column_stack([np.round(m.q, 9), settings, words]) + 0.0
+    row, data = keys.strides[0], keys.tobytes()
+    group = _numbered([data[k : k + row] for k in range(0, len(data), row)])
+    earlier = np.full(m.n, m.n, dtype=np.intp)
+    for used in m.used.T:  # the first reading of the same setting that has a component in common
+        rows = np.flatnonzero(used)
+        _, first, which = np.unique(group[rows], return_index=True, return_inverse=True)
+        earlier[rows] = np.minimum(earlier[rows], rows[first[which.reshape(-1)]])
+    at = np.flatnonzero(earlier < np.arange(m.n))
+    both = m.used[at] & m.used[earlier[at]]
+    same = ((m.displacement[at] == m.displacement[earlier[at]]) | ~both).all(axis=1)
+    return at, earlier[at], same
 
 
 def check_duplicates(m: Measurements, faults: Faults, files: Sequence[str] | None = None) -> None:
     """Record readings that stand there twice; ``files`` (n,): of readings from several."""
     if not m.wrench.any():
         return  # said once: without their loads all readings of a pose look like one another
-    for i, j, same in repeated_readings(m):
+    at, earlier, same = repeated_readings(m)
+
+    def fault(n: int) -> dict[str, str | None]:
+        i, j = int(at[n]), int(earlier[n])
         row = f"row {m.row_numbers[j]}" + (f" of {files[j]}" if files else "")
-        problem = f"the reading {'repeats' if same else 'contradicts'} that of {row}"
-        faults.add(m.row_numbers[i], f"{problem} (same joints, load, point, repeat, phase and step)",
-                   allowed="each reading once", file=files[i] if files else None,
-                   remedy="give each a number in the column repeat, or remove one")  # fmt: skip
+        problem = f"the reading {'repeats' if same[n] else 'contradicts'} that of {row}"
+        return {"problem": f"{problem} (same joints, load, point, repeat, phase and step)",
+                "allowed": "each reading once", "file": files[i] if files else None,
+                "remedy": "give each a number in the column repeat, or remove one"}  # fmt: skip
+
+    faults.each([m.row_numbers[i] for i in at], fault)
 
 
 def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Robot, faults: Faults) -> None:
@@ -93,11 +109,20 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
                    remedy="convert the joint columns to degrees")  # fmt: skip
         return
     _, first, rows = np.unique(np.round(q[outside], 9), axis=0, return_index=True, return_counts=True)
-    for i, count in sorted(zip(outside[first].tolist(), rows.tolist(), strict=True)):
-        times = f", and {count - 1} more of this pose" if count > 1 else ""
-        for problem in robot.violations(q[i]):
-            faults.add(lines[i], f"pose {pose[i]}{times} cannot be taken: {problem}",
-                       allowed=f"the limits of {robot.name}", remedy="correct the pose or model")  # fmt: skip
+    order = np.argsort(first)
+    poses, times = outside[first[order]], rows[order]
+    # Of the first poses each limit is a fault of its own, of the others each pose.
+    shown = [(k, problem) for k, i in enumerate(poses[:_IN_FULL]) for problem in robot.violations(q[i])]
+    shown += [(k, "") for k in range(_IN_FULL, len(poses))]
+
+    def fault(n: int) -> dict[str, str]:
+        k, problem = shown[n]
+        i, more = int(poses[k]), f", and {times[k] - 1} more of this pose" if times[k] > 1 else ""
+        problem = problem or "; ".join(robot.violations(q[i]))
+        return {"problem": f"pose {pose[i]}{more} cannot be taken: {problem}",
+                "allowed": f"the limits of {robot.name}", "remedy": "correct the pose or model"}  # fmt: skip
+
+    faults.each([lines[int(poses[k])] for k, _ in shown], fault)
 
 
 def plausibility_notes(m: Measurements) -> Iterator[str]:

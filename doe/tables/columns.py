@@ -6,7 +6,7 @@ import csv
 import hashlib
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from doe.tables.workbook import MOST_CELLS, MOST_COLUMNS, read_first_sheet
+from doe.tables.workbook import MOST_COLUMNS, read_first_sheet
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.errors import line_ranges
@@ -34,6 +34,8 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 OPTIONAL: Final = ("pose", "repeat", "phase", "step", "sigma_mm", *POINT, "time_s", "temperature_C", "session")
 PHASES: Final = ("loading", "unloading")
 SUFFIXES: Final = (".csv", ".xlsx")
+# What no command reads.
+UNREADABLE: Final = (".ods", ".json", ".xls", ".parquet", ".pdf")
 # What reading files are to users, unless somebody says otherwise; and what to do with one in other words than ours.
 READINGS: Final = "measurement file"
 CONVERT: Final = "; `stiffarm readings FILE --out table.csv` converts what instruments write"
@@ -83,7 +85,8 @@ def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTab
     """
     allowed = f"a file ending in {' or '.join(SUFFIXES)}"
     data = read_bytes(path, "measurement file")
-    suffix, hint = path.suffix.lower(), CONVERT if kind == READINGS else ""
+    suffix = path.suffix.lower()
+    hint = CONVERT if kind == READINGS and suffix not in UNREADABLE else ""
     if suffix not in SUFFIXES:
         raise InputError(kind, value=str(path), allowed=allowed, remedy=f"save it as one of these{hint}")
     remedy = f"the first line holds the column names, each further line one {row}"
@@ -95,7 +98,7 @@ def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTab
     else:
         sheet = read_first_sheet(data, where)
         numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
-    stripped = [(line, tuple(cell.strip() for cell in row)) for line, row in numbered]
+    stripped = [(line, tuple(map(str.strip, row))) for line, row in numbered]
     if not stripped or not any(stripped[0][1]):
         raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
     body = {line: row for line, row in stripped[1:] if any(row)}
@@ -141,7 +144,7 @@ def _csv_rows(data: bytes, where: str, hint: str) -> list[tuple[int, list[str]]]
         what = f"{where} is not UTF-8 text (byte {error.start})"
         raise InputError(what, remedy=f"save it as 'CSV UTF-8', or a workbook as .xlsx{hint}") from error
     first = re.split(r"[\r\n]", text, maxsplit=1)[0]
-    return split_rows(text, next((mark for mark in ",;\t" if mark in first), ","), where)
+    return split_rows(text, max(",;\t", key=first.count), where)
 
 
 def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[str]]]:
@@ -150,16 +153,16 @@ def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[st
     Raises
     ------
     InputError
-        A quotation mark that does not end, or more columns and cells than any table of readings has.
+        A quotation mark that does not end, or more columns than any table of readings has.
     """
     # csv, not pandas.read_csv: that pads short rows, renames doubled columns and loses line numbers.
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-    rows, line, cells = list[tuple[int, list[str]]](), 1, 0
+    quoted = "'" in text
+    rows, line = list[tuple[int, list[str]]](), 1
     try:
         for row in reader:
-            rows.append((line, list(map(as_read, row))))
-            cells += len(row)
-            check_size(where, line, len(row), cells)
+            rows.append((line, list(map(as_read, row)) if quoted else row))
+            check_width(where, line, len(row))
             line = reader.line_num + 1  # a quoted cell may run over several lines
     except csv.Error as error:
         what = f"{where}, row {line} is not valid CSV ({error})"
@@ -167,18 +170,11 @@ def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[st
     return rows
 
 
-def check_size(where: str, line: int, columns: int, cells: int) -> None:
-    """Refuse a row of more columns, or a table of more cells, than any table of readings has."""
-    if columns > MOST_COLUMNS or cells > MOST_CELLS:
-        what, found = f"{where}, row {line}: columns", str(columns)
-        if columns <= MOST_COLUMNS:
-            what, found = f"{where}: cells", f"more than {MOST_CELLS} up to row {line}"
-        raise InputError(
-            what,
-            value=found,
-            allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
-            remedy="split the table, or leave out what is no reading",
-        )
+def check_width(where: str, line: int, columns: int) -> None:
+    """Refuse a row of more columns than any table of readings has; a text has no limit of cells."""
+    if columns > MOST_COLUMNS:
+        raise InputError(f"{where}, row {line}: columns", value=columns, allowed=f"up to {MOST_COLUMNS} columns",
+                         remedy="split the table, or leave out what is no reading")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -249,9 +245,9 @@ def _right_name(name: str, names: Sequence[str]) -> str | None:
     return None
 
 
-def likely_ours(name: str) -> bool:
-    """Whether a column of this name would be taken for one of ours, right or misspelt."""
-    own = (*LOADS, *DISPLACEMENTS, *OPTIONAL)
+def likely_ours(name: str, joints: Collection[str] = ()) -> bool:
+    """Whether a column of this name would be taken for one of ours, right or misspelt; ``joints``: the arm's."""
+    own = (*LOADS, *DISPLACEMENTS, *OPTIONAL, *joints)
     return name in own or _right_name(name, own) is not None or _JOINT_LIKE.fullmatch(name) is not None
 
 
@@ -315,16 +311,30 @@ def numbers(
     for k, name in enumerate(names):
         if name not in columns.known:
             continue
-        out[:, k], factor = np.nan, si_factor(name) if si else 1.0
-        for i, text in enumerate(texts(table, columns.known[name])):
-            try:
-                if text or empty is None:
-                    out[i, k] = parse_number(text, positive=positive) * factor
-            except ValueError as error:
-                problem = f"column {name}" + ("" if text else " is empty")
-                remedy = f"{error}{table.hint if 'decimal comma' in str(error) else ''}"
-                faults.add(table.lines[i], problem, value=text or None, allowed=allowed, remedy=remedy)
+        cells, factor = texts(table, columns.known[name]), si_factor(name) if si else 1.0
+        # Most cells of a bad table are bad in the same way; the others are read once more by the loop of C.
+        read = {text: _number(text, positive, empty is not None) for text in set(cells)}
+        out[:, k] = factor * np.array([read[text][0] for text in cells]).reshape(-1)
+        bad = [i for i, text in enumerate(cells) if read[text][1]]
+
+        def fault(n: int, name: str = name, cells: Sequence[str] = cells, bad: Sequence[int] = bad,
+                  read: Mapping[str, tuple[float, str]] = read) -> dict[str, str | None]:  # fmt: skip
+            text = cells[bad[n]]
+            why = read[text][1]
+            hint = table.hint if "decimal comma" in why or "unit" in why else ""
+            return {"problem": f"column {name}" + ("" if text else " is empty"), "value": text or None,
+                    "allowed": allowed, "remedy": why + hint}  # fmt: skip
+
+        faults.each([table.lines[i] for i in bad], fault)
     return out
+
+
+def _number(text: str, positive: bool, may_be_empty: bool) -> tuple[float, str]:
+    """The number in a cell, NaN where there is none, and what is wrong with it, "" where nothing is."""
+    try:
+        return parse_number(text, positive=positive) if text or not may_be_empty else np.nan, ""
+    except ValueError as error:
+        return np.nan, str(error)
 
 
 def joint_angles(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
@@ -365,18 +375,21 @@ def check_words(table: RawTable, columns: Columns, faults: Faults) -> None:
          "use one of these words"),
     ):  # fmt: skip
         if name in columns.known:
-            for line, text in zip(table.lines, texts(table, columns.known[name]), strict=True):
-                if not good.fullmatch(text):
-                    faults.add(line, f"column {name}", value=text, allowed=allowed, remedy=remedy)
+            cells = texts(table, columns.known[name])
+            words = {text for text in set(cells) if not good.fullmatch(text)}
+            bad = [i for i, text in enumerate(cells) if text in words] if words else []
+            parts = {"problem": f"column {name}", "allowed": allowed, "remedy": remedy}
+            faults.each([table.lines[i] for i in bad],
+                        lambda n, cells=cells, bad=bad, parts=parts: parts | {"value": cells[bad[n]]})  # type: ignore[misc]  # fmt: skip
 
 
 def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
     """Record rows with too many or too few cells as faults and leave them out."""
     width = len(table.header)
-    for line, row in zip(table.lines, table.rows, strict=True):
-        if len(row) != width:
-            faults.add(line, "the row does not fit the header", value=f"{len(row)} cells",
-                       allowed=f"{width} cells",
-                       remedy=f"look for a missing or extra separator, or a decimal comma{table.hint}")  # fmt: skip
     whole = tuple(len(row) == width for row in table.rows)
+    bad = [i for i, fits in enumerate(whole) if not fits]
+    faults.each([table.lines[i] for i in bad], lambda n: {
+        "problem": "the row does not fit the header", "value": f"{len(table.rows[bad[n]])} cells",
+        "allowed": f"{width} cells",
+        "remedy": f"look for a missing or extra separator, or a decimal comma{table.hint}"})  # fmt: skip
     return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))

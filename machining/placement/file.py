@@ -116,7 +116,7 @@ def _placement(content: Mapping[str, Any]) -> Placement:
     axes = tuple(str(name) for name in content["linear_axes"])
     moves = _whole(points["move"], "points.move")
     n, count = len(moves), int(_whole([content["source_moves"]], "source_moves")[0])
-    joints = tuple(name for name in points if name.startswith("q") and name.endswith("_deg"))
+    joints = tuple(name for name in points if name.endswith("_deg") and name != "gamma_deg")
     travel = [_numbers(points, f"e{i + 1}_mm", n) * 1e-3 for i in range(len(axes))]
     q = [np.radians(_numbers(points, name, n)) for name in joints]
     if not n or moves.min() < 0 or moves.max() >= count or (np.diff(moves) <= 0).any():

@@ -126,10 +126,12 @@ def convert_readings(
     if rows is not None and not 0 < rows[0] <= rows[1]:
         raise InputError("rows", value=rows, allowed="first and last line, counted from 1")
     with called():
+        robot = None if arm is None else arm.robot
         asked = settings_of(
             None if mapping is None else Path(mapping),
             columns or {},
             fill or {},
+            robot,
             kind=kind,
             units=tuple(units),
             sigma_mm=sigma_mm,
@@ -144,6 +146,6 @@ def convert_readings(
             separator=separator,
             decimal=decimal,
         )
-        made = convert([Path(file) for file in several], asked, None if arm is None else arm.robot)
+        made = convert([Path(file) for file in several], asked, robot)
     meanings = {column.name: str(column.meaning) for column in made.columns}
     return ConvertedReadings(made.kind, meanings, made.notes, made)

@@ -15,6 +15,8 @@ from surrogate.maps.data import Field, MapData
 
 # Rows in memory at a time: one megabyte a column.
 ROWS_A_BLOCK = 1 << 17
+# What the label of a joint coordinate begins with.
+JOINT_LABEL = "joint coordinate"
 NO_CATEGORY = -1
 # The writers' own array: whether there is a pose.
 REACHED_ARRAY = "reached"
@@ -109,7 +111,7 @@ def _of_joint(data: MapData, index: int, name: str) -> Column:
     def degrees(rows: slice) -> Array:
         return np.degrees(_where_reached(data, rows, data.q[rows, index]))
 
-    return Column(name, "deg", f"joint coordinate {name.removesuffix('_deg')}", (), degrees)
+    return Column(name, "deg", f"{JOINT_LABEL} {name.removesuffix('_deg')}", (), degrees)
 
 
 def _where_reached(data: MapData, rows: slice, values: Array) -> Array:

@@ -16,6 +16,7 @@ from robots import InputError
 from robots.arrays import Array, Bools, Indices
 from robots.constants import NORMAL_95
 from robots.errors import listed
+from surrogate.maps.columns import JOINT_LABEL
 
 # Points nearer than this are one point, mm.
 SAME_mm: Final = 1e-3
@@ -101,7 +102,7 @@ def read_map(path: Path, name: str) -> MapFile:
                      ("units", "labels"))  # fmt: skip
     arrays = {key: np.asarray(mesh.point_data[key], dtype=np.float64) for key in mesh.point_data.keys()}  # noqa: SIM118
     reached = arrays.get("reached", np.ones(mesh.n_points)) > 0.5
-    joints = [key for key in arrays if key.startswith("q") and key.endswith("_deg")]
+    joints = [key for key in arrays if labels.get(key, "").startswith(JOINT_LABEL)]
     values = {key: v for key, v in arrays.items() if v.ndim == 1 and key not in joints and not key.startswith(_OTHER)}
     q = np.stack([arrays[key] for key in joints], axis=1) if joints else np.zeros((mesh.n_points, 0))
     kept = {**values, **({UNCERTAINTY: arrays[UNCERTAINTY]} if UNCERTAINTY in arrays else {})}

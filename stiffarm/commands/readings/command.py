@@ -151,15 +151,16 @@ def readings(
         from stiffarm.commands.readings import step
         from stiffarm.commands.readings.words import show
 
+        arm = step.arm_of(model)
         asked = step.settings_of(
-            mapping, step.pairs(column, "--column"), step.pairs(fill, "--fill"), kind=kind,
+            mapping, step.pairs(column, "--column"), step.pairs(fill, "--fill"), arm, kind=kind,
             units=step.words_of(units, "--units"), sigma_mm=sigma_mm, axes=axes, target=target, join=join,
             names=step.words_of(names, "--names"), header=header, rows=step.lines_of(rows), sheets=tuple(sheet or ()),
             encoding=encoding, separator=separator, decimal=decimal,
         )  # fmt: skip
         if out is not None:  # before any work
             step.check_place(out, files, first=mapping is None, replace=replace)
-        made = step.Written(convert(files, asked, step.arm_of(model)), None, None, None)
+        made = step.Written(convert(files, asked, arm), None, None, None)
         if out is not None:
             made = step.save(made.converted, out, first=mapping is None, replace=replace)
         frame.answer(step.payload(made), lambda: show(made, model))

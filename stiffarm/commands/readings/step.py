@@ -34,9 +34,12 @@ class Written:
 
 
 def settings_of(
-    mapping: Path | None, columns: Mapping[str, str], fill: Mapping[str, str], *, sigma_mm: float | None, **given: Any
-) -> Settings:
+    mapping: Path | None, columns: Mapping[str, str], fill: Mapping[str, str], arm: Robot | None, *,
+    sigma_mm: float | None, **given: Any,
+) -> Settings:  # fmt: skip
     """Settings of a mapping file, with what the user says in front of it; ``columns``: meanings as text, by name.
+
+    ``arm``: whose joints may be named.
 
     Raises
     ------
@@ -44,9 +47,10 @@ def settings_of(
         A meaning that is none; the mapping file's faults.
     """
     require_positive("--sigma-mm", sigma_mm, "mm")
-    meanings = {name: meaning_of(text, f"--column {name}") for name, text in columns.items()}
+    joints = arm.angle_names if arm else ()
+    meanings = {name: meaning_of(text, f"--column {name}", joints) for name, text in columns.items()}
     own = Settings(columns=meanings, fill=dict(fill), sigma_mm=sigma_mm, **given)
-    return own if mapping is None else own.over(read_mapping(mapping))
+    return own if mapping is None else own.over(read_mapping(mapping, joints))
 
 
 def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
