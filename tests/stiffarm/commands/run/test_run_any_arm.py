@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -104,6 +105,24 @@ def test_the_serial_chain_is_looked_at_first_where_there_is_a_parallelogram(full
     assert first["gap"]["after"]["left_one_pose_out_rms_mm"] < first["gap"]["before"]["left_one_pose_out_rms_mm"]
     assert last["of"] == "All readings"
     assert (full_run.folder / "diagnosis_serial" / "gap.vtp").is_file()
+
+
+@pytest.mark.slow
+def test_the_page_of_the_first_run_says_what_a_run_says(full_run: Any) -> None:
+    page = Path(__file__).parents[4] / "docs" / "start"
+
+    def rows(name: str) -> list[dict[str, str]]:
+        lines = (page / name).read_text(encoding="utf-8").splitlines()
+        return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+    (look,) = rows("first_run.csv")
+    gap = full_run.results["diagnoses"][0]["gap"]
+    assert full_run.results["diagnoses"][0]["effects"] == [look["effect"]]
+    for key, value in (("before", look["before_mm"]), ("after", look["after_mm"])):
+        assert f"{gap[key]['holdout_rms_mm']:.3f}" == value
+    told = {(r["rms_mm"], r["left_out_rms_mm"]) for r in rows("results.csv")}
+    found = full_run.results["variants"].values()
+    assert told == {(f"{v['rms_mm']:.3f}", f"{v['left_one_pose_out_rms_mm']:.3f}") for v in found}
 
 
 def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
