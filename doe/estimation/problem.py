@@ -200,8 +200,8 @@ def problem(
 ) -> Problem:
     """Set up the estimation of ``parameters`` from all components that were read.
 
-    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says. Readings at the same
-    angles are of one pose, which has the first of their labels.
+    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says. Readings at the
+    same angles are of one pose, which has the first of their labels.
     """
     first: dict[tuple[float, ...], str] = {}
     data = replace(data, pose=tuple(map(first.setdefault, joint_keys(data.q), data.pose)))

@@ -196,6 +196,7 @@ def test_springs_that_the_model_has_stay_where_they_are_not_free(
     predicted = carried_over(with_them.found, two_targets.take(np.arange(10)))[0]
     assert_allclose(predicted.error, with_them.found.residual[:10], atol=1e-7)
 
+
 def test_targets_of_a_pose_are_left_out_together(kr60: ArmModel) -> None:
     """Printed is what fits anew without the poses give, where joints have errors that nobody asked for."""
     rng = np.random.default_rng(21)
