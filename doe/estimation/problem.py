@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from doe.estimation.blocks import Blocks
+from doe.tables.checks import joint_keys
 from doe.tables.loaded import history_of, loaded_points
 from doe.tables.measurements import Measurements
 from fem import ArmModel
@@ -199,8 +200,11 @@ def problem(
 ) -> Problem:
     """Set up the estimation of ``parameters`` from all components that were read.
 
-    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says.
+    ``effects``: those that the arm has beyond ``model``; ``history``: by default what the table says. Readings at the
+    same angles are of one pose, which has the first of their labels.
     """
+    first: dict[tuple[float, ...], str] = {}
+    data = replace(data, pose=tuple(map(first.setdefault, joint_keys(data.q), data.pose)))
     at = as_loaded(model, data.q, data.wrench, loaded_points(model, data))
     row, component = np.nonzero(data.used)
     labels = tuple(dict.fromkeys(data.pose))

@@ -67,6 +67,21 @@ def test_even_scatter_seldom_makes_a_region_differ(found: Positions) -> None:
     assert alarms <= 3
 
 
+def test_what_targets_of_a_pose_share_makes_no_region_differ(found: Positions) -> None:
+    """Eight targets at each pose with one error: shuffled one by one, three of four campaigns would have a region."""
+    rows = np.repeat(np.arange(len(found.found.data)), 8)
+    fits = {
+        name: replace(fit, data=fit.data.take(rows), residual=fit.residual[rows])
+        for name, fit in (("found", found.found), ("before", found.before))
+    }
+    alarms = 0
+    for seed in range(12):
+        even = scattered(found, np.ones(len(found.found.data)), seed).left_out
+        many = replace(found, **fits, left_out=Predicted(even.error[rows], even.half95[rows]), gross=())
+        alarms += any(one.verdict in ("better", "worse") for one in accuracy_regions(many, edge=1.2).regions)
+    assert alarms <= 3
+
+
 def test_a_single_region_is_told_from_nothing(found: Positions) -> None:
     r = accuracy_regions(found, edge=100.0)
     assert len(r.judged) <= 1 or r.edge == 100.0
