@@ -8,9 +8,9 @@ from typing import Any
 from fem.arm import Arm
 from machining.cutting import Estimated, StiffnessUncertainty, SurfaceError
 from robots.arrays import Array
-from stiffarm.session import intervals
-from stiffarm.session.intervals import propagated
+from stiffarm.session import stated as intervals
 from stiffarm.session.json_text import number
+from stiffarm.session.stated import propagated
 
 
 def payload(arm: StiffnessUncertainty) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from robots import InputError, Robot
 from robots.arrays import Array
 from robots.errors import raise_any, twice
 from robots.frames import frame_mm_deg, rpy_of
+
+if TYPE_CHECKING:
+    from doe.absolute.readings import Payload
 
 WRENCH_NAMES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 DISPLACEMENT_NAMES = ("dx_mm", "dy_mm", "dz_mm", "rx_mrad", "ry_mrad", "rz_mrad")
@@ -283,3 +286,28 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
                 remedy=f"give --fixed {name}=..., or make it one of --inputs",
             )
     return fixed
+
+
+# What a flange carries at most.
+HEAVIEST_kg: Final = 5000.0
+WIDEST_mm: Final = 5000.0
+
+
+def parse_payload(text: str) -> Payload:
+    """Mass and centre in the flange frame, mm.
+
+    Raises
+    ------
+    InputError
+        No mass, or a place that no tool has.
+    """
+    from doe.absolute.readings import Payload
+
+    values = parse_numbers(text) or ()
+    kg, *centre = (*values, 0.0, 0.0, 0.0) if len(values) == 1 else values or (-1.0,)
+    if len(centre) != 3 or not 0.0 <= kg <= HEAVIEST_kg or max(map(abs, centre)) > WIDEST_mm:
+        raise InputError(
+            "--payload", value=text, allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within "
+            f"{WIDEST_mm:g} mm of the flange", remedy="give the mass of spindle and tool, as in 25,0,0,120",
+        )  # fmt: skip
+    return Payload(float(kg), np.array(centre) * 1e-3)

@@ -11,8 +11,8 @@ from fem import ArmModel, compliance_budget, directional_stiffness
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from stiffarm.session.intervals import half_widths, propagated, stiffness_interval
 from stiffarm.session.json_text import number
+from stiffarm.session.stated import half_widths, propagated, stiffness_interval
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
 

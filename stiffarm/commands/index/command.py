@@ -20,11 +20,10 @@ from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import with_links
-from stiffarm.session.intervals import interval_at, interval_json
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
-from stiffarm.session.stated import DOWN, AtLoad, stated_table
+from stiffarm.session.stated import DOWN, AtLoad, interval_at, interval_json, stated_table
 from stiffarm.session.task_options import NormalOpt, ToolOpt
 
 # Rows of the table on the screen; files have all.

@@ -17,8 +17,8 @@ from stiffarm.pages.blocks import percent
 from stiffarm.pages.numbers import ranged, significant
 from stiffarm.pages.report import Answer, Fold, KeyFigure, Picture, Section, Table, Text, write_page
 from stiffarm.pages.style import save_png
-from stiffarm.session.intervals import stiffness_interval
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.stated import stiffness_interval
 
 # Poses of a page's table; files have all.
 LISTED = 60

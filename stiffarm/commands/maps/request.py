@@ -23,8 +23,7 @@ from robots.files.reading import parse_json
 from robots.library.models import parse_description, to_toml
 from robots.robot import middle_pose
 from stiffarm import __version__
-from stiffarm.session.intervals import propagated
-from stiffarm.session.stated import Given, at_load
+from stiffarm.session.stated import Given, at_load, propagated
 from surrogate.maps import candidates
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED

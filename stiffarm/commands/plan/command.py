@@ -20,7 +20,6 @@ from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
 from stiffarm.commands.plan.step import Planned, Request, make_plan
 from stiffarm.session import parsing
-from stiffarm.session.carried import parse_payload
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
@@ -39,6 +38,7 @@ from stiffarm.session.options import (
     Sets,
 )
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.parsing import parse_payload
 from stiffarm.session.zones import FLOOR, parse_zone
 
 TABLE, PAGE, RESULT, FIGURE = "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png"

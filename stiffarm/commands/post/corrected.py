@@ -14,8 +14,8 @@ from robots.schema.joint_errors import Positions
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.report import Bullets, Picture, Section, Table, Text
-from stiffarm.session.carried import parse_payload
 from stiffarm.session.json_text import number
+from stiffarm.session.parsing import parse_payload
 
 CONTROLLER: Final = (
     "Joint and Cartesian targets are both moved, for a controller that computes with the arm as designed. Where its "

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fem.statics.small_displacements import FLAG
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
-from stiffarm.session.intervals import stiffness_ends
 from stiffarm.session.json_text import number, numbers
+from stiffarm.session.stated import stiffness_ends
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 

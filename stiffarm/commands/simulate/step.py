@@ -17,11 +17,11 @@ from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.pages.numbers import ranged
 from stiffarm.session.console import say, show_table
-from stiffarm.session.intervals import interval_at, interval_json
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
 from stiffarm.session.softness import flagged
+from stiffarm.session.stated import interval_at, interval_json
 
 NO_LINKS = "no links described: all bodies rigid"
 

@@ -158,13 +158,23 @@ def test_loads_alone_of_a_loop_are_refused(cli: Command, model: Callable[..., Pa
     assert "--loads, with friction:j3 and readings while unloading" in outcome.err
 
 
-def test_commands_of_the_linear_arm_say_what_they_leave_out(
+def test_a_map_has_the_effects_and_says_what_it_leaves_out(
     cli: Command, model: Callable[..., Path], tmp_path: Path
 ) -> None:
-    file = model(FRICTION.format(friction=100))
+    warming = (
+        "parameters.share = { value = 0.2, unit = '1', source = 'assumed' }\nparameters.settling = { value = 0.1, "
+    )
+    warming = f"[[effect]]\ncode = 'warming:j2'\n{warming}unit = '1', source = 'assumed' }}\n"
+    file = model(FRICTION.format(friction=100) + warming)
     outcome = cli("map", "joints", file, "--points", "2", "--no-pictures", "--out", tmp_path / "map")
     assert outcome.code == 0, outcome.err
-    assert "not in the map: friction:j3\n" in outcome.err
+    found = json.loads((tmp_path / "map" / "map.json").read_text(encoding="utf-8"))["at_load"]
+    assert (found["effects"], found["not_linear"], found["left_out"]) == (
+        ["friction:j3"],
+        ["friction:j3"],
+        ["warming:j2"],
+    )
+    assert found["left_out_worth_N_per_mm"] < 0.0
     assert "base-tilt" not in outcome.err
 
 
