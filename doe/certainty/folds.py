@@ -28,7 +28,7 @@ def pose_numbers(q: Array) -> Integers:
     order = np.argsort(group, kind="stable")
     first = np.flatnonzero(np.diff(group[order], prepend=-1))
     extent = np.maximum.reduceat(at[order], first) - np.minimum.reduceat(at[order], first)
-    path = (extent > PATH * SAME_rad).any(axis=1)[group]
+    path = np.asarray((extent > PATH * SAME_rad).any(axis=1))[group]
     group = np.where(path, len(at) + np.arange(len(at)), group)
     return np.unique(group[number.reshape(-1)], return_inverse=True)[1].reshape(-1).astype(np.int64)
 
