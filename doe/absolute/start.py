@@ -274,7 +274,7 @@ def _turned(A: Array, b: Array, used: Bools, starts: Array) -> Array:
     U, s, _ = np.linalg.svd(flat[:, free], full_matrices=False)
     U = U[:, s > 1e-10 * s[0]]
     rows = np.column_stack([flat[:, :9], known])
-    H = np.asarray(np.linalg.qr(rows - U @ (U.T @ rows), mode="r"), dtype=np.float64)
+    H: Array = np.asarray(np.linalg.qr(rows - U @ (U.T @ rows), mode="r"))
     M, damping = starts.copy(), np.full(len(starts), 1e-3 * np.sum(H[:, :9] ** 2))
     miss = H[:, 9] - M.reshape(-1, 9) @ H[:, :9].T
     about = np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2)

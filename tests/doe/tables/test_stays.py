@@ -22,7 +22,8 @@ def table(rows: list[tuple[str, int, float]], time: np.ndarray | None = None) ->
     wrench, d = np.zeros((n, 6)), np.full((n, 6), np.nan)
     wrench[:, 2] = [-load for _, _, load in rows]
     d[:, 2] = [-1e-6 * load for _, _, load in rows]
-    q = np.array([[0.1, -0.5 if pose == "A" else -0.9, 0.9, 0.0, 0.3, 0.0] for pose, _, _ in rows])
+    names = sorted({pose for pose, _, _ in rows})
+    q = np.array([[0.1, -0.5 - 0.1 * names.index(pose), 0.9, 0.0, 0.3, 0.0] for pose, _, _ in rows])
     return Measurements(
         source="made up", sha256="", q=q, wrench=wrench, displacement=d, point=np.full((n, 3), np.nan),
         sigma=np.full(n, np.nan), pose=tuple(p for p, _, _ in rows), repeat=tuple(r for _, r, _ in rows),
