@@ -12,7 +12,7 @@ from fem.effects.base import PlacedEffect
 from fem.effects.observed import observed
 from fem.statics.loads import LoadedPoses
 from robots import forward_kinematics, tool_position
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,8 @@ class Gaps:
 
     ``pose``: labels (n,); ``q`` (n, dof) rad; ``point`` (n, 3) m; ``force`` (n, 3) N; ``measured``, ``before``,
     ``after`` (n, 3) m: the displacement that was read, and what the model without and with the effects leaves of it;
-    NaN where a component was not read. ``after`` is ``before`` where nothing was found.
+    NaN where a component was not read. ``after`` is ``before`` where nothing was found. ``outlier`` (n,): where a
+    component that was read is an outlier.
     """
 
     pose: tuple[str, ...]
@@ -31,6 +32,7 @@ class Gaps:
     measured: Array
     before: Array
     after: Array
+    outlier: Bools
 
 
 def gaps(d: Diagnosis) -> Gaps:
@@ -54,6 +56,7 @@ def gaps(d: Diagnosis) -> Gaps:
         placed(p.value),
         placed(d.before.residual),
         placed(d.after.residual),
+        np.isin(rows, p.row[list(d.odd)]),
     )
 
 

@@ -152,8 +152,18 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         data = tomllib.loads(text.removeprefix("\ufeff"))
         _check_content(data)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is not valid TOML ({_reason(error)})", remedy=remedy) from error
+        reason = _reason(error)
+        if closed := _closed_list(text, reason):
+            reason, remedy = f"{closed} is above it", f"remove the line {closed}"
+        raise InputError(f"{where} is not valid TOML ({reason})", remedy=remedy) from error
     return data
+
+
+def _closed_list(text: str, reason: str) -> str | None:
+    """The line ``link = []`` that stands in the way of the table [[link]] of which a parser complains."""
+    line = re.search(r"immutable namespace.*line (\d+)", reason)
+    table = line and re.match(r"\s*\[\[\s*([\w-]+)", text.splitlines()[int(line[1]) - 1])
+    return f"{table[1]} = []" if table and re.search(rf"^{table[1]}\s*=\s*\[\s*\]", text, re.M) else None
 
 
 def parse_json(text: str, where: str, *, remedy: str = "mend the file at that place") -> Any:

@@ -109,9 +109,8 @@ def load_robot(model: str | Path) -> Robot:
 def to_toml(description: ModelDescription) -> str:
     """Write the description as TOML text; reading it back gives the same description."""
     data = description.model_dump(mode="json", by_alias=True, exclude_none=True)
-    if not data["effect"]:
-        del data["effect"]  # `effect = []` would stand in the way of [[effect]] tables that a user adds
-    return tomlkit.dumps(data)
+    # `link = []` would stand in the way of [[link]] tables that a user adds.
+    return tomlkit.dumps({key: value for key, value in data.items() if value != []})
 
 
 def save_description(description: ModelDescription, path: Path) -> None:

@@ -55,7 +55,9 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
     """Write gap.vtp: at each measured pose what was read, and what the model leaves of it without and with effects."""
     found = gaps(d.found)
     named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
-    arrays: dict[str, tuple[Array, str]] = {f"{k}_mm": (M_TO_MM * v, "mm") for k, v in named.items()}
+    # An arrow of which a component is NaN is not drawn: 0 there, and was_read tells these from those that were read.
+    arrays: dict[str, tuple[Array, str]] = {f"{k}_mm": (M_TO_MM * np.nan_to_num(v), "mm") for k, v in named.items()}
+    arrays |= {"was_read": (np.isfinite(found.measured) * 1.0, "1"), "outlier": (found.outlier * 1.0, "1")}
     arrays["force_N"] = found.force, "N"
     texts = {"pose": found.pose, "readings": [d.used.source], "model": [d.given.description.title],
              "effects": [f.code for f in d.in_model]}  # fmt: skip
