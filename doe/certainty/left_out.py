@@ -58,7 +58,7 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
         try:
             found, spread, unknown = _fitted_anew(e, mine) if step is None else whole.predicted(mine, step)
         except InputError as reason:
-            reasons[label] = str(reason)
+            reasons[label] = reason.prose
             continue
         if unknown:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(unknown)}"

@@ -17,6 +17,7 @@ from fem.effects.learned import axes_of, learned_place
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
+from stiffarm.commands.diagnose.next_words import advice
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.json_text import number
 
@@ -58,6 +59,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "not_testable": dict(sorted(d.not_testable.items())),
         "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
         "gap": gap(d),
+        "next": next_step(d),
         "next_readings": next_readings(d),
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
@@ -157,6 +159,12 @@ def gap(d: Diagnosed) -> dict[str, Any]:
     if h is not None:
         out |= {"holdout_sha256": h.data.sha256, "holdout_readings": len(h.before), "holdout_remarks": list(h.remarks)}
     return out
+
+
+def next_step(d: Diagnosed) -> dict[str, Any]:
+    """What to do next; ``chance`` that the set-ups bring it, null without any; ``measure``: whether it is worth it."""
+    a = advice(d)
+    return {"advice": a.text, "chance": None if a.chance is None else number(a.chance, 3), "measure": a.measure}
 
 
 def next_readings(d: Diagnosed) -> list[dict[str, Any]]:

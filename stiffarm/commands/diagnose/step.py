@@ -14,7 +14,7 @@ from doe.diagnosis.diagnose import Diagnosis, Found
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
-from doe.diagnosis.proposals.next_readings import NextReadings, propose
+from doe.diagnosis.proposals.next_readings import NextReadings, propose, ways_to_measure
 from doe.diagnosis.proposals.rivals import open_twins
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
@@ -65,7 +65,8 @@ class Diagnosed:
     ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
     that these readings could not tell from it; ``remarks``: what the reader must know of input and choice;
     ``nested``: errors at poses that the whole diagnosis had not seen. ``still_open``: of each effect named, the rivals
-    that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open.
+    that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open;
+    ``other_way``: in what they are other than the readings so far, for these would hardly settle it.
     """
 
     request: Request
@@ -82,6 +83,7 @@ class Diagnosed:
     nested: Nested | None = None
     still_open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     nothing_next: str = ""
+    other_way: str = ""
 
     @property
     def odd(self) -> list[int]:
@@ -177,7 +179,7 @@ def diagnose(
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
     twins = found.twins(_asked(found))
     still_open = open_twins(found, twins) if found.verdict == "named" else {}
-    proposal, nothing_next = _proposal(given, found, still_open, request, say, progress)
+    proposal, nothing_next, other_way = _proposal(given, found, still_open, request, say, progress)
     return Diagnosed(
         request,
         given,
@@ -193,6 +195,7 @@ def diagnose(
         _nested(s, used, request, options, found, say, progress),
         still_open,
         nothing_next,
+        other_way,
     )
 
 
@@ -226,21 +229,33 @@ def _asked(found: Diagnosis) -> list[str]:
 def _proposal(
     given: Arm, found: Diagnosis, still_open: dict[str, tuple[str, ...]], request: Request,
     say: Callable[[str], None], progress: Progress | None,
-) -> tuple[NextReadings | None, str]:  # fmt: skip
-    """Set-ups that would settle what is open; None where nothing is, or where none would, and why not."""
+) -> tuple[NextReadings | None, str, str]:  # fmt: skip
+    """Set-ups that would settle what is open, why there are none, and in what they are other than readings so far.
+
+    Where set-ups like those so far would probably settle nothing, the best of other loads and other directions.
+    """
     settled = found.verdict == "uninformative" or (found.verdict == "named" and not still_open)
     if settled or request.next_poses == 0:
-        return None, ""
+        return None, "", ""
     zone = parse_zone(given.description, FLOOR, (), None) if request.zone is None else request.zone
-    try:
-        say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
+    best: NextReadings | None = None
+    hindrance, other_way = "", ""
+    say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
+    for way, how in ways_to_measure(found.start).items():
         rng = np.random.default_rng(request.seed)
-        return propose(
-            found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng, progress=progress
-        ), ""
-    except InputError as reason:
-        say(f"note: no readings are proposed: {reason}")
-        return None, str(reason)
+        try:
+            n = propose(found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng,
+                        progress=progress, **how)  # fmt: skip
+        except InputError as reason:
+            hindrance = hindrance or reason.prose
+            continue
+        if best is None or n.expected.right > best.expected.right:
+            best, other_way = n, way
+        if found.verdict == "none" or best.is_worth_measuring or not best.could_be_worth_measuring:
+            break
+    if best is None:
+        say(f"note: no readings are proposed: {hindrance}.")
+    return best, hindrance if best is None else "", other_way
 
 
 def _calibrated(given: Arm, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:

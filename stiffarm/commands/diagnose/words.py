@@ -303,13 +303,18 @@ def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
     """Which readings hardly count; none where all do."""
     if not d.odd or not d.tells:
         return ()
+    return (
+        f"{len(d.odd)} of {len(d.found.before.setting.data)} readings are outliers and get almost no weight, because "
+        f"they do not fit all the others: {odd_places(d)}. Check them first.",
+    )
+
+
+def odd_places(d: Diagnosed) -> str:
+    """``pose 3 at 375 N, ...`` of the readings that hardly count."""
     p, loads = d.found.before.setting.data, d.used.loads_N
     told = [f"pose {p.poses[p.pose[k]]} at {loads[p.row[k]]:g} N" for k in d.odd[:NAMED_ODD]]
     more = f" and {len(d.odd) - NAMED_ODD} more" if len(d.odd) > NAMED_ODD else ""
-    return (
-        f"{len(d.odd)} of {len(p)} readings are outliers and get almost no weight, because they do not fit all the "
-        f"others: {', '.join(dict.fromkeys(told))}{more}. Check them first.",
-    )
+    return f"{', '.join(dict.fromkeys(told))}{more}"
 
 
 def sentence(text: str) -> str:
