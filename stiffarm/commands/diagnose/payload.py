@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from doe.diagnosis.checks import Check
-from doe.diagnosis.diagnose import Found, State
+from doe.diagnosis.diagnose import Found, Rejected, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
@@ -50,6 +50,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
         "unknown_place": None if found.suspect is None else learned_place(found.suspect.code),
         "provisional": [effect(d, f) for f in found.provisional],
+        "rejected": rejected(found.rejected),
         "stated_probability": number(found.stated),
         "checks": [check(c) for c in found.checks],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
@@ -81,6 +82,11 @@ def effect(d: Diagnosed, f: Found) -> dict[str, Any]:
         "log_evidence_gain": number(f.log_gain),
         "parameters": {n.name: parameter(n) for n in mine},
     }
+
+
+def rejected(r: Rejected | None) -> dict[str, Any] | None:
+    """Effects that are not in the model because poses not seen get worse with them; mm."""
+    return r and {"effects": list(r.codes), "before_rms_mm": number(r.before_mm), "after_rms_mm": number(r.after_mm)}
 
 
 def parameter(n: Number) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
 from doe.diagnosis.candidates import standing
-from doe.diagnosis.diagnose import Diagnosis, Found
+from doe.diagnosis.diagnose import Diagnosis, Found, without_harm
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
@@ -109,7 +109,8 @@ class Diagnosed:
         Where there are no folds: left out one at a time, with effects chosen on all of them.
         """
         if self.nested is not None:
-            return self.nested.rms_before_mm, self.nested.rms_after_mm
+            before = self.nested.rms_before_mm
+            return before, before if self.found.rejected else self.nested.rms_after_mm
         return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
 
     @property
@@ -174,6 +175,8 @@ def diagnose(
         s = without_history(s)
     options = Options(noise=NoisePrior(request.setup))
     found = find_missing(s, options, say, progress)
+    anew = _nested(s, used, request, options, found, say, progress)
+    found = _without_harm(found, used, holdout, anew)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
@@ -192,11 +195,21 @@ def diagnose(
         remarks,
         proposal,
         _calibrated(given, table, request, found),
-        _nested(s, used, request, options, found, say, progress),
+        anew,
         still_open,
         nothing_next,
         other_way,
     )
+
+
+def _without_harm(found: Diagnosis, used: Measurements, holdout: Measurements | None, anew: Nested | None) -> Diagnosis:
+    """The diagnosis by what it makes of poses not seen: readings held out, else folds, else one pose at a time."""
+    if holdout is not None:
+        h = hold_out(found, used, holdout)
+        return without_harm(found, h.rms_before_mm, h.rms_after_mm)
+    if anew is not None:
+        return without_harm(found, anew.rms_before_mm, anew.rms_after_mm)
+    return without_harm(found, found.before.left_out_rms_mm, found.after.left_out_rms_mm)
 
 
 def _nested(

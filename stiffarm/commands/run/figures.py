@@ -37,15 +37,6 @@ _LABELS_UPRIGHT = 100
 MOST_LEVELS: Final = 6
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """Readings that may be wrong: at these poses and loads (N), for the reason in ``note``."""
-
-    poses: tuple[str, ...]
-    loads_N: tuple[float, ...]  # noqa: N815 - the unit's letter
-    note: str
-
-
 def wrist_families(data: Measurements, robot: Robot) -> dict[str, str]:
     """Name each pose by the coordinates from the fourth on that vary in the data: ``q4 = 0°, q5 = −100°``."""
     columns = [i for i in range(3, robot.dof) if np.ptp(data.q[:, i]) > 0.0]
