@@ -119,6 +119,15 @@ class InputError(ValueError):
             text += f"{' ' if close else '. '}To fix it: {shortened(remedy)}"
         super().__init__(text)
 
+    @property
+    def prose(self) -> str:
+        """The same for a page on which it is no refusal but a finding: what hindered, then what would help, no stop."""
+        shown = shortened(self.value, _LONGEST_VALUE) if isinstance(self.value, str) else _shown(self.value)
+        value = "" if self.value is None else f": {shown}"
+        allowed = "" if self.allowed is None else f" (needed: {shortened(self.allowed)})"
+        remedy = "" if self.remedy is None else f". {self.remedy[:1].upper()}{shortened(self.remedy)[1:]}"
+        return f"{shortened(self.what)}{value}{allowed}{remedy}"
+
 
 def require_one_of(what: str, value: object, allowed: Iterable[object], *, remedy: str | None = None) -> None:
     """Raise InputError unless ``value``, which is ``what``, is one of those allowed."""
@@ -159,6 +168,11 @@ class InputErrors(InputError):  # noqa: N818 - the plural of InputError
         if self.count > len(lines):
             lines.append(f"  ... and {self.count - len(lines)} more")
         self.args = ("\n".join([f"{self}: {self.count} problem(s)", *lines]),)
+
+    @property
+    def prose(self) -> str:
+        """The first fault, and how many there are."""
+        return f"{self.what} ({self.count} in all): {self.errors[0].prose}"
 
 
 def meant(value: object, allowed: str | None) -> str | None:

@@ -134,7 +134,7 @@ def train(
         except InputError as error:
             if basis != "best":
                 raise
-            refused[name] = str(error)
+            refused[name] = error.prose
             continue
         fitted.append(one)
         rounds += said

@@ -75,7 +75,7 @@ def leave_one_pose_out(e: Estimate, progress: Progress | None = None) -> tuple[A
                 J = e.jacobian[mine]
                 found, unknown = e.residual[mine] - J @ step, moving_with(p, J, e.seen, whole.null)
         except InputError as reason:
-            reasons[label] = str(reason)
+            reasons[label] = reason.prose
             continue
         if unknown:
             reasons[label] = f"without pose {label} the readings do not determine {', '.join(unknown)}"

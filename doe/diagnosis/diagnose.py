@@ -103,6 +103,15 @@ class State:
 
 
 @dataclass(frozen=True)
+class Rejected:
+    """Effects with which poses that no fit had seen are predicted worse: RMS without and with them, mm."""
+
+    codes: tuple[str, ...]
+    before_mm: float
+    after_mm: float
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """What is missing from a model, by these readings.
 
@@ -110,7 +119,7 @@ class Diagnosis:
     ``after``: the model without and with the effects found (the most probable one where the verdict is ambiguous);
     ``start``: the setting that was ranked first. ``provisional``: effects taken up that are not sure; ``learned``: laws
     without a name, each of one place along one axis; ``odds``: log
-    odds of all effects taken up against something unknown.
+    odds of all effects taken up against something unknown; ``rejected``: what was found and spoils unseen poses.
     """
 
     verdict: Kind
@@ -125,6 +134,7 @@ class Diagnosis:
     after: State
     start: Setting = field(repr=False)
     weight: Array = field(repr=False)
+    rejected: Rejected | None = None
 
     @property
     def found(self) -> tuple[Found, ...]:
@@ -312,6 +322,21 @@ def diagnose(
     )
     # Where poses are left out in turn it is what was taken up that counts, not how it is called.
     return _doubted(whole) if options.for_record else whole
+
+
+def without_harm(d: Diagnosis, before_mm: float, after_mm: float) -> Diagnosis:
+    """The diagnosis with a model of springs alone, no name given, where unseen poses get worse with what was found.
+
+    ``before_mm``, ``after_mm``: RMS at poses that neither the choice of effects nor the fit had seen.
+    """
+    if not d.found or not after_mm > before_mm:
+        return d
+    codes = tuple(f.code for f in d.found)
+    return replace(
+        d, verdict="unknown" if d.verdict == "unknown" else "ambiguous",
+        reason=f"with {' and '.join(codes)} poses not seen are predicted worse", effects=(), provisional=(),
+        learned=(), after=d.before, rejected=Rejected(codes, before_mm, after_mm),
+    )  # fmt: skip
 
 
 def _doubted(d: Diagnosis) -> Diagnosis:

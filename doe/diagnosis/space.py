@@ -56,7 +56,7 @@ def gaps(d: Diagnosis) -> Gaps:
         placed(p.value),
         placed(d.before.residual),
         placed(d.after.residual),
-        np.isin(rows, p.row[list(d.odd)]),
+        np.isin(rows, p.row[~np.asarray(d.counts, dtype=bool)]),
     )
 
 

@@ -248,7 +248,8 @@ def _of_surface(link: Link, beam: BeamMesh) -> tuple[tuple[Solid, ...], list[str
         nodes, closed, _ = repair_surface(link.name, mesh.nodes, faces, np.inf)
         return (surface(link.name, nodes, closed, half),), []
     except (SurfaceFault, InputError) as fault:
-        note = f"link {link.name}: the hull of its surface is taken, which cannot be closed ({fault})"
+        why = fault.prose if isinstance(fault, InputError) else fault
+        note = f"link {link.name}: the hull of its surface is taken, which cannot be closed ({why})"
         return (hull(mesh.nodes, half),), [note]
 
 

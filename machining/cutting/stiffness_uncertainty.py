@@ -220,7 +220,7 @@ def stiffness_uncertainty(
     try:
         found = calibrated_uncertainty(model, description, own)
     except InputError as error:
-        return _assumed(model, f"the calibration's covariance does not hold for this model: {error}")
+        return _assumed(model, f"the calibration's covariance does not hold for this model: {error.prose}")
     if found is not None:
         return found
     if description.calibration is None:

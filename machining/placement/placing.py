@@ -172,7 +172,7 @@ def _or_why(find: Callable[[], T], optional: bool = True) -> tuple[T | None, str
     except InputError as error:
         if not optional:
             raise
-        return None, str(error)
+        return None, error.prose
 
 
 def _at_all(problem: Problem, e: Array) -> Array:
@@ -305,7 +305,7 @@ def _moving(
     except InputError as error:
         if rest is None:
             raise
-        notes.append(f"The base stays at rest, because no motion was found: {error}.")
+        notes.append(f"The base stays at rest, because no motion was found: {error.prose}.")
         return rest, 0
     if rest is not None and moved.merit <= enough + how.cost * abs(enough):
         notes.append(f"Moving along the path brings no more than {100.0 * how.cost:g} % here: the base stays at rest.")
@@ -327,7 +327,7 @@ def _with_course(problem: Problem, chosen: _Choice, notes: list[str]) -> _Choice
     try:
         course = _joined([follow(problem, chosen.e[rows], chosen.table, None, rows) for rows in pieces])
     except InputError as error:
-        notes.append(f"Gamma stays as it is, because no course of it was found: {error}.")
+        notes.append(f"Gamma stays as it is, because no course of it was found: {error.prose}.")
         return chosen
     if merit_of(problem, course) <= merit_of(problem, chosen.course):
         notes.append("A course of gamma along the path brings nothing more.")

@@ -44,7 +44,7 @@ def scene_for(
     except InputError as error:
         if "no body has a shape" not in str(error):
             raise
-        return None, (f"Collisions were not checked: {error}.",)
+        return None, (f"Collisions were not checked: {error.prose}.",)
     return scene, scene.notes
 
 

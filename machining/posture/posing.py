@@ -124,7 +124,7 @@ def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress 
     try:
         before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])
     except InputError as error:
-        why = str(error)
+        why = error.prose
     stiffness = request.stiffness or assumed_uncertainty(model)
     posed = Posed(request, model, found, before, why, stiffness, {})
     postures = {name: course.q for name, course in ({CHOSEN: posed.course} | posed.others).items()}

@@ -16,6 +16,8 @@ from robots.arrays import Array, Integers
 
 # Expected log evidence from which on one rival is as good as ruled out (20 to 1).
 SETTLED = float(np.log(20.0))
+# Set-ups with a smaller chance to bring what they are for are not advised.
+WORTH_MEASURING = 0.2
 # Pairs told about.
 TOLD = 6
 # What chances by the rivals alone came to on readings of foreign worlds that nothing was tuned on, with all that no

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from doe.diagnosis.candidates import stands
 from doe.diagnosis.diagnose import Diagnosis
 from doe.diagnosis.hypotheses import UNKNOWN
 from doe.diagnosis.proposals.discrimination import Outcome, Predictions, choose, told, without_idle
-from doe.diagnosis.proposals.foresight import Rival, called, foresee
+from doe.diagnosis.proposals.foresight import WORTH_MEASURING, Rival, called, foresee, tempered
 from doe.diagnosis.proposals.rivals import Question, predictions, question_of, with_candidates
 from doe.diagnosis.setting import Setting
 from doe.planning.pose_designs import pose_design
@@ -37,6 +38,8 @@ ANOTHER = 5.0
 WORTH = 0.01
 # Where less than this (nat) is open, it counts as if so much were: a name of 99.9 % needs no set-up.
 OPEN = 0.5
+# Laws of the load show at so many.
+FEW_LOADS = 4
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,17 @@ class NextReadings:
     after: Outcome
     expected: Outcome
     words: tuple[str, ...]
+
+    @property
+    def is_worth_measuring(self) -> bool:
+        """Whether they will settle the right name with a fair chance."""
+        return self.expected.right >= WORTH_MEASURING
+
+    @property
+    def could_be_worth_measuring(self) -> bool:
+        """Whether any set-ups could be: something unknown has no name that readings could settle."""
+        named = 1.0 - sum(r.probability for r in self.rivals if r.code == UNKNOWN)
+        return tempered(self.before, Outcome(1.0, named, 0.0)).right >= WORTH_MEASURING
 
     @property
     def sheet(self) -> Measurements:
@@ -161,6 +175,17 @@ def ways_to_read(protocol: Protocol, loads: bool, components: bool) -> Iterator[
             replace(protocol, forces=others),
             ("at the loads and along the axes so far no set-up would tell them apart: others are asked for",),
         )
+
+
+def ways_to_measure(s: Setting) -> dict[str, dict[str, Any]]:
+    """What :func:`propose` may be asked for, by what is other than so far: nothing; more loads; other directions."""
+    wrench = s.data.free.at.wrench[:, :3]
+    known, ways = usual_loads(wrench), {"": dict[str, Any]()}
+    if 0 < len(known) < FEW_LOADS:
+        ways["at more loads than so far"] = {"loads": np.linspace(0.25, 1.0, FEW_LOADS) * known[-1]}
+    if len(usual_directions(wrench)) < len(LENGTHS):
+        ways["loaded along X, Y and Z"] = {"directions": np.diag([1.0, 1.0, -1.0]), "components": LENGTHS}
+    return ways
 
 
 def _chosen(

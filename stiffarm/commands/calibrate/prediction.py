@@ -87,7 +87,7 @@ def left_out(
                 description, build, used.select(labels != label), without, own=own, history=then, spacing=spacing
             )
         except InputError as reason:
-            reasons[label] = str(reason)
+            reasons[label] = reason.prose
             continue
         mine = used.select(labels == label)
         blind = _blind(rest, mine)

@@ -35,7 +35,7 @@ def write_report(c: Calibrated, folder: OutputFolder) -> None:
     try:
         stiffness = workspace_stiffness(c.description, c.model)
     except InputError as hindrance:
-        lede = f"{c.found.count}. The stiffness over the workspace is not known: {hindrance}"
+        lede = f"{c.found.count}. The stiffness over the workspace is not known: {hindrance.prose}."
     else:
         lede = workspace_answer.lede(stiffness)
         caption = "Dot: stiffness; bar: its 95 % interval; next to the name, the part that deflects most."

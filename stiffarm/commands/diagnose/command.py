@@ -13,6 +13,7 @@ from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose import words as diagnosis_words
+from stiffarm.commands.diagnose.next_words import advice
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.session import parsing
 from stiffarm.session.console import progress, say, say_notes, show_table
@@ -146,6 +147,7 @@ def _write(found: Diagnosed, folder: OutputFolder) -> dict[str, Any]:
 def _show(found: Diagnosed) -> None:
     for line in diagnosis_words.summary(found):
         say(line)
+    say(f"What to do next: {advice(found).text}")
     if not found.tells:
         return
     if found.calibrated is not None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from doe.diagnosis.hypotheses import Kind
-from doe.diagnosis.proposals.foresight import SETTLED
+from doe.diagnosis.proposals.foresight import SETTLED, WORTH_MEASURING
 from doe.diagnosis.proposals.next_readings import NextReadings
 from doe.diagnosis.proposals.rivals import look_of
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.commands.diagnose.words import NAMED, and_list, rivals_text, sentence
+from stiffarm.commands.diagnose.words import NAMED, and_list, odd_places, rivals_text, sentence
 from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Block, Bullets, Fold, Table, Text
 from stiffarm.session.words.directions import set_up_rows
 
-# Set-ups that most probably leave everything open do not settle it.
-OPEN = 0.9
 NEXT: dict[Kind, str] = {
     "named": "Nothing is left to settle between candidates; readings in new poses would confirm the name.",
     "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
@@ -24,10 +24,56 @@ NEXT: dict[Kind, str] = {
     "unknown": "Look at the poses named below first, for cables, stops, bolts or a sticking dial gauge. Try a law "
     "of your own with --effect FILE.py.",
 }
+LITTLE = "Further readings would hardly settle it, not even with other loads or directions."
+SET_UP = "Check the set-up itself: mastering marks, play, the base's bolts, how loads and gauge are held."
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to do next. ``chance``: that the set-ups proposed bring it, None without any; ``measure``: whether to."""
+
+    text: str
+    chance: float | None = None
+    measure: bool = False
+
+
+def advice(d: Diagnosed, sheet: str = "next_readings.csv") -> Advice:
+    """What to do next, with its chance; set-ups are advised only where they will probably tell something.
+
+    ``sheet``: the file with the set-ups, as the reader finds it.
+    """
+    n = d.proposal
+    if n is None:
+        return Advice(next_sentence(d))
+    if d.found.verdict == "none":
+        chance = sum(r.probability for r in n.rivals if r.hidden and r.against_none >= SETTLED)
+        said, little = f"chance {percent(chance)} that the arm has one of them", NEXT["none"]
+    else:
+        chance = n.expected.right
+        said, little = f"chance {percent(chance)} that they settle the right name", f"{_open(d)} {LITTLE}{_again(d)}"
+    if chance < WORTH_MEASURING:
+        return Advice(f"{little} The best set-ups tried are in {sheet}: {said}.", chance)
+    way = f", {d.other_way}" if d.other_way else ""
+    text = f"{next_sentence(d)} Measure the {len(n.labels)} set-ups of {sheet}{way}: {said}."
+    return Advice(text, chance, measure=True)
+
+
+def _open(d: Diagnosed) -> str:
+    """What readings have left open."""
+    if d.still_open:
+        return f"{_still_open(d)}. {SET_UP}"
+    if d.found.verdict == "unknown" or not d.rivals:
+        return NEXT["unknown"]
+    return f"Still possible: {rivals_text(d)}. {SET_UP}"
+
+
+def _again(d: Diagnosed) -> str:
+    """That outliers should be read again, where there are some."""
+    return f" Read the outliers again: {odd_places(d)}." if d.odd else ""
 
 
 def next_sentence(d: Diagnosed) -> str:
-    """What to do next."""
+    """What is left to settle."""
     if d.found.verdict == "ambiguous" and d.found.same:
         return (
             f"In these readings {and_list([f.code for f in d.found.provisional] or ['it'])} cannot be separated "
@@ -41,10 +87,10 @@ def next_sentence(d: Diagnosed) -> str:
         return _hidden(d.proposal)
     if d.found.verdict == "ambiguous":
         if not d.rivals:
-            return f"{NEXT['unknown']}{_settles(d)}"
-        return f"Readings that differ between {rivals_text(d)} would settle it.{_settles(d)}"
+            return NEXT["unknown"]
+        return f"Readings that differ between {rivals_text(d)} would settle it."
     if d.still_open:
-        return _still_open(d)
+        return f"{_still_open(d)}: readings that differ between them would settle it."
     if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
         return _beside_twins(d)
     return NEXT[d.found.verdict]
@@ -63,13 +109,6 @@ def _hidden(n: NextReadings) -> str:
     )
 
 
-def _settles(d: Diagnosed) -> str:
-    """That the set-ups proposed are not expected to settle it, where they are not."""
-    if d.proposal is None or d.proposal.expected.open < OPEN:
-        return ""
-    return " The proposed set-ups tell most, but will probably not settle it."
-
-
 def _still_open(d: Diagnosed) -> str:
     """What a name could still be instead."""
     parts = []
@@ -77,7 +116,7 @@ def _still_open(d: Diagnosed) -> str:
         best = look_of(d.found, code)
         some = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
         parts.append(f"{code} could still be {some}")
-    return f"{and_list(parts)}: readings that differ between them would settle it."
+    return and_list(parts)
 
 
 def _beside_twins(d: Diagnosed) -> str:

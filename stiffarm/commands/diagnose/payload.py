@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from doe.diagnosis.checks import Check
-from doe.diagnosis.diagnose import Found, State
+from doe.diagnosis.diagnose import Found, Rejected, State
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Hypothesis, Ranking
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.estimation.noise import origin
@@ -17,6 +17,7 @@ from fem.effects.learned import axes_of, learned_place
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
+from stiffarm.commands.diagnose.next_words import advice
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.json_text import number
 
@@ -49,6 +50,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "unknown_axis": found.ranking.of(UNKNOWN).axis or None,
         "unknown_place": None if found.suspect is None else learned_place(found.suspect.code),
         "provisional": [effect(d, f) for f in found.provisional],
+        "rejected": rejected(found.rejected),
         "stated_probability": number(found.stated),
         "checks": [check(c) for c in found.checks],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
@@ -58,6 +60,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "not_testable": dict(sorted(d.not_testable.items())),
         "where": {kind: [group(g, kind) for g in groups] for kind, groups in d.where.items()},
         "gap": gap(d),
+        "next": next_step(d),
         "next_readings": next_readings(d),
         "next_expected": expected(d),
         "looks": [look(d, k) for k in range(len(found.rankings)) if d.tells],
@@ -80,6 +83,13 @@ def effect(d: Diagnosed, f: Found) -> dict[str, Any]:
         "log_evidence_gain": number(f.log_gain),
         "parameters": {n.name: parameter(n) for n in mine},
     }
+
+
+def rejected(r: Rejected | None) -> dict[str, Any] | None:
+    """Effects that are not in the model because poses not seen get worse with them; mm."""
+    if r is None:
+        return None
+    return {"effects": list(r.codes), "before_rms_mm": number(r.before_mm), "after_rms_mm": number(r.after_mm)}
 
 
 def parameter(n: Number) -> dict[str, Any]:
@@ -158,6 +168,12 @@ def gap(d: Diagnosed) -> dict[str, Any]:
     if h is not None:
         out |= {"holdout_sha256": h.data.sha256, "holdout_readings": len(h.before), "holdout_remarks": list(h.remarks)}
     return out
+
+
+def next_step(d: Diagnosed) -> dict[str, Any]:
+    """What to do next; ``chance`` that the set-ups bring it, null without any; ``measure``: whether it is worth it."""
+    a = advice(d)
+    return {"advice": a.text, "chance": None if a.chance is None else number(a.chance, 3), "measure": a.measure}
 
 
 def next_readings(d: Diagnosed) -> list[dict[str, Any]]:

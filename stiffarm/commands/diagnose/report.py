@@ -11,7 +11,7 @@ from stiffarm.commands.calibrate.words import bound_of, doubt_sentences, noise_p
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.files import Written
 from stiffarm.commands.diagnose.model import described, springs_of
-from stiffarm.commands.diagnose.next_words import next_sentence, proposal_blocks
+from stiffarm.commands.diagnose.next_words import advice, proposal_blocks
 from stiffarm.commands.diagnose.sections import explained, ladder_section, laws, shrunk, where
 from stiffarm.commands.diagnose.space import campaign_picture, cost_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
@@ -55,7 +55,7 @@ def write_report(d: Diagnosed, written: Written, folder: OutputFolder) -> None:
         f"{data_words(d.used)}; {len(p)} readings at {len(p.poses)} poses, {d.given.model.link_kind} links, "
         f"{d.given.model.load_path} load path, springs of {', '.join(d.found.before.setting.free)} fitted"
     )
-    answer = Answer(words.how_sure(d), next_sentence(d), first, (*doubt_sentences(d.doubts), *_rigid(d)))
+    answer = Answer(words.how_sure(d), advice(d).text, first, (*doubt_sentences(d.doubts), *_rigid(d)))
     write_page(folder, title, words.headline(d), _key_figures(d), sections, QUESTION, made_of, answer)
 
 
@@ -118,7 +118,7 @@ def not_told(d: Diagnosed) -> Section:
 
 def next_readings(d: Diagnosed) -> Section:
     """What to measure next."""
-    blocks: list[Block] = [Text(next_sentence(d))]
+    blocks: list[Block] = [Text(advice(d).text)]
     if d.proposal is not None:
         blocks += proposal_blocks(d, d.proposal)
     return Section("What to measure next", tuple(blocks))

@@ -251,7 +251,7 @@ def shrunk(d: Diagnosed, pictures: Pictures) -> Section:
     blocks.append(Fold("Reading by reading", drawn))
     if h is not None and h.remarks:
         blocks.append(Bullets(h.remarks))
-    return Section("How the gap shrank" if d.in_model else "How large the gap is", tuple(blocks))
+    return Section(words.gap_title(*_pair(d, *d.unseen_rms_mm)), tuple(blocks))
 
 
 def _pair(d: Diagnosed, before: float, after: float) -> tuple[float, float]:

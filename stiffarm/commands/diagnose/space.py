@@ -57,7 +57,10 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
     named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
     # An arrow of which a component is NaN is not drawn: 0 there, and was_read tells these from those that were read.
     arrays: dict[str, tuple[Array, str]] = {f"{k}_mm": (M_TO_MM * np.nan_to_num(v), "mm") for k, v in named.items()}
-    arrays |= {"was_read": (np.isfinite(found.measured) * 1.0, "1"), "outlier": (found.outlier * 1.0, "1")}
+    arrays |= {
+        "was_read": (np.isfinite(found.measured).astype(np.float64), "1"),
+        "outlier": (found.outlier.astype(np.float64), "1"),
+    }
     arrays["force_N"] = found.force, "N"
     texts = {"pose": found.pose, "readings": [d.used.source], "model": [d.given.description.title],
              "effects": [f.code for f in d.in_model]}  # fmt: skip

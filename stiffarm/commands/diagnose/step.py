@@ -11,11 +11,11 @@ from doe import Measurements, select_loads
 from doe.calibration.run import refuse_cut_cycles
 from doe.certainty.doubts import Doubt
 from doe.diagnosis.candidates import standing
-from doe.diagnosis.diagnose import Diagnosis, Found
+from doe.diagnosis.diagnose import Diagnosis, Found, without_harm
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
 from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
-from doe.diagnosis.proposals.next_readings import NextReadings, propose
+from doe.diagnosis.proposals.next_readings import NextReadings, propose, ways_to_measure
 from doe.diagnosis.proposals.rivals import open_twins
 from doe.diagnosis.scatter import SETUP, NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
@@ -67,7 +67,8 @@ class Diagnosed:
     ``used``: the readings it rests on; ``where``: groups by pose, load, direction and phase; ``twins``: by code, those
     that these readings could not tell from it; ``remarks``: what the reader must know of input and choice;
     ``nested``: errors at poses that the whole diagnosis had not seen. ``still_open``: of each effect named, the rivals
-    that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open.
+    that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open;
+    ``other_way``: in what they are other than the readings so far, for these would hardly settle it.
     ``doubts``: what the readings say against themselves; their words are the first of ``remarks``.
     """
 
@@ -85,6 +86,7 @@ class Diagnosed:
     nested: Nested | None = None
     still_open: dict[str, tuple[str, ...]] = field(default_factory=dict)
     nothing_next: str = ""
+    other_way: str = ""
     doubts: tuple[Doubt, ...] = ()
 
     @property
@@ -111,7 +113,8 @@ class Diagnosed:
         Where there are no folds: left out one at a time, with effects chosen on all of them.
         """
         if self.nested is not None:
-            return self.nested.rms_before_mm, self.nested.rms_after_mm
+            before = self.nested.rms_before_mm
+            return before, before if self.found.rejected else self.nested.rms_after_mm
         return self.found.before.left_out_rms_mm, self.found.after.left_out_rms_mm
 
     @property
@@ -177,12 +180,14 @@ def diagnose(
         s = without_history(s)
     options = Options(noise=NoisePrior(request.setup))
     found = find_missing(s, options, say, progress)
+    anew = _nested(s, used, request, options, found, say, progress)
+    found = _without_harm(found, used, holdout, anew)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
     twins = found.twins(_asked(found))
     still_open = open_twins(found, twins) if found.verdict == "named" else {}
-    proposal, nothing_next = _proposal(given, found, still_open, request, say, progress)
+    proposal, nothing_next, other_way = _proposal(given, found, still_open, request, say, progress)
     return Diagnosed(
         request,
         given,
@@ -195,11 +200,22 @@ def diagnose(
         remarks,
         proposal,
         _calibrated(given, table, request, found),
-        _nested(s, used, request, options, found, say, progress),
+        anew,
         still_open,
         nothing_next,
+        other_way,
         doubts,
     )
+
+
+def _without_harm(found: Diagnosis, used: Measurements, holdout: Measurements | None, anew: Nested | None) -> Diagnosis:
+    """The diagnosis by what it makes of poses not seen: readings held out, else folds, else one pose at a time."""
+    if holdout is not None:
+        h = hold_out(found, used, holdout)
+        return without_harm(found, h.rms_before_mm, h.rms_after_mm)
+    if anew is not None:
+        return without_harm(found, anew.rms_before_mm, anew.rms_after_mm)
+    return without_harm(found, found.before.left_out_rms_mm, found.after.left_out_rms_mm)
 
 
 def _nested(
@@ -232,21 +248,33 @@ def _asked(found: Diagnosis) -> list[str]:
 def _proposal(
     given: Arm, found: Diagnosis, still_open: dict[str, tuple[str, ...]], request: Request,
     say: Callable[[str], None], progress: Progress | None,
-) -> tuple[NextReadings | None, str]:  # fmt: skip
-    """Set-ups that would settle what is open; None where nothing is, or where none would, and why not."""
+) -> tuple[NextReadings | None, str, str]:  # fmt: skip
+    """Set-ups that would settle what is open, why there are none, and in what they are other than readings so far.
+
+    Where set-ups like those so far would probably settle nothing, the best of other loads and other directions.
+    """
     settled = found.verdict == "uninformative" or (found.verdict == "named" and not still_open)
     if settled or request.next_poses == 0:
-        return None, ""
+        return None, "", ""
     zone = parse_zone(given.description, FLOOR, (), None) if request.zone is None else request.zone
-    try:
-        say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
+    best: NextReadings | None = None
+    hindrance, other_way = "", ""
+    say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
+    for way, how in ways_to_measure(found.start).items():
         rng = np.random.default_rng(request.seed)
-        return propose(
-            found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng, progress=progress
-        ), ""
-    except InputError as reason:
-        say(f"note: no readings are proposed: {reason}")
-        return None, str(reason)
+        try:
+            n = propose(found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng,
+                        progress=progress, **how)  # fmt: skip
+        except InputError as reason:
+            hindrance = hindrance or reason.prose
+            continue
+        if best is None or n.expected.right > best.expected.right:
+            best, other_way = n, way
+        if found.verdict == "none" or best.is_worth_measuring or not best.could_be_worth_measuring:
+            break
+    if best is None:
+        say(f"note: no readings are proposed: {hindrance}.")
+    return best, hindrance if best is None else "", other_way
 
 
 def _calibrated(given: Arm, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:

@@ -162,13 +162,29 @@ def gap_sentence(d: Diagnosed) -> str:
         read = rms_mm(before.setting.data.value, before.setting.data.component)
         if not d.tells:
             return f"{text}, which are {significant(read)} mm (RMS) themselves, and {significant(a)} mm {where}."
-        return f"{text} and {significant(a)} mm {where}; {_floor(d)}."
+        return f"{text} and {significant(a)} mm {where}; {_floor(d)}.{_rejected(d)}"
     where = f"At {unseen_poses(d)}" if h is None else f"On {h.data.source}, which nothing was fitted to,"
     return (
         f"{where} the error went from {significant(a)} to {significant(b)} mm RMS (in the fit from "
         f"{significant(before.fit_rms_mm)} to {significant(after.fit_rms_mm)} mm; springs alone cannot get below "
         f"{significant(least_rms_mm(d.found))} mm). {_without_odd(d)}{sentence(_floor(d))}."
     )
+
+
+def _rejected(d: Diagnosed) -> str:
+    """What the model does not have because poses not seen would get worse with it."""
+    r = d.found.rejected
+    if r is None:
+        return ""
+    there = f"{significant(r.after_mm)} mm there instead of {significant(r.before_mm)}"
+    return f" With {and_list(r.codes)} it would be {there}, so the model goes without."
+
+
+def gap_title(before_mm: float, after_mm: float) -> str:
+    """Title of two errors at poses not seen, as they are; of one alone where the second is NaN."""
+    if not math.isfinite(after_mm) or after_mm == before_mm:
+        return "How large the gap is"
+    return "How the gap shrank" if after_mm < before_mm else "How the gap grew"
 
 
 def _without_odd(d: Diagnosed) -> str:
@@ -303,13 +319,18 @@ def odd_sentences(d: Diagnosed) -> tuple[str, ...]:
     """Which readings hardly count; none where all do."""
     if not d.odd or not d.tells:
         return ()
+    return (
+        f"{len(d.odd)} of {len(d.found.before.setting.data)} readings are outliers and get almost no weight, because "
+        f"they do not fit all the others: {odd_places(d)}. Check them first.",
+    )
+
+
+def odd_places(d: Diagnosed) -> str:
+    """``pose 3 at 375 N, ...`` of the readings that hardly count."""
     p, loads = d.found.before.setting.data, d.used.loads_N
     told = [f"pose {p.poses[p.pose[k]]} at {loads[p.row[k]]:g} N" for k in d.odd[:NAMED_ODD]]
     more = f" and {len(d.odd) - NAMED_ODD} more" if len(d.odd) > NAMED_ODD else ""
-    return (
-        f"{len(d.odd)} of {len(p)} readings are outliers and get almost no weight, because they do not fit all the "
-        f"others: {', '.join(dict.fromkeys(told))}{more}. Check them first.",
-    )
+    return f"{', '.join(dict.fromkeys(told))}{more}"
 
 
 def sentence(text: str) -> str:

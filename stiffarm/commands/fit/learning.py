@@ -96,7 +96,7 @@ def _uncertain(model: ArmModel, known: ParameterUncertainty, direction: Array) -
     try:
         names = propagate(model, known, middle, direction).open_names
     except InputError as error:
-        say(f"note: the surrogate goes without the calibration's uncertainty: {error}")
+        say(f"note: the surrogate goes without the calibration's uncertainty: {error.prose}.")
         return {}
     return {"gradients": gradients, "parameters": tuple(known.names), "undetermined": names}
 

@@ -72,7 +72,7 @@ def of_material(
     try:
         solid = solid_in_surface(name, own.nodes, own.faces, interfaces, settings, own.notes)
     except InputError as error:
-        return None, f"{wall}, but no solid could be made of it: {error}"
+        return None, f"{wall}, but no solid could be made of it: {error.prose}"
     made = _made(name, solid, interfaces, material, ", ".join(own.sources))
     return made, f"{wall}; use --links solid to model it as a solid"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 
 from doe.diagnosis.where import least_rms_mm, noise_floor_mm
 from stiffarm.commands.diagnose.figures import Bar, gap_figure, ranking_figure
+from stiffarm.commands.diagnose.words import gap_title
 from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.figures import numbers_figure, tally_figure
 from stiffarm.commands.rehearse.step import Rehearsed
@@ -95,7 +97,9 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
 def shrunk(r: Rehearsed, pictures: Pictures) -> Section:
     """The gap before and after."""
     caption = "RMS errors with springs alone, and with what was found. Held-out readings have no noise in them."
-    return Section("How the gap shrank", (Text(words.gap(r)), pictures.add(answer_figure([r]), "gap", caption)))
+    before, after = r.gap_mm or (math.nan, math.nan)
+    title = gap_title(before, after if r.verdict.found else math.nan)
+    return Section(title, (Text(words.gap(r)), pictures.add(answer_figure([r]), "gap", caption)))
 
 
 def answer_figure(draws: Sequence[Rehearsed]) -> Figure:

@@ -64,6 +64,7 @@ def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:
             "effects": [f.code for f in look.found.found.effects],
             "provisional": [f.code for f in look.found.found.provisional],
             "gap": look.written.content["gap"],
+            "next": look.written.content["next"],
             "cost_of_leaving_out": look.written.content.get("cost_of_leaving_out"),
         }
         for look in found

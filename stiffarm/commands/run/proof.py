@@ -66,7 +66,7 @@ def proof_section(found: Rehearsed | InputError, pictures: Pictures) -> Section:
     """The hidden and the found."""
     title = "Would these set-ups show what is missing? A rehearsal"
     if isinstance(found, InputError):
-        return Section(title, (Note(f"No rehearsal of this arm with these set-ups: {found}"),))
+        return Section(title, (Note(f"No rehearsal of this arm with these set-ups: {found.prose}."),))
     mine = Pictures(pictures.folder, f"{FOLDER}_")
     more: list[Block] = [
         Text(

@@ -44,7 +44,7 @@ def run_set(one: StudySet) -> Row:
         given = read_model(one.model, one.file.links, one.file.load_path)
         found = diagnosed(one, given)
     except InputError as error:
-        return row(one, None, "j1", seconds=time.perf_counter() - start, reason=str(error))
+        return row(one, None, "j1", seconds=time.perf_counter() - start, reason=error.prose)
     except Exception as error:
         fault = row(one, None, "j1", seconds=time.perf_counter() - start, reason=f"{type(error).__name__}: {error}")
         return replace(fault, verdict="failed")

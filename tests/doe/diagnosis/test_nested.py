@@ -10,7 +10,7 @@ from made_up import campaign, exactly, read, setting
 
 from doe.certainty.folds import folds_of, pose_numbers
 from doe.diagnosis.candidates import standing
-from doe.diagnosis.diagnose import diagnose
+from doe.diagnosis.diagnose import Rejected, diagnose, without_harm
 from doe.diagnosis.hypotheses import Options
 from doe.diagnosis.nested import nested, why_not_nested
 from doe.diagnosis.proposals.next_readings import propose
@@ -136,3 +136,18 @@ def test_such_a_convention_is_neither_found_nor_proposed_where_it_could_not_be(f
     found = nested(replace(s, known=known), data, folds=2)
     assert np.isfinite(found.after).all()
     assert (found.rms_after_mm < 0.1 * found.rms_before_mm) == (not flat)
+
+
+def test_an_effect_with_which_unseen_poses_get_worse_is_not_in_the_model() -> None:
+    data = read({"friction:j2": FRICTION}, poses=10, repeats=1)
+    d = diagnose(_few(data))
+    assert d.verdict == "named"
+    assert without_harm(d, 0.2, 0.1) is d
+    assert without_harm(d, 0.2, 0.2) is d
+    harmed = without_harm(d, 0.1, 0.2)
+    assert harmed.found == ()
+    assert harmed.verdict == "ambiguous"
+    assert harmed.after is d.before
+    assert harmed.rejected == Rejected(tuple(f.code for f in d.found), 0.1, 0.2)
+    nothing = without_harm(d, float("nan"), 0.2)
+    assert nothing is d

@@ -32,6 +32,7 @@ from doe.diagnosis.proposals.next_readings import (
     doubted,
     possible_poses,
     propose,
+    ways_to_measure,
     ways_to_read,
 )
 from doe.diagnosis.proposals.rivals import (
@@ -428,6 +429,15 @@ def test_where_nothing_tells_rivals_apart_other_axes_and_loads_are_asked_for() -
     assert [w.components for w in ways] == [(2,), (0, 1, 2), (0, 1, 2)]
     assert [w.forces.tolist() for w in ways] == [[100.0, 300.0], [100.0, 300.0], [50.0, 100.0, 200.0, 300.0]]
     assert [w for w, _ in ways_to_read(usual, loads=False, components=False)] == [usual]
+
+
+def test_more_loads_and_other_directions_are_ways_to_measure(setting: Setting) -> None:
+    ways = ways_to_measure(setting)
+    most = setting.data.free.at.wrench[:, 2].min()
+    assert next(iter(ways)) == ""
+    assert ways[""] == {}
+    assert [w.get("loads", [0.0])[-1] for w in ways.values() if "loads" in w] == [pytest.approx(-most)]
+    np.testing.assert_array_equal(ways["loaded along X, Y and Z"]["directions"], np.diag([1.0, 1.0, -1.0]))
 
 
 def test_set_ups_are_chosen_as_if_the_unknown_were_not_sure() -> None:

@@ -133,7 +133,7 @@ def make_index_map(
             # Without a workpiece nobody needs the points at the rim of the grid: reach is weighed against the value.
             choice = best_gamma(found, asked.inside, partly=asked.partly or asked.inside is None)
         except InputError as error:
-            why = str(error)
+            why = error.prose
         data = map_data(engine, steadied(engine, arrays, found, task), _metadata(given, asked, request, task))
         drawn = asked.drawn or drawn_columns(asked.gamma, choice)
         with folder.timed("files"):

@@ -27,7 +27,7 @@ def budget_section(f: Findings, pictures: Pictures) -> Section:
         workspace = found.payload()
         blocks = _workspace(f, found, pictures)
     except InputError as error:
-        blocks.append(Note(f"No budget of the workspace: {error}"))
+        blocks.append(Note(f"No budget of the workspace: {error.prose}."))
     pictures.folder.write_json("budget.json", {"pose": pose, **budget.payload(), "workspace": workspace})
     more = Fold(f"Pose by pose, and the arm in pose {pose}", (*_poses(f, pictures), *shape))
     return Section("Where the compliance comes from", (*blocks, more))

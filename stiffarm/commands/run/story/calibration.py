@@ -13,9 +13,9 @@ from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import doubt_sentences, estimate_text, verdict
+from stiffarm.commands.run.doubts import PUBLISHED, PUBLISHED_TEXT
 from stiffarm.commands.run.figures import (
     MOST_LEVELS,
-    Doubt,
     axis_words,
     data_figure,
     match_figure,
@@ -28,16 +28,6 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.steps import RigidJoints, springs_seen
 
-_DOUBTS = (
-    Doubt(("3", "4"), (375.0,), "outliers? (about 1.0 mm expected)"),
-    Doubt(("39", "40"), (375.0,), "39 and 40 may be swapped"),
-    Doubt(("3", "4", "39", "40"), (650.0,), "3/4 and 39/40 may be swapped"),
-)
-_DOUBTS_TEXT = (
-    "The published chart's labels lost their order. At 375 N and 650 N the readings of poses 3 and 4, and of "
-    "39 and 40, may be swapped within each pair (they differ by at most 0.03 mm). Poses 3 and 4 at 375 N "
-    "look like outliers: about 1.0 mm would be expected from the other loads."
-)
 _PUBLISHED_RANKING = (
     "The XR701 paper finds joint 2 dominant at all three poses, then joints 3 and 5, and joint 4 almost without "
     "effect. The serial load path gives that order at poses 41 and 77; at pose 5 joint 3 leads, with the "
@@ -63,7 +53,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     figure = data_figure(
         f.data,
         excluded_loads_N=unused,
-        doubts=_DOUBTS if published else (),
+        doubts=PUBLISHED if published else (),
         families=wrist_families(f.data, f.given.robot),
     )
     caption = "Measured deflection by pose and load."
@@ -84,7 +74,7 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
         blocks.append(Text(f"No reading depends on {', '.join(still)}, so their springs cannot be identified."))
     doubts: list[Block] = [Note(_proportionality(f, levels))] if 1 < len(levels) <= MOST_LEVELS else []
     if published:
-        doubts.append(Note(_DOUBTS_TEXT))
+        doubts.append(Note(PUBLISHED_TEXT))
     if f.data.notes:
         doubts.append(Bullets(f.data.notes))
     if doubts:

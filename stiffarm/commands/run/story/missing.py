@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stiffarm.commands.diagnose import report, sections, words
-from stiffarm.commands.diagnose.next_words import next_sentence
+from stiffarm.commands.diagnose.next_words import advice
 from stiffarm.commands.diagnose.space import cost_blocks
 from stiffarm.commands.run.missing import Look
 from stiffarm.pages.blocks import Pictures
@@ -47,11 +47,5 @@ def _look(look: Look, pictures: Pictures, *, last: bool) -> list[Block]:
 
 
 def next_words(look: Look) -> str:
-    """What to measure next, in one sentence."""
-    d = look.found
-    if d.proposal is None:
-        return next_sentence(d)
-    return (
-        f"Measure the {len(d.proposal.labels)} set-ups in {look.stem}/next_readings.csv, chosen to tell the remaining "
-        "candidates apart; fill in that sheet and run again with it."
-    )
+    """What to measure next, with its chance."""
+    return advice(look.found, f"{look.stem}/next_readings.csv").text
