@@ -56,7 +56,8 @@ def gaps() -> Gaps:
     before = np.full((8, 3), np.nan)
     before[:, 2] = np.array([1.0, 2.0, 1.0, 2.0, 5.0, 3.0, 7.0, 3.0]) * 1e-5
     measured = np.where(np.isnan(before), np.nan, -1e-3)
-    return Gaps(("a",) * 4 + ("b",) * 4, q, tool_points(ROBOT, q), force, measured, before, 0.5 * before)
+    nothing = np.zeros(8, dtype=bool)
+    return Gaps(("a",) * 4 + ("b",) * 4, q, tool_points(ROBOT, q), force, measured, before, 0.5 * before, nothing)
 
 
 def test_stands_are_the_worst_load_of_each_pose_the_worst_first() -> None:

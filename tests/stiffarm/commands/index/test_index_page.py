@@ -12,7 +12,8 @@ from cli_runs import Command
 from fem import build_model
 from fem.arm import Arm
 from robots import load_description
-from stiffarm.pages.arm_uncertainty import half_widths, stiffness_interval
+from stiffarm.pages.arm_uncertainty import half_widths
+from stiffarm.session.stated import stiffness_interval
 
 POSE = ("--pose", "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40")
 
