@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from fem.arm import Arm
 from stiffarm.commands.diagnose import step
 from stiffarm.commands.diagnose.files import Written, write_files
 from stiffarm.commands.diagnose.step import Diagnosed, Request
+from stiffarm.pages.numbers import significant
 from stiffarm.session import inputs
 from stiffarm.session.outputs import OutputFolder
 
@@ -52,6 +53,22 @@ def looks(
         found = step.diagnose(arm, table, request, holdout=kept, say=say)
         out.append(Look(title, stem, found, write_files(found, folder, f"{stem}/")))
     return tuple(out)
+
+
+def headline(found: Sequence[Look]) -> Look | None:
+    """The last look that named something; what is only suspected, or left to readings in doubt, is no headline."""
+    return next((look for look in reversed(found) if look.found.found.effects), None)
+
+
+def sentences(found: Sequence[Look]) -> list[str]:
+    """What was named, and the errors at poses not seen without and with it."""
+    out = []
+    for look in found:
+        if look.found.found.effects:
+            codes = " and ".join(e.code for e in look.found.found.effects)
+            before, after = (significant(v) for v in look.found.unseen_rms_mm)
+            out.append(f"missing ({look.title.lower()}): {codes}; error at poses not seen {before} -> {after} mm RMS")
+    return out
 
 
 def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:

@@ -30,6 +30,7 @@ from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
+from stiffarm.session.caution import caveats
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
@@ -152,6 +153,10 @@ def _calibrated(
     for line in held_out.sentences(held_out.of_variants(own.variants), best.beside_variants_mm):
         say(line)
     say(f"recommended: {best.name} (smallest error at poses that it has not seen)")
+    for line in missing.sentences(looks):
+        say(line)
+    if rigid_words := caveats(replace(given, description=best.description, model=best.model)):
+        say(f"note: {rigid_words}")
     published = own.variants[0] if scheme.stage else None
     found = Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)
     for doubt in found.constant.doubts:
