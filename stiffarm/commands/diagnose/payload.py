@@ -86,7 +86,9 @@ def effect(d: Diagnosed, f: Found) -> dict[str, Any]:
 
 def rejected(r: Rejected | None) -> dict[str, Any] | None:
     """Effects that are not in the model because poses not seen get worse with them; mm."""
-    return r and {"effects": list(r.codes), "before_rms_mm": number(r.before_mm), "after_rms_mm": number(r.after_mm)}
+    if r is None:
+        return None
+    return {"effects": list(r.codes), "before_rms_mm": number(r.before_mm), "after_rms_mm": number(r.after_mm)}
 
 
 def parameter(n: Number) -> dict[str, Any]:

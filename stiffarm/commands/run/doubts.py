@@ -23,7 +23,7 @@ class Doubt:
     loads_N: tuple[float, ...]  # noqa: N815 - the unit's letter
     note: str
 
-    def holds(self, pose: str, load_N: float) -> bool:  # noqa: N803 - the unit's letter
+    def holds(self, pose: str, load_N: float) -> bool:
         """Whether a reading is one of these."""
         return pose in self.poses and bool(np.isclose(load_N, self.loads_N, rtol=0.01).any())
 
@@ -43,10 +43,14 @@ PUBLISHED_TEXT = (
 
 @dataclass(frozen=True)
 class Without:
-    """What a diagnosis says without the readings in doubt: verdict and codes named. ``readings``: left out, in words."""
+    """What a diagnosis says without the readings in doubt. ``readings``: those, in words.
+
+    ``codes``: effects named; ``likely``: those that are at least taken up.
+    """
 
     verdict: Kind
     codes: tuple[str, ...]
+    likely: tuple[str, ...]
     readings: str
 
 
@@ -70,5 +74,6 @@ def without_doubted(d: Diagnosed, table: Measurements) -> Without | None:
         request = replace(d.request, next_poses=0, folds=0)
         found = step.diagnose(d.given, d.used.select(~rows), request).found
     except InputError:
-        return Without("uninformative", (), words)
-    return Without(found.verdict, tuple(f.code for f in found.effects), words)
+        return Without("uninformative", (), (), words)
+    codes, likely = (tuple(f.code for f in some) for some in (found.effects, found.found))
+    return Without(found.verdict, codes, likely, words)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +14,7 @@ from matplotlib.patches import Patch
 from doe import Measurements
 from robots import InputError, Robot
 from robots.arrays import Array
+from stiffarm.commands.run.doubts import Doubt
 from stiffarm.pages.figure_parts import (
     MARKERS,
     SERIES,
@@ -99,7 +99,7 @@ def data_figure(
             for x, pose in zip(at, poses, strict=True):
                 mine = size[[i for i in rows if data.pose[i] == pose]]
                 colour = SERIES[names.index(families[pose])] if families and names else SERIES[0]
-                hatches = [i for i, d in enumerate(doubts) if _applies(d, pose, load)][:1]
+                hatches = [i for i, d in enumerate(doubts) if d.holds(pose, load)][:1]
                 used.update(hatches)
                 look: dict[str, Any] = {"facecolor": paler(colour) if pale else colour}
                 look |= {"hatch": _HATCHES[hatches[0] % 3]} if hatches else {}
@@ -158,10 +158,6 @@ def _data_bar(ax: Axes, x: float, values: Array, look: Mapping[str, Any], bars: 
 def _same_load(a: float, b: float) -> bool:
     # A real weight is never its nominal one.
     return abs(a - b) <= 0.01 * abs(b)
-
-
-def _applies(doubt: Doubt, pose: str, load: float) -> bool:
-    return pose in doubt.poses and any(_same_load(load, other) for other in doubt.loads_N)
 
 
 def _load_groups(loads: Array) -> list[tuple[float, list[int]]]:

@@ -75,6 +75,8 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             looks = missing.looks(given, table, scheme, kept, options.seed, folder, say)
         with folder.timed("calibration"):
             findings = _calibrated(given, table, scheme, kept, looks, options.seed)
+        if findings.rigid_warning:
+            say(f"note: {findings.rigid_warning}")
         with folder.timed("surrogates"):
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
@@ -238,6 +240,7 @@ def _write_results(
         "sensitivity": {path: factorial.payload(e) for path, e in findings.effects.items()},
         "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
+        "warning": findings.rigid_warning or None,
         "link_models": None if findings.link_models is None else payload.link_models(findings.link_models),
         "factorial": {name: payload.factorial(runs) for name, runs in findings.factorial.items()},
         "surrogates": {name: trained_payload(t) for name, t in findings.trained.items()},

@@ -33,7 +33,8 @@ def write_index(
             for k, (title, files) in enumerate(_grouped(names))
             if files
         ]
-        question, first = "everything that this run wrote", Answer(todo=answer.todo, picture=answer.picture)
+        question = "everything that this run wrote"
+        first = Answer(todo=answer.todo, picture=answer.picture, warnings=answer.warnings)
         folder.write_text("index.html", render(f.title, lede, key, sections, footer(made_of), question, first, names))
 
     folder.at_end("index.html", write)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from robots import InputError
-from stiffarm.commands.diagnose.report import VERDICTS
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run.findings import Findings
+from stiffarm.commands.run.missing import headlines
 from stiffarm.commands.run.proof import proof_section
 from stiffarm.commands.run.story import calibration, results
 from stiffarm.commands.run.story.budget import budget_section
@@ -20,7 +19,6 @@ from stiffarm.commands.run.story.missing import missing_section, next_words
 from stiffarm.pages import workspace_answer
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Answer, KeyFigure, data_words, write_page
-from stiffarm.session.caution import uncalibrated
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.workspace import WorkspaceStiffness
 
@@ -64,13 +62,8 @@ def write_report(
 
 
 def _key_figures(f: Findings, stiffness: WorkspaceStiffness) -> list[KeyFigure]:
-    d = f.looks[-1].found
-    codes = [e.code for e in d.found.effects]
-    named = codes[0] + (f" and {len(codes) - 1} more" if len(codes) > 1 else "") if codes else ""
-    return [
-        *workspace_answer.key_figures(stiffness),
-        KeyFigure(named or VERDICTS[d.found.verdict], "what the model is missing, by all readings"),
-    ]
+    told = [KeyFigure(look.value, look.label) for look in headlines(f.looks)]
+    return [*workspace_answer.key_figures(stiffness), *told]
 
 
 def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> Answer:
@@ -81,7 +74,7 @@ def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> A
         f"The recommended model ({f.best.name}) is {f.best.left_out_rms_mm:.3f} mm RMS off{share} at poses that it has "
         f"not seen. {workspace_answer.interval_remark(stiffness)}"
     )
-    rigid = uncalibrated(replace(f.given, description=f.best.description, model=f.best.model))
+    rigid = f.rigid_warning
     picture = pictures.add(
         workspace_answer.answer_figure(stiffness),
         "stiffness_at_the_tool",
