@@ -88,6 +88,16 @@ class Posted:
     course: Course
     bend: Array
 
+    @property
+    def bend_of_cuts(self) -> float:
+        """The largest bend of moves at feed, which the tolerance bounds, m."""
+        return float(self.bend[~self.program.motions.rapid].max(initial=0.0))
+
+    @property
+    def bend_of_rapids(self) -> float:
+        """The largest bend of rapid moves, which joint motion may take as it likes, m."""
+        return float(self.bend[self.program.motions.rapid].max(initial=0.0))
+
     @cached_property
     def judged(self) -> Bools:
         """Moves (n,) whose stiffness counts: those that mill sideways; where there are none, all at feed, or all."""

@@ -138,6 +138,10 @@ def merged(offences: Iterable[Offence]) -> tuple[Offence, ...]:
     return tuple(out)
 
 
+# What the order is, for people.
+ORDER = "errors first, then by kind and how far beyond the limit, collisions by how long they last"
+
+
 def worst_first(offences: Iterable[Offence]) -> tuple[Offence, ...]:
     """Offences by what they would do: errors before warnings, then by kind, then how far beyond the limit.
 

@@ -23,12 +23,6 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.words.noise import floor_name, scatter_name
 from stiffarm.session.words.springs import mega
 
-VERDICTS = {
-    "named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "learned": "learned, no name",
-    "none": "nothing missing", "uninformative": "readings tell nothing",
-}  # fmt: skip
-
-
 QUESTION = "where do model and robot disagree, and why?"
 
 
@@ -72,7 +66,7 @@ def _key_figures(d: Diagnosed) -> list[KeyFigure]:
     codes = ", ".join(f.code for f in found.effects)
     out = [
         KeyFigure(
-            codes or ("nothing proven" if words.hints(d) else VERDICTS[found.verdict]),
+            codes or ("nothing proven" if words.hints(d) else words.VERDICTS[found.verdict]),
             "what is missing" if codes else "verdict",
         )
     ]

@@ -31,6 +31,10 @@ BY = {
     "clock": "the time", "session": "the session", "direction": "the direction of the load", "": "the pose",
 }  # fmt: skip
 NAMED_ODD = 6
+VERDICTS = {
+    "named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "learned": "learned, no name",
+    "none": "nothing missing", "uninformative": "readings tell nothing",
+}  # fmt: skip
 
 
 def headline(d: Diagnosed) -> str:

@@ -280,7 +280,8 @@ def remarks(step: PlacedStep) -> list[str]:
     placed = step.placed
     out = list(placed.notes)
     if placed.why_no_before is not None:
-        out.append(f"From the present place the arm cannot follow the path: {placed.why_no_before}.")
+        able = ", with another gamma it can" if placed.staying is not None else ""
+        out.append(f"With gamma 0 the arm cannot follow the path from its present place{able}: {placed.why_no_before}.")
     if placed.why_no_fixed is not None:
         out.append(f"From no single position can the arm follow the whole path: {placed.why_no_fixed}.")
     if placed.problem.scene is None and not any("Collisions" in note for note in step.notes):

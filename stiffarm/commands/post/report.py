@@ -46,6 +46,8 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "inserted": int(run.posted.program.inserted.sum()),
         "tolerance_um": number(request.settings.tolerance * 1e6),
         "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
+        "largest_bend_of_cuts_um": number(run.posted.bend_of_cuts * 1e6),
+        "largest_bend_of_rapids_um": number(run.posted.bend_of_rapids * 1e6),
         "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
@@ -181,7 +183,10 @@ def _key(run: PostRun) -> list[KeyFigure]:
     ]
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),
-        KeyFigure(f"{run.posted.bend.max(initial=0.0) * 1e6:.3g} um", "joint motion off the straight line, at most"),
+        KeyFigure(
+            f"{posted.bend_of_cuts * 1e6:.3g} um",
+            f"joint motion off the straight line of cuts, at most; of rapids {posted.bend_of_rapids * 1e6:.3g} um",
+        ),
         *(stiffness if run.drawn else []),
     ]
 

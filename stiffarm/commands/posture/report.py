@@ -84,14 +84,15 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
             value, _, interval = gain_words(posed, other).partition(" (")
             out.append(KeyFigure(value, f"mean against {other}", f"95 %: {interval.rstrip(')')}" if interval else ""))
     if posed.milling is not None and posed.milling.comparison is not None:
-        change = posed.milling.comparison.changes["rms"]
-        out.append(
-            KeyFigure(
-                f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um",
-                f"RMS error under the cutting force, {posed.milling.against} and now",
-                f"95 % of now: {ranged(change.after.low * 1e6, change.after.high * 1e6, 'um')}",
+        for statistic, what in (("rms", "RMS error"), ("peak_to_valley", "error from peak to valley")):
+            change = posed.milling.comparison.changes[statistic]
+            out.append(
+                KeyFigure(
+                    f"{change.before.value * 1e6:.3g} → {change.after.value * 1e6:.3g} um",
+                    f"{what} under the cutting force, {posed.milling.against} and now",
+                    f"95 % of now: {ranged(change.after.low * 1e6, change.after.high * 1e6, 'um')}",
+                )
             )
-        )
     elif posed.milling is not None:
         rms = posed.milling.errors[CHOSEN].estimated(np.random.default_rng(posed.request.seed))["rms"]
         out.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run import held_out
 from stiffarm.commands.run.link_models import LinkCalibrations, LinkModels
 from stiffarm.commands.run.missing import Look
+from stiffarm.session.caution import caveats
 from stiffarm.session.steps import FactorialRuns, RigidJoints, is_bundled
 from surrogate import Surrogate, Trained
 
@@ -102,6 +103,11 @@ class Findings:
     def is_published(self) -> bool:
         """Whether these are the bundled readings of a published scheme: the paper's own remarks and doubts hold."""
         return self.published is not None and is_bundled(self.given.robot, self.data)
+
+    @property
+    def rigid_warning(self) -> str:
+        """What must be said of the recommended model's stiffness: joints held rigid, the load that it holds at."""
+        return caveats(replace(self.given, description=self.best.description, model=self.best.model))
 
     @property
     def title(self) -> str:

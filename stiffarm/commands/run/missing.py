@@ -12,6 +12,8 @@ from fem.arm import Arm
 from stiffarm.commands.diagnose import step
 from stiffarm.commands.diagnose.files import Written, write_files
 from stiffarm.commands.diagnose.step import Diagnosed, Request
+from stiffarm.commands.diagnose.words import VERDICTS
+from stiffarm.commands.run.doubts import Without, without_doubted
 from stiffarm.pages.numbers import significant
 from stiffarm.session import inputs
 from stiffarm.session.outputs import OutputFolder
@@ -19,12 +21,43 @@ from stiffarm.session.outputs import OutputFolder
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """One diagnosis of a run. ``title``: what it was made with, in words; ``stem``: folder of its files."""
+    """One diagnosis of a run. ``title``: what it was made with, in words; ``stem``: folder of its files.
+
+    ``without``: what it says without the readings in doubt, None where there are none.
+    """
 
     title: str
     stem: str
     found: Diagnosed
     written: Written
+    without: Without | None = None
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Codes of the effects named; none that is not even likely without the readings in doubt."""
+        codes = tuple(f.code for f in self.found.found.effects)
+        return codes if self.without is None or set(codes) <= set(self.without.likely) else ()
+
+    @property
+    def value(self) -> str:
+        """The verdict as a headline; readings in doubt decide none."""
+        verdict, named, w = self.found.found.verdict, self.named, self.without
+        if named:
+            return named[0] + (f" and {len(named) - 1} more" if len(named) > 1 else "")
+        same = w is None or (verdict, self.named) == (w.verdict, w.codes)
+        return VERDICTS[verdict if same and verdict != "named" else "ambiguous"]
+
+    @property
+    def label(self) -> str:
+        """What the value is of, both errors at poses not seen, and what hangs on readings in doubt."""
+        d, w, (before, after) = self.found, self.without, self.found.unseen_rms_mm
+        error = f"{significant(before)} to {significant(after)}" if d.in_model else significant(before)
+        text = f"what the model is missing; {self.title[0].lower()}{self.title[1:]}; error at poses not seen {error} mm"
+        if w is None:
+            return text
+        said = ", ".join(w.codes) or VERDICTS[w.verdict]
+        sure = "; most probable still" if self.named and not w.codes else ""
+        return f"{text}; without the readings in doubt: {said}{sure}"
 
 
 def looks(
@@ -51,24 +84,16 @@ def looks(
     for title, stem, arm, request in asked:
         say(f"diagnosis: {title[0].lower()}{title[1:]}")
         found = step.diagnose(arm, table, request, holdout=kept, say=say)
-        out.append(Look(title, stem, found, write_files(found, folder, f"{stem}/")))
+        without = without_doubted(found, table)
+        out.append(Look(title, stem, found, write_files(found, folder, f"{stem}/"), without))
+    for look in headlines(out):
+        say(f"{look.value}: {look.label}")
     return tuple(out)
 
 
-def headline(found: Sequence[Look]) -> Look | None:
-    """The last look that named something; what is only suspected, or left to readings in doubt, is no headline."""
-    return next((look for look in reversed(found) if look.found.found.effects), None)
-
-
-def sentences(found: Sequence[Look]) -> list[str]:
-    """What was named, and the errors at poses not seen without and with it."""
-    out = []
-    for look in found:
-        if look.found.found.effects:
-            codes = " and ".join(e.code for e in look.found.found.effects)
-            before, after = (significant(v) for v in look.found.unseen_rms_mm)
-            out.append(f"missing ({look.title.lower()}): {codes}; error at poses not seen {before} -> {after} mm RMS")
-    return out
+def headlines(looks: Sequence[Look]) -> tuple[Look, ...]:
+    """The looks that a first screen tells: those that named something, and the last one, on all readings."""
+    return tuple(look for look in looks if look.named or look is looks[-1])
 
 
 def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:
@@ -81,6 +106,14 @@ def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:
             "effects": [f.code for f in look.found.found.effects],
             "provisional": [f.code for f in look.found.found.provisional],
             "gap": look.written.content["gap"],
+            "headline": {"value": look.value, "label": look.label} if look in headlines(found) else None,
+            "without_readings_in_doubt": look.without
+            and {
+                "verdict": look.without.verdict,
+                "effects": list(look.without.codes),
+                "likely": list(look.without.likely),
+                "left_out": look.without.readings,
+            },
             "next": look.written.content["next"],
             "cost_of_leaving_out": look.written.content.get("cost_of_leaving_out"),
         }

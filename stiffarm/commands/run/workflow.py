@@ -30,7 +30,6 @@ from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
-from stiffarm.session.caution import caveats
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
@@ -75,6 +74,8 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             looks = missing.looks(given, table, scheme, kept, options.seed, folder, say)
         with folder.timed("calibration"):
             findings = _calibrated(given, table, scheme, kept, looks, options.seed)
+        if findings.rigid_warning:
+            say(f"note: {findings.rigid_warning}")
         with folder.timed("surrogates"):
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
@@ -153,10 +154,6 @@ def _calibrated(
     for line in held_out.sentences(held_out.of_variants(own.variants), best.beside_variants_mm):
         say(line)
     say(f"recommended: {best.name} (smallest error at poses that it has not seen)")
-    for line in missing.sentences(looks):
-        say(line)
-    if rigid_words := caveats(replace(given, description=best.description, model=best.model)):
-        say(f"note: {rigid_words}")
     published = own.variants[0] if scheme.stage else None
     found = Findings(given, table, scheme, looks, rigid, effects, own, compared, best, published, used, seed)
     for doubt in found.constant.doubts:
@@ -233,6 +230,7 @@ def _write_results(
         "sensitivity": {path: factorial.payload(e) for path, e in findings.effects.items()},
         "variants": {v.name: calibration_payload.calibration(v) for v in findings.variants},
         "recommended": findings.best.name,
+        "warning": findings.rigid_warning or None,
         "link_models": None if findings.link_models is None else payload.link_models(findings.link_models),
         "factorial": {name: payload.factorial(runs) for name, runs in findings.factorial.items()},
         "surrogates": {name: trained_payload(t) for name, t in findings.trained.items()},

@@ -11,6 +11,7 @@ import typer
 from machining.cell import arm_of
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
+from machining.verification.offences import ORDER
 from robots import content_hash
 from robots.files.csv_text import columns_parts, records_text
 from robots.joint_errors import designed
@@ -132,7 +133,7 @@ def _show(found: Verification) -> None:
             [str(o.line), str(o.moves), f"{o.kind} ({o.severity})", offence_words(o), value_words(o)]
             for o in found.ranked[:SHOWN]
         ]
-        show_table("offences, the worst first", ["line", "moves", "kind", "what", "value"], rows)
+        show_table(f"offences, {ORDER}", ["line", "moves", "kind", "what", "value"], rows)
         if len(found.offences) > SHOWN:
             say(f"and {len(found.offences) - SHOWN} more")
     for text in found.not_looked_at:

@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 
 from machining.verification import KIND_WORDS, Kind, Offence, Verification
+from machining.verification.offences import ORDER
 from robots.arrays import Array
 from stiffarm.commands.verify.figures import clearance_figure, speeds_figure, straightness_figure
 from stiffarm.commands.verify.picture import OffencePicture, offence_picture
@@ -133,7 +134,7 @@ def offences_section(found: Verification, pictures: list[Picture]) -> Section:
     )
     listed = tuple(_row(o) for o in found.ranked[:LISTED])
     left = len(found.offences) - len(listed)
-    caption = "Offences, the worst first" + (f"; {left} more are in offences.csv" if left else "")
+    caption = f"Offences, {ORDER}" + (f"; {left} more are in offences.csv" if left else "")
     columns = ("line", "moves", "kind", "what", "value", "severity")
     blocks: list[Block] = [
         Table(caption, columns, listed, text_columns=(0, 2, 3, 4, 5)),

@@ -28,6 +28,7 @@ from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
 from stiffarm.commands.run import figures as figures_readings
+from stiffarm.commands.run.doubts import Doubt
 from stiffarm.commands.sensitivity.figures import sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
@@ -54,8 +55,8 @@ def effects(pose: str, *values: float) -> PoseEffects:
 
 def data() -> Figure:
     doubts = (
-        figures_readings.Doubt(("3", "4"), (375,), "outlier?"),
-        figures_readings.Doubt(("39", "40"), (375, 650), "swapped?"),
+        Doubt(("3", "4"), (375,), "outlier?"),
+        Doubt(("39", "40"), (375, 650), "swapped?"),
     )
     return figures_readings.data_figure(
         DATA, excluded_loads_N=(150, 375), doubts=doubts, families=figures_readings.wrist_families(DATA, ROBOT)
@@ -364,7 +365,7 @@ def _relabelled() -> Measurements:
 HOSTILE: dict[str, Callable[[], Figure]] = {
     "data": lambda: figures_readings.data_figure(
         _relabelled(),
-        doubts=(figures_readings.Doubt(SIGNS, (650,), " ".join(SIGNS)),),
+        doubts=(Doubt(SIGNS, (650,), " ".join(SIGNS)),),
         families=dict(zip(SIGNS, SIGNS[::-1], strict=True)),
     ),
     "sensitivity": lambda: sensitivity_figure({sign: [effects(sign, 1.0, 2.0, 0.0, -1.0)] for sign in SIGNS}),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from stiffarm.commands.calibrate.words import estimate_text
 from stiffarm.commands.run.findings import Findings
@@ -34,7 +33,8 @@ def write_index(
             for k, (title, files) in enumerate(_grouped(names))
             if files
         ]
-        question, first = "everything that this run wrote", replace(answer, sure="")
+        question = "everything that this run wrote"
+        first = Answer(todo=answer.todo, picture=answer.picture, warnings=answer.warnings)
         folder.write_text("index.html", render(f.title, lede, key, sections, footer(made_of), question, first, names))
 
     folder.at_end("index.html", write)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from robots import InputError
-from stiffarm.commands.diagnose.report import VERDICTS
 from stiffarm.commands.rehearse.step import Rehearsed
-from stiffarm.commands.run.doubts import doubted
 from stiffarm.commands.run.findings import Findings
-from stiffarm.commands.run.missing import headline
+from stiffarm.commands.run.missing import headlines
 from stiffarm.commands.run.proof import proof_section
 from stiffarm.commands.run.story import calibration, results
 from stiffarm.commands.run.story.budget import budget_section
@@ -21,9 +18,7 @@ from stiffarm.commands.run.story.links import links_section
 from stiffarm.commands.run.story.missing import missing_section, next_words
 from stiffarm.pages import workspace_answer
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.report import Answer, KeyFigure, data_words, write_page
-from stiffarm.session.caution import caveats
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.workspace import WorkspaceStiffness
 
@@ -67,23 +62,8 @@ def write_report(
 
 
 def _key_figures(f: Findings, stiffness: WorkspaceStiffness) -> list[KeyFigure]:
-    return [*workspace_answer.key_figures(stiffness), _missing(f)]
-
-
-def _missing(f: Findings) -> KeyFigure:
-    """What was named and proven at poses not seen; where nothing was, the verdict on all readings."""
-    look = headline(f.looks)
-    if look is None:
-        d = f.looks[-1].found
-        doubts = int(np.count_nonzero(doubted(d, f.data)))
-        note = f"{doubts} readings are in doubt" if doubts else ""
-        return KeyFigure(VERDICTS[d.found.verdict], "what the model is missing, by all readings", note)
-    codes = [e.code for e in look.found.found.effects]
-    before, after = (significant(v) for v in look.found.unseen_rms_mm)
-    return KeyFigure(
-        codes[0] + (f" and {len(codes) - 1} more" if len(codes) > 1 else ""), f"missing: {look.title.lower()}",
-        f"error at poses not seen {before} → {after}\u00a0mm",
-    )  # fmt: skip
+    told = [KeyFigure(look.value, look.label) for look in headlines(f.looks)]
+    return [*workspace_answer.key_figures(stiffness), *told]
 
 
 def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> Answer:
@@ -94,7 +74,7 @@ def _answer(f: Findings, stiffness: WorkspaceStiffness, pictures: Pictures) -> A
         f"The recommended model ({f.best.name}) is {f.best.left_out_rms_mm:.3f} mm RMS off{share} at poses that it has "
         f"not seen. {workspace_answer.interval_remark(stiffness)}"
     )
-    rigid = caveats(replace(f.given, description=f.best.description, model=f.best.model))
+    rigid = f.rigid_warning
     picture = pictures.add(
         workspace_answer.answer_figure(stiffness),
         "stiffness_at_the_tool",

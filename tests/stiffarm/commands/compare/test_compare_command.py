@@ -153,6 +153,15 @@ def test_points_may_stand_in_another_order_or_be_out_of_reach(tmp_path: Path) ->
     assert np.abs(both.quantities[0].change).max() < 1e-6
 
 
+def test_a_map_of_an_uncalibrated_arm_beside_a_calibrated_one_has_a_warning(tmp_path: Path) -> None:
+    write_vti(kr60_slice(200.0), tmp_path / "a.vti")
+    known = read_map(tmp_path / "a.vti", "a")
+    bare = replace(known, name="b", of={**known.of, "warning": "Not calibrated: no joint of this model has a spring."})
+    assert any(r.startswith("warning: b is of an arm that is not") for r in compare_maps(known, bare).remarks)
+    for pair in ((known, known), (bare, bare)):
+        assert not any("warning: b" in r for r in compare_maps(*pair).remarks)
+
+
 def test_an_older_page_is_told_from_one_that_can(tmp_path: Path) -> None:
     page = tmp_path / "old.html"
     page.write_text('<script type="application/json" id="data">{"fields": []}</script>', encoding="utf-8")

@@ -75,7 +75,9 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
         assert found["off_path_um"] < 1.0
         assert found["off_path_urad"] < 1.0
     assert content["moves_read"] == 7
-    assert content["largest_bend_um"] <= 10.0
+    assert content["largest_bend_of_cuts_um"] <= 10.0
+    both = content["largest_bend_of_cuts_um"], content["largest_bend_of_rapids_um"]
+    assert content["largest_bend_um"] == max(both)
     robot = robot_from(load_description("kr60-3"))
     text = (out / "json" / "part.json").read_text(encoding="utf-8")
     program = NEUTRAL[".json"].program(text, robot, read_cell(cell))
