@@ -18,7 +18,6 @@ from doe.calibration.run import Calibration, StageResult
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.estimation.problem import Problem
 from doe.model_file.uncertainty_table import NOTHING, CarriedOn, FoundNumber, carried_on, uncertainty_table
-from doe.planning.protocol import usual_loads
 from doe.tables.measurements import Measurements
 from fem.effects import LOAD_PATH
 from fem.elements.walls import wall_flexibilities
@@ -42,7 +41,7 @@ def with_origin(
 ) -> ModelDescription:
     """The description that a calibration ends with, its table of covariances and its source.
 
-    ``data``: the readings used; ``loads_N``: their loads as asked for, empty: the usual ones of these;
+    ``data``: the readings used; ``loads_N``: their loads as asked for, empty: all of these;
     ``notes``: remarks to keep.
     """
     scheme = "staged" if found.studies else "global"
@@ -64,7 +63,7 @@ def with_origin(
                 data=data.source,
                 data_sha256=data.sha256,
                 rms_mm=found.rms_mm,
-                loads_N=tuple(loads_N) or tuple(usual_loads(data.wrench[:, :3]).tolist()),
+                loads_N=tuple(loads_N) or data.levels_N,
                 notes=(*notes, *why),
                 uncertainty=sure,
             ),

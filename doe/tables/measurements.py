@@ -69,6 +69,11 @@ class Measurements:
         return np.asarray(np.linalg.norm(self.wrench[:, :3], axis=1), dtype=np.float64)
 
     @property
+    def levels_N(self) -> tuple[float, ...]:  # noqa: N802 - as above
+        """Magnitudes of the forces, each once, rising, to three digits."""
+        return tuple(sorted({float(f"{v:.3g}") for v in self.loads_N.tolist()}))
+
+    @property
     def used(self) -> Bools:
         """Which components were read (n, 6)."""
         return np.asarray(~np.isnan(self.displacement), dtype=np.bool_)

@@ -14,6 +14,7 @@ from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
 from stiffarm.face.shown import Shown, frame
+from stiffarm.session.words.loads import loads_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,6 +59,11 @@ class Calibration(Shown):
     found: Calibrated
 
     @property
+    def loads_N(self) -> tuple[float, ...]:  # noqa: N802 - the unit as the shop writes it
+        """Loads of the readings used, each once."""
+        return self.found.data.levels_N
+
+    @property
     def free(self) -> int:
         """How many parameters were free."""
         return self.found.found.count.free
@@ -86,8 +92,9 @@ class Calibration(Shown):
     def title(self) -> str:
         """Robot, errors, and how many parameters were free, at a bound and identified."""
         return (
-            f"Calibration of {self.arm.name}: RMS {self.rms_mm:.4f} mm, poses left out {self.left_out_rms_mm:.4f} mm; "
-            f"{self.free} parameters free, {self.at_bound} at a bound, {self.identified} identified"
+            f"Calibration of {self.arm.name} under {loads_words(self.loads_N)}: RMS {self.rms_mm:.4f} mm, poses left out "
+            f"{self.left_out_rms_mm:.4f} mm; {self.free} parameters free, {self.at_bound} at a bound, {self.identified} "
+            "identified"
         )
 
     def to_frame(self) -> pd.DataFrame:

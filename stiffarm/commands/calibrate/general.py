@@ -19,6 +19,7 @@ from stiffarm.commands.calibrate.step import Calibrated, Request
 from stiffarm.session import readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.words.loads import loads_words
 
 MOST_DRAWS = 10_000
 
@@ -66,7 +67,7 @@ def run(
 ) -> Calibrated:
     """Calibrate as asked; progress and remarks are said."""
     request = request_of(given, table, plan, options)
-    say(f"loads used: {', '.join(f'{v:g} N' for v in request.loads) or 'all'}")
+    say(f"loads used: {loads_words(request.loads or table.levels_N)}")
     with progress("poses left out, draws") as bar:
         return calibrating.calibrate(given, table, request, holdout=holdout, store=user_cache(), say=say, count=bar)
 

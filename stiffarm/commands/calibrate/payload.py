@@ -39,6 +39,7 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         "robot": c.description.name,
         "load_path": found.model.load_path,
         "links": found.model.link_kind,
+        "loads_N": list(c.data.levels_N),
         "readings": len(found.overall),
         "parameters": parameters(c.found.count),
         "rms_mm": number(found.rms_mm),
@@ -120,7 +121,7 @@ def pose_fit(fit: PoseFit) -> dict[str, Any]:
 def answer(c: Calibrated) -> dict[str, Any]:
     """What every command says of a calibration: parameters with their intervals, and its errors."""
     return {
-        "loads_N": list(c.request.loads),
+        "loads_N": list(c.data.levels_N),
         "readings": len(c.found.overall),
         "parameters": parameters(c.found.count),
         "rms_mm": number(c.found.rms_mm),

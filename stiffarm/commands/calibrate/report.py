@@ -22,6 +22,7 @@ from stiffarm.pages.figure_parts import naturally
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.caution import uncalibrated
 from stiffarm.session.outputs import OutputFolder
+from stiffarm.session.words.loads import loads_words
 from stiffarm.session.words.noise import scatter_name
 from stiffarm.session.workspace import workspace_stiffness
 
@@ -95,13 +96,11 @@ def _mm(value: float) -> str:
 
 def _readings(c: Calibrated) -> Section:
     data = c.data
-    loads = np.unique([float(f"{v:.3g}") for v in data.loads_N])
-    shown = ", ".join(f"{v:g}" for v in loads) if len(loads) <= 8 else f"{loads[0]:g} to {loads[-1]:g}"
     names = np.array(["X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z"])
     read = ", ".join(names[data.used.any(axis=0)])
     repeats = len(c.found.overall) - len(np.unique(c.found.overall.replicate))
     text = (
-        f"{data.n} readings at {len(data.pose_groups())} poses under {shown} N; read were {read}. "
+        f"{data.n} readings at {len(data.pose_groups())} poses under {loads_words(data.levels_N)}; read were {read}. "
         f"{repeats if repeats else 'None'} of the {len(c.found.overall)} numbers read "
         f"{'is a repeat' if repeats == 1 else 'are repeats'} of another."
     )

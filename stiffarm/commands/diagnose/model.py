@@ -13,7 +13,6 @@ from doe.diagnosis.diagnose import State
 from doe.diagnosis.known import free_numbers
 from doe.model_file.applied import note_of
 from doe.model_file.uncertainty_table import FoundNumber, carried_on, uncertainty_table
-from doe.planning.protocol import usual_loads
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from fem.free.parameters import TURN, parameter
 from robots import ModelDescription
@@ -85,7 +84,7 @@ def described(d: Diagnosed) -> ModelDescription:
         data=d.used.source,
         data_sha256=d.used.sha256,
         rms_mm=after.fit_rms_mm,
-        loads_N=d.request.loads or tuple(usual_loads(d.used.wrench[:, :3]).tolist()),
+        loads_N=d.request.loads or d.used.levels_N,
         notes=_origin_notes(d),
         uncertainty=_uncertainty(d),
     ).model_dump()

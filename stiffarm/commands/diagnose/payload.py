@@ -37,7 +37,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "links": d.given.model.link_kind,
         "data": d.used.source,
         "data_sha256": d.used.sha256,
-        "loads_N": list(d.request.loads),
+        "loads_N": list(d.used.levels_N),
         "readings": len(found.before.setting.data),
         "poses": len(found.before.setting.data.poses),
         "free_joints": list(found.before.setting.free),
