@@ -92,9 +92,9 @@ class Calibration(Shown):
     def title(self) -> str:
         """Robot, errors, and how many parameters were free, at a bound and identified."""
         return (
-            f"Calibration of {self.arm.name} under {loads_words(self.loads_N)}: RMS {self.rms_mm:.4f} mm, poses left out "
-            f"{self.left_out_rms_mm:.4f} mm; {self.free} parameters free, {self.at_bound} at a bound, {self.identified} "
-            "identified"
+            f"Calibration of {self.arm.name} under {loads_words(self.loads_N)}: RMS {self.rms_mm:.4f} mm, poses left "
+            f"out {self.left_out_rms_mm:.4f} mm; {self.free} parameters free, {self.at_bound} at a bound, "
+            f"{self.identified} identified"
         )
 
     def to_frame(self) -> pd.DataFrame:
