@@ -67,7 +67,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file as of :func:`written_whole`; text as UTF-8, its ends of lines as they are."""
     with written_whole(path) as draft:
-        draft.write_bytes(content.encode() if isinstance(content, str) else content)
+        draft.write_bytes(content.encode(errors="surrogateescape") if isinstance(content, str) else content)
 
 
 def sha256_of(path: Path) -> str:

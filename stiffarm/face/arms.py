@@ -12,7 +12,7 @@ import numpy as np
 
 import fem.arm
 from robots import InputError, bundled_names, save_description
-from stiffarm.face.calls import called, in_order
+from stiffarm.face.calls import ByName, called, in_order
 from stiffarm.face.shown import frame
 from stiffarm.session import inputs
 
@@ -84,7 +84,7 @@ class Arm(fem.arm.Arm):
         (text,) = pose_pictures(self.description, self.robot, q[None], along)
         return Picture(base64.b64decode(text)).kept(file)
 
-    def pose(self, q_deg: Mapping[str, float] | None) -> Any:
+    def pose(self, q_deg: ByName | None) -> Any:
         """Joint coordinates (dof,) in rad of a pose given in degrees by name.
 
         Raises

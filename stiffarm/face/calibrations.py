@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Literal
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
 from stiffarm.face.arms import Arm, Picture, as_face
-from stiffarm.face.calls import called
-from stiffarm.face.readings import Readings
+from stiffarm.face.calls import called, numbers, words_of
+from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
 from stiffarm.session.words.loads import loads_words
 
@@ -121,13 +121,13 @@ class Calibration(Shown):
 
 def calibrate(
     arm: Arm,
-    readings: Readings,
+    readings: AnyReadings,
     *,
-    free: Sequence[str] | None = None,
+    free: Sequence[str] | str | None = None,
     scheme: Literal["staged", "global"] | None = None,
     campaign: str | Path | None = None,
-    loads_N: Sequence[float] | None = None,
-    holdout: Readings | None = None,
+    loads_N: Sequence[float] | float | None = None,
+    holdout: AnyReadings | None = None,
     robust: bool = True,
     bootstrap: int = 0,
     seed: int = 0,
@@ -167,12 +167,13 @@ def calibrate(
 
     if campaign is not None and free is not None:
         raise InputError("free and campaign: one of them at a time", remedy="leave one of them out")
-    names = None if free is None else tuple(free)
+    names = words_of(free, "free")
     file = None if campaign is None else Path(campaign)
-    loads = None if loads_N is None else tuple(map(float, loads_N))
+    loads = numbers(loads_N, "loads_N")
     with called():
         staged = general.is_staged(scheme, arm, None, named=names is not None or file is not None)
-        plan = general.plan_of(arm, readings.table, None, staged=staged)
+        table = table_of(readings, arm)
+        plan = general.plan_of(arm, table, None, staged=staged)
         options = general.Options(
             free=names,
             campaign=file,
@@ -183,8 +184,8 @@ def calibrate(
             seed=seed,
             diagnose="stiffarm.diagnose(arm, readings)",
         )
-        request = general.request_of(arm, readings.table, plan, options)
-        found = step.calibrate(arm, readings.table, request, holdout=None if holdout is None else holdout.table)
+        request = general.request_of(arm, table, plan, options)
+        found = step.calibrate(arm, table, request, holdout=None if holdout is None else table_of(holdout, arm))
         made = arm.of(found.description, arm.model.link_kind, arm.model.load_path, arm.own)
     estimates = [e for s in found.found.stages for e in s.certainty.estimates]
     parameters = (*_at_poses(found), *map(_identified, estimates))

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
 from stiffarm.face.arms import Arm, Picture, as_face
-from stiffarm.face.calls import called
-from stiffarm.face.readings import Readings
+from stiffarm.face.calls import called, numbers, words_of
+from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
@@ -88,12 +88,12 @@ class Diagnosis(Shown):
 
 def diagnose(
     arm: Arm,
-    readings: Readings,
+    readings: AnyReadings,
     *,
     load_path: str | None = None,
-    free: Sequence[str] | None = None,
-    loads_N: Sequence[float] = (),
-    holdout: Readings | None = None,
+    free: Sequence[str] | str | None = None,
+    loads_N: Sequence[float] | float = (),
+    holdout: AnyReadings | None = None,
     next_poses: int = 3,
     setup_percent: float = 100.0 * SETUP,
     folds: int = FOLDS,
@@ -135,9 +135,11 @@ def diagnose(
 
     with called():
         given = arm if load_path is None else arm.with_load_path(as_load_path(load_path))
-        request = Request(tuple(map(float, loads_N)), None if free is None else tuple(free), next_poses, seed,
+        request = Request(numbers(loads_N, "loads_N") or (), words_of(free, "free"), next_poses, seed,
                           setup_percent / 100.0, folds)  # fmt: skip
-        found = ask(given, readings.table, request, holdout=None if holdout is None else holdout.table)
+        found = ask(
+            given, table_of(readings, arm), request, holdout=None if holdout is None else table_of(holdout, arm)
+        )
         made = arm
         if found.tells:
             description = described(found)

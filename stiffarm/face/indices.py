@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ import numpy as np
 from robots import require_one_of
 from robots.arrays import Array
 from stiffarm.face.arms import Arm, Picture
-from stiffarm.face.calls import called
+from stiffarm.face.calls import ByName, called, one_or_several
 from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Indices(Shown):
 
 def index(
     arm: Arm,
-    q_deg: Mapping[str, float] | Sequence[Mapping[str, float]],
+    q_deg: ByName | Sequence[ByName],
     *,
     tip_mm: Sequence[float] | None = None,
     normal: Sequence[float] = (0.0, 0.0, 1.0),
@@ -87,7 +87,7 @@ def index(
     from stiffarm.commands.index.results import IndexQuestion, answer, rows
     from stiffarm.session.stated import DOWN, at_load
 
-    poses = [q_deg] if isinstance(q_deg, Mapping) else list(q_deg)
+    poses = one_or_several(q_deg)
     tip = arm.robot.T_flange_tool[:3, 3] if tip_mm is None else 1e-3 * np.array(tip_mm, dtype=np.float64)
     across = np.array(normal, dtype=np.float64)
     force = None if force_N is None else np.array(force_N, dtype=np.float64)

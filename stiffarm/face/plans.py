@@ -11,8 +11,8 @@ import numpy as np
 
 from robots import InputError
 from stiffarm.face.arms import Arm
-from stiffarm.face.calls import called
-from stiffarm.face.readings import Readings
+from stiffarm.face.calls import called, numbers, words_of
+from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
@@ -56,10 +56,10 @@ class Plan(Shown):
 
 def plan(
     arm: Arm,
-    readings: Readings | None = None,
+    readings: AnyReadings | None = None,
     *,
     poses: int = 3,
-    free: Sequence[str] | None = None,
+    free: Sequence[str] | str | None = None,
     forces_N: Sequence[float] | None = None,
     repeats: int = 3,
     seed: int = 0,
@@ -92,9 +92,9 @@ def plan(
     from stiffarm.commands.plan.step import Request, make_plan
 
     request = Request(
-        poses, free=None if free is None else tuple(free), forces=None if forces_N is None else tuple(forces_N),
+        poses, free=words_of(free, "free"), forces=numbers(forces_N, "forces_N"),
         repeats=repeats, seed=seed,
     )  # fmt: skip
     with called():
-        found = make_plan(arm, None if readings is None else readings.table, request)
+        found = make_plan(arm, None if readings is None else table_of(readings, arm), request)
     return Plan(arm, tuple(found.sentences), found)

@@ -14,7 +14,7 @@ from robots import InputError
 from robots.arrays import Array
 from stiffarm.face.arms import Arm, Picture, as_face
 from stiffarm.face.calibrations import Identified
-from stiffarm.face.calls import called
+from stiffarm.face.calls import called, words_of
 from stiffarm.face.shown import Shown, frame
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def calibrate_positions(
     arm: Arm,
     source: str | Path | pd.DataFrame | Sequence[str | Path | pd.DataFrame],
     *,
-    free: Sequence[str] | None = None,
+    free: Sequence[str] | str | None = None,
     holdout: str | Path | pd.DataFrame | None = None,
     robust: bool = True,
     seed: int = 0,
@@ -139,7 +139,7 @@ def calibrate_positions(
 
     with called():
         table, kept = read_positions(source, holdout, arm)
-        found = calibrated(arm.model, table, free, holdout=kept, robust=robust, seed=seed)
+        found = calibrated(arm.model, table, words_of(free, "free"), holdout=kept, robust=robust, seed=seed)
         model = written(found, arm.description)
         links: LinkKind = "rigid" if model.fit.moving.of("spring") else arm.model.link_kind
         made = arm.of(model.description, links, arm.model.load_path, arm.own)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from stiffarm.session.table_kinds import DEFLECTIONS, expect
 if TYPE_CHECKING:
     import pandas as pd
 
+# What functions take for readings: those read, or a table's file or data frame.
+AnyReadings: TypeAlias = "Readings | str | Path | pd.DataFrame"
 # SI to the units of the columns: N, N m; mm, mrad.
 _MILLI = 1e3
 
@@ -58,6 +60,11 @@ class Readings(Shown):
         columns |= {name: t.wrench[:, k] for k, name in enumerate(LOADS) if t.wrench[:, k].any()}
         columns |= {name: _MILLI * t.displacement[:, k] for k, name in enumerate(DISPLACEMENTS) if t.used[:, k].any()}
         return frame(columns)
+
+
+def table_of(readings: AnyReadings, arm: Arm) -> Measurements:
+    """The table of readings, which are read first where they are a file or a data frame."""
+    return readings.table if isinstance(readings, Readings) else read_readings(readings, arm).table
 
 
 def bundled(robot: str) -> Path:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stiffarm.face.arms import Arm
-from stiffarm.face.calls import called, in_order
-from stiffarm.face.readings import Readings
+from stiffarm.face.calls import ByName, called, in_order
+from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
 from stiffarm.session.parsing import WRENCH_NAMES
 
@@ -63,9 +63,7 @@ class Replayed(Shown):
         return self.frame
 
 
-def simulate(
-    arm: Arm, q_deg: Mapping[str, float], load: Mapping[str, float], *, rigid_joints: bool = False
-) -> Simulation:
+def simulate(arm: Arm, q_deg: ByName, load: ByName, *, rigid_joints: bool = False) -> Simulation:
     """Simulate the displacement of the tool at a pose under a load, relative to the unloaded arm.
 
     Parameters
@@ -97,7 +95,7 @@ def simulate(
     return Simulation(found["displacement"], found["stiffness_N_per_mm"], known, found["by_part"], arm.name)
 
 
-def replay(arm: Arm, readings: Readings, *, rigid_joints: bool = False) -> Replayed:
+def replay(arm: Arm, readings: AnyReadings, *, rigid_joints: bool = False) -> Replayed:
     """Simulate every reading of a table, its effects and load history included.
 
     Parameters
@@ -121,5 +119,5 @@ def replay(arm: Arm, readings: Readings, *, rigid_joints: bool = False) -> Repla
     from stiffarm.commands.simulate.readings import of_table
 
     with called():
-        found: dict[str, Any] = of_table(arm, readings.table, rigid_joints)
+        found: dict[str, Any] = of_table(arm, table_of(readings, arm), rigid_joints)
     return Replayed(found["rms_mm"], frame(found["readings"]), arm.name)

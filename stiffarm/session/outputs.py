@@ -123,7 +123,8 @@ class OutputFolder:
 
     def write_parts(self, name: str, parts: Iterable[str]) -> None:
         """Write a text file whose parts are made one by one."""
-        with self.path(name).open("w", encoding="utf-8") as file:
+        # Names of files that the locale cannot read are written with the bytes that they have.
+        with self.path(name).open("w", encoding="utf-8", errors="surrogateescape") as file:
             file.writelines(parts)
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:

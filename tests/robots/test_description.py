@@ -498,3 +498,20 @@ def test_a_write_that_fails_leaves_no_temporary_file(tmp_path: Path, monkeypatch
     with pytest.raises(OSError, match="no space"):
         save_description(load_description("xr701"), tmp_path / "mine.toml")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["kr60-3", "tx200", "xr701"])
+def test_tables_that_a_user_adds_are_read(name: str) -> None:
+    """An empty list of a kind of tables would stand in the way of the first one that is pasted in."""
+    text = to_toml(load_description(name))
+    assert "= []" not in text.partition("\n[")[0]
+    effect = (
+        '\n[[effect]]\ncode = "base-tilt"\nparameters.stiffness_y = { value = 2e7, unit = "N m/rad", source = "s" }\n'
+    )
+    assert len(parse_description(text.replace("[sources]", '[sources]\ns = "own"', 1) + effect, "pasted").effect) == 1
+
+
+def test_an_empty_list_in_the_way_of_a_table_is_named() -> None:
+    text = "link = []\n" + to_toml(load_description("kr60-3")) + '\n[[link]]\nname = "a"\n'
+    with pytest.raises(InputError, match=r"link = \[\] is above it.*remove the line"):
+        parse_description(text, "pasted")

@@ -104,7 +104,7 @@ def number(text: str, values: Values) -> float:
     Raises
     ------
     StatementError
-        A parameter without a value, or a number too large.
+        A parameter without a value, no number, or one too large.
     """
     text = text.replace(" ", "").replace(",", ".").upper()
     sign = -1.0 if text.startswith("-") else 1.0
@@ -114,7 +114,10 @@ def number(text: str, values: Values) -> float:
         if name not in values.known:
             raise StatementError(f"{text} has no value here", "Q parameters that a statement before has set")
         return sign * values.known[name]
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise StatementError(f"{text[:12]} is no number", "numbers such as 1500 or 12.5") from None
     if value > LARGEST:
         raise StatementError(f"{text[:12]}...", f"up to {LARGEST:g}")
     return sign * value

@@ -21,6 +21,10 @@ FIGURES = ("alpha_deg", "a_mm", "d_mm")
 LIMITS = ("lower_deg", "upper_deg")
 COLUMNS = ("joint", *FIGURES, "theta_deg", *LIMITS, "sign")
 FLANGE = "flange"
+# A column that says how joints move, and its words.
+KIND = ("type", "joint_type", "kind")
+TURNS = ("", "revolute", "r", "rotary", "rotational", "continuous", "fixed", FLANGE)
+SLIDES = ("prismatic", "p", "sliding", "linear", "translational", "t")
 # No arm has more from one joint to the next.
 LONGEST_mm = 10_000.0
 # No arm has more joints in a row.
@@ -62,7 +66,10 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
         if name not in columns.known and name not in meant:
             faults.add(1, f"no column {name}", allowed=", ".join(COLUMNS), remedy="add it; sign and theta_deg may be "
                        "left out")  # fmt: skip
-    for name in columns.unknown:
+    for name, index in columns.unknown.items():
+        if name.strip().lower() in KIND:
+            _check_kinds(table, index, name, faults)
+            continue
         faults.add(1, f"column {name} is not known", value=name, allowed=", ".join(COLUMNS),
                    remedy="name it as one of these, or remove it")  # fmt: skip
     faults.raise_if_any("table of Denavit-Hartenberg parameters")
@@ -70,6 +77,16 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     lines = _lines(table, columns, faults) if table.rows else []
     faults.raise_if_any("table of Denavit-Hartenberg parameters")
     return [line for line in lines if line.limits is not None], next((x for x in lines if x.limits is None), None)
+
+
+def _check_kinds(table: RawTable, index: int, column: str, faults: Faults) -> None:
+    """Name joints that slide: an arm of this program turns at all its joints."""
+    for line, row in zip(table.lines, table.rows, strict=True):
+        said = (row[index] if index < len(row) else "").lower()
+        if said not in TURNS:
+            slides = "a joint that slides cannot be modelled yet" if said in SLIDES else "no kind of joint"
+            faults.add(line, f"column {column}: {slides}", value=said, allowed=", ".join(filter(None, TURNS)),
+                       remedy="leave it out; where it stands, its length is a neighbour's d_mm or a_mm")  # fmt: skip
 
 
 def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:

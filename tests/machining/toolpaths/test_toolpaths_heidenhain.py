@@ -141,3 +141,11 @@ def test_faults_come_with_their_line(tmp_path: Path, text: str, word: str) -> No
 def test_compensated_points_as_centres_when_asked(tmp_path: Path) -> None:
     m = klartext(tmp_path, "L X+10 RL F100", compensation="centre")
     np.testing.assert_allclose(ends(m)[-1], [10, 0, 0])
+
+
+@pytest.mark.parametrize(
+    "text", ["TOOL CALL 1 Z S1.2.3", "TOOL CALL 1 Z S500 F1,2,3", "CYCL DEF 7.0 NULLPUNKT\nCYCL DEF 7.1 X+1.2.3"]
+)
+def test_what_only_looks_like_a_number_is_refused_by_line(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputErrors, match=r"program.h, line \d+"):
+        klartext(tmp_path, text)

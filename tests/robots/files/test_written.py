@@ -91,3 +91,10 @@ def test_what_is_unfinished_is_put_away_where_the_process_stops(tmp_path: Path) 
     written.tidy()
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
     assert written.sha256_of(tmp_path / "a") == "5d5766cf2d78701614200418ee1450690d9af12c84d52545e4802f001ad53099"
+
+
+def test_names_that_the_locale_could_not_read_keep_their_bytes(tmp_path: Path) -> None:
+    """With an ASCII locale Python has the bytes of an umlaut as surrogates."""
+    read = os.fsencode("dä.csv").decode("ascii", "surrogateescape")
+    write_whole(tmp_path / "a.txt", f"from {read}")
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "from dä.csv"

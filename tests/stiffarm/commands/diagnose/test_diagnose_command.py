@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista
 from blind.sets import make, more
 from blind.spec import SetSpec
 from cli_runs import Command, run_here
@@ -146,6 +147,16 @@ def test_the_gap_shrinks_on_readings_it_has_not_seen(found: Path) -> None:
     assert after["left_one_pose_out_rms_mm"] < 0.5 * before["left_one_pose_out_rms_mm"]
     # No springs can do better in the fit than the least squares of all.
     assert before["least_rms_of_any_springs_mm"] <= before["fit_rms_mm"] * (1.0 + 1e-6)
+
+
+def test_the_gap_has_arrows_that_viewers_draw(found: Path) -> None:
+    gap = pyvista.read(found / "gap.vtp").point_data
+    assert all(np.isfinite(gap[name]).all() for name in gap if gap[name].dtype.kind == "f")
+    # Only Z was read.
+    np.testing.assert_array_equal(gap["was_read"], np.tile([0.0, 0.0, 1.0], (len(gap["was_read"]), 1)))
+    assert not gap["measured_mm"][:, :2].any()
+    assert gap["measured_mm"][:, 2].all()
+    assert set(np.unique(gap["outlier"])) <= {0.0, 1.0}
 
 
 def test_the_written_model_predicts_as_the_diagnosis_says(cli: Command, sets: Path, found: Path) -> None:

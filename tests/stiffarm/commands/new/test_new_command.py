@@ -156,3 +156,16 @@ def test_the_face_makes_the_same_files(cli: Command, tmp_path: Path) -> None:
         sa.new_arm("mine")
     with pytest.raises(sa.InputError, match="payload_kg"):
         sa.new_arm("mine", like="gp25", payload_kg=-1.0)
+
+
+def test_a_joint_that_slides_is_named(cli: Command, tmp_path: Path) -> None:
+    head = HEAD.replace("joint,", "joint,type,")
+    rows = [line.replace(",", ",revolute,", 1) for line in STANDARD[1:]]
+    accepted = cli("new", "a", "--dh", table(tmp_path / "r.csv", (head, *rows)), "--out", tmp_path / "a")
+    assert accepted.code == 0, accepted.err
+    rows[2] = rows[2].replace("revolute", "Prismatic")
+    refused = cli("new", "b", "--dh", table(tmp_path / "p.csv", (head, *rows)), "--out", tmp_path / "b")
+    assert refused.code == 2
+    assert "row 4" in refused.err
+    assert "slides" in refused.err
+    assert not (tmp_path / "b").exists()
