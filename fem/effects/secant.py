@@ -35,6 +35,8 @@ from robots.arrays import Array
 LEAST = 1e-6
 # What is round-off in displacements of one law at loads twice as large, or across a joint's own direction.
 SAME = 1e-9
+# Share of its spring's compliance that a joint which sticks is left with.
+STUCK = 1e-9
 # Poses at which a law is tried, and the force of a trial (N).
 TRIED = 8
 # Of the work of two vectors that are nearly across one another nothing is left but round-off.
@@ -124,7 +126,10 @@ class SecantSpring:
             s = _situation(self.model, replace(s.at, wrench=wrench))
             tau = s.torque(self.joint)
         turn = sum(np.einsum("kn,nk->n", row, act(law, None, s)) for law in self.laws) / size**2
-        return np.asarray(self.spring.compliance(q) + turn / tau)
+        own = self.spring.compliance(q)
+        found = own + turn / tau
+        # A joint that sticks gives way by nothing; a part that is there in some poses only would be no part.
+        return np.asarray(np.where(np.abs(found) < STUCK * own, STUCK * own, found))
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,6 +131,18 @@ def test_what_goes_by_the_clock_is_left_out_and_weighed() -> None:
     assert with_secants(model, [gauge], StatedLoad(400.0 * DOWN)) is model
 
 
+def test_a_joint_that_sticks_is_as_good_as_rigid_and_still_a_part() -> None:
+    model, q = springy("kr60-3"), poses(springy("kr60-3"))
+    stuck = of(model, "friction:j3", share=1.0, friction=1e6)
+    arm = with_secants(model, [stuck], StatedLoad(400.0 * DOWN))
+    rigid = model.with_springs({"j3": np.inf})
+    assert compliance(arm, q) == pytest.approx(compliance(rigid, q), rel=1e-6, abs=1e-15)
+    assert (arm.joints[2].axial.compliance(q) > 0.0).all()
+    assert compliance_factor(arm, q).compliance() == pytest.approx(compliance(arm, q), rel=1e-7, abs=1e-15)
+    parts = {compliance_budget(arm, q[k : k + 1], np.array([0, 0, -1.0, 0, 0, 0])).parts for k in range(3)}
+    assert parts == {compliance_budget(model, q, np.array([0, 0, -1.0, 0, 0, 0])).parts}
+
+
 def test_an_indefinite_compliance_has_no_factor() -> None:
     model = springy("kr60-3")
     placed = plausible(catalogue(model)["cable-package"])
