@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from fem.effects.secant import StatedAt
+from fem.statics.stated import StatedAt
 from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
 from robots.errors import InputError, require_one_of

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, GetPydanticSchema, create_model
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from fem.effects.secant import StatedAt
+from fem.statics.stated import StatedAt
 from robots import Robot
 from robots.errors import InputError
 from robots.files.reading import parse_json, read_text

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fem import ArmModel, compliance, directional_stiffness
-from fem.effects.secant import StatedAt
+from fem.statics.stated import StatedAt
 from robots.arrays import Array, in_blocks
 from surrogate.arm_scope import influence_of_fixed, reduced_box, with_whole_turns
 from surrogate.asking import full_poses

@@ -81,22 +81,6 @@ class Secants:
     further: tuple[SecantPart, ...] = ()
 
 
-@dataclass(frozen=True)
-class StatedAt:
-    """What files say of an arm with secants: the load in N.
-
-    ``effects``: codes of those that are in the compliance; ``not_linear``: of these those by which another load has
-    another stiffness; ``left_out``: of those that are not in it, which are worth ``left_out_worth_N_per_mm`` in the
-    median pose.
-    """
-
-    load_N: float  # noqa: N815 - units are in the names of the file's keys
-    effects: tuple[str, ...]
-    not_linear: tuple[str, ...]
-    left_out: tuple[str, ...]
-    left_out_worth_N_per_mm: float | None  # noqa: N815 - as above
-
-
 def plain(model: ArmModel) -> ArmModel:
     """The arm without secants."""
     return model if model.secants is None else model.secants.plain

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
@@ -12,7 +11,8 @@ import typer
 from fem import ArmModel
 from fem.arm import Arm
 from fem.effects.base import PlacedEffect
-from fem.effects.secant import StatedAt, StatedLoad, worth
+from fem.effects.secant import StatedLoad, worth
+from fem.statics.stated import StatedAt, at_load_entry, stiffness_ends
 from robots import InputError, ModelDescription, require_positive
 from robots.arm_class import stated_load
 from robots.arrays import Array
@@ -89,8 +89,7 @@ def stated_at(model: ArmModel) -> StatedAt | None:
 
 def stated_table(at: ArmModel | StatedAt | None) -> dict[str, Any]:
     """The same for JSON, of an arm or of what was learned of one: an entry ``at_load``, or none."""
-    at = stated_at(at) if isinstance(at, ArmModel) else at
-    return {} if at is None else {"at_load": asdict(at)}
+    return at_load_entry(stated_at(at) if isinstance(at, ArmModel) else at)
 
 
 def _worth(model: ArmModel) -> float:
@@ -130,18 +129,6 @@ def propagated(
 def half_widths(found: Propagated) -> Array:
     """Half of the 95 % interval of the compliance, as a share of it (n,)."""
     return np.asarray(NORMAL_95 * found.relative_sd)
-
-
-def stiffness_ends(value: Array, half: Array) -> tuple[Array, Array]:
-    """Ends (n,) of the 95 % intervals of stiffnesses from half their widths as a share.
-
-    It is the compliance that is off by the share; an upper end of infinity means that there is none, NaN that nothing
-    is known.
-    """
-    high = np.where(
-        half < 1.0, value / np.where(half < 1.0, 1.0 - half, 1.0), np.where(np.isfinite(half), np.inf, np.nan)
-    )
-    return np.asarray(value / (1.0 + half)), np.asarray(high)
 
 
 def stiffness_interval(value: float, half: float) -> tuple[float, float]:

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fem.statics.small_displacements import FLAG
+from fem.statics.stated import stiffness_ends
 from robots.arrays import Array
 from stiffarm.session.console import say, show_table
 from stiffarm.session.json_text import number, numbers
-from stiffarm.session.stated import stiffness_ends
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from fem.statics.stated import at_load_entry
 from robots import InputError, content_hash
 from robots.arrays import Array
 from robots.files.csv_text import records_text
@@ -16,7 +17,6 @@ from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Out
-from stiffarm.session.stated import stated_table
 from stiffarm.session.table_kinds import SURROGATE, described, expect
 from surrogate import Surrogate, load_surrogate
 from surrogate import query as ask
@@ -97,7 +97,7 @@ def query(
             "load_direction": _load_direction(learned, along),
             "fixed_deg": dict(learned.fixed_deg),
             "errors": answers.surrogate_errors(learned),
-            **stated_table(learned.at_load),
+            **at_load_entry(learned.at_load),
             "answers": rows,
         }
         # The first says how the links were modelled; the others, what a stiffness has in it and what not.
