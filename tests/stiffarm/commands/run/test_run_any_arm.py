@@ -111,7 +111,7 @@ def test_the_serial_chain_is_looked_at_first_where_there_is_a_parallelogram(full
 
 @pytest.mark.slow
 def test_the_page_of_the_first_run_says_what_a_run_says(full_run: Any) -> None:
-    """All but its errors at poses left out of the whole search: the diagnosis of this run is a shortened one."""
+    """All but its errors at poses not seen, for this run's diagnosis is a shortened one: those are held below."""
     page = Path(__file__).parents[4] / "docs" / "start"
 
     def rows(name: str) -> list[dict[str, str]]:
@@ -123,6 +123,17 @@ def test_the_page_of_the_first_run_says_what_a_run_says(full_run: Any) -> None:
     told = {(r["rms_mm"], r["left_out_rms_mm"]) for r in rows("results.csv")}
     found = full_run.results["variants"].values()
     assert told == {(f"{v['rms_mm']:.3f}", f"{v['left_one_pose_out_rms_mm']:.3f}") for v in found}
+
+
+@pytest.mark.slow
+def test_the_page_s_errors_at_poses_not_seen_are_those_of_the_whole_diagnosis(cli: Command) -> None:
+    page = Path(__file__).parents[4] / "docs" / "start" / "first_run.csv"
+    (look,) = csv.DictReader(x for x in page.read_text(encoding="utf-8").splitlines() if not x.startswith("#"))
+    outcome = cli("diagnose", "xr701", "--load-path", "serial", "--loads", "650", "--next", "0", "--json")
+    assert outcome.code == 0, outcome.err
+    gap = json.loads(outcome.out)["gap"]
+    for key, value in (("before", look["before_mm"]), ("after", look["after_mm"])):
+        assert f"{gap[key]['holdout_rms_mm']:.3f}" == value
 
 
 def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
