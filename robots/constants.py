@@ -10,6 +10,9 @@ STANDARD_GRAVITY: Final = 9.80665
 # Half the width of a 95 % interval of the normal distribution, in standard deviations.
 NORMAL_95: Final = 1.959963984540054
 
+# The way of a weight, base axes of an arm on the floor.
+DOWN: Final = (0.0, 0.0, -1.0)
+
 M_TO_MM: Final = 1e3
 N_PER_M_TO_N_PER_MM: Final = 1e-3
 # A millimetre (m), a millimetre a minute (m/s), a turn a minute (rad/s).

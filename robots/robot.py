@@ -142,6 +142,16 @@ def middle_pose(robot: Robot) -> Array:
     return np.asarray(q)
 
 
+def trial_poses(robot: Robot, drawn: int, most: int) -> Array:
+    """Poses (n, dof) rad to try something at, the same each time: the first that can be taken of some drawn at random.
+
+    Joints turn by half a turn either way at most. Of ``drawn`` no more than ``most`` are taken; there may be none.
+    """
+    low, high = np.clip(robot.limits, -np.pi, np.pi).T
+    q = np.random.default_rng(0).uniform(low, high, (drawn, robot.dof))
+    return np.asarray(q[robot.reachable(q)][:most])
+
+
 def _deg(angle: float) -> str:
     return f"{np.degrees(angle):.6g}"
 

@@ -13,8 +13,8 @@ from fem import ArmModel
 from fem.statics.loads import LoadedPoses, as_loaded
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import DOWN
 
-DOWN = (0.0, 0.0, -1.0)
 # A table may hold a measured force for each reading; a plan is made for a few nominal loads and directions.
 MOST_LOADS, MOST_DIRECTIONS = 5, 6
 

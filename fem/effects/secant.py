@@ -29,6 +29,7 @@ from fem.springs import SpringLaw
 from fem.statics.flexibility import deflection
 from fem.statics.loads import LoadedPoses
 from robots.arrays import Array
+from robots.robot import trial_poses
 
 # Where the stated load turns a joint by less than this share of what a force of that size could, the secant is that of
 # the largest: it adds nothing along the load, and across it the law's root, where a gap opens, says nothing of use.
@@ -206,10 +207,7 @@ def _situation(model: ArmModel, at: LoadedPoses) -> Situation:
 
 def _kind(model: ArmModel, law: PlacedEffect, load: StatedLoad) -> tuple[str | None, bool]:
     """The joint whose spring a law is in series with, None for another law; and whether it is linear in the load."""
-    rng = np.random.default_rng(0)
-    low, high = np.clip(model.robot.limits, -np.pi, np.pi).T
-    drawn = rng.uniform(low, high, (64 * TRIED, model.robot.dof))
-    q = drawn[model.robot.reachable(drawn)][:TRIED]
+    q = trial_poses(model.robot, 64 * TRIED, TRIED)
     # Any load but one that happens to miss a part; that of the table may.
     probe = load.size * np.array([0.3, -0.5, 0.8, 0.4, 0.7, -0.6])
     once = replace(load.at(model, q), wrench=np.tile(probe, (len(q), 1)))

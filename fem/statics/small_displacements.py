@@ -16,6 +16,7 @@ import numpy as np
 from robots import InputError, Robot
 from robots.arrays import Array, Bools
 from robots.kinematics import stretched_length
+from robots.robot import trial_poses
 
 if TYPE_CHECKING:
     from fem.model import ArmModel
@@ -62,15 +63,9 @@ def worst_turns(model: ArmModel) -> Array:
     """
     from fem.compiled.compliance import compliance
 
-    q = _poses(model.robot)
+    q = trial_poses(model.robot, TRIALS, POSES)
     if not len(q):
         return np.zeros(0)
     C = compliance(model, q)
     direction = np.linalg.svd(C[:, :3, :3])[2][:, 0]
     return turn(model.robot, np.einsum("nij,nj->ni", C[:, :, :3], direction))
-
-
-def _poses(robot: Robot) -> Array:
-    low, high = np.clip(robot.limits, -np.pi, np.pi).T
-    q = np.random.default_rng(0).uniform(low, high, (TRIALS, robot.dof))
-    return q[robot.reachable(q)][:POSES]

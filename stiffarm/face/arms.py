@@ -12,6 +12,7 @@ import numpy as np
 
 import fem.arm
 from robots import InputError, bundled_names, save_description
+from robots.constants import DOWN
 from stiffarm.face.calls import ByName, called, in_order
 from stiffarm.face.shown import frame
 from stiffarm.session import inputs
@@ -19,8 +20,6 @@ from stiffarm.session import inputs
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-DOWN = (0.0, 0.0, -1.0)
 
 
 class Arm(fem.arm.Arm):

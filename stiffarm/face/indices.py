@@ -11,6 +11,7 @@ import numpy as np
 
 from robots import require_one_of
 from robots.arrays import Array
+from robots.constants import DOWN
 from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import ByName, called, one_or_several
 from stiffarm.face.shown import Shown, frame
@@ -85,7 +86,7 @@ def index(
     (1,)
     """
     from stiffarm.commands.index.results import IndexQuestion, answer, rows
-    from stiffarm.session.stated import DOWN, at_load
+    from stiffarm.session.stated import at_load
 
     poses = one_or_several(q_deg)
     tip = arm.robot.T_flange_tool[:3, 3] if tip_mm is None else 1e-3 * np.array(tip_mm, dtype=np.float64)

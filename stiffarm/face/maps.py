@@ -11,7 +11,8 @@ import numpy as np
 
 from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array
-from stiffarm.face.arms import DOWN, Arm, Picture
+from robots.constants import DOWN
+from stiffarm.face.arms import Arm, Picture
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
 from stiffarm.session.caution import cautioned, caveats

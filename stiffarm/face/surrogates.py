@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from robots import InputError, require_one_of
-from stiffarm.face.arms import DOWN, Arm
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called, in_order
 from stiffarm.face.shown import Shown, frame
 from surrogate.model import Surrogate as Learned
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from robots.arrays import Array
+from robots.constants import DOWN
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robots import InputError
+from robots.constants import DOWN
 from stiffarm.session.caution import cautioned
 from stiffarm.session.console import emit_json, say, user_errors
 from stiffarm.session.outputs import OutputFolder
@@ -84,7 +85,7 @@ class Frame:
         return given
 
     def at_load(
-        self, given: Given, size_N: float | None, direction: Sequence[float] | Array = (0.0, 0.0, -1.0),
+        self, given: Given, size_N: float | None, direction: Sequence[float] | Array = DOWN,
         point: Array | None = None,
     ) -> Given:  # fmt: skip
         """The arm with its effects in its compliance, as :func:`stiffarm.session.stated.at_load`; said and shown."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
@@ -16,14 +17,14 @@ from fem.statics.stated import StatedAt, at_load_entry, stiffness_ends
 from robots import InputError, ModelDescription, require_positive
 from robots.arm_class import stated_load
 from robots.arrays import Array
-from robots.constants import NORMAL_95
+from robots.constants import DOWN, NORMAL_95
+from robots.robot import trial_poses
 from stiffarm.session.json_text import number
 
 if TYPE_CHECKING:
     from doe.certainty.propagation import Propagated
 
 Given = TypeVar("Given", bound=Arm)
-DOWN = (0.0, 0.0, -1.0)
 # Poses by which the worth of what is left out is judged.
 JUDGED = 64
 
@@ -87,16 +88,13 @@ def stated_at(model: ArmModel) -> StatedAt | None:
     return StatedAt(s.load.size, carried, bent, left, _worth(model) if left else None)
 
 
-def stated_table(at: ArmModel | StatedAt | None) -> dict[str, Any]:
-    """The same for JSON, of an arm or of what was learned of one: an entry ``at_load``, or none."""
-    return at_load_entry(stated_at(at) if isinstance(at, ArmModel) else at)
+def stated_table(model: ArmModel) -> dict[str, Any]:
+    """The same for JSON: an entry ``at_load``, or none."""
+    return at_load_entry(stated_at(model))
 
 
 def _worth(model: ArmModel) -> float:
-    robot = model.robot
-    low, high = np.clip(robot.limits, -np.pi, np.pi).T
-    drawn = np.random.default_rng(0).uniform(low, high, (16 * JUDGED, robot.dof))
-    return float(np.median(worth(model, drawn[robot.reachable(drawn)][:JUDGED]))) * 1e-3
+    return float(np.median(worth(model, trial_poses(model.robot, 16 * JUDGED, JUDGED)))) * 1e-3
 
 
 def _codes(effects: Sequence[PlacedEffect]) -> str:
@@ -137,19 +135,25 @@ def stiffness_interval(value: float, half: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def interval_at(
-    description: ModelDescription, model: ArmModel, q: Array, direction: Array, value: float, point: Array | None = None
-) -> tuple[float, float]:
-    """Ends of the 95 % interval of a stiffness at one pose (dof,); NaN where nothing is known of it."""
-    try:
-        found = propagated(description, model, q[None], direction, point)
-    except InputError:
-        # Links or a load path other than those it was calibrated with.
-        found = None
-    return (np.nan, np.nan) if found is None else stiffness_interval(value, float(half_widths(found)[0]))
+def intervals_at(
+    description: ModelDescription, model: ArmModel, q: Array, direction: Array, value: Array, point: Array | None = None
+) -> tuple[Array, Array]:
+    """Ends (n,) of the 95 % intervals of stiffnesses (n,) at poses (n, dof); NaN where nothing is known of one."""
+    half, rows = np.full(len(q), np.nan), np.flatnonzero(np.isfinite(value))
+    # Links or a load path other than those it was calibrated with are refused.
+    with suppress(InputError):
+        found = propagated(description, model, q[rows], direction, point) if len(rows) else None
+        if found is not None:
+            half[rows] = half_widths(found)
+    return stiffness_ends(value, half)
 
 
-def interval_json(ends: tuple[float, float]) -> list[float | None] | None:
+def interval_json(low: float, high: float) -> list[float | None] | None:
     """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
-    low, high = ends
     return [number(low), number(high) if np.isfinite(high) else None] if np.isfinite(low) else None
+
+
+def interval_ends(written: Sequence[float | None] | None) -> tuple[float, float]:
+    """The ends that :func:`interval_json` has written: NaN where nothing is known, infinity for no upper one."""
+    low, high = (np.nan, np.nan) if written is None else written
+    return np.nan if low is None else low, np.inf if high is None else high

@@ -18,7 +18,6 @@ from robots.arrays import Array
 
 # A gauge of 0.01 mm is what the field uses where a data set says nothing.
 DEFAULT_GAUGE_mm = 0.01
-VERTICAL = (0.0, 0.0, -1.0)
 
 
 @dataclass(frozen=True)

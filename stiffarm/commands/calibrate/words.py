@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from doe.calibration.run import StageResult
-from doe.certainty.doubts import CAREFUL, LEVEL, Doubt, Drift, Unexplained, p_words
+from doe.certainty.doubts import CAREFUL, LEVEL, MOST_OUTLIERS, Doubt, Drift, Unexplained, p_words
 from doe.certainty.lack_of_fit import LackOfFit, downweighted
 from doe.certainty.predictive import Coverage
 from doe.certainty.uncertainty import Certainty, ParameterEstimate
@@ -27,8 +27,6 @@ from stiffarm.session.words.springs import bound_remark
 REFUTED = 0.01
 # Residual scatter beyond this many digits of the gauge is not the gauge's.
 BEYOND_GAUGE = 2.0
-# More outliers than this share of the readings are no outliers (assumed).
-MOST_OUTLIERS = 0.1
 # Parameters that a drift moves by so many standard deviations are named, so many of them.
 MOVED, SHOWN = 0.5, 3
 

@@ -12,13 +12,12 @@ from fem.arm import Arm
 from fem.statics.loads import LoadedPoses
 from robots import ModelDescription, content_hash
 from robots.arrays import Array
-from robots.constants import M_TO_MM
+from robots.constants import DOWN, M_TO_MM
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Picture, Text
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.steps import VERTICAL
 from surrogate.maps.assembled import Figures, figures, swept_map
 from surrogate.maps.data import MapData
 from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
@@ -80,7 +79,7 @@ def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
     load = float(np.linalg.norm(at.wrench[:, :3], axis=1).max())
     one_point = not np.ptp(at.point, axis=0).any()
     point = at.point[0] if one_point else d.given.robot.T_flange_tool[:3, 3]
-    wrench = load * np.array([*VERTICAL, 0.0, 0.0, 0.0])
+    wrench = load * np.array([*DOWN, 0.0, 0.0, 0.0])
 
     def missed(p: Poses) -> list[Array]:
         n = len(p.q)
@@ -95,7 +94,7 @@ def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
         "load": f"{load:.4g} N straight down, without {codes}",
         "effects": codes,
     }
-    made = swept_map(Quantities(model, np.array(VERTICAL), (row,), point=point), POINTS, metadata=metadata)
+    made = swept_map(Quantities(model, np.array(DOWN), (row,), point=point), POINTS, metadata=metadata)
     made.require_reached("check the limits and couplings of the model file")
     return CostMap(made, load)
 

@@ -13,11 +13,11 @@ from machining import INDICES
 from machining.stiffness.indices import evaluate
 from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
+from robots.constants import DOWN
 from robots.robot import middle_pose
 from stiffarm.session.console import progress, say
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import stated_at, stated_words
-from stiffarm.session.steps import VERTICAL
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
 
 STIFFNESS = "stiffness"
@@ -69,7 +69,7 @@ def learning_task(
     rng: np.random.Generator,
     *,
     fixed_deg: dict[str, float] | None = None,
-    direction: tuple[float, float, float] = VERTICAL,
+    direction: tuple[float, float, float] = DOWN,
     scalar: tuple[Quantity, Callable[[Array], Array]] | None = None,
 ) -> Task:
     """What to learn of a described arm, with the uncertainty of its calibration where the model file has one."""
@@ -111,7 +111,7 @@ def learn(
     label: str = "",
     *,
     fixed_deg: dict[str, float] | None = None,
-    direction: tuple[float, float, float] = VERTICAL,
+    direction: tuple[float, float, float] = DOWN,
     scalar: tuple[Quantity, Callable[[Array], Array]] | None = None,
     **options: Any,
 ) -> Trained:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from fem.statics.stated import at_load_entry
 from stiffarm.commands.fit.words import relative, share_words
 from stiffarm.commands.query.answers import surrogate_errors
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
 from stiffarm.session.json_text import number
-from stiffarm.session.stated import stated_table
 from surrogate import Surrogate, Trained
 
 
@@ -25,7 +25,7 @@ def payload(trained: Trained) -> dict[str, Any]:
         "surrogates": [surrogate_errors(s) for s in trained.surrogates],
         "not_fitted": dict(trained.refused),
         "refinement": list(trained.rounds),
-    } | stated_table(best.at_load)
+    } | at_load_entry(best.at_load)
 
 
 def _parameter_bars(surrogate: Surrogate) -> dict[str, Any] | None:

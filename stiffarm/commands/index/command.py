@@ -14,6 +14,7 @@ from fem.effects.structure import joint_is_rigid
 from machining import INDICES
 from robots import InputError
 from robots.arrays import Array
+from robots.constants import DOWN
 from robots.files.csv_text import records_text
 from stiffarm.commands.index import results as index_results
 from stiffarm.session import parsing
@@ -23,7 +24,7 @@ from stiffarm.session.inputs import with_links
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, parse_vector, tool_of
-from stiffarm.session.stated import DOWN, AtLoad, interval_at, interval_json, stated_table
+from stiffarm.session.stated import AtLoad, interval_json, intervals_at, stated_table
 from stiffarm.session.task_options import NormalOpt, ToolOpt
 
 # Rows of the table on the screen; files have all.
@@ -90,10 +91,10 @@ def index(
         given = frame.at_load(given, at_load, along, question.tip)
         found = index_results.answer(given.model, question, _joints_alone(given))
         content = index_results.payload(given.robot, found) | stated_table(given.model)
-        for pose_q, one in zip(q, content["poses"], strict=True):
-            value = one["indices"]["directional_N_per_mm"] or np.nan
-            ends = interval_at(given.description, given.model, pose_q, question.normal, value, question.tip)
-            one["directional_interval95_N_per_mm"] = interval_json(ends)
+        values = np.array([one["indices"]["directional_N_per_mm"] or np.nan for one in content["poses"]])
+        ends = intervals_at(given.description, given.model, q, question.normal, values, question.tip)
+        for one, low, high in zip(content["poses"], *ends, strict=True):
+            one["directional_interval95_N_per_mm"] = interval_json(low, high)
         frame.reads(poses=table)
         with frame.folder_if() as folder:
             if folder is not None:

@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
+from robots.constants import DOWN
 from robots.library.models import bundled_names
 from stiffarm.commands.maps import words
 from stiffarm.commands.maps.options import FORMATS, POSES
@@ -23,7 +24,7 @@ from stiffarm.session.frame import Frame, command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import tool_of
-from stiffarm.session.stated import DOWN, AtLoad, stated_table
+from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.task_options import PartOpt, ToolOpt
 from surrogate.maps.layouts import PLANES
 

@@ -45,7 +45,6 @@ from surrogate.maps.poses import check_robot
 POSES = ("fixed", "best-gamma", "stiffest", "softest")
 FORMATS = ("vtu", "vti", "vtp", "nc")
 POINTS = 21
-VERTICAL = (0.0, 0.0, -1.0)
 # Angles of best-gamma by default; the best is then sought between them.
 GAMMA = "-180:180:15"
 # Up to so many points the share of each part is kept by default: they take more room than all else together.

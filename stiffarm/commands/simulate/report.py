@@ -28,6 +28,7 @@ from stiffarm.pages.report import (
 )
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES
+from stiffarm.session.stated import interval_ends
 
 QUESTION = "how far does the tool move?"
 QUESTION_TABLE = "does the model move as was measured?"
@@ -49,9 +50,8 @@ def write_pose_report(
     most = max(parts, key=parts.__getitem__, default="nothing")
     key = [KeyFigure(f"{significant(length)} mm", f"motion of the tool; {most} contributes most")]
     if k is not None:
-        ends = result["interval95_N_per_mm"]
-        known = ends is not None
-        low, high = (np.nan, np.nan) if ends is None else (ends[0], np.inf if ends[1] is None else ends[1])
+        low, high = interval_ends(result["interval95_N_per_mm"])
+        known = not np.isnan(low)
         value = known_to(k, low, high) if known else significant(k)
         interval = f"95\u00a0%: {ranged(low, high, 'N/mm')}" if known else "no interval: not calibrated"
         key.insert(0, KeyFigure(f"{value} N/mm", "stiffness along the force", interval))

@@ -21,7 +21,7 @@ from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
 from stiffarm.session.softness import flagged
-from stiffarm.session.stated import interval_at, interval_json
+from stiffarm.session.stated import interval_ends, interval_json, intervals_at
 
 NO_LINKS = "no links described: all bodies rigid"
 
@@ -59,16 +59,16 @@ def of_pose(
     arm = d - np.sum([parts[e.effect.code][0] for e in given.effects if e.effect.code in parts and not
                       e.effect.of_the_arm] or [np.zeros(6)], axis=0)  # fmt: skip
     along = float(arm[:3] @ force) / float(force @ force) if force.any() else float("nan")
-    ends = (np.nan, np.nan)
+    low = high = np.array([np.nan])
     if not rigid_joints and along > 0.0 and not wrench[3:].any():
         stated = given.at_load(StatedLoad(force)).model
-        ends = interval_at(given.description, stated, q, force, 1e-3 / along)
+        low, high = intervals_at(given.description, stated, q[None], force, np.array([1e-3 / along]))
     return head(given, model, rigid_joints) | {
         "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
         "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
         "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
         "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
-        "interval95_N_per_mm": interval_json(ends),
+        "interval95_N_per_mm": interval_json(low[0], high[0]),
         "by_part": {
             name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
             for name, part in parts.items()
@@ -196,8 +196,8 @@ def show(result: dict[str, Any]) -> None:
     if "field" in result:
         _show_field(result["field"])
     k = result["stiffness_N_per_mm"]
-    ends = result["interval95_N_per_mm"]
-    sure = "" if ends is None else f" (95 %: {ranged(ends[0], np.inf if ends[1] is None else ends[1], 'N/mm')})"
+    low, high = interval_ends(result["interval95_N_per_mm"])
+    sure = "" if np.isnan(low) else f" (95 %: {ranged(low, high, 'N/mm')})"
     say("stiffness along the force: " + ("none (no force, or a rigid model)" if k is None else f"{k:.1f} N/mm{sure}"))
 
 
