@@ -154,10 +154,10 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
                          remedy="make both maps with one version of stiffarm")  # fmt: skip
     remarks = [f"{key.replace('_', ' ')}: {a.of.get(key, 'not said')} and {b.of.get(key, 'not said')}"
                for key in MADE if a.of.get(key) != b.of.get(key) and key != "model_hash"]  # fmt: skip
-    bare = [one.name for one in (a, b) if "calibrated" in one.of.get("warning", "")]
-    if len(bare) == 1:
-        remarks.insert(0, f"warning: {bare[0]} is of an arm that is not (fully) calibrated, the other map is: that may "
-                       "be all that differs")  # fmt: skip
+    if a.of.get("warning") != b.of.get("warning"):
+        # How much of an arm is calibrated decides its stiffness more than anything that two maps are compared for.
+        remarks[:0] = [f"warning: {one.name} is {one.of['warning'][0].lower()}{one.of['warning'][1:].rstrip('.')}"
+                       for one in (a, b) if "calibrated" in one.of.get("warning", "")]  # fmt: skip
     if a.of.get("model_hash") == b.of.get("model_hash"):
         remarks.append("both maps are of the very same model")
     lacking = [name for name in {*a.values, *b.values} - {UNCERTAINTY} if name not in names]

@@ -157,9 +157,11 @@ def test_a_map_of_an_uncalibrated_arm_beside_a_calibrated_one_has_a_warning(tmp_
     write_vti(kr60_slice(200.0), tmp_path / "a.vti")
     known = read_map(tmp_path / "a.vti", "a")
     bare = replace(known, name="b", of={**known.of, "warning": "Not calibrated: no joint of this model has a spring."})
-    assert any(r.startswith("warning: b is of an arm that is not") for r in compare_maps(known, bare).remarks)
-    for pair in ((known, known), (bare, bare)):
-        assert not any("warning: b" in r for r in compare_maps(*pair).remarks)
+    partly = replace(known, name="c", of={**known.of, "warning": "Not fully calibrated: j1 is held rigid."})
+    for pair, warned in (((known, bare), 1), ((bare, partly), 2), ((known, known), 0), ((bare, bare), 0)):
+        said = [r for r in compare_maps(*pair).remarks if r.startswith("warning: ")]
+        assert len(said) == warned
+        assert all(any(one.name in r for one in pair) for r in said)
 
 
 def test_an_older_page_is_told_from_one_that_can(tmp_path: Path) -> None:
