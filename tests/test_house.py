@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+import importlib.metadata
+import json
 import os
 import re
 import shutil
@@ -237,3 +239,15 @@ def test_small_things_have_one_home(pattern: str) -> None:
     word = re.compile(pattern, re.MULTILINE)
     found = [p.relative_to(ROOT).as_posix() for p in sources() if word.search(p.read_text(encoding="utf-8"))]
     assert found == [ONE_HOME[pattern]], "import it from there"
+
+
+def test_type_checkers_find_an_editable_installation() -> None:
+    """It is a folder on the path: mypy and editors follow no import hook."""
+    elsewhere = [p for p in sys.path if p != str(ROOT)]
+    found = next(iter(importlib.metadata.distributions(name="stiffarm", path=elsewhere)), None)
+    files = (found and found.files) or ()
+    url = next((f.read_text() for f in files if f.name == "direct_url.json"), "{}")
+    if not json.loads(url).get("dir_info", {}).get("editable"):
+        pytest.skip("not an editable installation")
+    (path,) = [f.read_text().strip() for f in files if f.suffix == ".pth"]
+    assert (Path(path) / "stiffarm" / "py.typed").is_file()

@@ -140,7 +140,7 @@ def remarks(c: Compared) -> list[str]:
                 out.append(f"{count} point{'s are' if count > 1 else ' is'} reached in the {which} map only.")
         if all(q.beyond is None for q in c.maps.quantities):
             out.append(
-                "Only maps of a calibrated model hold an uncertainty: without that of both, differences cannot be judged "
-                "against it."
+                "Only maps of a calibrated model hold an uncertainty: without that of both, differences cannot be "
+                "judged against it."
             )
     return out

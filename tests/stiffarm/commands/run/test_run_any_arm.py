@@ -9,6 +9,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 import pyvista as pv
 from cli_runs import Command
@@ -17,6 +19,7 @@ from small_robot import STIFFNESS, write_readings, write_urdf
 from doe import bundled_campaign, bundled_data, read_measurements
 from robots import load_description
 from stiffarm.commands.run import missing
+from stiffarm.commands.run.doubts import PUBLISHED_TEXT
 from stiffarm.session.inputs import read_model
 from stiffarm.session.outputs import OutputFolder
 
@@ -134,6 +137,24 @@ def test_the_page_s_errors_at_poses_not_seen_are_those_of_the_whole_diagnosis(cl
     gap = json.loads(outcome.out)["gap"]
     for key, value in (("before", look["before_mm"]), ("after", look["after_mm"])):
         assert f"{gap[key]['holdout_rms_mm']:.3f}" == value
+
+
+@pytest.mark.slow
+def test_what_the_page_says_of_swapped_pairs_is_what_a_diagnosis_says(cli: Command, tmp_path: Path) -> None:
+    """Poses 3 and 4 with the readings of 39 and 40 at 375 and 650 N, and the other way round."""
+    table = pd.read_csv(bundled_data("xr701"), dtype={"pose": str})
+    other = table["pose"].map({"3": "39", "4": "40", "39": "3", "40": "4"})
+    value = {(p, f): v for p, f, v in zip(table["pose"], table["fz_N"], table["dz_mm"], strict=True)}
+    for k in np.flatnonzero(other.notna() & (table["fz_N"] < -200)):
+        table.loc[k, "dz_mm"] = value[other[k], table["fz_N"][k]]
+    table.to_csv(tmp_path / "swapped.csv", index=False)
+    options = ("--load-path", "serial", "--loads", "650", "--folds", "0", "--next", "0", "--json")
+    outcome = cli("diagnose", "xr701", "swapped.csv", *options)
+    assert outcome.code == 0, outcome.err
+    found = json.loads(outcome.out)
+    assert found["verdict"] == "none"
+    (told,) = re.findall(r"with (\d+) %", PUBLISHED_TEXT)
+    assert round(100 * found["looks"][0]["candidates"][0]["probability"]) == int(told)
 
 
 def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
