@@ -1,47 +1,72 @@
-"""Every figure that the commands print on bundled inputs, recorded, so that "unchanged" can be shown.
+"""Every figure that commands and Python functions give on bundled inputs, recorded, so that "unchanged" can be shown.
 
-``python benchmarks/recorded_figures.py --write figures.json`` runs the commands and keeps the figures of their JSON;
-``--against figures.json`` runs them again and names each that differs by more than ``--relative``. Long columns are
-kept as their count, extremes, sum and sum of squares. Times and hashes are left out.
+``python benchmarks/recorded_figures.py --write figures.json`` runs all commands and keeps the figures of their JSON,
+then all Python functions and keeps those of their frames; ``--against figures.json`` runs them again and names each
+that differs by more than ``--relative``. Long columns are kept as their count, extremes, sum and sum of squares. Times
+and hashes are left out. ``--renamed table.csv`` names keys that have another name since (columns ``before`` and
+``now``, each a whole part of a key, as ``left_out`` in ``variants.left_out[3]``).
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+import recorded_python
+
 ROOT = Path(__file__).resolve().parent.parent
-KR60, WING = ROOT / "docs/examples/kr60_posture", ROOT / "docs/examples/tx200_wing"
+EXAMPLES = ROOT / "docs/examples"
+# Words in commands that stand for folders.
+FOLDERS = {
+    "KR60": EXAMPLES / "kr60_posture", "WING": EXAMPLES / "tx200_wing", "BRACKET": EXAMPLES / "kr60_bracket",
+    "OWN": EXAMPLES / "own_robot", "READINGS": EXAMPLES / "readings", "UR5": EXAMPLES / "ur5",
+    "UR10": EXAMPLES / "ur10",
+}  # fmt: skip
 # A column of more numbers is kept as its summary.
 LONGEST = 64
 # Parts of keys whose values change from run to run, or with any change of a file's text.
 VOLATILE = ("time", "seconds", "sha256", "hash", "finished", "version", "folder", "file", "path", "command")
 
-# Name -> arguments; "{name}" is the folder of an earlier command's results.
+# Name -> arguments; "{name}" is the folder of an earlier command's results. `serve` answers lines and `help` has no
+# figures: their tests compare texts.
 COMMANDS: dict[str, str] = {
     "robots": "robots",
+    "robots own": "robots xr701 --pose q2_deg=5,q3real_deg=77.5",
+    "new": "new my-arm --mdh OWN/dh.csv --payload-kg 60 --mass-kg 650 --springs class --out {new}",
+    "robots check": "robots check {new}/my-arm.toml OWN/pendant.csv",
+    "readings": "readings READINGS/dial_gauge.xlsx --model kr60-3 --out {table}.csv",
+    "readings two": "readings READINGS/leica.csv READINGS/leica_angles.xlsx --model kr60-3 --out {leica}.csv",
     "simulate": "simulate xr701 --pose q2_deg=5,q3real_deg=77.5 --load fz_N=-650",
+    "export": "export xr701 --pose q2_deg=5,q3real_deg=77.5 --load fz_N=-650 --out {ccx}",
     "sensitivity": "sensitivity xr701 --poses 5,41,77",
     "staged": "calibrate xr701 --scheme staged --out {staged}",
     "global": "calibrate xr701 --scheme global --out {global}",
     "free": "calibrate xr701 --free j2.stiffness,j3.stiffness,base.ry --out {free}",
     "serial": "calibrate xr701 --scheme global --load-path serial",
+    "kr60 table": "calibrate kr60-3 {table}.csv",
+    "positions": "calibrate UR10/ur10.toml UR10/series_b.csv --holdout UR10/series_c.csv --out {positions}",
+    "compare": "compare {global} {free}",
     "simulated": "simulate {global}/model.toml bundled",
     "diagnose": "diagnose xr701 --loads 650 --load-path serial --out {diagnose}",
     "diagnose all": "diagnose xr701 --out {diagnose-all}",
     "diagnose fanuc": "diagnose fanuc-r2000ic --folds 0",
+    "diagnose positions": "diagnose UR5/ur5.toml UR5/grid.csv",
     "rehearse": "rehearse kr60-3 --hide friction:j2 --poses 9",
     "plan": "plan xr701 --poses 3 --out {plan}",
     "fit": "fit {global}/model.toml --out {fit}",
     "query": "query {fit}/surrogate.json --pose q2_deg=5,q3real_deg=77.5",
     "map joints": "map joints {global}/model.toml --no-pictures --out {map}",
+    "map joints free": "map joints {free}/model.toml --no-pictures --out {map-free}",
+    "compare maps": "compare {map} {map-free}",
     "map slice": "map slice kr60-3 --plane xz --pose best-gamma --no-pictures --out {slice}",
     "map box": "map box kr60-3 --x 600:1400:200 --y -400:400:200 --z 200:1200:250 --no-pictures --out {box}",
     "map cylinder": "map cylinder kr60-3 --r 600:1400:200 --phi -90:90:45 --z 200:1200:250 --no-pictures "
@@ -56,8 +81,12 @@ COMMANDS: dict[str, str] = {
     "--out {placement}",
     "post": "post {twists}/model.toml WING/wing.cls --cell WING/cell.toml --placement {placement}/placement.json "
     "--format val3,json --out {program}",
-    "verify": "verify {twists}/model.toml {program}/json/part.json --cell WING/cell.toml --out {verified}",
+    "verify": "verify {twists}/model.toml {program}/json/*.json --cell WING/cell.toml --out {verified}",
+    "post bracket": "post kr60-3 BRACKET/bracket.mpf --cell BRACKET/cell.toml --gamma -180:180:5 --format krl,json "
+    "--out {bracket}",
     "run": "run xr701 --points 6 --out {run}",
+    "import": "import MADE/arm/arm.urdf --size-mm 40 --wall-mm 8 --boss 1 --material aluminium --out {import}",
+    "study": "study MADE/sets --jobs 1 --out {study}",
 }
 
 
@@ -65,24 +94,49 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--write", type=Path, help="where to keep the figures")
     parser.add_argument("--against", type=Path, help="figures kept before")
+    parser.add_argument("--renamed", type=Path, help="table of keys that have another name now: before,now")
     parser.add_argument("--relative", type=float, default=1e-9, help="difference that counts, relative")
-    parser.add_argument("--only", nargs="*", default=list(COMMANDS), help="names of commands")
+    parser.add_argument("--only", nargs="*", help="names of commands, and of functions as python.NAME")
     wanted = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = {name: _figures(name, Path(folder)) for name in COMMANDS if name in wanted.only}
+        found = dict(_all(Path(folder), wanted.only))
     if wanted.write is not None:
         wanted.write.write_text(json.dumps(found, indent=0, sort_keys=True) + "\n", encoding="utf-8")
     if wanted.against is None:
         return 0
     before = json.loads(wanted.against.read_text(encoding="utf-8"))
-    differing = [line for name in found for line in _differences(name, before[name], found[name], wanted.relative)]
+    if wanted.renamed is not None:
+        with wanted.renamed.open(encoding="utf-8", newline="") as table:
+            names = {row["before"]: row["now"] for row in csv.DictReader(table)}
+        before = {name: {_renamed(key, names): v for key, v in one.items()} for name, one in before.items()}
+    differing = [
+        line for name in found for line in _differences(name, before.get(name, {}), found[name], wanted.relative)
+    ]
     print("\n".join(differing) or "every figure is unchanged")
     return bool(differing)
 
 
-def _figures(name: str, folder: Path) -> dict[str, float | str]:
-    words = COMMANDS[name].replace("KR60", str(KR60)).replace("WING", str(WING)).replace("{", f"{folder}/{{").split()
-    words = [word.replace("{", "").replace("}", "") for word in words]
+def _all(folder: Path, only: Sequence[str] | None) -> Iterator[tuple[str, dict[str, float | str]]]:
+    made = folder / "made"
+    recorded_python.make_inputs(made)
+    for name in COMMANDS:
+        if only is None or name in only:
+            yield name, _figures(name, folder, made)
+    for name, function in recorded_python.FUNCTIONS.items():
+        if only is None or f"python.{name}" in only:
+            print(f"python.{name}", file=sys.stderr)
+            yield f"python.{name}", dict(_flat(recorded_python.plain(function(folder)), ""))
+
+
+def _renamed(key: str, names: Mapping[str, str]) -> str:
+    return "".join(names.get(part, part) for part in re.split(r"([.\[\]])", key))
+
+
+def _figures(name: str, folder: Path, made: Path) -> dict[str, float | str]:
+    words = re.sub(r"\{([^}]*)\}", rf"{folder}/\1", COMMANDS[name]).split()
+    for place, where in {**FOLDERS, "MADE": made}.items():
+        words = [re.sub(rf"^{place}/", f"{where}/", word) for word in words]
+    words = [str(next(folder.glob(str(Path(word).relative_to(folder))))) if "*" in word else word for word in words]
     done = subprocess.run(  # noqa: S603 - our own program with constant arguments
         [sys.executable, "-m", "stiffarm", *words, "--json"],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=subprocess.DEVNULL, capture_output=True,
