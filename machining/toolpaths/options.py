@@ -42,6 +42,8 @@ class ReadOptions:
     pivot : m, where the axes of a turning table meet, in the coordinates of the program at angles of 0: X Y Z without
         tool centre point control are then turned back into the part
     rotary_reversed : letters of rotary axes that turn against ISO 841, such as "C"
+    retract : m, height along the tool axis in the part frame at which the tool is held while it is at a place of the
+        machine; None: above the highest point of the path (:mod:`machining.toolpaths.retracts`)
 
     Raises
     ------
@@ -67,6 +69,7 @@ class ReadOptions:
     compensation: str = "error"
     rotary_reversed: str = ""
     pivot: Point | None = None
+    retract: float | None = None
 
     def __post_init__(self) -> None:
         choices: dict[str, tuple[str | None, ...]] = {
@@ -84,6 +87,8 @@ class ReadOptions:
         for name in ("chord_tolerance", "arc_tolerance"):
             if not 1e-9 <= getattr(self, name) <= 1e-2:
                 raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
+        if self.retract is not None and not abs(self.retract) <= FARTHEST:
+            raise InputError("option retract", value=self.retract, allowed=f"-{FARTHEST:g} to {FARTHEST:g} m")
         for name in ("max_bytes", "max_moves"):
             require_at_least(f"option {name}", getattr(self, name), 1)
         for name, point in (("start", self.start), ("pivot", self.pivot), *self.offsets.items()):

@@ -10,9 +10,10 @@ import numpy as np
 
 from machining import magnitudes as limits
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
+from machining.toolpaths.retracts import CLEARANCE, Retracts
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.errors import raised_at
+from robots.errors import listed, raised_at
 from robots.faults import Faults
 
 Vector = tuple[float, float, float]
@@ -37,8 +38,10 @@ class StatementError(ValueError):
 class Recorder:
     """Moves, state, events, notes and faults of one file; :meth:`motions` makes the result or raises."""
 
-    def __init__(self, source: str, max_moves: int) -> None:
+    def __init__(self, source: str, max_moves: int, retract: float | None = None) -> None:
+        """``retract`` m: height of retracts (:mod:`machining.toolpaths.retracts`)."""
         self.source, self.max_moves = source, max_moves
+        self.retracts = Retracts(retract)
         self.points, self.axes = array("d"), array("d")
         self.rapids, self.lines = array("b"), array("q")
         # First move, feed, spindle, tool and operation of one state after the other.
@@ -71,6 +74,11 @@ class Recorder:
 
     def move(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         """One move to ``point`` (m) with tool axis ``axis`` of any length."""
+        if self.retracts.away:
+            self._back(line, point, axis)
+        self._put(line, point, axis, rapid)
+
+    def _put(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         self.room(1)
         self.points.extend(point)
         self.axes.extend(axis)
@@ -79,11 +87,39 @@ class Recorder:
 
     def moves(self, line: int, points: Array, axes: Array, rapid: bool) -> None:
         """Moves (m, 3) of one statement."""
+        if self.retracts.away and len(points):
+            self._back(line, points[0].tolist(), axes[0].tolist())
         self.room(len(points))
         self.points.frombytes(np.ascontiguousarray(points).tobytes())
         self.axes.frombytes(np.ascontiguousarray(axes).tobytes())
         self.rapids.extend([rapid] * len(points))
         self.lines.extend([line] * len(points))
+
+    def away(self, line: int, word: str) -> None:
+        """The tool goes to a place of the machine, as ``word`` says: up along its axis, if it is in the part now."""
+        if len(self) and not self.retracts.away:
+            self.retracts.begin(line, word)
+            self._raise(line, np.array(self.points[-3:]), np.array(self.axes[-3:]))
+
+    def across(self, line: int, point: Vector, axis: Vector) -> None:
+        """While the tool is away, a rapid move to above ``point`` (m), whose height along ``axis`` is not known."""
+        unit = _unit(axis)
+        self._raise(line, self.retracts.level(np.array(point), unit), unit)
+
+    def _back(self, line: int, point: Vector, axis: Vector) -> None:
+        """The tool comes back into the part: across to above ``point``, from where the next move leads down."""
+        place, unit = np.array(point), _unit(axis)
+        if not self.retracts.above(place, unit, self._tool_now):
+            self._raise(line, place, unit)
+        self.retracts.away = False
+
+    def _raise(self, line: int, point: Array, axis: Array) -> None:
+        for turned in self.retracts.steps(len(self), point, _unit(axis), self._tool_now):
+            self._put(line, tuple(point.tolist()), tuple(turned.tolist()), True)
+
+    @property
+    def _tool_now(self) -> int:
+        return int(self._states[-2])
 
     def room(self, more: int) -> None:
         """Refuse more moves than the limit before memory is taken for them."""
@@ -197,6 +233,8 @@ class Recorder:
             All faults found, the first ones with their lines, and their number.
         """
         points, axes, line = self._checked()
+        if self.retracts.count and not self.faults:
+            points = self._retracted(points, axes)
         if not self.faults and not len(line):
             self.error(0, "no motion in the file", remedy="give the file of a tool path")
         self.faults.raise_if_any("tool path file")
@@ -205,6 +243,27 @@ class Recorder:
         if self._lost_events:
             self.note(0, f"{self._lost_events} words that are no motion are not kept, beyond {EVENTS}")
         return self._table(points, axes, line)
+
+    def _retracted(self, points: Array, axes: Array) -> Array:
+        """Points (n, 3) m with the retracts at their heights, which are remarked on."""
+        one = self.retracts
+        points, heights, least = one.placed(points, axes, np.frombuffer(self.rapids, dtype=np.int8) == 0)
+        if one.height is not None and one.height < least:
+            self.error(
+                0,
+                "height of retracts, mm",
+                value=f"{one.height * 1e3:.6g}",
+                allowed=f"at least {least * 1e3:.6g}: the highest point of the path at feed, along the tool axis",
+                remedy="raise it: --read retract=MM (retract= in Python), or leave it out",
+            )
+        span = " to ".join(f"{v * 1e3:.6g}" for v in sorted({heights.min(), heights.max()}))
+        how = "" if one.height is not None else f"{CLEARANCE * 1e3:g} mm above the path's highest point; "
+        text = (
+            f"retracts ({one.count}) for {listed(list(one.words))}: up along the tool axis to {span} mm, across and "
+            f"down; {how}--read retract=MM sets the height"
+        )
+        self.note(one.line, text)
+        return points
 
     def _settle_change(self) -> None:
         """A tool change that no move follows is to a tool of its number, or no command."""
@@ -304,3 +363,9 @@ class Recorder:
             notes=tuple(sorted(notes, key=lambda note: note.line)),
             source=self.source,
         )
+
+
+def _unit(axis: Vector | Array) -> Array:
+    """A tool axis (3,) of any length as a unit vector; one without length is a fault that is told later."""
+    length = float(np.linalg.norm(axis))
+    return np.asarray(axis, dtype=np.float64) / (length if 0.0 < length < np.inf else 1.0)

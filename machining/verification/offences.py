@@ -12,6 +12,7 @@ from machining.cell.cell import LIMIT_TOLERANCE
 from machining.verification.courses import BLOCK, PIECES, Courses
 from machining.verification.demands import Demands
 from machining.verification.path_checks import SIGNS, PathChecks, counts
+from machining.verification.rapids import low_rapids
 from machining.verification.sweep import Swept
 from machining.verification.timing import Timing
 from robots.arrays import Array, Bools, Integers, in_blocks
@@ -27,6 +28,7 @@ class Kind(StrEnum):
 
     COLLISION = "collision"
     RAPID_CONTACT = "cutter touches the part in rapid"
+    LOW_RAPID = "rapid across below the retract"
     COMMAND = "spindle, coolant or tool command"
     LIMIT = "axis limit"
     BRANCH_JUMP = "branch jump"
@@ -43,6 +45,7 @@ class Kind(StrEnum):
 KIND_WORDS = {
     Kind.COLLISION: "bodies overlap; cutter and part may touch while cutting",
     Kind.RAPID_CONTACT: "the cutter overlaps the part in a rapid move; material removal is not simulated",
+    Kind.LOW_RAPID: "a rapid move across, below the height of the last retract; looked for where the part is not",
     Kind.COMMAND: "spindle, coolant, rest or tool change are commanded otherwise than the moves need it",
     Kind.UNPROVEN: "between two free poses a touch could not be excluded at the stated resolution",
     Kind.CLEARANCE: "bodies come nearer than the safety distance",
@@ -219,6 +222,14 @@ def body_offences(reported: Reported, swept: Swept, rapid: Swept | None, safety:
     yield from reported.each(Kind.UNFOLLOWED, lost, swept.lost, nothing + np.nan, np.nan, "", text=text)
     if rapid is not None:
         yield from _rapid_contacts(reported, rapid)
+
+
+def low_rapid_offences(reported: Reported, tolerance: float) -> Iterator[Offence]:
+    """Rapid moves across below the last retract."""
+    for low in low_rapids(reported.courses, tolerance):
+        yield reported.offence(
+            Kind.LOW_RAPID, low.move, low.share, low.height, low.retract, "m", text="height along the tool axis"
+        )
 
 
 def _unproven(reported: Reported, move: int, swept: Swept, severity: Severity = Severity.ERROR) -> Offence:

@@ -22,6 +22,7 @@ from machining.verification.offences import (
     Severity,
     axis_offences,
     body_offences,
+    low_rapid_offences,
     merged,
     path_offences,
     worst_first,
@@ -104,7 +105,8 @@ def verify(
 ) -> Verification:
     """Replay a program in its cell and find everything that is wrong with it.
 
-    Bodies are checked on whole moves (:mod:`machining.verification.sweep`), axes and path at the points and at eight
+    Bodies are checked on whole moves (:mod:`machining.verification.sweep`), rapid moves without a part and a cutter by
+    the height of the last retract (:mod:`machining.verification.rapids`), axes and path at the points and at eight
     pieces a move. Cutter and part may touch in cutting moves; in rapid moves an overlap of them is an offence, the
     safety distance is not asked of them. The part does not change: what the cutter removes stays.
 
@@ -151,6 +153,8 @@ def verify(
     reported = Reported(courses)
     found = [
         *body_offences(reported, swept, rapid, safety),
+        # Without the part's surface, or a cutter's, this is all that can be said of rapid moves.
+        *(low_rapid_offences(reported, demands.tolerance) if rapid is None else ()),
         *axis_offences(reported, timing),
         *path_offences(reported, path, demands),
         *command_offences(reported),

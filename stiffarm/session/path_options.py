@@ -37,6 +37,7 @@ ReadOpt = Annotated[
         help="How the tool-path file is read: frames=one|written|absolute, unknown_motion=error|report, "
         "start=X,Y,Z (mm), G54=X,Y,Z (mm), arc_absolute=yes|no, circle_axis=auto|right|left, dwell_unit=s|ms, "
         "skip_deleted=yes|no, compensation=error|centre, rotary_reversed=A|B|C|AC|BC, pivot=X,Y,Z (mm), "
+        "retract=MM, "
         "chord_tolerance_um=N, arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
     ),
 ]
@@ -44,9 +45,10 @@ OFFSET = re.compile(r"G5[4-9](?:\.[123])?")
 WORDS = ("frames", "unknown_motion", "circle_axis", "dwell_unit", "compensation", "rotary_reversed")
 SWITCHES = ("arc_absolute", "skip_deleted")
 LENGTHS_UM = ("chord_tolerance", "arc_tolerance")
+LENGTHS_MM = ("retract",)
 POINTS = ("start", "pivot")
 COUNTS = ("max_moves", "max_bytes")
-KEYS = (*WORDS, *SWITCHES, *POINTS, "G54 to G59.3", *(f"{name}_um" for name in LENGTHS_UM), *COUNTS)
+KEYS = (*WORDS, *SWITCHES, *POINTS, *LENGTHS_MM, "G54 to G59.3", *(f"{name}_um" for name in LENGTHS_UM), *COUNTS)
 
 
 @dataclass(frozen=True)
@@ -106,11 +108,11 @@ def _value(key: str, text: str) -> Any:
         return text == "yes"
     if key in POINTS:
         return _point(key, text)
-    if key.removesuffix("_um") in LENGTHS_UM and key.endswith("_um"):
-        numbers = parse_numbers(text)
+    if key in LENGTHS_MM or (key.removesuffix("_um") in LENGTHS_UM and key.endswith("_um")):
+        numbers, (unit, factor) = parse_numbers(text), ("mm", 1e-3) if key in LENGTHS_MM else ("um", 1e-6)
         if numbers is None or len(numbers) != 1:
-            raise InputError(f"--read {key}", value=text, allowed="a number, um", remedy=f"as in --read {key}=10")
-        return numbers[0] * 1e-6
+            raise InputError(f"--read {key}", value=text, allowed=f"a number, {unit}", remedy=f"as in --read {key}=10")
+        return numbers[0] * factor
     if key in COUNTS:
         if not (text.isascii() and text.isdecimal() and len(text) < 16):
             raise InputError(

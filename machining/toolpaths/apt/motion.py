@@ -27,7 +27,7 @@ class AptMotion(AptState):
             "GOHOME": self._gohome,
             "GODLTA": self._godlta,
             "RAPID": self._rapid,
-            "RETRCT": self._retract,
+            "RETRCT": self._leave,
             "CIRCLE": self._circle,
             "MOVARC": self._movarc,
             "INDIRV": self._indirv,
@@ -99,10 +99,19 @@ class AptMotion(AptState):
         self._to(point)
 
     def _gohome(self, s: Statement) -> None:
+        self._leave(s)
         if s.rest.strip():
             self._from(s)
-            return
-        self.recorder.event(self.line, "GOHOME", note="GOHOME without a point: the machine's home is not in the file")
+
+    def _leave(self, s: Statement) -> None:
+        """GOHOME, RETRCT: the tool goes to a place of the machine; data of a tool given before are the next move's."""
+        self.recorder.event(self.line, s.word, s.rest)
+        if len(self.recorder):
+            loaded = self.loaded
+            if self.dirty:
+                self._commit()
+            self.loaded = loaded
+            self.recorder.away(self.line, s.word)
         self.here, self.rapid = None, False
 
     def _godlta(self, s: Statement) -> None:
@@ -118,9 +127,6 @@ class AptMotion(AptState):
 
     def _rapid(self, s: Statement) -> None:
         self.rapid = True
-
-    def _retract(self, s: Statement) -> None:
-        self.recorder.event(self.line, "RETRCT", s.rest, note="RETRCT: the height is the machine's and not in the file")
 
     def _drill(self, work: Cycle, point: Vector) -> None:
         if self.dirty:

@@ -127,7 +127,7 @@ class AptState:
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self.options = options
-        self.recorder = Recorder(path.name, options.max_moves)
+        self.recorder = Recorder(path.name, options.max_moves, options.retract)
         self.scale = words.length_unit(path, options, self.recorder)
         self.frames = Frames(options.frames)
         self.line = 0

@@ -36,7 +36,7 @@ class GcodeMotion(Modes):
         target = self.target(b)
         before, self.axis = self.axis, self._tool_axis(b)
         if self.motion == 0:
-            if not self._rapid_known(target):
+            if not self.rapid_to(target):
                 self.recorder.event(
                     self.line,
                     "G0",
@@ -56,14 +56,25 @@ class GcodeMotion(Modes):
             self._arc(b, point, before)
         self.here = list(point)
 
-    def _rapid_known(self, target: list[float | None]) -> bool:
+    def rapid_to(self, target: list[float | None]) -> bool:
+        """A rapid move, at the height of a retract while that of the target is not known; whether there was one."""
         self.here = target
-        x, y, z = target
-        if x is None or y is None or z is None:
+        unknown = [k for k, v in enumerate(target) if v is None]
+        x, y, z = (0.0 if v is None else v for v in target)
+        if not unknown:
+            self.commit(math.nan)
+            self.recorder.move(self.line, self.shifted((x, y, z)), self.axis, True)
+        elif len(unknown) == 1 and self.recorder.retracts.away and self._along_tool(unknown[0]):
+            self.commit(math.nan)
+            self.recorder.across(self.line, self.shifted((x, y, z)), self.axis)
+        else:
             return False
-        self.commit(math.nan)
-        self.recorder.move(self.line, self.shifted((x, y, z)), self.axis, True)
         return True
+
+    def _along_tool(self, k: int) -> bool:
+        """Whether the tool axis is along coordinate k of the frame in force."""
+        way = np.array(self.shifted((float(k == 0), float(k == 1), float(k == 2)))) - self.shifted((0.0, 0.0, 0.0))
+        return abs(float(way @ np.array(self.axis))) > 1.0 - 1e-9
 
     def _known(self, target: list[float | None]) -> Vector:
         x, y, z = target

@@ -49,6 +49,8 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
 
 # Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
 ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
+# Codes of places of the machine, beside SUPA: G28, G30, G53, G153 of Siemens.
+MACHINE = (280, 300, 530, 1530)
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -160,12 +162,15 @@ class _Reader(GcodeMotion):
                 raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
             del b.words["P"]
         for code in b.codes:
-            if code in (280, 300, 530):
+            if code in MACHINE:
                 self._machine(code, b)
                 return
             if code in ORIGINS:
                 self._origin(code, b)
                 return
+        if "SUPA" in b.long:
+            self._machine(530, b)
+            return
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
         if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
@@ -188,7 +193,7 @@ class _Reader(GcodeMotion):
             if self.options.unknown_motion == "error":
                 raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT)
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
-            self.lose(b)
+            self.lose(b, shown(code))
             b.words.clear()
 
     def _long(self, word: str, b: Block) -> None:
@@ -211,14 +216,14 @@ class _Reader(GcodeMotion):
                 self.drill_here(one)
         elif head == "CYCLE800":
             self.put_into(swivelled(self._arguments(head, rest), self.scale, self.frame))
-            self._swivelled()
+            self._swivelled(head)
         elif MOTION_WORDS.match(name) and not word.replace(" ", "").endswith("()"):
             if self.options.unknown_motion == "error":
                 raise StatementError(
                     f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3", WITHOUT
                 )
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
-            self.lose(b)
+            self.lose(b, readable(head))
             b.words.clear()
         elif head not in QUIET:
             self.recorder.note(self.line, f"word {readable(head)} is not read")
@@ -240,22 +245,19 @@ class _Reader(GcodeMotion):
         raise StatementError("a dwell without its time", "P, X, U or F with a number")
 
     def _machine(self, code: int, b: Block) -> None:
-        """G28, G30: by way of a point to the machine's own; G53: coordinates of the machine."""
+        """G28, G30: by way of a point to the machine's own; G53, G153, SUPA: coordinates of the machine."""
         named = [i for i, letter in enumerate("XYZ") if letter in b.words]
-        if code != 530 and named and self.target(b) != self.here:
+        home = code in (280, 300)
+        if home and named and self.target(b) != self.here:
             # The point on the way is in the part.
-            self._rapid_known(self.target(b))
-        for i in named if named or b.words.keys() & set("ABC") else range(3):
-            self.here[i] = None
+            self.rapid_to(self.target(b))
         for letter in "ABC":
             if letter in b.words:
                 self.angles[letter] = 0.0
-        self.recorder.event(
-            self.line,
-            shown(code),
-            str(b),
-            note=f"{shown(code)}: a place of the machine, not in the part",
-        )
+        word = "SUPA" if "SUPA" in b.long else shown(code)
+        self.recorder.event(self.line, word, str(b))
+        # G28 alone is for all axes; G53 alone moves nothing.
+        self.leave(named if named or not home or b.words.keys() & set("ABC") else (0, 1, 2), word)
 
     def _origin(self, code: int, b: Block) -> None:
         """Codes that move or turn the frame of the coordinates to come."""
@@ -277,7 +279,7 @@ class _Reader(GcodeMotion):
             self.put_into(tilted(b.words, self.scale))
         elif code == 531:
             self.frame = replace(old, follows=True)
-            self._swivelled()
+            self._swivelled(shown(code))
         else:
             self.put_into(CoordinateFrame())
 
@@ -286,10 +288,10 @@ class _Reader(GcodeMotion):
         texts = (1,) if name == "CYCLE800" else ()
         return cycle_arguments(name, rest.rpartition(")")[0], self.values.value, texts)
 
-    def _swivelled(self) -> None:
+    def _swivelled(self, word: str) -> None:
         """Table or head turn: what coordinates the tool then has is the machine's, unless nothing turns."""
         if self.axis != self.frame_axis:
-            self.here = [None, None, None]
+            self.leave((0, 1, 2), word)
         self.axis = self.frame_axis
 
     def _here_is(self, b: Block) -> None:

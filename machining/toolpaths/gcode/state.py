@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -43,7 +44,7 @@ QUIET = (
 )  # fmt: skip
 # Codes of cutter compensation, and those that have a meaning of their own.
 COMPENSATED = (410, 411, 420, 421)
-OWN = (40, 50, 51, 100, 921, 280, 300, 520, 530, 531, 680, 682, 690, 700, 710, 920, *COMPENSATED)
+OWN = (40, 50, 51, 100, 921, 280, 300, 520, 530, 531, 1530, 680, 682, 690, 700, 710, 920, *COMPENSATED)
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
     50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
@@ -82,7 +83,7 @@ class Modes:
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        self.options, self.recorder = options, Recorder(path.name, options.max_moves)
+        self.options, self.recorder = options, Recorder(path.name, options.max_moves, options.retract)
         self.line = 0
         self.values = Values()
         self.motion: int | None = None
@@ -274,11 +275,17 @@ class Modes:
                     out[i] = None if old is None else old + value
         return out
 
-    def lose(self, b: Block) -> None:
+    def lose(self, b: Block, word: str) -> None:
         """Forget where the tool stands along the axes that a block left out has."""
-        for i, letter in enumerate("XYZ"):
-            if letter in b.words:
-                self.here[i] = None
+        self.leave([i for i, letter in enumerate("XYZ") if letter in b.words], word)
+
+    def leave(self, axes: Sequence[int], word: str) -> None:
+        """Along some axes the tool goes where the file does not say, as ``word`` tells it: the robot retracts."""
+        for i in axes:
+            self.here[i] = None
+        if axes and len(self.recorder):
+            self._put_state(math.nan)
+            self.recorder.away(self.line, word)
 
     def shifted(self, point: Vector) -> Vector:
         """Point of the frame in force, with the work offset added."""
@@ -330,6 +337,9 @@ class Modes:
             self._use_offset()
         if self.feed_mode == "inverse" and not math.isnan(length) and not self.inverse_given:
             raise StatementError("a move at inverse time without F", "F in each block under G93")
+        self._put_state(length, reverse)
+
+    def _put_state(self, length: float, reverse: bool = False) -> None:
         if not self.dirty and self.feed_mode != "inverse" and not reverse:
             return
         if self.tool == Tool() and (self.selected >= 0 or self.named):

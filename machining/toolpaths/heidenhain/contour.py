@@ -25,6 +25,8 @@ from robots.arrays import Array
 REMEDY = "post it as single moves"
 # Cycles that set what moves do not depend on: rest, orientation, tolerance, preset.
 _QUIET_CYCLES = (9, 13, 32, 247)
+# M codes of places of the machine.
+MACHINE = (91, 92, 140)
 # A full turn has no words but its centre's.
 _WITH_CENTRES = MOVING | {*"IJK"}
 _PLANE_OF = {"XY": 170, "XZ": 180, "YZ": 190}
@@ -197,12 +199,14 @@ class Contour(GcodeMotion):
         self.modal_call |= 89 in misc
         if 128 in misc or 129 in misc:
             self.tcp = 128 in misc or self.options.tcp
-        machine = bool({91, 92, 140} & set(misc))
-        block.misc = [m for m in misc if m not in (89, 99, 128, 129, 91, 92, 140)]
+        machine = not set(MACHINE).isdisjoint(misc)
+        if 140 not in misc and ("MB" in w.values or "MBMAX" in w.flags):
+            raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY)
+        block.misc = [m for m in misc if m not in (89, 99, 128, 129, *MACHINE)]
         before = self._here()
         self.take(block)
         if machine:
-            self._machine_place(block, misc)
+            self._machine_place(block, w)
         elif not _WITH_CENTRES.isdisjoint(block.words):
             self._motion(block)
             after = self._here()
@@ -219,12 +223,27 @@ class Contour(GcodeMotion):
     def ended(self, misc: list[int]) -> None:
         """Whether M codes end the program; for the reader."""
 
-    def _machine_place(self, block: Block, misc: list[int]) -> None:
-        letters = [k for k in range(3) if "XYZ"[k] in block.words] or ([2] if 140 in misc else [])
-        for k in letters:
-            self.here[k] = None
-        self.recorder.event(self.line, f"M{next(m for m in misc if m in (91, 92, 140))}", str(block),
-                            note="M91, M92 and M140: a place of the machine, not in the part")  # fmt: skip
+    def _machine_place(self, block: Block, w: Words) -> None:
+        """M91, M92: coordinates of the machine; M140: back along the tool axis, by MB or as far as the machine goes."""
+        word = f"M{next(m for m in w.misc if m in MACHINE)}"
+        self.recorder.event(self.line, word, str(block))
+        # The block may have coordinates of the line before, too.
+        named = [k for k, letter in enumerate("XYZ") if letter in w.values or f"I{letter}" in w.values]
+        if word != "M140":
+            self.leave(named, word)
+            return
+        way = np.array(self.axis) @ self.frame.turn
+        if named or ("MB" in w.values) == ("MBMAX" in w.flags):
+            raise StatementError("M140 with coordinates, or without its way", "M140 MB MAX, M140 MB 50", REMEDY)
+        if "MBMAX" in w.flags:
+            self.leave(np.flatnonzero(np.abs(way) > 1e-9).tolist(), word)
+            return
+        if not w.values["MB"] > 0.0:
+            raise StatementError(f"M140 MB {w.values['MB']:g}", "MB of more than 0")
+        x, y, z = self._known(self.here)
+        self.here = [v + w.values["MB"] * self.scale * float(d) for v, d in zip((x, y, z), way, strict=True)]
+        self.commit(w.values["MB"] * self.scale)
+        self.recorder.move(self.line, self.shifted(self._known(self.here)), self.axis, "F" not in block.words)
 
     # Arcs
 
@@ -421,7 +440,7 @@ class Contour(GcodeMotion):
         self._framed()
         if self.tilt is not None and "STAY" not in text:
             # The control swivels, and may move the axes for it.
-            self.here = [None, None, None]
+            self.leave((0, 1, 2), "PLANE")
 
     def _framed(self) -> None:
         frame = CoordinateFrame(shift=self.datum.copy())

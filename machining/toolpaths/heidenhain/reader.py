@@ -187,7 +187,7 @@ class _Reader(Contour):
         if self.options.unknown_motion == "error":
             raise StatementError(f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY)
         self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked")
-        self.here = [None, None, None]
+        self.leave((0, 1, 2), readable(what))
 
     def _tool(self, text: str) -> None:
         match = _TOOL.match(text)

@@ -13,8 +13,8 @@ from machining.toolpaths.recorder import StatementError
 _NUMBER = re.compile(r"^\s*\d+(?=\s|$)")
 _VALUE = r"[-+]?\s*(?:Q[LR]?\d+|\d+[.,]?\d*|[.,]\d+)"
 _WORD = re.compile(
-    rf"\s*(?:(?P<flag>R0|RL|RR|FMAX|F\s+MAX|F\s*AUTO|DR\s*[-+])(?![A-Z0-9.,])"
-    rf"|(?P<key>IPR|IPA|PR|PA|[NT][XYZ]|I?[XYZABC]|R|M|F)\s*(?P<value>{_VALUE}))",
+    rf"\s*(?:(?P<flag>R0|RL|RR|FMAX|F\s+MAX|F\s*AUTO|MB\s*MAX|DR\s*[-+])(?![A-Z0-9.,])"
+    rf"|(?P<key>IPR|IPA|PR|PA|[NT][XYZ]|I?[XYZABC]|R|MB|M|F)\s*(?P<value>{_VALUE}))",
     re.I,
 )
 _Q = re.compile(r"\bQ([LR]?)(\d+)")

@@ -17,6 +17,9 @@ REMEDIES: Final = MappingProxyType(
         Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
         " `stiffarm posture` and `stiffarm place` keep clear of the cell's bodies.",
         Kind.RAPID_CONTACT: "Lift the rapid move clear of the part, or draw the tool out along its axis first.",
+        Kind.LOW_RAPID: "Draw the tool out along its axis first, go across at the height of the last retract and then"
+        " down. If that way is free of the part, give the cell file the part's surface ([part], with a cutter in"
+        " [tool]): then contacts are looked for instead.",
         Kind.COMMAND: "Put the command into the tool path (spindle stop, tool change, rest) and write the program anew"
         " with `stiffarm post`.",
         Kind.LIMIT: "Write the program anew with another branch, turn or gamma (`stiffarm posture`), or another"

@@ -78,7 +78,9 @@ def test_autodesk() -> None:
     np.testing.assert_array_equal(m.points[0], [0, 0, 0.1])
     angle = np.unwrap(np.arctan2(m.points[m.line == 14][:, 1], m.points[m.line == 14][:, 0]))
     assert angle[-1] - math.pi / 2 == pytest.approx(1.5 * math.pi)
-    np.testing.assert_allclose(m.points[-3:], [[0.02, 0, 0.015], [0.02, 0, 0.02], [0, 0, 0.1]], atol=1e-15)
+    # GOHOME: up, across and down to its point.
+    home = [[0.02, 0, 0.11], [0, 0, 0.11], [0, 0, 0.1]]
+    np.testing.assert_allclose(m.points[-5:], [[0.02, 0, 0.015], [0.02, 0, 0.02], *home], atol=1e-15)
 
 
 def test_a_goto_without_axis_keeps_the_last_one_and_makes_it_a_unit_vector(tmp_path: Path) -> None:
@@ -183,7 +185,8 @@ def test_dwell_units(tmp_path: Path) -> None:
 
 def test_gohome_without_a_point_is_said_and_forgets_where_the_tool_is(tmp_path: Path) -> None:
     m = apt(tmp_path, "GOTO/0,0,0\nGOHOME\nGOTO/1,0,0\nFINI\n")
-    assert m.n == 2
+    np.testing.assert_allclose(m.points * 1e3, [[0, 0, 0], [0, 0, 10], [1, 0, 10], [1, 0, 0]])
+    assert m.rapid.tolist() == [False, True, True, False]
     assert any("GOHOME" in n.text for n in m.notes)
     with pytest.raises(InputErrors, match="GODLTA without a point"):
         apt(tmp_path, "GOTO/0,0,0\nGOHOME\nGODLTA/1\n")
@@ -199,12 +202,13 @@ def test_kept_words_are_events_in_order_with_the_move_they_come_before(tmp_path:
         ("STOP", 1, 4),
         ("OPSTOP", 1, 5),
         ("RETRCT", 1, 6),
-        ("SELECT", 1, 8),
-        ("CUTCOM", 2, 10),
-        ("INSERT", 2, 11),
-        ("FINI", 2, 12),
+        # Up for RETRCT, across and down behind it.
+        ("SELECT", 2, 8),
+        ("CUTCOM", 4, 10),
+        ("INSERT", 4, 11),
+        ("FINI", 4, 12),
         # The end of a program ends the coolant.
-        ("FINI", 2, 12),
+        ("FINI", 4, 12),
     ]
     assert sum("CUTCOM" in n.text or "RETRCT" in n.text for n in m.notes) == 2
 

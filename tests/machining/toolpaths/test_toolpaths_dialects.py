@@ -20,7 +20,11 @@ def test_sinumerik_vectors_swivels_and_modal_cycles() -> None:
     np.testing.assert_allclose(m.axes[m.line == 11], [[0.6, 0, 0.8]])
     np.testing.assert_allclose(at[12], [[15, 7, 0]])
     # Swivelled by 90 deg about Y at (10, 20, 30): its z is the part's x, its x the part's -z.
-    np.testing.assert_allclose(at[15], [[10 + 3, 20 + 2, 30 - 1]], atol=1e-9)
+    # Up along (0.6, 0, 0.8) to 102, 10 above (20, 10, 100) at 92; it turns where x is 30, too, and goes down along x.
+    away = [15 + 93 * 0.6, 7, 93 * 0.8]
+    corner = [30, 0.5 * (7 + 22), (102 - 30 * 0.6) / 0.8]
+    np.testing.assert_allclose(at[14], [away], atol=1e-9)
+    np.testing.assert_allclose(at[15], [corner, corner, [30, 22, 29], [10 + 3, 20 + 2, 30 - 1]], atol=1e-9)
     np.testing.assert_allclose(at[16], [[10, 22, 29]], atol=1e-9)
     np.testing.assert_allclose(m.axes[m.line == 16], [[1, 0, 0]], atol=1e-12)
     # The first peck goes to 5 below the reference, the second 5 deeper.
@@ -91,7 +95,7 @@ def test_tilted_plane_subprogram_and_variables() -> None:
     assert [5, 0, 50] in ends.tolist()
     assert [10, 0, 50] in ends.tolist()
     # Rx(90): its y is the part's z, its z the part's -y.
-    np.testing.assert_allclose(m.points[m.line == 12] * 1e3, [[11, -3, 2]], atol=1e-9)
+    np.testing.assert_allclose(m.points[m.line == 12][-1] * 1e3, [11, -3, 2], atol=1e-9)
     np.testing.assert_allclose(m.points[m.line == 13] * 1e3, [[11, 12.5, 2]], atol=1e-9)
     np.testing.assert_allclose(m.feed[m.line == 13], 500e-3 / 60)
     np.testing.assert_allclose(m.axes[m.line == 13], [[0, -1, 0]], atol=1e-12)

@@ -31,8 +31,8 @@ def test_three_axes() -> None:
     np.testing.assert_allclose(m.points[m.line == 12] * 1e3, [[35, 25, -1]])
     np.testing.assert_allclose(m.feed[m.line == 8], 120 * MM_PER_MIN)
     np.testing.assert_allclose(m.feed[m.line == 12], 600 * MM_PER_MIN)
-    # The spindle stops before the way point of G28.
-    np.testing.assert_allclose(m.spindle[m.tool == 1], [1200 * RPM] * (np.sum(m.tool == 1) - 1) + [0])
+    # The spindle stops before the way point of G28, and the retract behind it.
+    np.testing.assert_allclose(m.spindle[m.tool == 1], [1200 * RPM] * (np.sum(m.tool == 1) - 2) + [0, 0])
     assert m.dwell[m.line == 17].tolist()[-1] == 1.5
     words = [e.word for e in m.events]
     assert words.count("LOADTL") == 2
@@ -188,14 +188,18 @@ def test_the_end_of_the_program(tmp_path: Path) -> None:
     m = gcode(tmp_path, "G0 X0 Y0 Z0\nM30\nG0 X1\n")
     assert m.n == 1
     assert any("behind the end" in n.text for n in m.notes)
-    assert gcode(tmp_path, "G0 X0 Y0 Z0\nG91 G28 Z0 M30\nG0 X1\n").n == 1
+    # The retract is made before the end.
+    m = gcode(tmp_path, "G0 X0 Y0 Z0\nG91 G28 Z0 M30\nG0 X1\n")
+    np.testing.assert_allclose(m.points * 1e3, [[0, 0, 0], [0, 0, 10]])
 
 
 def test_places_of_the_machine_are_not_in_the_part(tmp_path: Path) -> None:
     program = "G0 X0 Y0 Z5\nG91 G28 Z0\nG90 G0 X50 Y50\nG0 Z5\nG53 G0 Z0\nG0 Z7\nG30 X60 Y60\nG0 X1 Y2\nM30\n"
     m = gcode(tmp_path, program)
-    # G28 Z0 in G91 has no way point; G30 goes by X60 Y60; X50 Y50 without a height is an event.
-    np.testing.assert_allclose(m.points * 1e3, [[0, 0, 5], [50, 50, 5], [50, 50, 7], [60, 60, 7], [1, 2, 7]])
+    # G28 Z0 in G91 has no way point; G30 goes by X60 Y60; 17 is 10 above the highest point.
+    wanted = [[0, 0, 5], [0, 0, 17], [50, 50, 17], [50, 50, 5], [50, 50, 17], [50, 50, 7]]
+    wanted += [[60, 60, 7], [60, 60, 17], [1, 2, 17], [1, 2, 7]]
+    np.testing.assert_allclose(m.points * 1e3, wanted)
     with pytest.raises(InputErrors, match=r"line 4: a move at feed while Z is not known.*start="):
         gcode(tmp_path, "G0 X0 Y0 Z5\nG28 Z5\nG1 X1 F100\nM30\n")
     with pytest.raises(InputErrors, match="while Y, Z is not known"):
@@ -295,7 +299,9 @@ def test_coordinates_need_a_motion_code_and_a_unit(tmp_path: Path) -> None:
 
 def test_codes_left_out_when_asked_make_the_position_unknown(tmp_path: Path) -> None:
     program = "G0 X0 Y0 Z0\nG33 Z-5 K1\nG0 Z3\nM30\n"
-    assert gcode(tmp_path, program, unknown_motion="report").n == 2
+    # The tool is taken up from where it was left, and comes down where it is known again.
+    m = gcode(tmp_path, program, unknown_motion="report")
+    np.testing.assert_allclose(m.points[:, 2] * 1e3, [0, 13, 3])
     with pytest.raises(InputErrors, match="Z is not known"):
         gcode(tmp_path, "G0 X0 Y0 Z0\nG33 Z-5 K1\nG1 X3 F100\nM30\n", unknown_motion="report")
 

@@ -1,0 +1,83 @@
+"""Rapid moves across the part below the height to which the tool was last drawn back: what shows without the part.
+
+Looked at is where the joints of the program lead, all along each move. A retract is a rapid move up along the tool or
+along z, or a way back at feed from a cut to where it was entered. From then on a rapid move that changes x or y, other
+than along the tool, may not be below that height, along the tool axis in the part frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from machining.verification.courses import PIECES, Courses
+from robots.arrays import Array, Integers
+
+
+@dataclass(frozen=True)
+class LowRapid:
+    """Move ``move`` is at ``height`` m first after ``share`` of it, below the last retract at ``retract`` m."""
+
+    move: int
+    share: float
+    height: float
+    retract: float
+
+
+def low_rapids(courses: Courses, tolerance: float) -> Iterator[LowRapid]:
+    """Rapid moves across and below the last retract, by more than ``tolerance`` m; the lowest of each source move."""
+    motions, points = courses.program.motions, courses.reached[:, :3, 3]
+    rapid = motions.rapid & ~motions.changes
+    rapid[:1] = False
+    rows = np.flatnonzero(rapid)
+    if not len(rows):
+        return
+    way = _ways(courses, rows)
+    place = np.cumsum(rapid) - 1
+    # Where the program begins, and where a tool comes from the changer, it has been drawn back to.
+    fresh = np.append(0, np.flatnonzero(motions.changes))
+    retract = entered = points[0]
+    behind = 0
+    for first, last in _groups(courses, rows):
+        begun = int(fresh[np.searchsorted(fresh, first, side="right") - 1])
+        if begun > behind:
+            retract = entered = points[begun]
+            behind = begun
+        start, axis = points[first - 1], -courses.reached[first - 1, :3, 2]
+        lowest = (points[behind:first] @ axis).min()
+        if first - 1 > behind and (start - entered) @ axis > -tolerance and lowest < start @ axis - tolerance:
+            retract = start
+        samples = way[place[first] : place[last] + 1]
+        steps = samples - start
+        aside = steps - (steps @ axis)[..., None] * axis
+        height, level = samples @ axis, float(retract @ axis)
+        across = min(np.linalg.norm(aside, axis=2).max(), np.linalg.norm(steps[..., :2], axis=2).max()) > tolerance
+        end = points[last]
+        if across and height.min() < level - tolerance:
+            k, piece = np.unravel_index(int(height.argmin()), height.shape)
+            yield LowRapid(first + int(k), float(piece) / PIECES, float(height.min()), level)
+        elif across:
+            retract = end - max(0.0, float(end @ axis) - level) * axis
+        elif (end - start) @ axis > tolerance:
+            retract = end
+        entered, behind = end, last
+
+
+def _ways(courses: Courses, moves: Integers) -> Array:
+    """Tips (m, pieces + 1, 3) m in the part frame on moves (m,), at even shares from 0 to 1."""
+    values, _ = courses.sampled(moves)
+    frames = courses.frames(values.reshape(-1, values.shape[2]), np.repeat(moves, PIECES + 1))
+    return np.asarray(frames[:, :3, 3].reshape(len(moves), PIECES + 1, 3))
+
+
+def _groups(courses: Courses, rows: Integers) -> Iterator[tuple[int, int]]:
+    """First and last of the rapid moves ``rows`` that one move of the source has become."""
+    inserted = courses.program.inserted
+    first = -1
+    for k, move in enumerate(rows.tolist()):
+        first = move if first < 0 else first
+        if not inserted[move] or k + 1 == len(rows) or rows[k + 1] != move + 1:
+            yield first, move
+            first = -1
