@@ -41,6 +41,10 @@ class ReadOptions:
         where only wear is compensated, at the tool's centre; "centre" takes them as the tool's centre
     pivot : m, where the axes of a turning table meet, in the coordinates of the program at angles of 0: X Y Z without
         tool centre point control are then turned back into the part
+    ignore : words that change nothing about the path on the machine at hand, such as "M136" or "STOPRE": left out
+    rotation : what a second G68 does: "absolute" turns anew, "added" turns on; "": it is refused
+    rotary_feed : feed per minute of a move that a table turns in: "linear" is that of X Y Z alone (RS-274), "vector"
+        that of millimetres and degrees together (Fanuc); "": it is refused
     rotary_reversed : letters of rotary axes that turn against ISO 841, such as "C"
     retract : m, height along the tool axis in the part frame at which the tool is held while it is at a place of the
         machine; None: above the highest point of the path (:mod:`machining.toolpaths.retracts`)
@@ -68,6 +72,9 @@ class ReadOptions:
     skip_deleted: bool = False
     compensation: str = "error"
     rotary_reversed: str = ""
+    ignore: tuple[str, ...] = ()
+    rotation: str = ""
+    rotary_feed: str = ""
     pivot: Point | None = None
     retract: float | None = None
 
@@ -80,6 +87,8 @@ class ReadOptions:
             "rotary": ROTARY,
             "dwell_unit": ("s", "ms"),
             "compensation": ("error", "centre"),
+            "rotation": ("", "absolute", "added"),
+            "rotary_feed": ("", "linear", "vector"),
             "rotary_reversed": ("", "A", "B", "C", "AC", "BC"),
         }
         for name, allowed in choices.items():

@@ -121,6 +121,10 @@ class Recorder:
     def _tool_now(self) -> int:
         return int(self._states[-2])
 
+    def shorten(self, point: Vector) -> None:
+        """Let the last move end at ``point`` (m) instead."""
+        self.points[-3:] = array("d", point)
+
     def room(self, more: int) -> None:
         """Refuse more moves than the limit before memory is taken for them."""
         if len(self.lines) + more > self.max_moves:

@@ -23,7 +23,8 @@ def content(path: Path, max_bytes: int = LARGEST_FILE) -> bytes:
     InputError
         What :func:`robots.files.reading.read_bytes` refuses, an empty file, NUL bytes at its start (binary or UTF-16).
     """
-    data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(BYTE_ORDER_MARK)
+    # CP/M and DOS end a text with byte 0x1A.
+    data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(BYTE_ORDER_MARK).rstrip(b"\x1a")
     if not data:
         raise InputError(f"tool path file {path.name} is empty", remedy="post the program once more")
     if b"\0" in data[:_SAMPLE]:

@@ -37,18 +37,37 @@ ReadOpt = Annotated[
         help="How the tool-path file is read: frames=one|written|absolute, unknown_motion=error|report, "
         "start=X,Y,Z (mm), G54=X,Y,Z (mm), arc_absolute=yes|no, circle_axis=auto|right|left, dwell_unit=s|ms, "
         "skip_deleted=yes|no, compensation=error|centre, rotary_reversed=A|B|C|AC|BC, pivot=X,Y,Z (mm), "
-        "retract=MM, "
+        "retract=MM, ignore=WORD,WORD (words that change nothing), rotation=absolute|added, rotary_feed=linear|vector, "
         "chord_tolerance_um=N, arc_tolerance_um=N, max_moves=N or max_bytes=N. May be repeated.",
     ),
 ]
 OFFSET = re.compile(r"G5[4-9](?:\.[123])?")
-WORDS = ("frames", "unknown_motion", "circle_axis", "dwell_unit", "compensation", "rotary_reversed")
+WORDS = (
+    "frames",
+    "unknown_motion",
+    "circle_axis",
+    "dwell_unit",
+    "compensation",
+    "rotary_reversed",
+    "rotation",
+    "rotary_feed",
+)
+LISTS = ("ignore",)
 SWITCHES = ("arc_absolute", "skip_deleted")
 LENGTHS_UM = ("chord_tolerance", "arc_tolerance")
 LENGTHS_MM = ("retract",)
 POINTS = ("start", "pivot")
 COUNTS = ("max_moves", "max_bytes")
-KEYS = (*WORDS, *SWITCHES, *POINTS, *LENGTHS_MM, "G54 to G59.3", *(f"{name}_um" for name in LENGTHS_UM), *COUNTS)
+KEYS = (
+    *WORDS,
+    *LISTS,
+    *SWITCHES,
+    *POINTS,
+    *LENGTHS_MM,
+    "G54 to G59.3",
+    *(f"{name}_um" for name in LENGTHS_UM),
+    *COUNTS,
+)
 
 
 @dataclass(frozen=True)
@@ -102,6 +121,8 @@ def reading(
 def _value(key: str, text: str) -> Any:
     if key in WORDS:
         return text
+    if key in LISTS:
+        return tuple(filter(None, (part.strip().upper() for part in text.split(","))))
     if key in SWITCHES:
         if text not in ("yes", "no"):
             raise InputError(f"--read {key}", value=text, allowed="yes or no", remedy=f"as in --read {key}=yes")

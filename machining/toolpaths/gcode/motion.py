@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
+from machining.toolpaths.corners import chamfered, rounded
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
@@ -19,13 +21,32 @@ from robots.arrays import Array
 POINTING = ("A3", "B3", "C3")
 POINTING_SET = frozenset(POINTING)
 # Words that move the tool.
-MOVING = frozenset((*"XYZABC", *POINTING))
+MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
+
+
+# Words that round or chamfer the corner at the end of a line: of Fanuc, and of Siemens.
+CORNERS = (",R", ",C", "RND", "CHF", "CHR")
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A corner to be cut: the word, its size m, where its line begins (3,) m, line of the file, moves by then."""
+
+    word: str
+    size: float
+    start: Array
+    line: int
+    moves: int
+    axis: Vector
 
 
 class GcodeMotion(Modes):
     """The blocks that move the tool, on top of the modes; ``pointing``: A3, B3, C3 have told its axis."""
 
     pointing = False
+    # The corner that the last line ends at, to be cut off once the next line is known; radius of RNDM, m.
+    open_corner: Corner | None = None
+    every_corner = 0.0
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -33,7 +54,7 @@ class GcodeMotion(Modes):
         if self.motion in CYCLES:
             self._cycle(b)
             return
-        target = self.target(b)
+        target = self._target(b)
         before, self.axis = self.axis, self._tool_axis(b)
         if self.motion == 0:
             if not self.rapid_to(target):
@@ -46,15 +67,118 @@ class GcodeMotion(Modes):
             return
         point = self._known(target)
         if self.motion == 10:
-            start = self.here
-            self.commit(math.nan if None in start else math.dist([v or 0.0 for v in start], point))
-            if self.turns_part:
-                self._with_table(np.array(start, dtype=np.float64), np.array(point))
-            else:
-                self.recorder.move(self.line, self.shifted(point), self.axis, False)
+            self._feed_to(b, point)
         else:
             self._arc(b, point, before)
         self.here = list(point)
+
+    def _feed_to(self, b: Block, point: Vector) -> None:
+        start = self._cut_corner(np.array(self.here, dtype=np.float64), np.array(point))
+        if self.turns_part and self.angles != self.angles_before:
+            self._with_table(start, np.array(point))
+        else:
+            self.commit(float(np.linalg.norm(start - point)))
+            self.recorder.move(self.line, self.shifted(point), self.axis, False)
+        asked = {word: b.words[word] * self.scale for word in CORNERS if word in b.words}
+        if "RNDM" in b.words:
+            self.every_corner = b.words["RNDM"] * self.scale
+        if self.every_corner and not asked:
+            asked = {"RNDM": self.every_corner}
+        if len(asked) > 1:
+            raise StatementError("two ways to cut one corner", f"one of {', '.join(CORNERS)}")
+        for word, size in asked.items():
+            if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
+                raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
+            self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis)
+
+    def _cut_corner(self, corner: Array, end: Array) -> Array:
+        """Round or chamfer the corner (3,) m that the line to ``end`` begins at; returns where that begins then."""
+        c, self.open_corner = self.open_corner, None
+        if c is None:
+            return corner
+        if c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
+            raise StatementError(f"{c.word} between lines that do not follow each other in one plane", "two lines")
+        p = list(PLANES[self.plane])
+        A, P, B = (each[p] for each in (c.start, corner, end))
+        if c.word in ("CHF", ",C", "CHR"):
+            first, last = chamfered(A, P, B, c.size, across=c.word == "CHF")
+            points = last[None]
+        else:
+            first, last, middle, clockwise = rounded(A, P, B, c.size)
+            _, points = arc_points(
+                first, last, middle, np.array([0.0, 0.0, -1.0 if clockwise else 1.0]),
+                chord_tolerance=self.options.chord_tolerance, arc_tolerance=self.options.arc_tolerance,
+                limit=self.options.max_moves,
+            )  # fmt: skip
+        back = np.argsort(p)
+        self.recorder.shorten(self.shifted(tuple(first[back].tolist())))
+        for point in points[:, back]:
+            self.recorder.move(c.line, self.shifted(tuple(point.tolist())), self.axis, False)
+        return np.asarray(last[back])
+
+    def corner_behind(self, b: Block) -> None:
+        """Refuse a corner to be cut where no line follows."""
+        c = self.open_corner
+        if c is not None and c.line != self.line and not b.empty:
+            self.open_corner = None
+            if c.word != "RNDM" or self.motion in (20, 30):
+                raise StatementError(f"{c.word} in line {c.line} without a line behind it", "two lines at feed")
+
+    def _axis_of_plane(self) -> Vector:
+        x, y, z = self.frame.turn[:, PLANES[self.plane][2]].tolist() if self.frame.follows else self.axis
+        return x, y, z
+
+    def _target(self, b: Block) -> list[float | None]:
+        """Coordinates m behind the block, polar ones and those along an angle too."""
+        first, second, _ = PLANES[self.plane]
+        if b.words.keys() & {"AP", "RP"}:
+            return self._polar(b)
+        out = self.target(b)
+        if "ANG" not in b.words or self.motion != 10:
+            return out
+        angle, here = math.radians(b.words["ANG"]), self.here
+        given = [i for i in (first, second) if "XYZ"[i] in b.words]
+        u, v = here[first], here[second]
+        if len(given) != 1 or u is None or v is None:
+            raise StatementError("ANG with both coordinates of the plane, or with none", "ANG and one coordinate")
+        along = (math.cos(angle), math.sin(angle))[given[0] == second]
+        if abs(along) < 1e-9:
+            raise StatementError("ANG across the coordinate that is given", "an angle towards it")
+        way = ((out[given[0]] or 0.0) - (u, v)[given[0] == second]) / along
+        if way < 0.0:
+            raise StatementError("ANG away from the coordinate that is given", "an angle towards it")
+        out[first], out[second] = u + way * math.cos(angle), v + way * math.sin(angle)
+        return out
+
+    def _polar(self, b: Block, pole: list[float | None] | None = None) -> list[float | None]:
+        """AP, RP about the pole: angle and radius; the one that is left out stays."""
+        first, second, normal = PLANES[self.plane]
+        pole, out = pole or self.pole, list(self.here)
+        letters = "XYZ"[first], "XYZ"[second]
+        if self.motion in (20, 30) or b.words.keys() & set(letters) or None in (pole[first], pole[second]):
+            raise StatementError("polar coordinates of an arc, or with others", "AP and RP of a line")
+        u, v = ((out[i] or 0.0) - (pole[i] or 0.0) for i in (first, second))
+        if (out[first] is None or out[second] is None) and not b.words.keys() >= {"AP", "RP"}:
+            raise StatementError("polar coordinates while the tool's place is not known", "AP and RP")
+        radius, angle = math.hypot(u, v), math.degrees(math.atan2(v, u))
+        if not b.own.get("AP", True) or not b.own.get("RP", True) or not self.absolute:
+            raise StatementError("polar coordinates that add", "absolute ones (G90)")
+        radius = b.words["RP"] * self.scale if "RP" in b.words else radius
+        angle = math.radians(b.words.get("AP", angle))
+        out[first] = (pole[first] or 0.0) + radius * math.cos(angle)
+        out[second] = (pole[second] or 0.0) + radius * math.sin(angle)
+        out[normal] = self.target(b)[normal]
+        return out
+
+    def set_pole(self, code: int, b: Block) -> None:
+        """G110, G111, G112: pole by its coordinates from the last place, the origin or the last pole (Siemens)."""
+        origins: dict[int, list[float | None]] = {1100: self.here, 1110: [0.0, 0.0, 0.0], 1120: self.pole}
+        if b.words.keys() & {"AP", "RP"} or not b.words.keys() & set("XYZ"):
+            raise StatementError("a pole by polar coordinates, or polar interpolation", "G110 to G112 with X, Y, Z")
+        self.pole = [
+            None if old is None else old + b.words.get(letter, 0.0) * self.scale
+            for old, letter in zip(origins[code], "XYZ", strict=True)
+        ]
 
     def rapid_to(self, target: list[float | None]) -> bool:
         """A rapid move, at the height of a retract while that of the target is not known; whether there was one."""
@@ -92,6 +216,8 @@ class GcodeMotion(Modes):
         start = np.array(self._known(self.here))
         self.here = list(end)
         clockwise = self.motion == 20
+        if "AR" in b.words:
+            self._opening(b, start, np.array(end))
         middle = center(
             b,
             start,
@@ -132,6 +258,17 @@ class GcodeMotion(Modes):
         points = self.in_part(self.frame.out(points) + self.shift)
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
 
+    def _opening(self, b: Block, start: Array, end: Array) -> None:
+        """AR, the angle that an arc opens by, with its end: as the radius that it gives."""
+        angle = b.words["AR"]
+        if not 0.0 < angle < 360.0 or b.words.keys() & set("IJKR"):
+            raise StatementError(
+                "AR with a centre, or out of range", "AR above 0 and below 360 with the end of the arc"
+            )
+        half = math.radians(angle) / 2.0
+        radius = float(np.linalg.norm((end - start)[list(PLANES[self.plane][:2])])) / 2.0 / math.sin(half) / self.scale
+        dict.__setitem__(b.words, "R", radius if angle <= 180.0 else -radius)
+
     def _with_table(self, start: Array, end: Array) -> None:
         """A move at feed while the table turns: as chords of what the tip does in the part."""
         old, new = self.angles_before, dict(self.angles)
@@ -140,11 +277,38 @@ class GcodeMotion(Modes):
         step = min(math.radians(5.0), 2.0 * math.sqrt(2.0 * self.options.chord_tolerance / lever))
         count = 1 if np.isnan(start).any() else max(1, math.ceil(turn / step))
         self.recorder.room(count)
-        for f in np.arange(1, count + 1) / count:
+        points, axes = [], []
+        for f in np.arange(0 if count > 1 else 1, count + 1) / count:
             self.angles = {k: old[k] + f * (new[k] - old[k]) for k in new}
             x, y, z = (end if f == 1.0 else start + f * (end - start)).tolist()
-            self.recorder.move(self.line, self.shifted((x, y, z)), self._of_angles(), False)
+            points.append(self.shifted((x, y, z)))
+            axes.append(self._of_angles())
         self.angles = new
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if count > 1 else math.nan
+        straight = float(np.linalg.norm(end - start))
+        self._commit_turning(length, straight, math.hypot(straight / self.scale, math.degrees(turn)) * self.scale)
+        self.recorder.moves(self.line, np.array(points[-count:]), np.array(axes[-count:]), False)
+        self.dirty = True
+
+    def _commit_turning(self, length: float, straight: float, vector: float) -> None:
+        """State of a move that a table turns in: the tip's speed in the part, by the time that the move takes.
+
+        ``length`` m in the part, ``straight`` m of X Y Z, ``vector`` of X Y Z and the angles, a degree as a unit of
+        length.
+        """
+        if self.feed_mode == "inverse":
+            self.commit(length)
+            return
+        if not self.options.rotary_feed:
+            raise StatementError(
+                "a feed per minute while the table turns: of X Y Z, or of these with the angles", "G93, or TCP",
+                "say which: --read rotary_feed=linear (RS-274) or rotary_feed=vector (Fanuc)",
+            )  # fmt: skip
+        way = vector if self.options.rotary_feed == "vector" or straight == 0.0 else straight
+        feed = self.feed
+        self.feed, self.dirty = feed * length / way if way > 0.0 else feed, True
+        self.commit(length)
+        self.feed = feed
 
     def _of_angles(self) -> Vector:
         return tool_axis(self.options.rotary, self.iso_angles)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,14 @@ from types import MappingProxyType
 
 import numpy as np
 
+from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
 from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
-from machining.toolpaths.gcode.state import CALLS, ENDS, KNOWN, REFUSED, REMEDY_MACRO, shown
+from machining.toolpaths.gcode.state import CALLS, ENDS, GROUPS, KNOWN, REFUSED, REMEDY_MACRO, remedy_ignore, shown
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
-from machining.toolpaths.gcode.words import MOTION_WORDS, QUIET, Block, block, cycle_arguments
+from machining.toolpaths.gcode.words import Block, block, cycle_arguments
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -47,10 +49,13 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     return reader.recorder.motions()
 
 
-# Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92, G92.1.
-ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921)
+# Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92 to G92.3.
+ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921, 922, 923)
+# Poles of polar coordinates (Siemens): from the last place, the origin, the last pole.
+POLES = (1100, 1110, 1120)
 # Codes of places of the machine, beside SUPA: G28, G30, G53, G153 of Siemens.
 MACHINE = (280, 300, 530, 1530)
+REMEDY_END = "give each program in a file of its own, and end the file with it"
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -59,11 +64,14 @@ WITHOUT = (
 
 
 class _Reader(GcodeMotion):
-    over = False
+    over, tape = False, ""
     # A cycle that every place to come is drilled with.
     modal_cycle: Hole | None = None
-    subprograms: Mapping[int, Subprogram] = MappingProxyType({})
+    subprograms: Mapping[str, Subprogram] = MappingProxyType({})
     depth = 0
+    # Frame that G92.2 has set aside, and whether G92 has said what coordinates mean before any was known.
+    aside: CoordinateFrame | None = None
+    presumed = False
 
     def read(self, source: Iterable[str]) -> None:
         aside = {number for one in self.subprograms.values() for number in one.lines}
@@ -80,9 +88,16 @@ class _Reader(GcodeMotion):
         for comment in words.comments:
             if comment.strip():
                 self.recorder.event(number, "comment", readable(comment))
+        if words.tape_mark:
+            # The first % is where a tape begins, the next one where it ends.
+            self.tape, self.over = "read", self.over or self.tape == "read"
+        elif not words.empty:
+            self.tape = "read"
         if self.over:
-            if words.words.keys() & set("XYZ"):
-                self.recorder.note(number, "motion behind the end of the program is left out")
+            if not words.empty and not set(words.misc) <= set(ENDS) | {9, 5}:
+                fault = StatementError("a block behind the end of the program", "one program in a file", REMEDY_END)
+                self.refuse(fault, readable(raw).strip())
+                return False
             return True
         if words.deleted and self.skips_deleted(raw):
             return True
@@ -103,49 +118,101 @@ class _Reader(GcodeMotion):
             b.take(self.values.worked_out(b.computes))
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
+        self._ignore(b)
+        self._one_of_each(b)
+        call = self._called(b)
         for word in b.long:
             self._long(word, b)
-        if not b.codes and not b.misc and b.words.keys() == {"L"}:
-            raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
-        call = self._called(b)
         self._refuse(b)
         cycle_before = self.motion
         self.take(b)
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
-        # M99 ends a subprogram, not the program.
-        self.over = any(number in ENDS and not (number == 99 and self.depth) for number in b.misc)
+        # M99 and M17 end a subprogram, not the program.
+        self.over = any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
-        if not self.depth or 99 not in b.misc:
+        self._all_used(b)
+        self.corner_behind(b)
+        if not self.depth or not {2, 17, 99} & set(b.misc):
             self.stop(b)
         if call is not None:
             self._call(*call)
 
-    def _called(self, b: Block) -> tuple[int, int] | None:
-        """Number and repeats of a subprogram of this file that the block calls; None where it calls none."""
-        if 98 not in b.misc:
-            return None
-        number, times = called(b.words)
-        if number not in self.subprograms:
+    def _ignore(self, b: Block) -> None:
+        """Leave out the words that the caller knows to be harmless."""
+        for word in self.options.ignore:
+            found = word in b.long or word in b.words
+            code = round(float(word[1:]) * 10) if re.fullmatch(r"[GM]\d+(\.\d)?", word) else -1
+            if code >= 0 and word[0] == "G" and code in b.codes:
+                b.codes.remove(code)
+                found = True
+            if code >= 0 and word[0] == "M" and code // 10 in b.misc:
+                b.misc.remove(code // 10)
+                found = True
+            b.long = [long for long in b.long if long.partition("(")[0].strip() != word or not (found := True)]
+            if b.words.pop(word, None) is not None or found:
+                self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
+
+    def _one_of_each(self, b: Block) -> None:
+        for group in GROUPS:
+            if len(found := sorted(set(group) & set(b.codes))) > 1:
+                both = " and ".join(map(shown, found[:2]))
+                raise StatementError(f"{both} in one block", "one code of a kind in a block")
+
+    def _all_used(self, b: Block) -> None:
+        """Every word of a block is used, or is certain to change nothing about the path."""
+        known = {"O", "H", "D"} | set(harmless.VALUES)
+        for code in b.codes:
+            known |= set(harmless.WITH_CODE.get(code, ""))
+        for number in b.misc:
+            known |= set(harmless.WITH_FUNCTION.get(number, ""))
+        # The tip of a path in a plane has no offset of its centre along the normal.
+        left = [
+            word for word in b.words.left if word not in known and not (word in "IJK" and self._zero_offset(b, word))
+        ]
+        if left:
             raise StatementError(
-                f"a call of a subprogram that is not in the file: O{number}" if number >= 0 else "M98 without P",
-                "O numbers that end with M99", REMEDY_MACRO,
+                f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
+                "words that belong to its codes",
+                remedy_ignore(left[0]),
+            )
+
+    def _zero_offset(self, b: Block, word: str) -> bool:
+        """I, J or K of 0 on an arc, along the normal of its plane."""
+        return self.motion in (20, 30) and dict.__getitem__(b.words, word) == 0.0
+
+    def _called(self, b: Block) -> tuple[str, int] | None:
+        """Name and repeats of a subprogram of this file that the block calls; None where it calls none."""
+        if 98 in b.misc:
+            number, times = called(b.words)
+            name = f"O{number}"
+            b.misc.remove(98)
+        elif not b.codes and not b.misc and "L" in b.words and b.words.keys() <= {"L", "P"}:
+            name, times = f"L{b.words['L']:g}", int(b.words.get("P", 1.0))
+        elif b.long and (own := [word for word in b.long if word in self.subprograms]):
+            name, times = own[0], int(b.words.get("P", 1.0))
+            b.long.remove(name)
+        else:
+            return None
+        if name not in self.subprograms:
+            raise StatementError(
+                "M98 without P" if name == "O-1" else f"a call of a subprogram that is not in the file: {name}",
+                "subprograms in the same file: O100 to M99, %_N_L100_SPF to M17", REMEDY_MACRO,
             )  # fmt: skip
         if not 1 <= times <= 9999 or self.depth >= DEEPEST:
             raise StatementError(
                 "a call of a subprogram", f"1 to 9999 times, at most {DEEPEST} calls within one another", REMEDY_MACRO
             )
-        self.recorder.event(self.line, "M98", str(b))
-        b.misc.remove(98)
+        self.recorder.event(self.line, name if name[0] != "O" else "M98", str(b))
         for letter in "PL":
             b.words.pop(letter, None)
-        return number, times
+        return name, times
 
-    def _call(self, number: int, times: int) -> None:
+    def _call(self, name: str, times: int) -> None:
         self.depth += 1
         here = self.line
         for _ in range(times):
-            good = [self._line(*one) for one in self.subprograms[number].blocks if not self.over]
+            good = [self._line(*one) for one in self.subprograms[name].blocks if not self.over]
             # Faults are told once.
             if not all(good):
                 break
@@ -162,6 +229,9 @@ class _Reader(GcodeMotion):
                 raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
             del b.words["P"]
         for code in b.codes:
+            if code in POLES:
+                self.set_pole(code, b)
+                return
             if code in MACHINE:
                 self._machine(code, b)
                 return
@@ -171,6 +241,9 @@ class _Reader(GcodeMotion):
         if "SUPA" in b.long:
             self._machine(530, b)
             return
+        if {580, 590} & set(b.codes) and b.words.keys() & set("XYZ") and not {0, 10, 20, 30} & set(b.codes):
+            # Siemens' G58 and G59 move the origin by these words; Fanuc's select a work offset and move the tool.
+            raise StatementError("G58 or G59 with coordinates", "G0 or G1 in the block, or G54 to G57, TRANS")
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
         if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
@@ -183,7 +256,7 @@ class _Reader(GcodeMotion):
     def _refuse(self, b: Block) -> None:
         if any(number in CALLS for number in b.misc):
             raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
-        for code in b.codes:
+        for code in tuple(b.codes):
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             known = code in REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
             unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
@@ -195,6 +268,7 @@ class _Reader(GcodeMotion):
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
             self.lose(b, shown(code))
             b.words.clear()
+            b.codes.remove(code)
 
     def _long(self, word: str, b: Block) -> None:
         head, _, rest = word.partition("(")
@@ -217,16 +291,17 @@ class _Reader(GcodeMotion):
         elif head == "CYCLE800":
             self.put_into(swivelled(self._arguments(head, rest), self.scale, self.frame))
             self._swivelled(head)
-        elif MOTION_WORDS.match(name) and not word.replace(" ", "").endswith("()"):
+        elif head in ("RET", "M17"):
+            if not self.depth:
+                self.over = True
+        elif head not in harmless.WORDS:
             if self.options.unknown_motion == "error":
                 raise StatementError(
-                    f"{readable(head)} moves the tool or its coordinates and is not read", "G0 to G3", WITHOUT
+                    f"{readable(head)} is not read, nor a subprogram in this file", "G0 to G3", remedy_ignore(head)
                 )
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
             self.lose(b, readable(head))
             b.words.clear()
-        elif head not in QUIET:
-            self.recorder.note(self.line, f"word {readable(head)} is not read")
         self.recorder.event(self.line, readable(head), readable(word))
 
     # Codes without motion in the part
@@ -254,6 +329,7 @@ class _Reader(GcodeMotion):
         for letter in "ABC":
             if letter in b.words:
                 self.angles[letter] = 0.0
+        b.words.used |= set("XYZABC") | ({"P"} if code == 300 else set())
         word = "SUPA" if "SUPA" in b.long else shown(code)
         self.recorder.event(self.line, word, str(b))
         # G28 alone is for all axes; G53 alone moves nothing.
@@ -265,23 +341,58 @@ class _Reader(GcodeMotion):
         old = self.frame
         if code == 100:
             # L2 and L20 move the work offset itself: with nothing before them they only say where it is.
-            if b.words.get("L") in (2.0, 20.0) and len(self.recorder):
-                raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
+            if b.words.get("L") in (2.0, 20.0):
+                if len(self.recorder):
+                    raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
+                if b.words.get("R", 0.0) != 0.0:
+                    raise StatementError("G10 L2 turns a work offset", "offsets that are not turned")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif code == 520:
             here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]
             self.put_into(CoordinateFrame(shift=self.scale * np.array(here)))
         elif code == 920:
             self._here_is(b)
+        elif code in (921, 922, 923):
+            self._preset(code)
         elif code == 680:
-            self.put_into(old.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here)))
+            self.put_into(self._turned(b))
         elif code == 682:
             self.put_into(tilted(b.words, self.scale))
         elif code == 531:
             self.frame = replace(old, follows=True)
             self._swivelled(shown(code))
         else:
+            self.put_into(CoordinateFrame(shift=self.unturned) if self.unturned is not None else CoordinateFrame())
+            self.unturned = None
+
+    def _turned(self, b: Block) -> CoordinateFrame:
+        """G68: coordinates turned in the plane. Controls differ in what a second one does."""
+        if self.unturned is None:
+            self.unturned = self.frame.shift
+            before = self.frame
+        elif not self.options.rotation:
+            raise StatementError(
+                "G68 while coordinates are turned: controls turn anew, or on", "G69 before it",
+                "say which: --read rotation=absolute or rotation=added (rotation= in Python)",
+            )  # fmt: skip
+        else:
+            before = self.frame if self.options.rotation == "added" else CoordinateFrame(shift=self.unturned)
+        return before.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here))
+
+    def _preset(self, code: int) -> None:
+        """G92.1 and G92.2 take the offset of G92 off, the second for G92.3 to put it on again."""
+        if self.presumed and len(self.recorder):
+            raise StatementError(
+                f"{shown(code)}: where G92 has moved the origin is not known", "G92 behind a move of its axes",
+                "post with work offsets",
+            )  # fmt: skip
+        if not (self.frame.turn == np.eye(3)).all():
+            raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it")
+        if code != 923:
+            self.aside = self.frame if code == 922 and not self.frame.plain else self.aside if code == 922 else None
             self.put_into(CoordinateFrame())
+        elif self.aside is not None:
+            self.put_into(self.aside)
 
     def _arguments(self, name: str, rest: str) -> list[float]:
         """Numbers of a cycle; ``rest``: what stands behind its opening bracket. Names of data records are none."""
@@ -306,6 +417,7 @@ class _Reader(GcodeMotion):
         moved = self.frame.shift.copy()
         for k, value in given.items():
             old = self.here[k]
+            self.presumed = self.presumed or old is None
             # Before any move it says what the coordinates mean, and moves nothing.
             moved[k] += 0.0 if old is None else old - value
             self.here[k] = value

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
 from machining.toolpaths.gcode.values import Values
@@ -31,20 +32,22 @@ SETS: dict[int, tuple[str, int | bool | None]] = {
 FeedMode = Literal["inverse", "minute", "turn"]
 FEED_MODES: dict[int, FeedMode] = {930: "inverse", 940: "minute", 950: "turn"}
 LENGTHS = {200: 25.4e-3, 210: 1e-3, 7000: 25.4e-3, 7100: 1e-3}
-OFFSETS = {540: "G54", 550: "G55", 560: "G56", 570: "G57", 580: "G58", 590: "G59"} | {
-    591: "G59.1",
-    592: "G59.2",
-    593: "G59.3",
+OFFSETS = {
+    **{10 * n: f"G{n}" for n in range(54, 60)},
+    **{590 + n: f"G59.{n}" for n in (1, 2, 3)},
+    **{10 * n: f"G{n}" for n in (500, *range(505, 600))},
 }
-TCP_ON = (434, 2340)
-# Codes kept as events: path control, exact stop, limits, cancels, length offsets, parking.
-QUIET = (
-    80, 81, 90, 110, 131, 150, 220, 230, 250, 260, 270, 400, 500, 501, 600, 601, 602, 610, 611, 620, 630, 640, 641,
-    642, 643, 644, 645, 670, 922, 923, 960, 970, 430, 431, 440, 490, 491, 1870,
+# Modes of which one block sets one.
+GROUPS = (
+    (0, 10, 20, 30, *CYCLES), tuple(PLANES), (900, 910), (901, 911), (980, 990), tuple(FEED_MODES), tuple(LENGTHS),
+    tuple(OFFSETS), (400, 410, 411, 420, 421), (430, 434, 440, 490), (680, 682, 690), (700, 710),
 )  # fmt: skip
+TCP_ON = (434, 2340)
 # Codes of cutter compensation, and those that have a meaning of their own.
 COMPENSATED = (410, 411, 420, 421)
-OWN = (40, 50, 51, 100, 921, 280, 300, 520, 530, 531, 1530, 680, 682, 690, 700, 710, 920, *COMPENSATED)
+OWN = (
+    40, 100, 921, 922, 923, 280, 300, 520, 530, 531, 1530, 680, 682, 690, 700, 710, 920, 1100, 1110, 1120, *COMPENSATED,
+)  # fmt: skip
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
     50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
@@ -55,11 +58,12 @@ REFUSED = {
     511: "mirroring", 650: "a macro call", 660: "a macro call",
     720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
     870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
-    71: "cylindrical interpolation", 161: "polar coordinates",
+    71: "cylindrical interpolation", 161: "polar coordinates", 270: "a move to a place of the machine",
+    431: "offsets of the tool", 432: "offsets of the tool",
 }  # fmt: skip
 # M codes: calls move the tool as another program says.
 CALLS = (97, 98, 198)
-ENDS = (2, 30, 99)
+ENDS = (2, 17, 30, 99)
 STOPS = {0: "stop", 1: "optional stop", 60: "stop"}
 COOLANT = {7: "mist", 8: "flood", 9: "off", 88: "through", 89: "off"}
 TURNING = (3, 4, 5, 13, 14, 19)
@@ -71,12 +75,21 @@ REMEDY_START = "say where the tool stands first, in mm: --read start=X,Y,Z (star
 REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
+KNOWN_CODES = "codes that are read, or are certain to change nothing about the path"
+KNOWN_FUNCTIONS = "M functions of spindle, coolant, tools and stops"
+
+
+def remedy_ignore(word: str) -> str:
+    """What to do about a word that may be harmless on the machine at hand."""
+    return f"post the program without it, or, where it changes nothing about the path: --read ignore={word}"
+
+
 def shown(code: int) -> str:
     """Code as it is written: G43.4."""
     return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
 
 
-KNOWN = frozenset((*SETS, *OWN, *QUIET, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
+KNOWN = frozenset((*SETS, *OWN, *harmless.CODES, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
 
 
 class Modes:
@@ -104,6 +117,9 @@ class Modes:
         self.offset = ""
         self.used_offset: str | None = None
         self.shift, self.frame = np.zeros(3), CoordinateFrame()
+        # Origin of coordinates that G68 has turned, m; None: they are not turned. Pole of polar coordinates, m.
+        self.unturned: Array | None = None
+        self.pole: list[float | None] = [0.0, 0.0, 0.0]
         self.feed = math.nan
         self.speed, self.sense = math.nan, 0
         self.surface_speed = False
@@ -172,7 +188,9 @@ class Modes:
     def _code(self, code: int, b: Block) -> None:
         if code in SETS:
             setattr(self, *SETS[code])
-        elif code in LENGTHS or (code in (700, 710) and not b.words):
+        elif code in LENGTHS or code in (700, 710):
+            if code in (700, 710) and b.words.keys() & set("PQUW"):
+                raise StatementError(f"{shown(code)}: a cycle of lathes", "G70, G71 for inches and mm")
             new = LENGTHS.get(code, UNITS["inch"] if code == 700 else UNITS["mm"])
             self.feed = self.feed * (self.unit / new) if self.unit is not None else self.feed
             self.unit = new
@@ -190,12 +208,12 @@ class Modes:
             self.compensated(shown(code))
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
-        elif code in (50, 51, *QUIET):
+        elif code in harmless.CODES:
             if code == 490:
                 self.tcp = self.options.tcp
             self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
         elif code not in KNOWN:
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)} is not read")
+            raise StatementError(f"{shown(code)} is not known", KNOWN_CODES, remedy_ignore(shown(code)))
 
     def compensated(self, word: str) -> None:
         """Cutter compensation begins: points may lie on the part's edge."""
@@ -213,8 +231,10 @@ class Modes:
             self._change_tool()
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
+        elif number in harmless.FUNCTIONS:
+            self.recorder.event(self.line, f"M{number}", harmless.FUNCTIONS[number])
         elif number not in STOPS and number not in ENDS:
-            self.recorder.event(self.line, f"M{number}", note=f"M{number} is not read")
+            raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"))
 
     def _change_tool(self) -> None:
         """M6: the tool that T has named goes into the spindle."""
@@ -242,7 +262,7 @@ class Modes:
                 )
             elif number in ENDS:
                 self.recorder.event(self.line, "END", f"M{number}")
-                if number != 99:
+                if number not in (17, 99):
                     # M2 and M30 stop spindle and coolant (RS-274/NGC, NISTIR 6556, program stopping).
                     self.recorder.finish(self.line, f"M{number}")
 

@@ -15,11 +15,13 @@ from collections.abc import Callable, Mapping
 from machining.magnitudes import LARGEST
 from machining.toolpaths.recorder import StatementError
 
+# Words of Siemens of several letters that take a number.
+NAMED = "CR|TURN|AR|AP|RP|ANG|RND|RNDM|CHF|CHR|ADIS|ADISPOS|CTOL|OTOL|ATOL|[ABC]3|[SM][1-9]"
 _FUNCTION = r"(?:ASIN|ACOS|ATAN2|ATAN|SIN|COS|TAN|SQRT|ABS|EXP|LN|ROUND|FIX|FUP|TRUNC|POT|EXISTS|AC|IC)(?=\s*[\[(])"
 # Letters may stand close: X, then SIN[30]. Words of three letters and more are Siemens'.
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*|\.\d+)|(?P<named>#\s*<[^<>]*>)"
-    rf"|(?P<name>{_FUNCTION}|(?:MOD|AND|XOR|OR|EQ|NE|GT|GE|LT|LE)(?![A-Z])|(?:CR|TURN|AR|[ABC]3)(?=\s*=)"
+    rf"|(?P<name>{_FUNCTION}|(?:MOD|AND|XOR|OR|EQ|NE|GT|GE|LT|LE)(?![A-Z])|(?:{NAMED})(?=\s*=)"
     rf"|(?![A-Z]{_FUNCTION})[A-Z_]{{3,}}[A-Z0-9_]*|[A-Z])|(?P<sign>\*\*|[-+*/=#,\[\]()]))"
 )
 # Whether a block has anything to work out, and the end of a text behind which a bracket holds no comment.
@@ -29,7 +31,7 @@ BRACKET = re.compile(r"(?:[-=+*/,(]|\b(?:AC|IC|SIN|COS|TAN|ASIN|ACOS|ATAN2?|SQRT
 DECLARES = re.compile(r"^(?:N\d+\s*)?DEF\s+(?:REAL|INT)\s+(.+)$")
 _OWN_NAME = re.compile(r"[A-Z_]{3,}[A-Z0-9_]*")
 # Behind these "=" gives the word's value.
-_WORD = re.compile(r"(?:[A-Z]|CR|[ABC]3|TURN|AR)$")
+_WORD = re.compile(rf"(?:[A-Z]|{NAMED})$")
 # Values of one word that are absolute or incremental by themselves.
 OWN_WAY = ("AC", "IC")
 # Variables from here on set the control itself on some controls.

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
 
 from machining.magnitudes import LARGEST
-from machining.toolpaths.gcode.values import BRACKET, COMPUTES, DECLARES
+from machining.toolpaths.gcode.values import BRACKET, COMPUTES, DECLARES, NAMED
 from machining.toolpaths.recorder import StatementError
 
 _COMMENT = re.compile(r"\(([^()]*)\)")
-_WORD = re.compile(r"([A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+# Fanuc rounds and chamfers corners by words behind a comma.
+_WORD = re.compile(r"(,\s*[A-Z]|[A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
 _LONG = re.compile(r"(?:MCALL\s+(?=[A-Z]))?[A-Z_]{2,}[A-Z0-9_]*(?:\s*\([^()]*\))?")
 # What decides which blocks run: a true macro program.
 _MACRO = re.compile(
@@ -21,32 +24,33 @@ _MACRO = re.compile(
 )
 _TOOL = re.compile(r"\bT\s*=?\s*\"([^\"]{1,80})\"", re.I)
 # Words of several letters with a number, and words that say themselves whether they are absolute.
-_NAMED = re.compile(r"\b(CR|TURN|AR|[ABC]3)=([-+]?[\d.]+)")
-_OWN = re.compile(r"\b([XYZABCIJK])=(AC|IC)\(([-+]?[\d.]+)\)")
+_NAMED = re.compile(rf"\b({NAMED})=([-+]?[\d.]+)")
+_OWN = re.compile(r"\b([XYZABCIJK]|AP|RP)=(AC|IC)\(([-+]?[\d.]+)\)")
 # Words that count something, by the parts of one that they may have: G codes have tenths.
 WHOLE = {"G": 10, "M": 1, "T": 1}
-# Long words that change nothing here.
-QUIET = (
-    "SUPA",
-    "DIAMOF",
-    "DIAMON",
-    "CFIN",
-    "CFTCP",
-    "CFC",
-    "SOFT",
-    "BRISK",
-    "DRIVE",
-    "FFWON",
-    "FFWOF",
-    "ORIWKS",
-    "ORIMKS",
-)
 # Words whose brackets are no comment.
 CALLS = ("CYCLE", "MCALL", "MSG", "HOLES", "POCKET", "SLOT")
-MOTION_WORDS = re.compile(
-    r"^(?:CYCLE(?!832|800)\d+|HOLES\d|POCKET\d|SLOT\d|LONGHOLE|MCALL|CIP|CT|BSPLINE|ASPLINE|CSPLINE|POLY|PLANE|ROTS|AROTS|RPL|"
-    r"SCALE|ASCALE|MIRROR|AMIRROR|TRACYL|TRANSMIT|COLLECT|CC|CR|LN|CYCL|TOOL|BEGIN|L)$"
-)
+
+
+class Words(dict[str, float]):
+    """Words of a block by letter; ``used`` are those whose number somebody has asked for."""
+
+    def __init__(self, words: Mapping[str, float] = MappingProxyType({})) -> None:
+        super().__init__(words)
+        self.used: set[str] = set()
+
+    def __getitem__(self, key: str) -> float:
+        self.used.add(key)
+        return super().__getitem__(key)
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The number of a word, which counts as used."""
+        return self[key] if key in self else default  # noqa: SIM401 - this is what get does
+
+    @property
+    def left(self) -> list[str]:
+        """Words that nobody has asked for."""
+        return [key for key in self if key not in self.used]
 
 
 @dataclass(slots=True)
@@ -56,10 +60,10 @@ class Block:
     ``deleted``: starts with a slash. ``computes``: text whose numbers are to be worked out first, then :meth:`take`.
     ``macro``: text of what needs a macro interpreter. ``bad``: text that is none of these. ``points``: letters written
     with a decimal point. ``own``: of words that are so by themselves (``X=IC(5)``) whether they are absolute.
-    ``tool``: a tool's name in quotes.
+    ``tool``: a tool's name in quotes. ``tape_mark``: % alone, at the beginning and the end.
     """
 
-    words: dict[str, float] = field(default_factory=dict)
+    words: Words = field(default_factory=Words)
     codes: list[int] = field(default_factory=list)
     misc: list[int] = field(default_factory=list)
     long: list[str] = field(default_factory=list)
@@ -71,9 +75,15 @@ class Block:
     computes: str = ""
     macro: str = ""
     bad: str = ""
+    tape_mark: bool = False
 
     def __str__(self) -> str:
         return " ".join(f"{letter}{value:g}" for letter, value in self.words.items())
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to do."""
+        return not (self.words or self.codes or self.misc or self.long or self.macro or self.computes or self.bad)
 
     def take(self, text: str) -> None:
         """Enter words with plain numbers, in capitals."""
@@ -82,7 +92,8 @@ class Block:
                 _put(self, letter, number)
                 self.own[letter] = way == "AC"
             for name, number in _NAMED.findall(text):
-                _put(self, {"CR": "R"}.get(name, name), number)
+                # S1= and M1= are of the first spindle, which mills.
+                _put(self, {"CR": "R", "S1": "S", "M1": "M"}.get(name, name), number)
             text = _NAMED.sub(" ", _OWN.sub(" ", text))
         last = 0
         for match in _LONG.finditer(text):
@@ -111,6 +122,7 @@ def block(line: str) -> Block:
     if text.startswith("/"):
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
     if not text or text.startswith("%"):
+        out.tape_mark = text == "%"
         return out
     if "DEF" in text and DECLARES.match(text):
         out.computes = text
@@ -157,13 +169,13 @@ def _closed(text: str) -> int:
 
 
 def _words(out: Block, text: str) -> None:
-    """Enter the words of a text without long words; what stands between them must be no more than commas."""
+    """Enter the words of a text without long words; nothing may stand between them."""
     end = 0
     for match in _WORD.finditer(text):
-        out.bad = out.bad or text[end : match.start()].strip(" ,")
+        out.bad = out.bad or text[end : match.start()].strip()
         end = match.end()
-        _put(out, match[1], match[2])
-    out.bad = out.bad or text[end:].strip(" ,")
+        _put(out, match[1].replace(" ", ""), match[2])
+    out.bad = out.bad or text[end:].strip()
 
 
 def cycle_arguments(name: str, text: str, value: Callable[[str], float], texts: Sequence[int] = ()) -> list[float]:

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from machining.toolpaths.corners import chamfered, rounded, tangent_arc
 from machining.toolpaths.gcode.arcs import PLANES, center
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
 from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
 from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
-from machining.toolpaths.heidenhain.corners import chamfered, rounded, tangent_arc
 from machining.toolpaths.heidenhain.cycles import DRILLS, hole, pecked
 from machining.toolpaths.heidenhain.words import Words, assign, number
 from machining.toolpaths.options import ReadOptions
@@ -152,7 +152,7 @@ class Contour(GcodeMotion):
         """A block like another one to a point (3,) m."""
         kept = {k: v for k, v in like.words.items() if k not in "XYZ"}
         return replace(
-            like, words=kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True)), own={},
+            like, words=type(like.words)(kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True))), own={},
             codes=list(like.codes), misc=list(like.misc),
         )  # fmt: skip
 

@@ -155,7 +155,17 @@ def test_a_table_that_turns_the_part_without_the_tip_programmed(tmp_path: Path) 
     program = f"G0 X10 Y20 Z0 A0 C0\nG1 X{x:.9f} Y{y:.9f} Z{z:.9f} A30 C40 F100\nM30\n"
     with pytest.raises(InputErrors, match=r"--read pivot=X,Y,Z"):
         gcode(tmp_path, program, rotary="table-AC")
-    m = gcode(tmp_path, program, rotary="table-AC", pivot=(0.0, 0.0, -0.05))
+    table = {"rotary": "table-AC", "pivot": (0.0, 0.0, -0.05)}
+    with pytest.raises(InputErrors, match=r"--read rotary_feed=linear"):
+        gcode(tmp_path, program, **table)
+    straight = float(np.linalg.norm([x - 10, y - 20, z]))
+    ways = {"linear": straight, "vector": float(np.hypot(straight, 40.0))}
+    for way, length in ways.items():
+        m = gcode(tmp_path, program, **table, rotary_feed=way)
+        parts = np.linalg.norm(np.diff(m.points, axis=0), axis=1)
+        assert float((parts / m.feed[1:]).sum()) == pytest.approx(60.0 * length / 100.0, rel=1e-9)
+    m = gcode(tmp_path, program.replace("G1", "G93 G1").replace("F100", "F2"), **table)
+    assert float((parts / m.feed[1:]).sum()) == pytest.approx(30.0, rel=1e-9)
     np.testing.assert_allclose(m.points[[0, -1]] * 1e3, [q, q], atol=1e-6)
     np.testing.assert_allclose(m.axes[-1], Rz @ Rx @ [0, 0, 1], atol=1e-12)
     # The tip leaves the point on the way: it is followed in chords.

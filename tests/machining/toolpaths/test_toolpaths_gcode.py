@@ -185,11 +185,12 @@ def test_words_without_spaces_with_spaces_and_in_small_letters(tmp_path: Path) -
 
 
 def test_the_end_of_the_program(tmp_path: Path) -> None:
-    m = gcode(tmp_path, "G0 X0 Y0 Z0\nM30\nG0 X1\n")
-    assert m.n == 1
-    assert any("behind the end" in n.text for n in m.notes)
+    assert gcode(tmp_path, "%\nG21 G0 X0 Y0 Z0\nM30\n%\n\x1a", head="").n == 1
+    for behind in ("M30\nG0 X1\n", "M30\n%\nO2\nG0 X1\nM30\n", "%\nG0 X1\n", "M30\nM8\n"):
+        with pytest.raises(InputErrors, match=r"line \d: a block behind the end"):
+            gcode(tmp_path, "G0 X0 Y0 Z0\n" + behind)
     # The retract is made before the end.
-    m = gcode(tmp_path, "G0 X0 Y0 Z0\nG91 G28 Z0 M30\nG0 X1\n")
+    m = gcode(tmp_path, "G0 X0 Y0 Z0\nG91 G28 Z0 M30\n")
     np.testing.assert_allclose(m.points * 1e3, [[0, 0, 0], [0, 0, 10]])
 
 
@@ -249,9 +250,9 @@ def test_a_whole_dwell_that_looks_like_milliseconds_is_remarked_on(tmp_path: Pat
         ("M98 P100", "subprogram"),
         ("G65 P9000 X1", "macro call"),
         ("L100", "subprogram"),
-        ("CYCLE86(10,0,2,-20)", "moves the tool"),
-        ("MCALL CYCLE86(10,0,2,-20)", "moves the tool"),
-        ("MCALL POCKET3(10,0,2,-20)", "moves the tool"),
+        ("CYCLE86(10,0,2,-20)", "is not read"),
+        ("MCALL CYCLE86(10,0,2,-20)", "is not read"),
+        ("MCALL POCKET3(10,0,2,-20)", "is not read"),
         ("CYCLE81(10,0,2)", "depth"),
         ("CYCLE83(10,0,2,-20,,,5,1,0,0,1,1)", "smaller"),
         ("CYCLE84(10,0,2,-20)", "pitch"),

@@ -1,4 +1,4 @@
-"""Corners of a contour that RND rounds and CHF chamfers, and arcs that go on along a direction (CT)."""
+"""Corners of a contour that are rounded or chamfered (in the plane X Y), and arcs that go on along a direction (CT)."""
 
 from __future__ import annotations
 
@@ -20,16 +20,21 @@ def rounded(start: Array, corner: Array, end: Array, radius: float) -> tuple[Arr
     """
     into, out, turn = _turn(start, corner, end)
     cut = radius * math.tan(abs(turn) / 2.0)
-    _room(start, corner, end, cut, "RND")
+    _room(start, corner, end, cut, "rounding")
     side = np.array([-into[1], into[0], 0.0]) * math.copysign(1.0, turn)
     first = corner - cut * into
     return first, corner + cut * out, first + radius * side, turn < 0.0
 
 
-def chamfered(start: Array, corner: Array, end: Array, length: float) -> tuple[Array, Array]:
-    """Where a chamfer that takes ``length`` m off both lines of a corner begins and ends; errors as :func:`rounded`."""
-    into, out, _ = _turn(start, corner, end)
-    _room(start, corner, end, length, "CHF")
+def chamfered(start: Array, corner: Array, end: Array, length: float, across: bool = False) -> tuple[Array, Array]:
+    """Where a chamfer begins and ends: it takes ``length`` m off both lines, or is so long itself (``across``).
+
+    Errors as :func:`rounded`.
+    """
+    into, out, turn = _turn(start, corner, end)
+    if across:
+        length /= 2.0 * math.cos(turn / 2.0)
+    _room(start, corner, end, length, "chamfer")
     return corner - length * into, corner + length * out
 
 
@@ -37,17 +42,17 @@ def _turn(start: Array, corner: Array, end: Array) -> tuple[Array, Array, float]
     """Unit directions into and out of a corner, and the angle rad that the way turns by in X Y."""
     a, b = corner - start, end - corner
     if abs(a[2]) + abs(b[2]) > 1e-9 or not np.hypot(*a[:2]) > 1e-9 or not np.hypot(*b[:2]) > 1e-9:
-        raise StatementError("RND or CHF of a corner that is not in one plane X Y", "two lines at one height")
+        raise StatementError("a rounding or chamfer of a corner that is not in the plane", "two lines in the plane")
     into, out = a / np.linalg.norm(a), b / np.linalg.norm(b)
     turn = math.atan2(into[0] * out[1] - into[1] * out[0], float(into @ out))
     if abs(turn) < 1e-9 or abs(turn) > math.pi - 1e-6:
-        raise StatementError("RND or CHF between lines that make no corner", "two lines at an angle")
+        raise StatementError("a rounding or chamfer between lines that make no corner", "two lines at an angle")
     return into, out, turn
 
 
 def _room(start: Array, corner: Array, end: Array, cut: float, word: str) -> None:
     if not 0.0 < cut <= min(np.linalg.norm(corner - start), np.linalg.norm(end - corner)) + 1e-9:
-        raise StatementError(f"{word} too large for its lines", "a radius or length that both lines have room for")
+        raise StatementError(f"a {word} too large for its lines", "a radius or length that both lines have room for")
 
 
 def tangent_arc(start: Array, end: Array, along: Array) -> tuple[Array, bool]:
