@@ -1,0 +1,70 @@
+"""Every word counts: a word in the middle of a contour is read right or its block is refused by line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import gcode_traps
+import gcode_traps_siemens
+import klartext_traps
+import numpy as np
+import pytest
+from gcode_traps import READ, REFUSED, RETRACT, Trap
+from gcode_traps_open import OPEN
+from moves_compared import disagreement
+
+from machining.toolpaths import Motions, ReadOptions, read_toolpath
+from robots import InputError
+
+TRAPS = [*gcode_traps.TRAPS, *gcode_traps_siemens.TRAPS, *klartext_traps.TRAPS]
+
+
+def judged(trap: Trap, folder: Path) -> str:
+    """What is wrong with how a trap is read; "" for nothing."""
+    file = folder / f"trap.{trap.ending}"
+    file.write_bytes(trap.program.encode("latin-1"))
+    try:
+        m = read_toolpath(file, kind="heidenhain" if trap.ending == "h" else "gcode", options=ReadOptions())
+    except InputError as error:
+        if trap.right == READ:
+            return f"refused: {' '.join(str(error).split())[:150]}"
+        return "" if ", line " in str(error) else f"refused without its line: {error}"
+    points = 1e3 * m.points
+    if trap.right == REFUSED:
+        return "read: " + " ".join(",".join(f"{v:g}" for v in p) for p in points[:8])
+    if trap.right == RETRACT:
+        return _retract(m)
+    return disagreement(points, m.rapid, m.feed * 60e3, trap.moves)
+
+
+def _retract(m: Motions) -> str:
+    """No rapid crosses below the height of the first approach; the tool comes down where it is told to."""
+    points = 1e3 * m.points
+    across = np.hypot(*np.diff(points[:, :2], axis=0).T)
+    lower = np.minimum(points[1:, 2], points[:-1, 2])
+    low = m.rapid[1:] & (across > 1e-6) & (lower < 5 - 1e-6)
+    if low.any():
+        return f"a rapid crosses at Z{lower[low][0]:g}"
+    return "" if math.dist(points[-1], (50, 50, 0)) < 1e-6 else f"ends at {points[-1]}"
+
+
+def _named(trap: Trap) -> str:
+    return f"{trap.ending}: {trap.name}"
+
+
+@pytest.mark.parametrize("trap", TRAPS, ids=[_named(one).encode("unicode_escape").decode() for one in TRAPS])
+def test_no_word_is_dropped(trap: Trap, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if _named(trap) in OPEN:
+        request.applymarker(pytest.mark.xfail(strict=True, reason="open"))
+    assert judged(trap, tmp_path) == ""
+
+
+def test_there_are_enough_traps_and_each_is_one() -> None:
+    assert len(TRAPS) >= 100
+    assert len({_named(one) for one in TRAPS}) == len(TRAPS)
+    assert {_named(one) for one in TRAPS} >= OPEN
+    # A square without any word is read as it stands.
+    for ending in ("nc", "ngc", "mpf"):
+        plain = Trap("plain", ending, gcode_traps.block("M8", ending), READ, gcode_traps.SQUARE)
+        assert plain.moves[-1].rapid
