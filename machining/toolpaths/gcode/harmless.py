@@ -29,9 +29,11 @@ CODES: Mapping[int, str] = {
     4500: COMPENSATION, 4510: COMPENSATION, 4600: COMPENSATION, 4610: COMPENSATION, 4620: COMPENSATION,
     50: AHEAD, 51: SMOOTH, 960: "a way to state the spindle's speed", 970: "a way to state the spindle's speed",
 }  # fmt: skip
+# Their coordinates are those of limits, or name axes.
+LIMITS = frozenset((220, 230, 250, 260, 501))
 # Letters that belong to a code or, below, to an M function, and that nothing else reads.
 WITH_CODE: Mapping[int, str] = {
-    80: "P", 50: "PQR", 51: "PQR", 220: "XYZIJK", 250: "XYZSPQR", 260: "XYZSPQR", 430: "HD", 440: "HD", 434: "HDP",
+    80: "P", 50: "PQR", 51: "PQR", 250: "SPQR", 260: "SPQR", 430: "HD", 440: "HD", 434: "HDP",
     640: "PQ", 1870: "PE", 610: "P", 920: "S", 960: "SDR", 970: "S", 100: "LPXYZABCRIJKQHDF",
 }  # fmt: skip
 FUNCTIONS: Mapping[int, str] = {
@@ -41,7 +43,6 @@ FUNCTIONS: Mapping[int, str] = {
     48: "the operator's overrides act", 49: "the operator's overrides do not act", 52: "the operator's override",
     **dict.fromkeys((62, 63, 64, 65), "an output of the machine"), 66: "waits for an input",
     **dict.fromkeys((67, 68), "an output of the machine"),
-    70: "keeps the modes as they are for later; taking them back is refused",
     **dict.fromkeys((83, 84, 85), "air"),
 }  # fmt: skip
 WITH_FUNCTION: Mapping[int, str] = {

@@ -42,6 +42,7 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
+    reader.siemens = path.suffix.lower() in (".mpf", ".spf")
     data = content(path, options.max_bytes)
     if CALL.search(data):
         reader.subprograms = subprograms(lines_of(path.name, data))
@@ -69,6 +70,7 @@ class _Reader(GcodeMotion):
     modal_cycle: Hole | None = None
     subprograms: Mapping[str, Subprogram] = MappingProxyType({})
     depth = 0
+    siemens = False
     # Frame that G92.2 has set aside, and whether G92 has said what coordinates mean before any was known.
     aside: CoordinateFrame | None = None
     presumed = False
@@ -94,7 +96,7 @@ class _Reader(GcodeMotion):
         elif not words.empty:
             self.tape = "read"
         if self.over:
-            if not words.empty and not set(words.misc) <= set(ENDS) | {9, 5}:
+            if not words.empty and not words.ends:
                 fault = StatementError("a block behind the end of the program", "one program in a file", REMEDY_END)
                 self.refuse(fault, readable(raw).strip())
                 return False
@@ -129,7 +131,7 @@ class _Reader(GcodeMotion):
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         # M99 and M17 end a subprogram, not the program.
-        self.over = any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
+        self.over = self.over or any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
         self._all_used(b)
         self.corner_behind(b)
@@ -162,6 +164,8 @@ class _Reader(GcodeMotion):
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
         known = {"O", "H", "D"} | set(harmless.VALUES)
+        if self.siemens and dict.get(b.words, "D") == 0.0 and not (set(MACHINE) & set(b.codes) or "SUPA" in b.long):
+            raise StatementError("D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153")
         for code in b.codes:
             known |= set(harmless.WITH_CODE.get(code, ""))
         for number in b.misc:
@@ -228,6 +232,10 @@ class _Reader(GcodeMotion):
             if not {0, 10, 20, 30} & set(b.codes):
                 raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
             del b.words["P"]
+        if harmless.LIMITS & set(b.codes):
+            # Their coordinates are no motion.
+            b.words.used |= set("XYZIJK")
+            return
         for code in b.codes:
             if code in POLES:
                 self.set_pole(code, b)
@@ -341,11 +349,8 @@ class _Reader(GcodeMotion):
         old = self.frame
         if code == 100:
             # L2 and L20 move the work offset itself: with nothing before them they only say where it is.
-            if b.words.get("L") in (2.0, 20.0):
-                if len(self.recorder):
-                    raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
-                if b.words.get("R", 0.0) != 0.0:
-                    raise StatementError("G10 L2 turns a work offset", "offsets that are not turned")
+            if b.words.get("L") in (2.0, 20.0) and len(self.recorder):
+                raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif code == 520:
             here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]

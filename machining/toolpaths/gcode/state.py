@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -75,6 +75,10 @@ REMEDY_START = "say where the tool stands first, in mm: --read start=X,Y,Z (star
 REMEDY_MACRO = "post the program without loops and calls, or let the control's simulator write it out"
 
 
+# Modes that M70 keeps for M72.
+KEPT = (
+    "unit", "plane", "absolute", "arc_absolute", "feed_mode", "back_to_initial", "feed", "speed", "sense", "offset",
+)  # fmt: skip
 KNOWN_CODES = "codes that are read, or are certain to change nothing about the path"
 KNOWN_FUNCTIONS = "M functions of spindle, coolant, tools and stops"
 
@@ -126,6 +130,7 @@ class Modes:
         self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
         self.dirty = True
+        self.kept: dict[str, Any] | None = None
 
     @property
     def scale(self) -> float:
@@ -183,7 +188,7 @@ class Modes:
         elif b.tool:
             self.selected, self.named = -1, b.tool
         for number in b.misc:
-            self._misc(number)
+            self._misc(number, b)
 
     def _code(self, code: int, b: Block) -> None:
         if code in SETS:
@@ -221,7 +226,7 @@ class Modes:
             raise StatementError(f"{word}: {COMPENSATION}", "G40: points of the tool's centre", REMEDY_COMPENSATION)
         self.recorder.event(self.line, word, note=f"{word}: points are taken as the tool's centre, as asked")
 
-    def _misc(self, number: int) -> None:
+    def _misc(self, number: int, b: Block) -> None:
         if number in TURNING:
             self.sense, self.dirty = {3: 1, 13: 1, 4: -1, 14: -1}.get(number, 0), True
             self._turn()
@@ -229,12 +234,27 @@ class Modes:
                 self.recorder.command(self.line, "coolant", text="flood", word="COOLNT")
         elif number == 6:
             self._change_tool()
+        elif number == 61:
+            # The number of the tool that is in the spindle already.
+            self.selected, self.named = int(b.words.get("Q", -1.0)), ""
+            self._change_tool()
+        elif number in (70, 71, 72):
+            self._modes_kept(number)
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
         elif number in harmless.FUNCTIONS:
             self.recorder.event(self.line, f"M{number}", harmless.FUNCTIONS[number])
         elif number not in STOPS and number not in ENDS:
             raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"))
+
+    def _modes_kept(self, number: int) -> None:
+        """M70 keeps modes, M72 takes them back, M71 forgets them (LinuxCNC)."""
+        if number == 72:
+            if self.kept is None or any(self.kept[name] != getattr(self, name) for name in ("sense", "offset")):
+                raise StatementError("M72 without M70, or with another work offset or spindle", "M70 before it")
+            vars(self).update(self.kept, dirty=True)
+        else:
+            self.kept = {name: getattr(self, name) for name in KEPT} if number == 70 else None
 
     def _change_tool(self) -> None:
         """M6: the tool that T has named goes into the spindle."""

@@ -85,6 +85,13 @@ class Block:
         """Whether there is nothing to do."""
         return not (self.words or self.codes or self.misc or self.long or self.macro or self.computes or self.bad)
 
+    @property
+    def ends(self) -> bool:
+        """Whether it says once more that the program is over, or names the next one."""
+        return self.words.keys() <= {"O"} and not (
+            self.codes or self.long or self.macro or self.computes or self.bad or set(self.misc) - {2, 17, 30, 99}
+        )
+
     def take(self, text: str) -> None:
         """Enter words with plain numbers, in capitals."""
         if "=" in text:

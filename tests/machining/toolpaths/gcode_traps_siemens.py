@@ -108,7 +108,7 @@ OTHERS = [
             "; X50", "G40", "G17", "G64", "G601", "MCALL"),
     *blocks(EITHER, "CYCLE832(0.05,1,1)", 'MSG("A (B) ; C")', "COMPCAD", "COMPOF", "DEF REAL A", "ANFANG:", "SPOS=0",
             "LIMS=5000", "SETAL(65000)", "G25 X0 Y0", "G26 X99 Y99", "ACC[X]=50", "FNORM", "CP", "SPATH", "G96 S100",
-            "G97 S1000", 'T="MILL"', "WALIMON", "GROUP_BEGIN(0,\"A\",0,0)", "SETMS(1)", "G0 RTLIOF\nG1", "WORKPIECE(,,,\"BOX\")"),
+            "G97 S1000", 'T="MILL"', "WALIMON", "GROUP_BEGIN(0,\"A\",0,0)", "SETMS(1)", "G0 RTLIOF\nG1", "WORKPIECE(,,,\"BOX\")"),  # noqa: E501
     trap("M17 ends it", block("M17"), EITHER, f"{START} L20,0,0"),
     trap("RET ends it", block("RET"), EITHER, f"{START} L20,0,0"),
     trap("CYCLE81", body("G0 Z5\nX10 Y10 F600\nCYCLE81(5,0,2,-3)\nG0 X0 Y0 Z5"), READ,

@@ -186,7 +186,7 @@ def test_words_without_spaces_with_spaces_and_in_small_letters(tmp_path: Path) -
 
 def test_the_end_of_the_program(tmp_path: Path) -> None:
     assert gcode(tmp_path, "%\nG21 G0 X0 Y0 Z0\nM30\n%\n\x1a", head="").n == 1
-    for behind in ("M30\nG0 X1\n", "M30\n%\nO2\nG0 X1\nM30\n", "%\nG0 X1\n", "M30\nM8\n"):
+    for behind in ("M30\nG0 X1\n", "M30\n%\nO2\nG0 X1\nM30\n", "%\nG0 X1\n", "M30\nS500\n"):
         with pytest.raises(InputErrors, match=r"line \d: a block behind the end"):
             gcode(tmp_path, "G0 X0 Y0 Z0\n" + behind)
     # The retract is made before the end.
