@@ -228,7 +228,14 @@ def low_rapid_offences(reported: Reported, tolerance: float) -> Iterator[Offence
     """Rapid moves across below the last retract."""
     for low in low_rapids(reported.courses, tolerance):
         yield reported.offence(
-            Kind.LOW_RAPID, low.move, low.share, low.height, low.retract, "m", text="height along the tool axis"
+            Kind.LOW_RAPID,
+            low.move,
+            low.share,
+            low.height,
+            low.retract,
+            "m",
+            text="not straight on its way" if low.beside else "height along the tool axis",
+            severity=Severity.WARNING if low.beside else Severity.ERROR,
         )
 
 
