@@ -76,9 +76,6 @@ class Recorder:
         """One move to ``point`` (m) with tool axis ``axis`` of any length."""
         if self.retracts.away:
             self._back(line, point, axis)
-        self._put(line, point, axis, rapid)
-
-    def _put(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         self.room(1)
         self.points.extend(point)
         self.axes.extend(axis)
@@ -114,8 +111,10 @@ class Recorder:
         self.retracts.away = False
 
     def _raise(self, line: int, point: Array, axis: Array) -> None:
+        away, self.retracts.away = self.retracts.away, False
         for turned in self.retracts.steps(len(self), point, _unit(axis), self._tool_now):
-            self._put(line, tuple(point.tolist()), tuple(turned.tolist()), True)
+            self.move(line, point.tolist(), turned.tolist(), True)
+        self.retracts.away = away
 
     @property
     def _tool_now(self) -> int:
