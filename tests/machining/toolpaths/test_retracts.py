@@ -196,3 +196,11 @@ def test_a_turn_by_half_a_turn_goes_by_the_side() -> None:
     turns = np.einsum("ij,ij->i", m.axes[1:], m.axes[:-1])
     assert turns.min() > -1e-9
     assert (np.linalg.norm(np.diff(m.points, axis=0)[turns < 0.5], axis=1) < 1e-12).all()
+
+
+def test_a_new_tool_comes_from_the_changer(tmp_path: Path) -> None:
+    """A place of the machine behind the change: not up from where the other tool was, but to above its own place."""
+    m = gcode(tmp_path, "T1 M6\n" + START + "G0 Z15\nT2 M6\nG53 G0 Z0\nG0 X80 Y40\nG43 H2 Z5\nM30\n")
+    assert points(m)[3:] == [[20, 0, 15], [80, 40, 25], [80, 40, 5]]
+    assert m.tool[3:].tolist() == [0, 1, 1]
+    assert gcode(tmp_path, "T1 M6\n" + START + "T2 M6\nG53 G0 Z0\nM30\n").n == 3
