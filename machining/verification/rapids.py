@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from machining.verification.courses import PIECES, Courses
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,11 @@ class LowRapid:
     beside: bool
 
 
-def low_rapids(courses: Courses, tolerance: float) -> Iterator[LowRapid]:
-    """Rapid moves across and below the last retract, by more than ``tolerance`` m; the lowest of each source move."""
+def low_rapids(courses: Courses, known: Bools, tolerance: float) -> Iterator[LowRapid]:
+    """Rapid moves across and below the last retract, by more than ``tolerance`` m; the lowest of each source move.
+
+    ``known`` (n,): points where the joints lead to the program's. A move between two others has no height to judge.
+    """
     motions, points = courses.program.motions, courses.reached[:, :3, 3]
     rapid = motions.rapid & ~motions.changes
     rapid[:1] = False
@@ -59,7 +62,8 @@ def low_rapids(courses: Courses, tolerance: float) -> Iterator[LowRapid]:
         if _across(samples - start, axis, tolerance) and height.min() < level - tolerance:
             k, piece = np.unravel_index(int(height.argmin()), height.shape)
             beside = _beside(points[first - 1 : last + 1], axis, level, along, tolerance)
-            yield LowRapid(first + int(k), float(piece) / PIECES, float(height.min()), level, beside)
+            if known[first - 1] or known[last]:
+                yield LowRapid(first + int(k), float(piece) / PIECES, float(height.min()), level, beside)
         elif not along:
             retract = end - max(0.0, float(end @ axis) - level) * axis
         if along and (end - start) @ axis > tolerance:
