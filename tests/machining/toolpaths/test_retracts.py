@@ -204,3 +204,16 @@ def test_a_new_tool_comes_from_the_changer(tmp_path: Path) -> None:
     assert points(m)[3:] == [[20, 0, 15], [80, 40, 25], [80, 40, 5]]
     assert m.tool[3:].tolist() == [0, 1, 1]
     assert gcode(tmp_path, "T1 M6\n" + START + "T2 M6\nG53 G0 Z0\nM30\n").n == 3
+
+
+def test_axes_of_the_machine_in_a_turned_frame(tmp_path: Path) -> None:
+    """In a plane turned about Y the machine's Z moves its x, too: with a head it does, with a table it does not."""
+    head = "G90 G54\nG0 X0 Y0 Z50\nG68.2 X0 Y0 Z0 I90 J30 K-90\nG53.1\nG0 X1 Y2 Z5\nG1 Z0 F100\nG53 G0 Z0\n"
+    with pytest.raises(InputErrors, match="while X is not known"):
+        gcode(tmp_path, head + "G0 Z5\nG1 Z0\nM30\n")
+    m = gcode(tmp_path, head + "G0 X9\nZ5\nG1 Z0\nM30\n")
+    steps = np.diff(m.points[-4:], axis=0)
+    # Across to above (9, 2), down to 5 and to 0, all along the tool.
+    assert abs(steps[0] @ m.axes[-1]) < 1e-12
+    np.testing.assert_allclose(np.cross(steps[1:], m.axes[-1]), 0.0, atol=1e-15)
+    np.testing.assert_allclose(steps[2], -0.005 * m.axes[-1], atol=1e-15)
