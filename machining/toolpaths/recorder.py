@@ -101,8 +101,10 @@ class Recorder:
             return
         last = np.array(self.points[-3:])
         self.retracts.begin(line, word, last)
-        starts, tools = self._states[::5], self._states[3::5]
-        if tools[-1] == next(t for s, t in zip(reversed(starts), reversed(tools), strict=True) if s < len(self)):
+        state = len(self._states) - 5
+        while self._states[state] >= len(self):
+            state -= 5
+        if self._states[state + 3] == self._tool_now:
             self._raise(line, last, np.array(self.axes[-3:]))
 
     def across(self, line: int, point: Vector, axis: Vector) -> None:
