@@ -151,9 +151,12 @@ def _parsed(text: str) -> Canonical:
 def compare(mine: Motions, theirs: Canonical, *, skip_rapid: bool) -> tuple[int, float, str]:
     """Moves that agree, the largest difference in mm, and what differs ("" for nothing).
 
-    ``skip_rapid``: rapid moves to places of the machine are events of ours, and may be missing.
+    ``skip_rapid``: rapid moves to places of the machine are retracts of ours: theirs may be missing, and ours, which
+    are above everything else, do not count.
     """
     points = 1e3 * np.asarray(mine.points)
+    if skip_rapid and any(note.text.startswith("retracts") for note in mine.notes):
+        points = points[~mine.rapid | (points[:, 2] < points[:, 2].max() - 1e-6)]
     k, largest, here = 0, 0.0, np.zeros(3)
     for i, (end, rapid, circle) in enumerate(zip(theirs.ends, theirs.rapid, theirs.circles, strict=True)):
         if circle is None and np.linalg.norm(end - here) < theirs.end_mm:

@@ -76,9 +76,6 @@ class Recorder:
         """One move to ``point`` (m) with tool axis ``axis`` of any length."""
         if self.retracts.away:
             self._back(line, point, axis)
-        self._put(line, point, axis, rapid)
-
-    def _put(self, line: int, point: Vector, axis: Vector, rapid: bool) -> None:
         self.room(1)
         self.points.extend(point)
         self.axes.extend(axis)
@@ -96,10 +93,19 @@ class Recorder:
         self.lines.extend([line] * len(points))
 
     def away(self, line: int, word: str) -> None:
-        """The tool goes to a place of the machine, as ``word`` says: up along its axis, if it is in the part now."""
-        if len(self) and not self.retracts.away:
-            self.retracts.begin(line, word)
-            self._raise(line, np.array(self.points[-3:]), np.array(self.axes[-3:]))
+        """The tool goes to a place of the machine, as ``word`` says: up along its axis, if it is in the part now.
+
+        A tool that has not moved yet is at the changer.
+        """
+        if not len(self) or self.retracts.away:
+            return
+        last = np.array(self.points[-3:])
+        self.retracts.begin(line, word, last)
+        state = len(self._states) - 5
+        while self._states[state] >= len(self):
+            state -= 5
+        if self._states[state + 3] == self._tool_now:
+            self._raise(line, last, np.array(self.axes[-3:]))
 
     def across(self, line: int, point: Vector, axis: Vector) -> None:
         """While the tool is away, a rapid move to above ``point`` (m), whose height along ``axis`` is not known."""
@@ -114,8 +120,10 @@ class Recorder:
         self.retracts.away = False
 
     def _raise(self, line: int, point: Array, axis: Array) -> None:
+        away, self.retracts.away = self.retracts.away, False
         for turned in self.retracts.steps(len(self), point, _unit(axis), self._tool_now):
-            self._put(line, tuple(point.tolist()), tuple(turned.tolist()), True)
+            self.move(line, point.tolist(), turned.tolist(), True)
+        self.retracts.away = away
 
     @property
     def _tool_now(self) -> int:
@@ -237,7 +245,7 @@ class Recorder:
             All faults found, the first ones with their lines, and their number.
         """
         points, axes, line = self._checked()
-        if self.retracts.count and not self.faults:
+        if self.retracts.raised and not self.faults:
             points = self._retracted(points, axes)
         if not self.faults and not len(line):
             self.error(0, "no motion in the file", remedy="give the file of a tool path")
@@ -260,7 +268,7 @@ class Recorder:
                 allowed=f"at least {least * 1e3:.6g}: the highest point of the path at feed, along the tool axis",
                 remedy="raise it: --read retract=MM (retract= in Python), or leave it out",
             )
-        span = " to ".join(f"{v * 1e3:.6g}" for v in sorted({heights.min(), heights.max()}))
+        span = " to ".join(f"{v * 1e3:.6g}" for v in dict.fromkeys(np.round([heights.min(), heights.max()], 9)))
         how = "" if one.height is not None else f"{CLEARANCE * 1e3:g} mm above the path's highest point; "
         text = (
             f"retracts ({one.count}) for {listed(list(one.words))}: up along the tool axis to {span} mm, across and "

@@ -43,12 +43,12 @@ class Retracts:
         # Of the last raised move: the point that it is above, tool axis and tool.
         self._point, self._axis, self._tool = np.zeros(3), np.zeros(3), -1
 
-    def begin(self, line: int, word: str) -> None:
-        """A retract begins."""
+    def begin(self, line: int, word: str, point: Array) -> None:
+        """A retract begins at a point (3,) m."""
         self.away = True
         self.words[word] = None
         self.line, self.count = self.line or line, self.count + 1
-        self._tool = -1
+        self._point, self._tool = point, -1
 
     def steps(self, number: int, point: Array, axis: Array, tool: int) -> Iterator[Array]:
         """Tool axes (3,) of the moves, the next of them ``number``, that lead at the height to above a point (3,) m.

@@ -224,11 +224,18 @@ def body_offences(reported: Reported, swept: Swept, rapid: Swept | None, safety:
         yield from _rapid_contacts(reported, rapid)
 
 
-def low_rapid_offences(reported: Reported, tolerance: float) -> Iterator[Offence]:
+def low_rapid_offences(reported: Reported, path: PathChecks, tolerance: float) -> Iterator[Offence]:
     """Rapid moves across below the last retract."""
-    for low in low_rapids(reported.courses, tolerance):
+    for low in low_rapids(reported.courses, path.point <= tolerance, tolerance):
         yield reported.offence(
-            Kind.LOW_RAPID, low.move, low.share, low.height, low.retract, "m", text="height along the tool axis"
+            Kind.LOW_RAPID,
+            low.move,
+            low.share,
+            low.height,
+            low.retract,
+            "m",
+            text="not straight on its way" if low.beside else "height along the tool axis",
+            severity=Severity.WARNING if low.beside else Severity.ERROR,
         )
 
 

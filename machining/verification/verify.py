@@ -154,7 +154,7 @@ def verify(
     found = [
         *body_offences(reported, swept, rapid, safety),
         # Without the part's surface, or a cutter's, this is all that can be said of rapid moves.
-        *(low_rapid_offences(reported, demands.tolerance) if rapid is None else ()),
+        *(low_rapid_offences(reported, path, demands.tolerance) if rapid is None else ()),
         *axis_offences(reported, timing),
         *path_offences(reported, path, demands),
         *command_offences(reported),

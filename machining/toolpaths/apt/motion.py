@@ -101,7 +101,9 @@ class AptMotion(AptState):
     def _gohome(self, s: Statement) -> None:
         self._leave(s)
         if s.rest.strip():
-            self._from(s)
+            self.here = self._target(s)
+            if len(self.recorder):
+                self.recorder.across(self.line, self.here, self.axis)
 
     def _leave(self, s: Statement) -> None:
         """GOHOME, RETRCT: the tool goes to a place of the machine; data of a tool given before are the next move's."""

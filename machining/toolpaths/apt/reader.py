@@ -81,7 +81,8 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read an APT or CLSF file.
 
     ``RAPID`` holds for the next motion. ``GOTO`` without a tool axis keeps the last one (z before the first).
-    ``FROM`` is the first point, and rapid, as is ``GOHOME/x,y,z``. ``DELAY`` counts for the move before it.
+    ``FROM`` is the first point, and rapid. ``GOHOME``, ``GOHOME/x,y,z`` (to above its point), ``RETRCT`` are retracts
+    (:mod:`machining.toolpaths.retracts`). ``DELAY`` counts for the move before it.
 
     Raises
     ------

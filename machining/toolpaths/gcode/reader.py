@@ -341,7 +341,7 @@ class _Reader(GcodeMotion):
         word = "SUPA" if "SUPA" in b.long else shown(code)
         self.recorder.event(self.line, word, str(b))
         # G28 alone is for all axes; G53 alone moves nothing.
-        self.leave(named if named or not home or b.words.keys() & set("ABC") else (0, 1, 2), word)
+        self.leave_by(named if named or not home or b.words.keys() & set("ABC") else (0, 1, 2), word)
 
     def _origin(self, code: int, b: Block) -> None:
         """Codes that move or turn the frame of the coordinates to come."""

@@ -327,6 +327,11 @@ class Modes:
             self._put_state(math.nan)
             self.recorder.away(self.line, word)
 
+    def leave_by(self, machine: Sequence[int], word: str) -> None:
+        """As :meth:`leave`, by axes of the machine: in a turned frame they change others, with a head or a table."""
+        turned = np.abs(self.frame.turn[list(machine)]).max(axis=0, initial=0.0) > 1e-9
+        self.leave(sorted({*machine, *np.flatnonzero(turned).tolist()}), word)
+
     def shifted(self, point: Vector) -> Vector:
         """Point of the frame in force, with the work offset added."""
         if not self.frame.plain:

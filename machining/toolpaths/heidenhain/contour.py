@@ -230,7 +230,7 @@ class Contour(GcodeMotion):
         # The block may have coordinates of the line before, too.
         named = [k for k, letter in enumerate("XYZ") if letter in w.values or f"I{letter}" in w.values]
         if word != "M140":
-            self.leave(named, word)
+            self.leave_by(named, word)
             return
         way = np.array(self.axis) @ self.frame.turn
         if named or ("MB" in w.values) == ("MBMAX" in w.flags):

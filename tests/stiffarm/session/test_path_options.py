@@ -67,7 +67,7 @@ def test_flags_too(tmp_path: Path, name: str, text: str, remedy: str, after: dic
 def test_no_remedy_of_a_reader_names_an_argument_alone() -> None:
     """Where a text says what to pass in Python, it says the option too."""
     folder = Path(__file__).parents[3] / "machining" / "toolpaths"
-    names = "frames|start|arc_absolute|unknown_motion|units|kind|offsets|tcp|rotary|skip_deleted|dwell_unit"
+    names = "frames|start|arc_absolute|unknown_motion|units|kind|offsets|tcp|rotary|skip_deleted|dwell_unit|retract"
     for file in folder.rglob("*.py"):
         for text in re.findall(r'"[^"\n]*"', file.read_text(encoding="utf-8")):
             assert not re.search(rf"\bpass (?:{names})\b", text), (file.name, text)
@@ -78,7 +78,7 @@ def test_all_keys_together() -> None:
     found = asked(
         "frames=absolute", "unknown_motion=report", "start=1,2,3", "G59.1=0,0,10", "arc_absolute=yes",
         "circle_axis=left", "dwell_unit=ms", "skip_deleted=no", "chord_tolerance_um=5", "arc_tolerance_um=20",
-        "max_moves=10", "max_bytes=1000",
+        "max_moves=10", "max_bytes=1000", "retract=42.5",
     ).options  # fmt: skip
     assert (found.frames, found.unknown_motion, found.circle_axis, found.dwell_unit) == (
         "absolute",
@@ -90,6 +90,7 @@ def test_all_keys_together() -> None:
     assert found.offsets["G59.1"] == pytest.approx((0.0, 0.0, 0.01))
     assert (found.arc_absolute, found.skip_deleted) == (True, False)
     assert (found.chord_tolerance, found.arc_tolerance) == pytest.approx((5e-6, 20e-6))
+    assert found.retract == pytest.approx(0.0425)
     assert (found.max_moves, found.max_bytes) == (10, 1000)
 
 
@@ -117,3 +118,9 @@ def test_values_that_do_not_fit(text: str, message: str) -> None:
         asked(text)
     with pytest.raises(InputError, match="once"):
         asked("frames=one", "frames=written")
+
+
+@pytest.mark.parametrize("value", ["high", "1,2", "nan", "1e9"])
+def test_a_height_of_retracts_that_is_none(value: str) -> None:
+    with pytest.raises(InputError, match="retract"):
+        asked(f"retract={value}")
