@@ -14,6 +14,7 @@ OPEN: frozenset[str] = frozenset(
         "h: word M136",
         "h: word PR+5",
         "h: word R5",
+        "mpf: AR",
         "mpf: DIAM90",
         "mpf: DIAMON",
         "mpf: DIAMON then DIAMOF",
@@ -114,3 +115,5 @@ OPEN: frozenset[str] = frozenset(
         "ngc: M70 to M72",
     }
 )
+# Dialects of random programs that are read wrong.
+RANDOM = frozenset({"fanuc", "linuxcnc", "siemens"})
