@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 # Ends agree to this, points and middles of chords lie on their arc to that.
 END_mm, ON_ARC_mm = 1e-4, 5e-3
 FEED = 1e-6
+# An arc that ends as near to its start as this is a full circle.
+FULL_mm = 1e-5
 # A feed that the program does not tell: NaN of the reader.
 UNKNOWN = -1.0
 Point = tuple[float, float, float]
@@ -25,8 +27,8 @@ class Move:
     """One move to ``end`` mm.
 
     ``feed`` mm/min (NaN: any). An arc has a ``centre``, the index of its ``normal``, a ``sense`` (1 against the clock,
-    seen from where the normal points to) and full ``turns`` added. ``top``: a hole from there that is drilled in pecks of
-    at most ``peck`` mm, each as the control likes.
+    seen from where the normal points to) and full ``turns`` added. ``top``: a hole from there that is drilled in pecks
+    of at most ``peck`` mm, each as the control likes.
     """
 
     end: Point
@@ -47,7 +49,7 @@ def sweep(start: Sequence[float], move: Move) -> float:
     a = math.atan2(start[v] - c[v], start[u] - c[u])
     b = math.atan2(move.end[v] - c[v], move.end[u] - c[u])
     turn = (move.sense * (b - a)) % (2.0 * math.pi)
-    if math.hypot(start[u] - move.end[u], start[v] - move.end[v]) < 1e-7:
+    if math.hypot(start[u] - move.end[u], start[v] - move.end[v]) < FULL_mm:
         turn = 2.0 * math.pi
     return turn + 2.0 * math.pi * move.turns
 

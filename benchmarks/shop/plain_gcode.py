@@ -1,16 +1,16 @@
 """A plain interpreter of three-axis G-code that shares no code with the project's reader; written from the manuals.
 
-:func:`moves` gives the moves (:class:`moves_compared.Move`, mm and mm/min) of a program in one of three dialects: "fanuc",
-"linuxcnc", "siemens". What is not in its grammar is a ValueError: G0 to G3 in three planes, G90 and G91 with the centres'
-own (G90.1, G91.1), inches, one work offset, G52, G92 with its variants, G68, drill cycles, corners (,R ,C; RND RNDM CHF
-CHR), polar words and ANG, AC() and IC(), programmable frames, diameters, calls of subprograms in the file.
+:func:`moves` gives the moves (:class:`moves_compared.Move`, mm and mm/min) of a program in one of three dialects:
+"fanuc", "linuxcnc", "siemens". What is not in its grammar is a ValueError: G0 to G3 in three planes, G90 and G91 with
+the centres' own (G90.1, G91.1), inches, one work offset, G52, G92 with its variants, G68, drill cycles, corners (,R ,C;
+RND RNDM CHF CHR), polar words and ANG, AC() and IC(), programmable frames, diameters, calls of subprograms in the file.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from moves_compared import Move
 from plain_corners import Corner, cornered

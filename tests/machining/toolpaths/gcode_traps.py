@@ -132,6 +132,9 @@ ORIGINS = [
     trap("G92.3 without G92", block("G92.3"), EITHER, SQUARE, "ngc"),
     trap("G52", block("G52 X10"), READ, f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
     trap("G52 replaced", block("G52 X10\nG52 X5 Y1"), EITHER, f"{START} L20,0,0 L20,21,0 L5,21,0 R5,21,5"),
+    # Without a word for it the first offset is in force.
+    trap("G55 behind motion", block("G55").replace(" G54", ""), REFUSED),
+    trap("G54 behind motion", block("G54").replace(" G54", "", 1), EITHER),
     # G68 turns what comes: (x 20, y 20) about the origin by 90 deg is (-20, 20), with x from the turned frame.
     trap("G68", body("G1 X20\nG68 X0 Y0 R90\nG1 X20 Y20\nX0\nG69\nG0 Z5"), EITHER,
          f"{START} L20,0,0 L-20,20,0 L-20,0,0 R-20,0,5"),
@@ -181,6 +184,8 @@ CALLS = [
             "IF [#1 GT 0] GOTO 10", "IF [1 EQ 1] THEN #1=5", "WHILE [#1 LT 3] DO1", "GOTO 10", "M428", "M100", "G100",
             "#3000=1", "M98"),
     trap("M98 in the file", "O1\n" + block("M98 P100") + "O100\nG91 G1 Y10\nG90\nM99\n", READ,
+         f"{START} L20,0,0 L20,10,0 {LAST}"),
+    trap("M98P100", "O1\n" + block("M98P100") + "O100\nG91 G1 Y10\nG90\nM99\n", READ,
          f"{START} L20,0,0 L20,10,0 {LAST}"),
     trap("M98 with L", "O1\n" + block("M98 P100 L2") + "O100\nG91 G1 Y5\nG90\nM99\n", READ,
          f"{START} L20,0,0 L20,5,0 L20,10,0 {LAST}"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import gcode_stray
 import gcode_traps
 import gcode_traps_siemens
 import pytest
@@ -24,6 +25,15 @@ def test_no_random_program_is_read_wrong(dialect: str, request: pytest.FixtureRe
     outcomes, why = run(range(100), dialect)
     assert not outcomes[dialect, WRONG], why
     assert outcomes[dialect, RIGHT] > 20, why
+
+
+@pytest.mark.parametrize("dialect", DIALECT.values())
+def test_no_stray_word_is_dropped(dialect: str, request: pytest.FixtureRequest) -> None:
+    if dialect in RANDOM:
+        request.applymarker(pytest.mark.xfail(strict=True, reason="open"))
+    outcomes, words = gcode_stray.run(range(60), dialect)
+    assert not words
+    assert outcomes["refused"] > 10
 
 
 def test_programs_of_a_seed_are_the_same() -> None:
