@@ -7,7 +7,7 @@ import random
 import re
 from collections.abc import Callable
 
-from plain_gcode import Interpreter, split
+from plain_gcode import Interpreter
 
 
 class Writer:
@@ -47,13 +47,13 @@ class Writer:
     def emit(self, text: str) -> None:
         """Write blocks, and do them."""
         for line in text.split("\n"):
-            self.one.block(split(line, self.dialect))
+            self.one.do(line)
             shown = line
             if self.chance.random() < 0.06:
                 shown += self.chance.choice(self.remarks())
             if self.numbered and line:
                 shown = f"N{10 * len(self.lines) + 10} {shown}"
-            if self.chance.random() < 0.05 and not re.search(r"[=(;]|[A-Z]{3}", shown):
+            if self.chance.random() < 0.05 and not re.search(r"[=(;]|[A-Z]{2}", shown):
                 shown = shown.replace(" ", "")
             self.lines.append(shown.lower() if self.small and "%" not in shown else shown)
 
@@ -65,7 +65,7 @@ class Writer:
         """Constructs, and how often each comes."""
         return [
             (self.line, 10), (self.arc, 5), (self.circle, 1), (self.plane, 1), (self.mode, 2), (self.still, 2),
-            (self.rapid, 1),
+            (self.rapid, 1), (self.by_turn, 1),
         ]  # fmt: skip
 
     # Numbers and words
@@ -118,7 +118,7 @@ class Writer:
         x, y = self.place()
         self.emit(self.code("G0") + f"{self.to('X', x)} {self.to('Y', y)}")
 
-    def _arc(self, full: bool) -> None:
+    def _arc(self, full: bool, corner: str = "") -> None:
         u, v = self.one._flat
         here = self.one.at
         radius, a0 = self.chance.uniform(0.5, 40), self.chance.uniform(-math.pi, math.pi)
@@ -139,7 +139,7 @@ class Writer:
             if full and self.chance.random() < 0.5
             else [self.to(a, here[k] if full else end[k]) for a, k in zip(letters, (u, v), strict=True)]
         )
-        if self.chance.random() < 0.2:
+        if self.chance.random() < 0.2 and not corner:
             words.append(self.to("XYZ"[w], here[w] + round(self.chance.uniform(-5, 5), 2)))
             if full and len(words) < 3:
                 words = [*(self.to(a, here[k]) for a, k in zip(letters, (u, v), strict=True)), words[-1]]
@@ -149,7 +149,7 @@ class Writer:
             words.append(self.radius(r if turn < math.pi else -r))
         else:
             words += self.offsets(u, v, offset, centre)
-        self.emit(self.code("G2" if sense < 0 else "G3") + " ".join(words) + self.feed())
+        self.emit(self.code("G2" if sense < 0 else "G3") + " ".join([*words, corner]).strip() + self.feed())
 
     def radius(self, r: float) -> str:
         """The word of a radius."""
@@ -171,6 +171,15 @@ class Writer:
     def circle(self) -> None:
         """A full circle."""
         self._arc(True)
+
+    def by_turn(self) -> None:
+        """Feed per turn of the spindle."""
+        self.emit(f"S{self.chance.choice([800, 2500])} M3")
+        self.emit(f"G95 F{self.chance.choice([0.05, 0.2])}")
+        for _ in range(self.chance.randint(1, 3)):
+            x, y = self.place()
+            self.emit(f"{self.code('G1')}{self.to('X', x)} {self.to('Y', y)}")
+        self.emit(f"G94 F{self.chance.choice([200, 800])}")
 
     def plane(self) -> None:
         """Another plane."""

@@ -13,11 +13,19 @@ class Iso(Writer):
 
     def parts(self) -> list[tuple[Callable[[], None], int]]:
         """Constructs, and how often each comes."""
-        return [*super().parts(), (self.units, 1), (self.holes, 1), (self.call, 1), (self.frame, 2)]
+        return [*super().parts(), (self.units, 1), (self.holes, 1), (self.call, 1), (self.frame, 2), (self.by_time, 1)]
 
     def units(self) -> None:
         """Another unit."""
         self.emit(self.chance.choice(["G20", "G21"]))
+
+    def by_time(self) -> None:
+        """Feed by the time of a block, which each has its own word for."""
+        self.emit("G93")
+        for _ in range(self.chance.randint(1, 3)):
+            x, y = self.place()
+            self.emit(f"{self.code('G1')}{self.to('X', x)} {self.to('Y', y)} F{self.chance.choice([2, 7.5, 30])}")
+        self.emit(f"G94 F{self.chance.choice([200, 800])}")
 
     def holes(self) -> None:
         """A few holes from above."""
@@ -126,6 +134,10 @@ class Fanuc(Iso):
         """The word of a corner."""
         return self.chance.choice([",R", ",R", ",C"]) + self.exact(self.chance.choice([0.5, 1, 2.5]))
 
+    def rounding(self) -> str:
+        """The word of a round corner."""
+        return self.corner().replace(",C", ",R").replace("CHR", "RND").replace("CHF", "RND")
+
     def cornered(self) -> None:
         """Long sides with corners between them, and at times an arc behind the last."""
         if self.one.normal != 2:
@@ -133,8 +145,14 @@ class Fanuc(Iso):
         for _ in range(self.chance.randint(1, 3)):
             self.side(self.corner())
         if self.one.absolute and self.chance.random() < 0.3:
-            self.side(self.corner().replace(",C", ",R").replace("CHR", "RND").replace("CHF", "RND"))
-            self._arc(False)
+            # Beside an arc a corner is round.
+            self.side(self.rounding())
+            for _ in range(self.chance.randint(0, 2)):
+                self._arc(False, self.rounding())
+            if self.chance.random() < 0.5:
+                self._arc(False)
+            else:
+                self.side("")
         else:
             self.side("")
 

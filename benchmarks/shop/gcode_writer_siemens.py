@@ -24,6 +24,7 @@ class Siemens(Fanuc):
         return [
             *Writer.parts(self), (self.cornered, 3), (self.modal, 1), (self.polar, 2), (self.angle, 1), (self.own, 2),
             (self.programmable, 2), (self.diameters, 1), (self.call, 1), (self.blending, 1),
+            (self.through, 1), (self.tangent, 1), (self.opening, 1), (self.drilled, 1),
         ]  # fmt: skip
 
     def remarks(self) -> list[str]:
@@ -53,11 +54,71 @@ class Siemens(Fanuc):
 
     def corner(self) -> str:
         """The word of a corner."""
-        return self.chance.choice(["RND=", "CHF=", "CHR="]) + self.exact(self.chance.choice([0.5, 1, 2.5]))
+        word = self.chance.choice(["RND=", "CHF=", "CHR="]) + self.exact(self.chance.choice([0.5, 1, 2.5]))
+        return word + " FRC=75" * (self.chance.random() < 0.15)
 
-    def _arc(self, full: bool) -> None:
+    def _arc(self, full: bool, corner: str = "") -> None:
         if not self.one.diameter:
-            super()._arc(full)
+            super()._arc(full, corner)
+
+    def through(self) -> None:
+        """An arc by way of a point."""
+        self.flat()
+        if not self.one.absolute:
+            self.emit("G90")
+        here, a, b = self.one.at, self.chance.uniform(0.5, 3), self.chance.uniform(3.5, 5.5)
+        r, a0, sense = self.chance.uniform(5, 40), self.chance.uniform(-math.pi, math.pi), self.chance.choice([1, -1])
+        centre = here[0] - r * math.cos(a0), here[1] - r * math.sin(a0)
+        (u, v), (x, y) = (
+            (centre[0] + r * math.cos(a0 + sense * t), centre[1] + r * math.sin(a0 + sense * t)) for t in (a, b)
+        )
+        self.emit(f"CIP {self.to('X', x)} {self.to('Y', y)} I1={self.exact(u)} J1={self.exact(v)}{self.feed()}")
+        self.emit("G1")
+
+    def tangent(self) -> None:
+        """An arc that goes on from a side."""
+        self.flat()
+        if not self.one.absolute:
+            self.emit("G90")
+        self.side("")
+        x, y = self.place()
+        if math.dist((x, y), self.one.at[:2]) > 5:
+            self.emit(f"CT {self.to('X', x)} {self.to('Y', y)}")
+            self.emit("G1")
+
+    def opening(self) -> None:
+        """An arc by its opening angle, with its centre or its end."""
+        self.flat()
+        code, angle = self.chance.choice(["G2", "G3"]), self.chance.choice([30, 90, 150, 200, 275.5])
+        x, y = self.place()
+        if self.chance.random() < 0.5:
+            if math.dist((x, y), self.one.at[:2]) > 5:
+                self.emit(f"{code} {self.to('X', x)} {self.to('Y', y)} AR={angle}{self.feed()}")
+        else:
+            self.emit(f"{code} I{self.exact(x)} J{self.exact(y + 0.5)} AR={angle}{self.feed()}")
+
+    def drilled(self) -> None:
+        """Holes by a cycle, at once or at places to come."""
+        self.flat()
+        if not self.one.absolute:
+            self.emit("G90")
+        top = math.ceil(max(self.one.at[2], 0.0)) + self.chance.choice([2, 5])
+        self.emit(f"G0 {self.to('Z', top)}")
+        if math.isnan(self.one.feed):
+            self.emit("F150")
+        safe, depth = self.chance.choice([0.5, 1, 2]), self.chance.choice([3, 7.5])
+        bottom = top - 3 - depth
+        heights = self.chance.choice([f"81({top},{top - 3},{safe},{bottom})", f"81({top},{top - 3},{safe},,{depth})",
+                                      f"82({top},{top - 3},{safe},{bottom},,1)"])  # fmt: skip
+        cycle = f"CYCLE{heights}"
+        if self.chance.random() < 0.3:
+            self.emit(cycle)
+            return
+        self.emit(f"MCALL {cycle}")
+        for _ in range(self.chance.randint(1, 3)):
+            x, y = self.place()
+            self.emit(f"{self.code('G0')}{self.to('X', x)} {self.to('Y', y)}")
+        self.emit("MCALL")
 
     def flat(self) -> None:
         """Constructs in XY begin in that plane, and with radii."""

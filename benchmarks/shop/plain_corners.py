@@ -16,10 +16,11 @@ Flat = tuple[float, float]
 
 @dataclass(frozen=True)
 class Corner:
-    """What stands behind a move: ``kind`` and its size mm."""
+    """What stands behind a move: ``kind``, its size mm, and its own feed mm/min if it has one."""
 
     kind: str
     size: float
+    feed: float = math.nan
 
 
 def cornered(moves: Sequence[Move], corners: dict[int, Corner], start: Point) -> list[Move]:
@@ -45,11 +46,12 @@ def _corner(before: Point, first: Move, then: Move, corner: Corner) -> list[Move
     p = first.end
     if first.rapid or then.rapid or abs(before[2] - p[2]) > NEAR or abs(then.end[2] - p[2]) > NEAR:
         raise ValueError("a corner out of the plane")
-    d1, d2 = _direction(before, first, p), _direction(p, then, p)
+    d1, d2 = direction(before, first, p), direction(p, then, p)
     bend = math.atan2(d1[0] * d2[1] - d1[1] * d2[0], d1[0] * d2[0] + d1[1] * d2[1])
     if abs(bend) < 1e-6:
         return []
     feed = first.feed if first.feed == then.feed else math.nan
+    feed = feed if math.isnan(corner.feed) else corner.feed
     if corner.kind in ROUND:
         t1, t2, centre = _rounding(before, first, then, corner.size, 1 if bend > 0 else -1)
         arc = Move((*t2, p[2]), False, feed, (*centre, p[2]), 2, 1 if bend > 0 else -1)
@@ -64,7 +66,7 @@ def _corner(before: Point, first: Move, then: Move, corner: Corner) -> list[Move
     return [Move(a), Move((p[0] + leg * d2[0], p[1] + leg * d2[1], p[2]), False, feed)]
 
 
-def _direction(start: Point, move: Move, at: Sequence[float]) -> Flat:
+def direction(start: Point, move: Move, at: Sequence[float]) -> Flat:
     """Unit direction of a move where it passes a point."""
     if move.centre is None:
         x, y = move.end[0] - start[0], move.end[1] - start[1]
@@ -90,7 +92,7 @@ def _rounding(before: Point, first: Move, then: Move, r: float, side: int) -> tu
 def _beside(start: Point, move: Move, r: float, side: int) -> tuple[Flat, Flat] | tuple[Flat, float]:
     """Where centres are that lie r from a move on one side: a line (point, direction), or a circle (centre, radius)."""
     if move.centre is None:
-        d = _direction(start, move, start)
+        d = direction(start, move, start)
         return (start[0] - side * r * d[1], start[1] + side * r * d[0]), d
     radius = math.dist(start[:2], move.centre[:2])
     return move.centre[:2], radius - r * side * move.sense
@@ -131,7 +133,7 @@ def _circles(a: tuple, b: tuple) -> Iterator[Flat]:
 def _foot(start: Point, move: Move, centre: Flat) -> Flat:
     """The point of a move that is nearest to a centre beside it."""
     if move.centre is None:
-        d = _direction(start, move, start)
+        d = direction(start, move, start)
         t = (centre[0] - start[0]) * d[0] + (centre[1] - start[1]) * d[1]
         return start[0] + t * d[0], start[1] + t * d[1]
     c, radius = move.centre, math.dist(start[:2], move.centre[:2])
@@ -143,7 +145,7 @@ def _on(start: Point, move: Move, point: Flat) -> bool:
     """Whether a point of the endless line or circle is on the move."""
     if move.centre is None:
         size = math.dist(start[:2], move.end[:2])
-        d = _direction(start, move, start)
+        d = direction(start, move, start)
         return NEAR < (point[0] - start[0]) * d[0] + (point[1] - start[1]) * d[1] < size - NEAR
     part = sweep(start, replace(move, end=(*point, start[2]), turns=0))
     return NEAR < part < sweep(start, move) - NEAR

@@ -13,18 +13,18 @@ import re
 from dataclasses import dataclass, field
 
 from moves_compared import Move
-from plain_corners import Corner, cornered
+from plain_corners import Corner, cornered, direction
 
 DIALECTS = ("fanuc", "linuxcnc", "siemens")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 ISO_WORD = re.compile(rf"\s*(,?[A-Z])\s*({NUMBER})")
 SIEMENS_WORD = re.compile(
-    rf"\s*(?:([A-Z]+\d*)\s*=\s*(?:(AC|IC)\(\s*({NUMBER})\s*\)|({NUMBER}))|([A-Z])\s*({NUMBER})|([A-Z]{{3,}}))"
+    rf"\s*(?:([A-Z]+\d*)\s*=\s*(?:(AC|IC)\(\s*({NUMBER})\s*\)|({NUMBER}))|([A-Z])\s*({NUMBER})|([A-Z]{{3,}}|CT\b))"
 )
 AXES = "XYZ"
 # Words that change nothing about the path; G54 is the only work offset.
-NOTHING = {"G40", "G49", "G94", "G54", "G64", "G61", "G43", "G80", "G69", "G71", "G642", "G601", "G9", "G17.0"}
-NO_MOTION = {"M0", "M1", "M3", "M4", "M5", "M6", "M7", "M8", "M9"}
+NOTHING = {"G40", "G49", "G54", "G64", "G61", "G43", "G80", "G69", "G71", "G642", "G601", "G9", "G17.0"}
+NO_MOTION = {"M0", "M1", "M6", "M7", "M8", "M9"}
 
 
 @dataclass(frozen=True)
@@ -127,6 +127,11 @@ class Interpreter:
         self.initial, self.cycle = math.nan, dict[str, float]()
         self.kept: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self.family = ""
+        self.feed_mode, self.speed, self.turning = "G94", math.nan, False
+        # Feed of corners: of one, of all to come.
+        self.corner_feed = math.nan
+        # MCALL: heights that each place to come is drilled between.
+        self.holes: list[float] = []
         self.pole, self.polar = [0.0, 0.0], [0.0, 0.0]
         self.depth, self.over = 0, False
 
@@ -142,8 +147,14 @@ class Interpreter:
         for line in lines:
             if self.over:
                 return
-            if self.block(split(line, self.dialect)):
+            if self.do(line):
                 return
+
+    def do(self, line: str) -> bool:
+        """Do a line; whether it ends the program or subprogram."""
+        if self.dialect == "siemens" and self._cycle81(line):
+            return False
+        return self.block(split(line, self.dialect))
 
     def block(self, w: Words) -> bool:
         """Do one block; whether it ends the program or subprogram."""
@@ -151,13 +162,15 @@ class Interpreter:
             if len([c for c in w.codes if c in group]) > 1:
                 raise ValueError(f"two of {group}")
         called = self._called(w)
+        if "S" in w.values:
+            self.speed = w.values.pop("S")
         for code in w.codes:
             self._mode(code, w)
         if "F" in w.values and "G4" not in w.codes:
-            self.feed = w.values.pop("F") * self.unit
+            self.feed = w.values.pop("F") * (1.0 if self.feed_mode == "G93" else self.unit)
             if self.feed <= 0:
                 raise ValueError("feed")
-        for letter in ("S", "T", "D", "H"):
+        for letter in ("T", "D", "H"):
             w.values.pop(letter, None)
         if "G4" in w.codes:
             if w.values.keys() - {"P", "F"} or len(w.values) != 1:
@@ -167,6 +180,9 @@ class Interpreter:
         self._modal_corners(w)
         if w.values:
             self._moved(w)
+        if self.feed_mode == "G93":
+            # It holds in its own block alone.
+            self.feed = math.nan
         if called:
             name, times = called
             self.depth += 1
@@ -222,6 +238,11 @@ class Interpreter:
             if self.motion not in ("G81", "G82", "G83"):
                 self.initial, self.cycle = self.at[2], {}
             self.motion = code
+        elif code in ("G93", "G94", "G95") and not (siemens and code == "G93"):
+            self.feed = self.feed if code == self.feed_mode else math.nan
+            self.feed_mode = code
+        elif code in ("M3", "M4", "M5"):
+            self.turning = code != "M5"
         elif code == "G80":
             self.motion = ""
         elif code not in NOTHING | NO_MOTION | {"G4", "M30", "M2", "M99", "M17"} | FRAMES[siemens]:
@@ -273,6 +294,9 @@ class Interpreter:
             elif name in ("G110", "G111", "G112"):
                 origin = {"G110": here[:2], "G111": [0.0, 0.0], "G112": self.pole}[name]
                 self.pole = [origin[k] + point.get(k, 0.0 if name != "G111" else self.pole[k]) for k in (0, 1)]
+            elif name in ("CIP", "CT"):
+                self.motion = name
+                continue
             elif name in ("DIAMON", "DIAMOF"):
                 self.diameter = name == "DIAMON"
                 continue
@@ -291,12 +315,15 @@ class Interpreter:
         if "RNDM" in v:
             self.modal_corner = v.pop("RNDM")
         v.pop("ADIS", None)
+        if "FRCM" in v:
+            self.corner_feed = v.pop("FRCM") or math.nan
+        feed = v.pop("FRC", self.corner_feed)
         given = [k for k in (",R", ",C", "RND", "CHF", "CHR") if k in v]
         if len(given) > 1 or (given and (not self.motion or len(v) < 2)):
             raise ValueError("corners")
-        self.next_corner = Corner(given[0].strip(","), v.pop(given[0]) * self.unit) if given else None
+        self.next_corner = Corner(given[0].strip(","), v.pop(given[0]) * self.unit, feed) if given else None
         if self.next_corner is None and self.modal_corner:
-            self.next_corner = Corner("RNDM", self.modal_corner)
+            self.next_corner = Corner("RNDM", self.modal_corner, feed)
 
     # Motion
 
@@ -304,17 +331,23 @@ class Interpreter:
         if self.motion in ("G81", "G82", "G83"):
             self._hole(w)
             return
+        if self.motion in ("CIP", "CT"):
+            self._through(w)
+            return
         if self.motion not in ("G0", "G1", "G2", "G3"):
             raise ValueError(f"words without motion: {w.values}")
         v, here = w.values, self.at
         end, radius_words = self._end(w, here), {"R", "CR"} & v.keys()
         arc = self.motion in ("G2", "G3")
         polar = bool({"AP", "RP"} & v.keys())
-        used = {*AXES, "AP", "RP", "ANG"} | ({"I", "J", "K", "R", "CR", "P"} if arc else set())
+        turns_word = "TURN" if self.dialect == "siemens" else "P"
+        used = {*AXES, "AP", "RP", "ANG"} | ({"I", "J", "K", "R", "CR", "AR", turns_word} if arc else set())
         if v.keys() - used or (arc and "ANG" in v) or (polar and set("XYIJKR") & v.keys()):
             raise ValueError(f"words without a meaning here: {v}")
         if not arc:
-            self._put(Move(tuple(self.frame.out(end)), self.motion == "G0", self.feed))
+            self._put(Move(tuple(self.frame.out(end)), self.motion == "G0", self._speed(math.dist(here, end))))
+            if self.holes:
+                self._drill(end[:2])
             return
         sense = -1 if self.motion == "G2" else 1
         if polar:
@@ -324,14 +357,106 @@ class Interpreter:
                 raise ValueError("R and I J K")
             centre = self._from_radius(here, end, v[radius_words.pop()] * self.unit, sense)
         else:
-            centre = self._from_offsets(here, w)
+            if "AR" in v and set("XYZ") & v.keys():
+                centre = self._from_angle(here, end, math.radians(v["AR"]), sense)
+            else:
+                centre = self._from_offsets(here, w)
+                if "AR" in v:
+                    end = self._turned(here, centre, sense * math.radians(v["AR"]))
         u, q = self._flat
         middle = centre[u], centre[q]
         if abs(math.dist((here[u], here[q]), middle) - math.dist((end[u], end[q]), middle)) > 5e-3:
             raise ValueError("radii of an arc differ")
-        turns = int(v.get("P", 1)) - 1
+        turns = int(v.get("TURN", 0)) if turns_word == "TURN" else int(v.get("P", 1)) - 1
         ends = tuple(self.frame.out(end)), tuple(self.frame.out(centre))
-        self._put(Move(ends[0], False, self.feed, ends[1], self.normal, sense, turns))
+        if self.feed_mode == "G93" or self.holes:
+            raise ValueError("an arc here")
+        self._put(Move(ends[0], False, self._speed(0.0), ends[1], self.normal, sense, turns))
+
+    def _speed(self, length: float) -> float:
+        """Feed of a move, mm/min."""
+        if self.feed_mode == "G94" or self.motion == "G0":
+            return self.feed
+        if math.isnan(self.feed):
+            raise ValueError("a feed of another kind")
+        if self.feed_mode == "G93":
+            return self.feed * length
+        if not self.turning or math.isnan(self.speed):
+            raise ValueError("a feed per turn without a turn")
+        return self.feed * self.speed
+
+    def _turned(self, here: list[float], centre: list[float], angle: float) -> list[float]:
+        u, q = self._flat
+        x, y, end = here[u] - centre[u], here[q] - centre[q], list(here)
+        end[u] = centre[u] + math.cos(angle) * x - math.sin(angle) * y
+        end[q] = centre[q] + math.sin(angle) * x + math.cos(angle) * y
+        return end
+
+    def _from_angle(self, here: list[float], end: list[float], angle: float, sense: int) -> list[float]:
+        """Centre of an arc with a given opening angle between two points."""
+        u, q = self._flat
+        chord = math.dist((here[u], here[q]), (end[u], end[q]))
+        radius = chord / (2 * math.sin(angle / 2))
+        return self._from_radius(here, end, radius if angle <= math.pi else -radius, sense)
+
+    def _through(self, w: Words) -> None:
+        """CIP by way of a point, CT on from the move before; both in XY."""
+        v, here = w.values, self.at
+        end = self._end(w, here)
+        flat = abs(end[2] - here[2]) < 1e-9 and self.normal == 2 and self.absolute and not self.diameter
+        if not flat or v.keys() - {"X", "Y", "I1", "J1"} or ("I1" in v) != (self.motion == "CIP"):
+            raise ValueError(f"{self.motion} as this grammar has it not")
+        a, c = self.frame.out(here)[:2], self.frame.out(end)[:2]
+        if self.motion == "CIP":
+            b = self.frame.out([v["I1"], v["J1"], 0.0])[:2]
+            bend = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+            sense = 1 if bend > 0 else -1
+            # The centre is as far from all three.
+            rows = [
+                (2 * (p[0] - a[0]), 2 * (p[1] - a[1]), p[0] ** 2 + p[1] ** 2 - a[0] ** 2 - a[1] ** 2) for p in (b, c)
+            ]
+            det = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
+            centre = ((rows[0][2] * rows[1][1] - rows[1][2] * rows[0][1]) / det,
+                      (rows[0][0] * rows[1][2] - rows[1][0] * rows[0][2]) / det)  # fmt: skip
+        else:
+            before = self.made[-2].end
+            if self.made[-1].rapid or abs(before[2] - self.made[-1].end[2]) > 1e-9:
+                raise ValueError("CT behind no contour")
+            d = direction(before, self.made[-1], a)
+            x, y = c[0] - a[0], c[1] - a[1]
+            # Left of the direction by r: as far from the end.
+            left = -d[1] * x + d[0] * y
+            if abs(left) < 1e-3:
+                raise ValueError("CT straight on")
+            r = (x * x + y * y) / (2 * left)
+            centre, sense = (a[0] - r * d[1], a[1] + r * d[0]), 1 if r > 0 else -1
+        z = self.base[2]
+        self._put(Move((*c, z), False, self._speed(0.0), (*centre, z), 2, sense))
+
+    def _drill(self, place: list[float]) -> None:
+        """A Siemens cycle at a place."""
+        back, start, bottom = self.holes
+        self._put(Move(tuple(self.frame.out([*place, start])), True))
+        self._put(Move(tuple(self.frame.out([*place, bottom])), False, self.feed))
+        self._put(Move(tuple(self.frame.out([*place, back])), True))
+
+    def _cycle81(self, line: str) -> bool:
+        """CYCLE81 and CYCLE82, once or at each place to come; whether the block is one of these."""
+        text = re.sub(r"^N\d+\s*", "", line.partition(";")[0].strip().upper())
+        found = re.fullmatch(r"(MCALL\s+)?CYCLE8[12]\(([^()]*)\)|(MCALL)", text)
+        if found is None:
+            return False
+        self.holes = []
+        if found[3] is None:
+            back, reference, safe, depth, *rest = [float(x) if x.strip() else math.nan for x in found[2].split(",")]
+            bottom = reference - rest[0] if rest and not math.isnan(rest[0]) else depth
+            if self.normal != 2 or self.diameter or not back >= reference + safe > bottom or back < self.at[2] - 1e-9:
+                raise ValueError("a cycle as this grammar has it not")
+            self.holes = [back, reference + safe, bottom]
+            if not found[1]:
+                self._drill(self.at[:2])
+                self.holes = []
+        return True
 
     @property
     def _flat(self) -> tuple[int, int]:
@@ -418,6 +543,8 @@ class Interpreter:
         top = self.frame.out([x, y, r])[2] if self.motion == "G83" else None
         for place in ([x, y, self.at[2]], [x, y, r]):
             self._put(Move(tuple(self.frame.out(place)), True))
+        if self.feed_mode != "G94":
+            raise ValueError("a cycle at another feed")
         self._put(Move(tuple(self.frame.out([x, y, z])), False, self.feed, top=top, peck=self.cycle.get("Q", 0.0)))
         self._put(Move(tuple(self.frame.out([x, y, back])), True))
 
@@ -430,5 +557,6 @@ GROUPS = (
     {"G90", "G91"},
     {"G90.1", "G91.1"},
     {"G20", "G21"},
+    {"G93", "G94", "G95"},
     {"G98", "G99"},
 )

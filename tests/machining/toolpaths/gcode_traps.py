@@ -164,6 +164,11 @@ STRAY = [
     trap("an arc with K in XY", second("G3 Y20 J10 K3"), REFUSED),
     trap("an arc with Q", second("G3 Y20 J10 Q3"), REFUSED),
     trap("R of a full circle", second("G3 X20 Y0 R10"), REFUSED),
+    # The start is 0.1 + 0.2 mm, the end 0.3: a full circle, as LinuxCNC has it within 1e-6 rad.
+    trap("a circle behind sums", body("G91 G1 X0.1\nX0.2\nG90 G3 X0.3 Y0 I5 J0\nG1 X0 Y20\nG0 Z5"), READ,
+         f"{START} L0.1,0,0 L0.3,0,0 A0.3,0,0@5.3,0,+ L0,20,0 R0,20,5"),
+    trap("a circle the other way", body("G91 G1 X0.1\nX0.2\nG90 G2 X0.3 Y0 I5 J0\nG1 X0 Y20\nG0 Z5"), READ,
+         f"{START} L0.1,0,0 L0.3,0,0 A0.3,0,0@5.3,0,- L0,20,0 R0,20,5"),
     trap("D1", word("D1"), EITHER), trap("H2", word("H2"), EITHER),
     *words(REFUSED, "G41 D1", "G42 D1", "G41.1 D1", "G45 D1"),
     trap("G43 H1 with Z", body("G1 X20\nG43 H1 Z0\nG1 Y20\nX0\nG0 Z5"), EITHER, SQUARE),
