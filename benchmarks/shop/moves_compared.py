@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 # Ends agree to this, points and middles of chords lie on their arc to that.
 END_mm, ON_ARC_mm = 1e-4, 5e-3
 FEED = 1e-6
+# An arc that ends as near to its start as this is a full circle.
+FULL_mm = 1e-5
 # A feed that the program does not tell: NaN of the reader.
 UNKNOWN = -1.0
 Point = tuple[float, float, float]
@@ -25,7 +27,8 @@ class Move:
     """One move to ``end`` mm.
 
     ``feed`` mm/min (NaN: any). An arc has a ``centre``, the index of its ``normal``, a ``sense`` (1 against the clock,
-    seen from where the normal points to) and full ``turns`` added.
+    seen from where the normal points to) and full ``turns`` added. ``top``: a hole from there that is drilled in pecks
+    of at most ``peck`` mm, each as the control likes.
     """
 
     end: Point
@@ -35,6 +38,8 @@ class Move:
     normal: int = 2
     sense: int = 1
     turns: int = 0
+    top: float | None = None
+    peck: float = 0.0
 
 
 def sweep(start: Sequence[float], move: Move) -> float:
@@ -44,7 +49,7 @@ def sweep(start: Sequence[float], move: Move) -> float:
     a = math.atan2(start[v] - c[v], start[u] - c[u])
     b = math.atan2(move.end[v] - c[v], move.end[u] - c[u])
     turn = (move.sense * (b - a)) % (2.0 * math.pi)
-    if math.hypot(start[u] - move.end[u], start[v] - move.end[v]) < 1e-7:
+    if math.hypot(start[u] - move.end[u], start[v] - move.end[v]) < FULL_mm:
         turn = 2.0 * math.pi
     return turn + 2.0 * math.pi * move.turns
 
@@ -60,6 +65,12 @@ def disagreement(points: ArrayLike, rapid: ArrayLike, feed: ArrayLike, moves: Se
         if here is not None and move.centre is None and math.dist(here, move.end) <= END_mm / 10:
             continue
         first = k
+        if move.top is not None:
+            k, wrong = _pecked(p, fast, k, move)
+            if wrong:
+                return f"move {number} to {_text(move.end)}: {wrong}"
+            here = move.end
+            continue
         while k < len(p) and k - first < 200_000:
             near = math.dist(p[k], move.end) <= END_mm
             if near and (move.centre is None or here is None or _turned(p, first, k, here, move)):
@@ -75,6 +86,23 @@ def disagreement(points: ArrayLike, rapid: ArrayLike, feed: ArrayLike, moves: Se
             return f"move {number} to {_text(move.end)}: {wrong}"
         here = move.end
     return "" if k == len(p) else f"{len(p) - k} moves more than there are, to {_text(p[k])}"
+
+
+def _pecked(p: np.ndarray, fast: np.ndarray, k: int, move: Move) -> tuple[int, str]:
+    """The point behind the bottom of a hole, and what is wrong with how it is drilled."""
+    deepest = top = move.top or 0.0
+    while k < len(p):
+        x, y, z = p[k]
+        if math.hypot(x - move.end[0], y - move.end[1]) > END_mm or not move.end[2] - END_mm <= z <= top + END_mm:
+            return k, f"beside its hole: {_text(p[k])}"
+        if z < deepest - END_mm:
+            if fast[k] or (move.peck and deepest - z > move.peck + END_mm):
+                return k, f"from {deepest:g} to {z:g} at once" + " in rapid" * bool(fast[k])
+            deepest = z
+        k += 1
+        if z <= move.end[2] + END_mm:
+            return k, ""
+    return k, "ends in its hole"
 
 
 def _turned(p: np.ndarray, first: int, k: int, here: Point, move: Move) -> bool:

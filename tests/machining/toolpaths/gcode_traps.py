@@ -132,6 +132,9 @@ ORIGINS = [
     trap("G92.3 without G92", block("G92.3"), EITHER, SQUARE, "ngc"),
     trap("G52", block("G52 X10"), READ, f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
     trap("G52 replaced", block("G52 X10\nG52 X5 Y1"), EITHER, f"{START} L20,0,0 L20,21,0 L5,21,0 R5,21,5"),
+    # Without a word for it the first offset is in force.
+    trap("G55 behind motion", block("G55").replace(" G54", ""), REFUSED),
+    trap("G54 behind motion", block("G54").replace(" G54", "", 1), EITHER),
     # G68 turns what comes: (x 20, y 20) about the origin by 90 deg is (-20, 20), with x from the turned frame.
     trap("G68", body("G1 X20\nG68 X0 Y0 R90\nG1 X20 Y20\nX0\nG69\nG0 Z5"), EITHER,
          f"{START} L20,0,0 L-20,20,0 L-20,0,0 R-20,0,5"),
@@ -161,6 +164,11 @@ STRAY = [
     trap("an arc with K in XY", second("G3 Y20 J10 K3"), REFUSED),
     trap("an arc with Q", second("G3 Y20 J10 Q3"), REFUSED),
     trap("R of a full circle", second("G3 X20 Y0 R10"), REFUSED),
+    # The start is 0.1 + 0.2 mm, the end 0.3: a full circle, as LinuxCNC has it within 1e-6 rad.
+    trap("a circle behind sums", body("G91 G1 X0.1\nX0.2\nG90 G3 X0.3 Y0 I5 J0\nG1 X0 Y20\nG0 Z5"), READ,
+         f"{START} L0.1,0,0 L0.3,0,0 A0.3,0,0@5.3,0,+ L0,20,0 R0,20,5"),
+    trap("a circle the other way", body("G91 G1 X0.1\nX0.2\nG90 G2 X0.3 Y0 I5 J0\nG1 X0 Y20\nG0 Z5"), READ,
+         f"{START} L0.1,0,0 L0.3,0,0 A0.3,0,0@5.3,0,- L0,20,0 R0,20,5"),
     trap("D1", word("D1"), EITHER), trap("H2", word("H2"), EITHER),
     *words(REFUSED, "G41 D1", "G42 D1", "G41.1 D1", "G45 D1"),
     trap("G43 H1 with Z", body("G1 X20\nG43 H1 Z0\nG1 Y20\nX0\nG0 Z5"), EITHER, SQUARE),
@@ -181,6 +189,8 @@ CALLS = [
             "IF [#1 GT 0] GOTO 10", "IF [1 EQ 1] THEN #1=5", "WHILE [#1 LT 3] DO1", "GOTO 10", "M428", "M100", "G100",
             "#3000=1", "M98"),
     trap("M98 in the file", "O1\n" + block("M98 P100") + "O100\nG91 G1 Y10\nG90\nM99\n", READ,
+         f"{START} L20,0,0 L20,10,0 {LAST}"),
+    trap("M98P100", "O1\n" + block("M98P100") + "O100\nG91 G1 Y10\nG90\nM99\n", READ,
          f"{START} L20,0,0 L20,10,0 {LAST}"),
     trap("M98 with L", "O1\n" + block("M98 P100 L2") + "O100\nG91 G1 Y5\nG90\nM99\n", READ,
          f"{START} L20,0,0 L20,5,0 L20,10,0 {LAST}"),

@@ -1,0 +1,88 @@
+"""Random G-code programs read by the project and by a plain interpreter, move by move.
+
+    python benchmarks/shop/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
+
+Each program (:mod:`gcode_programs`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
+which share no code. A program is right where every move agrees (ends to 0.1 um, arcs to 5 um, rapid or feed, feeds),
+refused where the reader refuses it, and else wrong. A refusal is allowed; none may be wrong. ``--keep`` writes the
+programs that are wrong into a folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from gcode_programs import SUFFIX, program
+from moves_compared import disagreement
+from plain_gcode import DIALECTS, moves
+
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.reading import read_toolpath
+from robots import InputError
+
+RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
+
+
+def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
+    """What comes of a program, and why."""
+    file = folder / f"program{SUFFIX[dialect]}"
+    file.write_text(text, encoding="ascii")
+    try:
+        m = read_toolpath(file, kind="gcode", options=ReadOptions())
+    except InputError as error:
+        line = next((x for x in str(error).splitlines() if ", line " in x), str(error))
+        return REFUSED, _short(line)
+    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, moves(text, dialect))
+    return (WRONG, wrong) if wrong else (RIGHT, "")
+
+
+def _short(line: str) -> str:
+    """A refusal without its place and its numbers."""
+    return re.sub(r"[-+]?\d*\.?\d+", "#", re.sub(r"^.*?, line \d+: ", "", line).partition(": got")[0])[:80]
+
+
+def run(seeds: range, dialect: str | None = None, keep: Path | None = None) -> tuple[Counter[tuple[str, str]], Counter]:
+    """Outcomes by dialect, and reasons of refusals and of what is wrong."""
+    outcomes, why = Counter(), Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            text, kind = program(seed, dialect)
+            outcome, reason = judged(text, kind, Path(folder))
+            outcomes[kind, outcome] += 1
+            if outcome == REFUSED:
+                why[f"{kind}, refused: {reason}"] += 1
+            if outcome == WRONG:
+                why[f"{kind}, wrong, seed {seed}: {reason}"] += 1
+                if keep is not None:
+                    keep.mkdir(parents=True, exist_ok=True)
+                    (keep / f"{seed}{SUFFIX[kind]}").write_text(f"; {reason}\n{text}", encoding="ascii")
+    return outcomes, why
+
+
+def main() -> int:
+    """Run and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=100_000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--dialect", choices=DIALECTS)
+    parser.add_argument("--keep", type=Path)
+    a = parser.parse_args()
+    outcomes, why = run(range(a.first, a.first + a.count), a.dialect, a.keep)
+    print("| dialect | programs | right | refused | wrong |\n|---|---|---|---|---|")
+    for kind in DIALECTS:
+        n = [outcomes[kind, x] for x in (RIGHT, REFUSED, WRONG)]
+        print(f"| {kind} | {sum(n)} | {n[0]} | {n[1]} | {n[2]} |")
+    for reason, count in why.most_common(60):
+        print(count, reason)
+    return int(any(outcomes[kind, WRONG] for kind in DIALECTS))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

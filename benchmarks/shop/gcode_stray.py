@@ -1,0 +1,123 @@
+"""Words that no control takes, or that mean something else than nothing, put into random programs.
+
+    python benchmarks/shop/gcode_stray.py [--count N] [--first SEED] [--dialect NAME]
+
+One word goes into a block with coordinates of each program (:mod:`gcode_programs`). Where the plain interpreter refuses
+the program, so must the reader; where it takes it, they agree or the reader refuses. A program that is read although
+the word has no meaning in it counts as dropped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import re
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from gcode_programs import SUFFIX, program
+from gcode_random import REFUSED, RIGHT, WRONG
+from moves_compared import disagreement
+from plain_gcode import DIALECTS, moves
+
+from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.reading import read_toolpath
+from robots import InputError
+
+DROPPED = "dropped"
+COMMON = (
+    "R2", "I5", "J3", "K4", "P3", "Q2", "E0.5", "U5", "V2", "W3", "A10", "B5", "X1E2", "Y--3", "XY5", "G999", "M777",
+    "M136", "G1.5", "M3.5", "ZZ5", "X5 X6", "$", "#", "&5", "G0 G1", "G90 G91", "G17 G18", "Y", "Z-", "X5..5", "FOO",
+    "F0", "X+", "G", "M", "G2 G3", "X5Y", "!", "1.5", "-3", "~",
+)  # fmt: skip
+ISO = (
+    "C7",
+    "H5 R2",
+    "X=5",
+    "RND=2",
+    "FOO(1)",
+    ",R",
+    ",X5",
+    ",R2 ,C2",
+    "G7.1",
+    "G54 P2",
+    "G55",
+    "#<a",
+    "AP=30 RP=5",
+    "D5.5 Q1",
+)
+SIEMENS = (
+    "FOOBAR", "FOOBAR(1,2)", "FOO=5", "FOO[1]=5", "RND", "RND=", "X=DC(5)", "X=AC(", "ALF=30", ",R2", "TURN", "OFFN=1",
+    "CR", "ANG", "RP", "X=IC()", "G505", "MYSUB", "L7", "POS[X]=5", "DISR=2", "TRAANG", "TOROT", 'FOO("A")', "SPOF",
+)  # fmt: skip
+
+
+def strayed(text: str, dialect: str, chance: random.Random) -> tuple[str, str] | None:
+    """A program with one word more, and that word; None where no block has coordinates."""
+    lines = text.split("\n")
+    moving = re.compile(r"^[^(;]*[XYZ][-+=.\d][^(;]*$", re.I)
+    able = [k for k, line in enumerate(lines) if moving.match(line)]
+    if not able:
+        return None
+    k, word = chance.choice(able), chance.choice(COMMON + (SIEMENS if dialect == "siemens" else ISO))
+    lines[k] += f" {word}"
+    return "\n".join(lines), word
+
+
+def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
+    """What comes of a program with a stray word."""
+    file = folder / f"program{SUFFIX[dialect]}"
+    file.write_text(text, encoding="ascii")
+    try:
+        m = read_toolpath(file, kind="gcode", options=ReadOptions())
+    except InputError:
+        return REFUSED, ""
+    try:
+        known = moves(text, dialect)
+    except ValueError as error:
+        return DROPPED, str(error)
+    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, known)
+    return (WRONG, wrong) if wrong else (RIGHT, "")
+
+
+def run(seeds: range, dialect: str | None = None) -> tuple[Counter[str], Counter[str]]:
+    """Outcomes, and words that were dropped or read wrong."""
+    outcomes: Counter[str] = Counter()
+    words: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            text, kind = program(seed, dialect)
+            made = strayed(text, kind, random.Random(seed))  # noqa: S311
+            if made is None:
+                continue
+            # A program that is refused or wrong without the word says nothing about it.
+            if judged(text, kind, Path(folder))[0] != RIGHT:
+                outcomes["not judged"] += 1
+                continue
+            outcome, _ = judged(made[0], kind, Path(folder))
+            outcomes[outcome] += 1
+            if outcome in (WRONG, DROPPED):
+                words[f"{kind}, {outcome}: {made[1]}"] += 1
+    return outcomes, words
+
+
+def main() -> int:
+    """Run and print what was dropped."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--dialect", choices=DIALECTS)
+    a = parser.parse_args()
+    outcomes, words = run(range(a.first, a.first + a.count), a.dialect)
+    print(dict(outcomes))
+    for word, count in words.most_common():
+        print(count, word)
+    return int(bool(words))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
