@@ -13,6 +13,7 @@ from machining.toolpaths.apt.state import AptState, Handler
 from machining.toolpaths.apt.words import Statement
 from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.cycles import Cycle, drill
+from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
 
 
@@ -126,9 +127,9 @@ class AptMotion(AptState):
         if self.dirty:
             self._commit()
 
-        def state(own: bool, reverse: bool) -> None:
+        def state(own: Feed | None, reverse: bool) -> None:
             sign = self.spindle.signed
-            feed = work.feed if own and work.feed else self.feed
+            feed = self.feed if own is None else own
             self.recorder.state(feed.speed(sign), -sign if reverse else sign, self.tool, self.operation)
 
         self.here = drill(self.recorder, self.line, self.here, point, self.axis, work, state)

@@ -12,6 +12,7 @@ from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
+from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
@@ -247,10 +248,10 @@ class GcodeMotion(Modes):
         if None not in self.here:
             here = self.frame.out(np.array([v or 0.0 for v in self.here])) + self.shift
 
-        def state(own: bool, reverse: bool) -> None:
+        def state(own: Feed | None, reverse: bool) -> None:
             feed, mode = self.feed, self.feed_mode
-            if own and work.feed is not None:
-                self.feed, self.feed_mode, self.dirty = work.feed.value / self.scale, work.feed.per, True
+            if own is not None:
+                self.feed, self.feed_mode, self.dirty = own.value / self.scale, own.per, True
             self.commit(math.nan, reverse=reverse)
             self.feed, self.feed_mode = feed, mode
 
