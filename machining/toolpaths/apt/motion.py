@@ -169,12 +169,10 @@ class AptMotion(AptState):
         else:
             self.cycle = None
             try:
-                self.cycle, unread = cycle(s.parts, self.scale)
+                self.cycle = cycle(s.parts, self.scale)
             except StatementError as fault:
                 if self.options.unknown_motion == "error":
                     raise
                 self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}")
                 return
             self.last_cycle = self.cycle
-            for text in unread:
-                self.recorder.note(self.line, f"CYCLE, not read: {text}")
