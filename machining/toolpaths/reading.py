@@ -14,7 +14,8 @@ from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.heidenhain.reader import read_heidenhain
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.source import content, lines
+from machining.toolpaths.robot_programs import refuse_robot_program
+from machining.toolpaths.source import content, lines, lines_of
 from machining.toolpaths.tables import MARK, read_motions, read_path
 from robots import InputError
 from robots.files.reading import recording
@@ -56,7 +57,9 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     if kind is not None and kind not in KINDS:
         raise InputError("kind of the tool path", value=kind, allowed=", ".join(KINDS))
     data = content(path, options.max_bytes)
-    kind = kind or _kind(path)
+    head = list(islice(lines_of(path.name, data), _SAMPLE))
+    refuse_robot_program(path.name, head)
+    kind = kind or _kind(path, head)
     if kind == "apt":
         return read_apt(path, options)
     if kind == "gcode":
@@ -66,11 +69,10 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     return read_motions(path, options.max_bytes) if data.startswith(MARK.encode()) else _path(path)
 
 
-def _kind(path: Path) -> str:
+def _kind(path: Path, head: list[str]) -> str:
     by_name = next((kind for kind, suffixes in SUFFIXES.items() if path.suffix.lower() in suffixes), None)
     if by_name == "csv":
         return by_name
-    head = list(islice(lines(path), _SAMPLE))
     if by_name == "heidenhain" or any(_HEIDENHAIN.match(line) for line in head[:20]):
         return "heidenhain"
     apt, gcode = (sum(pattern.match(line) is not None for line in head) for pattern in (_APT, _GCODE))

@@ -64,7 +64,7 @@ def test_a_whole_program() -> None:
 def test_the_breaks_of_cycle_203_come_before_each_withdrawal() -> None:
     m = read_toolpath(SAMPLES / "klartext.h")
     heights = np.round(m.points[m.line == 32][:, 2] * 1e3, 3).tolist()
-    # One break at -5, one withdrawal to 2 at -10 and back to the clearance of 2 above it, the bottom, the second clearance.
+    # One break at -5, one withdrawal to 2 at -10 and back to 2 above it, the bottom, the second clearance.
     assert heights == [5, 2, -5, -4.746, -10, 2, -8, -12, 2, 20]
 
 
