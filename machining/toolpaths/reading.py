@@ -15,7 +15,7 @@ from machining.toolpaths.heidenhain.reader import read_heidenhain
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.robot_programs import refuse_robot_program
-from machining.toolpaths.source import content, lines, lines_of
+from machining.toolpaths.source import content, lines
 from machining.toolpaths.tables import MARK, read_motions, read_path
 from robots import InputError
 from robots.files.reading import recording
@@ -35,6 +35,8 @@ _APT = re.compile(
 _GCODE = re.compile(r"^\s*(?:%|/|\(|O\d+|(?:N\d+\s*)?(?:[GMTSF]\s*\d|[XYZABC]\s*[-+.\d]))", re.I)
 _HEIDENHAIN = re.compile(r"^\s*\d*\s*BEGIN PGM", re.I)
 _SAMPLE = 400
+# Bytes that tell a robot program: its commands begin within them.
+_HEAD = 32_768
 
 
 @recording()
@@ -57,9 +59,8 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     if kind is not None and kind not in KINDS:
         raise InputError("kind of the tool path", value=kind, allowed=", ".join(KINDS))
     data = content(path, options.max_bytes)
-    head = list(islice(lines_of(path.name, data), _SAMPLE))
-    refuse_robot_program(path.name, head)
-    kind = kind or _kind(path, head)
+    refuse_robot_program(path.name, data[:_HEAD].decode("latin-1").splitlines())
+    kind = kind or _kind(path)
     if kind == "apt":
         return read_apt(path, options)
     if kind == "gcode":
@@ -69,10 +70,11 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     return read_motions(path, options.max_bytes) if data.startswith(MARK.encode()) else _path(path)
 
 
-def _kind(path: Path, head: list[str]) -> str:
+def _kind(path: Path) -> str:
     by_name = next((kind for kind, suffixes in SUFFIXES.items() if path.suffix.lower() in suffixes), None)
     if by_name == "csv":
         return by_name
+    head = list(islice(lines(path), _SAMPLE))
     if by_name == "heidenhain" or any(_HEIDENHAIN.match(line) for line in head[:20]):
         return "heidenhain"
     apt, gcode = (sum(pattern.match(line) is not None for line in head) for pattern in (_APT, _GCODE))

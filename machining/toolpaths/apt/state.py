@@ -185,10 +185,7 @@ class AptState:
         self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy, site=site)
 
     def _fedrat(self, s: Statement) -> None:
-        if s.parts == ["RAPID"]:
-            self.rapid = True
-        else:
-            self.feed = words.feed(s.parts, self.scale, self.feed)
+        self.feed = words.feed(s.parts, self.scale, self.feed)
         self.dirty = True
 
     def _spindl(self, s: Statement) -> None:

@@ -31,11 +31,7 @@ class Contour(Definitions):
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
-        # In m of the frame in force: pole, direction of the last contour element.
-        self.pole: list[float | None] = [None, None, None]
-        self.along: Array | None = None
         self.right_hand: bool | None = None
-        self.polar = [math.nan, math.nan]
         # A line that waits for RND or CHF: its start and what is said of the corner at its end.
         self.waiting: tuple[Words, Array, Array] | None = None
         self.held, self.held_line, self.held_text = Block(), 0, ""

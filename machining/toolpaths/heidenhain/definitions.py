@@ -9,12 +9,13 @@ from pathlib import Path
 
 from machining.toolpaths.heidenhain.cycles import DRILLS, hole, known, parameters, pecked
 from machining.toolpaths.heidenhain.frames import Frames
-from machining.toolpaths.heidenhain.quiet import CYCLE_QUIET, CYCLE_ZERO, CYCLES, MISC, USED_MISC
+from machining.toolpaths.heidenhain.quiet import CHANGES, CYCLE_QUIET, CYCLE_ZERO, CYCLES, MISC, USED_MISC
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
 from machining.toolpaths.source import readable
 
+REMEDY_POST = "post the program without it, with feeds in each minute"
 REMEDY_LEFT_OUT = (
     "post the program without it; where it leaves path and feed alone, leave it out: --read unknown_motion=report "
     "(unknown_motion= in Python)"
@@ -48,7 +49,8 @@ class Definitions(Frames):
             if part:
                 old.get(cycle, partial(self._scaled, cycle))(part, rest)
         elif cycle in DRILLS:
-            self.cycle_number = cycle
+            # A new cycle ends M89.
+            self.cycle_number, self.modal_call = cycle, False
             for name in (*DRILLS[cycle], *CYCLE_ZERO, *CYCLE_QUIET):
                 # What this definition does not give is not that of a cycle before.
                 self.values.known.pop(f"#{name}", None)
@@ -88,7 +90,7 @@ class Definitions(Frames):
         self.used_offset = self.offset
 
     def _pecking(self, part: int, rest: str) -> None:
-        self.cycle_number = 1
+        self.cycle_number, self.modal_call = 1, False
         value = re.fullmatch(rf"[A-Z][A-Z .-]*?\s*({VALUE})", rest)
         if value is None or not 1 <= part <= 5:
             raise StatementError(f"part {part} of cycle 1", "1.1 SET UP, 1.2 DEPTH, 1.3 PECKG, 1.4 DWELL, 1.5 F")
@@ -132,6 +134,8 @@ class Definitions(Frames):
             self.recorder.event(self.line, f"M{number}", MISC[number])
         elif number in USED_MISC:
             super()._misc(number)
+        elif number in CHANGES:
+            raise StatementError(f"M{number}: {CHANGES[number]}", "M functions that move nothing", REMEDY_POST)
         elif self.options.unknown_motion == "error":
             raise StatementError(
                 f"M{number} is not read", "M functions that leave path and feed alone", REMEDY_LEFT_OUT

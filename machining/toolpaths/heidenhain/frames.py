@@ -33,6 +33,10 @@ class Frames(GcodeMotion):
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
+        # In m of the frame in force: pole, direction of the last contour element.
+        self.pole: list[float | None] = [None, None, None]
+        self.along: Array | None = None
+        self.polar = [math.nan, math.nan]
         self.datum, self.rotation = np.zeros(3), 0.0
         self.tilt: CoordinateFrame | None = None
         # The direction of the tool where PLANE has not brought it upright (None: it is), spatial angles of TCPM, and
@@ -115,6 +119,8 @@ class Frames(GcodeMotion):
                 what = "a datum shift inside a tilted plane" if self.tilt is not None else f"a shift of axis {name}"
                 raise StatementError(what, "X, Y and Z before PLANE", "PLANE RESET before it")
             k = "XYZ".index(name[-1])
+            if self.rotation and value and (name.startswith("I") or value != self.datum[k]):
+                raise StatementError("a datum shift in turned coordinates", "cycle 7 before cycle 10", REMEDY)
             self.datum[k] = value + (self.datum[k] if name.startswith("I") else 0.0)
         if rest[at:].strip(" ,"):
             raise StatementError(f"{rest[at:].strip()[:30]!r}: a datum of the control's table", "X, Y, Z with numbers")
@@ -182,5 +188,9 @@ class Frames(GcodeMotion):
             frame = frame.then(CoordinateFrame(turned("Z", [self.rotation])))
         if self.tilt is not None:
             frame = frame.then(self.tilt)
+        if (frame.turn != self.frame.turn).any() or (frame.shift != self.frame.shift).any():
+            # Pole and direction of coordinates that are no more.
+            self.pole, self.along = [None, None, None], None
+            self.polar = [math.nan, math.nan]
         self.put_into(frame)
         self.axis = self.frame_axis

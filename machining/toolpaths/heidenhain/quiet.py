@@ -47,6 +47,14 @@ MISC: dict[int, str] = {
     141: "lets the probe retract by hand", 145: "ends M144, which is refused", 148: "lifts off when the power fails",
     149: "ends M148", 150: "suppresses a message about limit switches",
 }  # fmt: skip
+# M functions that change path or feed, and are never left out.
+CHANGES: dict[int, str] = {
+    103: "another feed into the part", 105: "factors of the control", 106: "factors of the control",
+    109: "feed of the edge in arcs", 110: "feed of the edge in arcs", 112: "corners rounded within a tolerance",
+    114: "rotary axes of the machine", 124: "points left out", 130: "coordinates of the plane that is not tilted",
+    136: "feed in each turn of the spindle", 138: "rotary axes that do not count", 142: "modes taken back",
+    143: "a rotation taken back", 144: "rotary axes of the machine", 197: "corners rounded",
+}  # fmt: skip
 CYCLES: dict[int, str] = {
     13: "turns the spindle to an angle",
     32: "tolerance of the control's own smoothing", 332: "tuning of the machine for weight, speed or surface",

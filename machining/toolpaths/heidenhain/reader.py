@@ -53,7 +53,7 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     options = options or ReadOptions()
     reader = _Reader(path, options)
     data = content(path, options.max_bytes)
-    source = statements(lines_of(path.name, data))
+    source = reader.one_program(statements(lines_of(path.name, data)))
     if re.search(rb"CALL\s+LBL", data):
         reader.stored = list(source)
         reader.run_stored()
@@ -73,6 +73,18 @@ class _Reader(Contour):
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
         self.stored: list[tuple[int, str, str]] = []
+
+    def one_program(self, source: Statements) -> Statements:
+        """The statements up to END PGM; others behind it are a fault."""
+        ended = False
+        for line, text, comment in source:
+            if ended and text:
+                self.line = line
+                fault = StatementError("a statement behind END PGM", "one program", "give each program in a file")
+                self.refuse(fault, readable(text)[:120])
+                return
+            ended |= text.startswith("END PGM")
+            yield line, text, comment
 
     def run(self, source: Statements) -> None:
         """All statements of a program without calls of labels."""
