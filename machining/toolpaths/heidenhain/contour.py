@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
 from dataclasses import replace
@@ -70,10 +71,12 @@ class Contour(Definitions):
             raise StatementError(f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY)
         if word in ("LP", "CP", "CTP"):
             w = self._from_polar(word, w)
-        if word in ("L", "LP", "LN"):
-            self._line_to(word, w)
-        else:
-            self._arc_to(word, w)
+        plane = self.plane
+        try:
+            self._line_to(word, w) if word in ("L", "LP", "LN") else self._arc_to(word, w)
+        finally:
+            # The plane of the pole stays, whatever corners and arcs by their radius lie in.
+            self.plane = plane
 
     def _line_to(self, word: str, w: Words) -> None:
         block = self._block(w, 0 if "FMAX" in w.flags else 10)
@@ -212,8 +215,11 @@ class Contour(Definitions):
             self.require_placed()
             self._motion(block)
             after = self._here()
-            if before is not None and after is not None and np.linalg.norm(after - before) > 1e-9:
-                self.along = after - before if block.codes[0] in (0, 10) else self._leaving(before, after, block)
+            if before is not None and after is not None:
+                if block.codes[0] not in (0, 10):
+                    self.along = self._leaving(before, after, block)
+                elif np.linalg.norm(after - before) > 1e-9:
+                    self.along = after - before
             call |= self.modal_call
         if call:
             self._drill_cycle()
@@ -269,20 +275,20 @@ class Contour(Definitions):
         here = self._here()
         if a is None or b is None:
             raise StatementError(f"{word} without its pole", "CC before it")
-        if here is not None:
-            du, dv = here[first] - a, here[second] - b
-            now = [math.hypot(du, dv) / self.scale, math.degrees(math.atan2(dv, du))]
-            # What the statement leaves out is that of the last one, or of the place where the tool stands.
-            if math.isnan(self.polar[0]) or word == "CP" or {"IPR", "IPA"} & w.values.keys():
-                self.polar = [now[0], self.polar[1] if math.isfinite(self.polar[1]) and word == "LP"
-                              and "IPA" not in w.values and "PA" not in w.values else now[1]]  # fmt: skip
+        if here is None:
+            self.polar = [math.nan, math.nan]
+        else:
+            lever = complex(here[first] - a, here[second] - b) / self.scale
+            # Where the tool does not stand at the last polar place about this pole, words left out could be either's.
+            if word == "CP" or not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-6:
+                self.polar = [abs(lever), math.degrees(cmath.phase(lever))] if word == "CP" else [math.nan, math.nan]
         values = {k: v for k, v in w.values.items() if k not in ("PR", "PA", "IPR", "IPA")}
         if any(name.removeprefix("I") in ("XYZ"[first], "XYZ"[second]) for name in values):
             raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis")
         radius = w.values.get("PR", self.polar[0] + w.values.get("IPR", 0.0))
         angle = w.values.get("PA", self.polar[1] + w.values.get("IPA", 0.0))
         if not math.isfinite(radius + angle):
-            raise StatementError(f"{word} without PR or PA", "PR and PA, or a place that is known")
+            raise StatementError(f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole")
         self.polar = [radius, angle]
         values["XYZ"[first]] = a / self.scale + radius * math.cos(math.radians(angle))
         values["XYZ"[second]] = b / self.scale + radius * math.sin(math.radians(angle))

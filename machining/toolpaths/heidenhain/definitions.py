@@ -7,7 +7,7 @@ import re
 from functools import partial
 from pathlib import Path
 
-from machining.toolpaths.heidenhain.cycles import DRILLS, hole, known, parameters, pecked
+from machining.toolpaths.heidenhain.cycles import DRILLS, FMAX, hole, known, parameters, pecked
 from machining.toolpaths.heidenhain.frames import Frames
 from machining.toolpaths.heidenhain.quiet import CHANGES, CYCLE_QUIET, CYCLE_ZERO, CYCLES, MISC, USED_MISC
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, number
@@ -122,7 +122,7 @@ class Definitions(Frames):
         else:
             q = {int(k[1:]): v for k, v in self.values.known.items() if k[1:].isdigit() and int(k[1:]) < 2000}
             for feed in (206, 208):
-                if feed in q:
+                if q.get(feed, FMAX) < FMAX:
                     q[feed] *= self.feed_scale
             one = hole(self.cycle_number, q, self.scale)
         plane, self.plane = self.plane, 170

@@ -75,10 +75,11 @@ class _Reader(Contour):
         self.stored: list[tuple[int, str, str]] = []
 
     def one_program(self, source: Statements) -> Statements:
-        """The statements up to END PGM; others behind it are a fault."""
-        ended = False
+        """All statements; behind END PGM only those of labels may stand."""
+        ended = inside = False
         for line, text, comment in source:
-            if ended and text:
+            inside = text != "LBL 0" if _LABEL.match(text) else inside
+            if ended and text and text != "LBL 0" and not inside:
                 self.line = line
                 fault = StatementError("a statement behind END PGM", "one program", "give each program in a file")
                 self.refuse(fault, readable(text)[:120])
