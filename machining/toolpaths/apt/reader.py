@@ -28,8 +28,8 @@ _WORD = re.compile(r"[A-Z]+\s*=?\s*[-+]?[\d.]+")
 # A block of words alone, and what is a command even among other text ("Stock Size X40. Y267." is a text).
 _BLOCK = re.compile(rf"(?:{_WORD.pattern}\s*)*")
 _COMMAND = re.compile(
-    r"(?<![\w=-])(?:[GM]\d+(?:\.\d+)?(?!\w)|(?:CALL|CYCL|PLANE|A?TRANS|A?ROT|SUPA|MCALL|EXTCALL|TRAORI|L|LP|CC|CP|CR|CT)"
-    r"(?=\s+\S*[-+\d\"])|CYCLE\d+)"
+    r"(?<![\w=-])(?:[GM]\d+(?:\.\d+)?(?!\w)|CALL\s+(?:LBL|PGM)|CYCLE\d+|"
+    r"(?:CALL|CYCL|PLANE|A?TRANS|A?ROT|SUPA|MCALL|EXTCALL|TRAORI|L|LP|CC|CP|CR|CT)(?=\s+\S*[-+\d\"]))"
 )
 REMEDY = "post the program without it, or go on without it: --read unknown_motion=report (unknown_motion= in Python)"
 

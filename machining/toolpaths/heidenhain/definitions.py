@@ -104,7 +104,7 @@ class Definitions(Frames):
 
     def _scaled(self, cycle: int, part: int, rest: str) -> None:
         """Cycles 8, 11 and 26: no mirroring and factors of 1 are read."""
-        factors = re.findall(rf"(?:SCL|[XYZ])\s*({VALUE})", rest)
+        factors = re.findall(rf"(?:SCL|(?<!C)[XYZ])\s*({VALUE})", rest)
         left = re.sub(rf"(?:SCL|CC[XYZ]|[XYZ])\s*{VALUE}", "", rest).strip()
         if left or any(number(factor, self.values) != 1.0 for factor in factors):
             what = {8: "mirroring", 11: "scaling", 26: "scaling"}[cycle]
