@@ -39,7 +39,8 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read an APT or CLSF file.
 
     ``RAPID`` holds for the next motion. ``GOTO`` without a tool axis keeps the last one (z before the first).
-    ``FROM`` is the first point, and rapid, as is ``GOHOME/x,y,z``. ``DELAY`` counts for the move before it.
+    ``FROM`` is the first point, and rapid, as is ``GOHOME/x,y,z``. ``DELAY`` counts for the move before it. Words that
+    change nothing about the path are in :mod:`machining.toolpaths.apt.quiet`, with the reason; all others are refused.
 
     Raises
     ------

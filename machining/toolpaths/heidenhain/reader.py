@@ -23,7 +23,7 @@ _BEGIN = re.compile(r"BEGIN PGM\b.*?(?:\b(MM|INCH))?\s*$")
 _TOOL = re.compile(r"TOOL CALL\s*(?:\"([^\"]*)\"|(\d+)(\.\d+)?)?\s*(?:([XYZUVW])(?![A-Z0-9.]))?\s*(.*)$", re.I)
 _OF_TOOL = re.compile(r"\s*(S|F|DL|DR2|DR)\s*:?\s*([-+]?\s*(?:Q[LR]?\d+|[\d.,]+))(?=\s|$)", re.I)
 _LABEL = re.compile(r"LBL\s*(\"[^\"]+\"|\d+)\s*$")
-_CALL = re.compile(r"CALL LBL\s*(\"[^\"]+\"|\d+)\s*(?:REP\s*(\d*)(?:/\d+)?)?\s*$")
+_CALL = re.compile(r"CALL LBL\s*(\"[^\"]+\"|\d+)\s*(?:REP\s*(\d*)(?:\s*/\s*\d+)?)?\s*$")
 # A remark of a simulator or a person at the end of a statement, unless it could be words of it.
 _LOST_TEXT = re.compile(r"\((?!(?:\s*[A-Z]{1,2}[-+]?[\d.,]+)+\s*\))[^()]*\)?\s*$|^\(.*$")
 _TCPM = re.compile(
@@ -39,9 +39,10 @@ REMEDY = "post the program without it, or as G-code or APT"
 def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read a program in conversational language.
 
-    Read are L, LP, LN, CC, C, CP, CR, CT, RND, CHF; the cycles 1, 7, 10, 200 to 209, 240; PLANE SPATIAL and RESET; M128
-    and TCPM; labels, Q parameters and formulas. Coordinates are those of the datum in force. Moves and faults as in
-    :func:`machining.toolpaths.read_gcode`.
+    Read are L, LP, LN, CC, C, CP, CR, CT, CTP, RND, CHF; the cycles 1, 7, 9, 10, 200 to 209, 240, 247; PLANE SPATIAL
+    and RESET; M128 and TCPM; labels, Q parameters and formulas. What changes nothing about the path is in
+    :mod:`machining.toolpaths.heidenhain.quiet`, with the reason; all else is refused. Coordinates are those of the
+    datum in force. Moves and faults as in :func:`machining.toolpaths.read_gcode`.
 
     Raises
     ------
