@@ -237,7 +237,7 @@ def judged_plainly(file: Path, name: str) -> Compared:
     try:
         mine = read_toolpath(file, options=ReadOptions(units=None if heidenhain else "mm", start=start))
     except InputError as error:
-        if "no motion in the file" in str(error):
+        if "no motion in the file" in str(error) or _motionless(file, heidenhain=heidenhain):
             return Compared(name, "no motion", constructs=constructs)
         return Compared(name, "refused", _short(str(error), file.name), constructs=constructs)
     try:
@@ -268,6 +268,12 @@ def judged_plainly(file: Path, name: str) -> Compared:
             differs = differs or f"line {end.line}: {miss:.4g} mm"
         largest = max(largest, miss)
     return Compared(name, "differs" if differs else "read", differs, len(ends), largest, constructs)
+
+
+def _motionless(file: Path, *, heidenhain: bool) -> bool:
+    """Whether no statement of a file is one of motion."""
+    words = r"^\s*(?:\d+\s+)?(?:LP?|LN|C[CPRT]?)\s" if heidenhain else r"^\s*(?:GOTO|FROM|GODLTA|GOHOME)\s*/"
+    return re.search(words, file.read_text(encoding="latin-1"), re.I | re.M) is None
 
 
 def _short(message: str, name: str) -> str:

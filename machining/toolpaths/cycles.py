@@ -20,12 +20,16 @@ MAX_PECKS = 10_000
 
 @dataclass(frozen=True)
 class Stroke:
-    """Move to ``height`` m above the cycle point along the tool axis; ``dwell`` s after it; spindle reversed or not."""
+    """Move to ``height`` m above the cycle point along the tool axis; ``dwell`` s after it; spindle reversed or not.
+
+    ``out``: it leaves the hole.
+    """
 
     height: float
     rapid: bool
     dwell: float = 0.0
     reverse: bool = False
+    out: bool = False
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,9 @@ class Cycle:
 
     ``start`` m above the point where feed begins, ``depth`` m below it, ``back`` m above it where the tool returns to
     (NaN: ``start``), ``pecks`` m of each step (the last one repeats; none: one stroke), ``chip_break``: pecks lift by
-    ``PECK_GAP`` only (``breaks`` of them, then one withdraws; 0: all), ``dwell`` s at the bottom, ``feed_out``: leave
-    at feed, ``reverse``: spindle turns back on the way out (tapping), ``feed``, None: the one in force.
+    ``lift`` m only (``breaks`` of them, then one withdraws; 0: all), ``gap`` m kept from the last bottom on the way
+    back to it, ``dwell`` s at the bottom, ``feed_out``: leave at feed, ``reverse``: spindle turns back on the way out
+    (tapping), ``feed``, None: the one in force, ``leaving``: the feed on the way out, None: that of the cycle.
     """
 
     start: float
@@ -48,6 +53,9 @@ class Cycle:
     reverse: bool = False
     feed: Feed | None = None
     breaks: int = 0
+    lift: float = PECK_GAP
+    gap: float = PECK_GAP
+    leaving: Feed | None = None
 
     def strokes(self) -> list[Stroke]:
         """Strokes from ``start`` to the bottom and back out."""
@@ -59,10 +67,11 @@ class Cycle:
             if last:
                 continue
             if self.chip_break and not (self.breaks and (i + 1) % (self.breaks + 1) == 0):
-                out.append(Stroke(-bottom + PECK_GAP, rapid=True))
+                out.append(Stroke(min(-bottom + self.lift, self.start), rapid=True))
             else:
-                out += [Stroke(self.start, rapid=True), Stroke(min(-bottom + PECK_GAP, self.start), rapid=True)]
-        out.append(Stroke(self.start, rapid=not self.feed_out, reverse=self.reverse))
+                out.append(Stroke(self.start, rapid=not self.feed_out, out=True))
+                out.append(Stroke(min(-bottom + self.gap, self.start), rapid=True))
+        out.append(Stroke(self.start, rapid=not self.feed_out, reverse=self.reverse, out=True))
         if self.height_back > self.start:
             out.append(Stroke(self.height_back, rapid=True))
         return out
@@ -87,13 +96,14 @@ class Cycle:
     def checked(self, allowed: str) -> Cycle:
         """The cycle itself. Raises StatementError for numbers that make no hole; ``allowed``: those that would."""
         feed = 1.0 if self.feed is None else self.feed.value
-        numbers = (self.start, self.depth, self.dwell, feed, *self.pecks)
+        leaving = 1.0 if self.leaving is None else self.leaving.value
+        numbers = (self.start, self.depth, self.dwell, feed, leaving, self.lift, self.gap, *self.pecks)
         if not all(map(math.isfinite, numbers)) or math.isinf(self.back):
             fault = "numbers that are not finite"
         elif self.depth < -self.start - 1e-9:
             fault = "the bottom lies above the height where feed begins"
-        elif self.dwell < 0.0 or feed <= 0.0 or any(p <= 0.0 for p in self.pecks):
-            fault = "feed and pecks must be more than 0, dwell 0 or more"
+        elif min(self.dwell, self.lift, self.gap) < 0.0 or min(feed, leaving, *self.pecks) <= 0.0:
+            fault = "feeds and pecks must be more than 0, dwell and lifts 0 or more"
         elif self.pecks and (self.depth + self.start) / self.pecks[-1] > MAX_PECKS:
             fault = f"more than {MAX_PECKS} pecks"
         else:
@@ -108,13 +118,13 @@ def drill(
     point: ArrayLike,
     axis: ArrayLike,
     cycle: Cycle,
-    state: Callable[[bool, bool], None],
+    state: Callable[[Feed | None, bool], None],
 ) -> Vector:
     """Moves of ``cycle`` at ``point`` (3,) m, tool along ``axis`` (3,); the point where the tool ends.
 
     From ``here`` (m, None: not known) the tool rises along the axis if it stands below the height where feed begins,
-    moves across at that height (rapid), then down. ``state(at_cycle_feed, reversed)`` is called before the moves
-    that it holds for.
+    moves across at that height (rapid), then down. ``state(feed, reversed)`` is called before the moves that it
+    holds for; None: the feed in force.
     """
     p, a = np.asarray(point, dtype=np.float64), np.asarray(axis, dtype=np.float64)
     unit = a / max(float(np.linalg.norm(a)), 1e-300)
@@ -124,7 +134,7 @@ def drill(
         recorder.move(line, (x, y, z), (float(a[0]), float(a[1]), float(a[2])), rapid)
         return x, y, z
 
-    state(True, False)
+    state(cycle.feed, False)
     travel = cycle.start
     last: Vector = (float(p[0]), float(p[1]), float(p[2]))
     h = p if here is None else np.asarray(here, dtype=np.float64)
@@ -137,11 +147,13 @@ def drill(
         last = to(travel, True)
     if travel > cycle.start + 1e-9:
         last = to(cycle.start, True)
+    leaving = False
     for stroke in cycle.strokes():
-        if stroke.reverse:
-            state(True, True)
+        if stroke.reverse or (cycle.leaving is not None and stroke.out != leaving):
+            state((cycle.leaving if stroke.out else None) or cycle.feed, stroke.reverse)
+        leaving = stroke.out
         last = to(stroke.height, stroke.rapid)
         if stroke.dwell:
             recorder.dwell(line, stroke.dwell)
-    state(False, False)
+    state(None, False)
     return last

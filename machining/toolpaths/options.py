@@ -22,7 +22,7 @@ class ReadOptions:
     units : "mm" or "inch" where the file does not say; None: a file that does not say is refused
     chord_tolerance : m, farthest that a chord lies from its arc
     arc_tolerance : m, largest difference between the radii at both ends of an arc, and from a radius stated
-    unknown_motion : "error" refuses words that sound like motion and are not read; "report" makes them notes
+    unknown_motion : "error" refuses words that are not read and may move the tool; "report" makes them notes
     frames : "one" wants all motion in one frame (MSYS, CSYS, TRANS, ORIGIN; G54..G59.3) and gives the coordinates as
         written; "written" gives them as written whatever the frames; "absolute" applies MSYS, TRANS and ORIGIN
         (APT only)

@@ -14,6 +14,7 @@ from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.heidenhain.reader import read_heidenhain
 from machining.toolpaths.motions import Motions, Note
 from machining.toolpaths.options import ReadOptions
+from machining.toolpaths.robot_programs import refuse_robot_program
 from machining.toolpaths.source import content, lines
 from machining.toolpaths.tables import MARK, read_motions, read_path
 from robots import InputError
@@ -34,6 +35,8 @@ _APT = re.compile(
 _GCODE = re.compile(r"^\s*(?:%|/|\(|O\d+|(?:N\d+\s*)?(?:[GMTSF]\s*\d|[XYZABC]\s*[-+.\d]))", re.I)
 _HEIDENHAIN = re.compile(r"^\s*\d*\s*BEGIN PGM", re.I)
 _SAMPLE = 400
+# Bytes that tell a robot program: its commands begin within them.
+_HEAD = 32_768
 
 
 @recording()
@@ -56,6 +59,7 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     if kind is not None and kind not in KINDS:
         raise InputError("kind of the tool path", value=kind, allowed=", ".join(KINDS))
     data = content(path, options.max_bytes)
+    refuse_robot_program(path.name, data[:_HEAD].decode("latin-1").splitlines())
     kind = kind or _kind(path)
     if kind == "apt":
         return read_apt(path, options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from machining.toolpaths.apt.quiet import OF_CYCLE
 from machining.toolpaths.apt.words import FEED_UNITS, INCH, as_number, in_unit
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.motions import Feed
@@ -30,14 +31,13 @@ KINDS: dict[str, tuple[bool, bool, bool, bool]] = {
     "RIGID": (False, False, True, True),
 }
 # Kinds that may stand behind the first one (CYCLE/DRILL,DEEP); the last decides.
-_QUIET = ("AUTO", "DRAG", "ON", "SEC", "NOREVR", "MULTRD", "FLOATING")
 _REFUSED = ("NODRAG", "BACK", "BACKBORE", "MANUAL", "MILL", "THREAD", "ORIENT", "CAM")
 _PECKS = ("STEP", "STEP1", "1STPECK", "INCR", "SUBPECK", "STEP2", "PECK")
 _HEIGHTS = ("RAPTO", "CLEAR", "FEDTO", "DEPTH", "RTRCTO", "RETURN", "DWELL", "TPI")
 
 
-def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
-    """Cycle from the items behind ``CYCLE/``, and the words that are not read.
+def cycle(parts: list[str], scale: float) -> Cycle:
+    """Cycle from the items behind ``CYCLE/``.
 
     Heights count from the point of ``GOTO`` along the tool axis. ``FEDTO`` or ``DEPTH``: into the part, whatever the
     sign (Siemens NX writes it negative, SolidWorks CAM positive). ``RAPTO``: height where feed begins; with ``CLEAR``
@@ -46,9 +46,9 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
     Raises
     ------
     StatementError
-        A kind that is not read, numbers without a word, no depth, values without sense.
+        A kind or a word that is not read, numbers without a word, no depth, values without sense.
     """
-    kind, values, feed, unread = _sorted(parts)
+    kind, values, feed = _sorted(parts)
     if not kind:
         raise StatementError("a cycle without its kind", ", ".join(KINDS))
     pecks, chip_break, feed_out, reverse = KINDS[kind]
@@ -58,8 +58,14 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
     if "CLEAR" in values:
         start -= values.get("RAPTO", 0.0)
     steps = tuple(values[word] * scale for word in _PECKS if values.get(word, 0.0) > 0.0) if pecks else ()
-    if pecks and not steps:
-        unread.append(f"{kind} without its steps, so drilled in one stroke")
+    # DEEP without steps is one stroke: in Siemens NX it has "Increment: None".
+    if pecks and not steps and kind != "DEEP":
+        raise StatementError(f"{kind} without its steps", "STEP with a number")
+    for one, other in (("FEDTO", "DEPTH"), ("RTRCTO", "RETURN")):
+        if one in values and other in values:
+            raise StatementError(f"{one} and {other} of a cycle", "one of them")
+    if not pecks and any(word in values for word in _PECKS):
+        raise StatementError(f"{kind} with steps", "DEEP or BRKCHP for pecks, no steps for one stroke")
     back = values.get("RTRCTO", values.get("RETURN", math.nan))
     made = Cycle(
         start=start * scale,
@@ -72,11 +78,11 @@ def cycle(parts: list[str], scale: float) -> tuple[Cycle, list[str]]:
         reverse=reverse,
         feed=_feed(feed, values, scale),
     )
-    return made.checked("numbers that make a hole"), unread
+    return made.checked("numbers that make a hole")
 
 
-def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[float, str] | None, list[str]]:
-    kind, values, feed, unread = "", {}, None, []
+def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[float, str] | None]:
+    kind, values, feed = "", dict[str, float](), None
     i = 0
     while i < len(parts):
         word, number = parts[i], as_number(parts[i + 1]) if i + 1 < len(parts) else None
@@ -94,12 +100,17 @@ def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[float, str] 
         elif word in _REFUSED or not kind:
             raise StatementError(f"cycle {word!r}", ", ".join(KINDS))
         elif word in FEED_UNITS and number is not None:
+            if feed is not None:
+                raise StatementError("two feeds of a cycle", "one feed")
             feed = (number, word)
         elif word in (*_HEIGHTS, *_PECKS) and number is not None:
+            if word in values:
+                raise StatementError(f"{word} of a cycle twice", "each word once")
             values[word] = number
-        elif word not in _QUIET:
-            unread.append(word if number is None else f"{word},{number:g}")
-    return kind, values, feed, unread
+        elif word not in OF_CYCLE or number is not None:
+            text = word if number is None else f"{word},{number:g}"
+            raise StatementError(f"{text} of a cycle is not read", ", ".join((*_HEIGHTS, *_PECKS, *OF_CYCLE)))
+    return kind, values, feed
 
 
 def _feed(feed: tuple[float, str] | None, values: dict[str, float], scale: float) -> Feed | None:

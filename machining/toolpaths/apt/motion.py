@@ -13,6 +13,7 @@ from machining.toolpaths.apt.state import AptState, Handler
 from machining.toolpaths.apt.words import Statement
 from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.cycles import Cycle, drill
+from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
 
 
@@ -134,9 +135,9 @@ class AptMotion(AptState):
         if self.dirty:
             self._commit()
 
-        def state(own: bool, reverse: bool) -> None:
+        def state(own: Feed | None, reverse: bool) -> None:
             sign = self.spindle.signed
-            feed = work.feed if own and work.feed else self.feed
+            feed = self.feed if own is None else own
             self.recorder.state(feed.speed(sign), -sign if reverse else sign, self.tool, self.operation)
 
         self.here = drill(self.recorder, self.line, self.here, point, self.axis, work, state)
@@ -176,12 +177,10 @@ class AptMotion(AptState):
         else:
             self.cycle = None
             try:
-                self.cycle, unread = cycle(s.parts, self.scale)
+                self.cycle = cycle(s.parts, self.scale)
             except StatementError as fault:
                 if self.options.unknown_motion == "error":
                     raise
                 self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}")
                 return
             self.last_cycle = self.cycle
-            for text in unread:
-                self.recorder.note(self.line, f"CYCLE, not read: {text}")

@@ -6,11 +6,12 @@ by line; the numbers of ``GOTO/`` go straight into flat arrays.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
 from machining.magnitudes import LARGEST
-from machining.toolpaths.apt import words
+from machining.toolpaths.apt import quiet, words
 from machining.toolpaths.apt.motion import AptMotion
 from machining.toolpaths.apt.state import Handler
 from machining.toolpaths.apt.words import Statement, statement
@@ -20,60 +21,17 @@ from machining.toolpaths.recorder import StatementError
 from machining.toolpaths.source import lines, readable
 from robots.files.reading import recording
 
-# Words kept as events without a remark; display words are dropped.
-KEPT = (
-    "AIR",
-    "APPLY",
-    "ARCSLP",
-    "AUTOPS",
-    "BEGIN",
-    "CHECK",
-    "CLAMP",
-    "CONTCT",
-    "CSI_SET_EXTENSION_LENGTH",
-    "CSI_SET_FLUTE_LENGTH",
-    "END",
-    "END-OF-PATH",
-    "FINI",
-    "GOUGCK",
-    "HEAD",
-    "INSERT",
-    "INTOL",
-    "LEADER",
-    "LINTOL",
-    "MACHIN",
-    "MATERL",
-    "MAXDPM",
-    "MCHTOL",
-    "MFGNO",
-    "MODE",
-    "MULTAX",
-    "OUTTOL",
-    "PARTNO",
-    "PIVOTZ",
-    "PPFUN",
-    "PPRINT",
-    "PREFUN",
-    "PSIS",
-    "REMARK",
-    "REWIND",
-    "SELCTL",
-    "SELECT",
-    "SEQNO",
-    "SET",
-    "SETUP",
-    "SYN",
-    "TCP",
-    "TITLE",
-    "TOLER",
-    "TPRINT",
-    "TURRET",
-    "UNLOAD",
-)
 # Words that an open arc has to be ended before.
 CLOSED_ARC = ("FROM", "GOHOME", "GODLTA", "CIRCLE", "MOVARC", "TLON,GOFWD", "CYCLE")
-DROPPED = ("PAINT", "DISPLY", "LABEL", "CNTRL", "KNOT")
 STATEMENT_LIMIT = 65536
+_WORD = re.compile(r"[A-Z]+\s*=?\s*[-+]?[\d.]+")
+# A block of words alone, and what is a command even among other text ("Stock Size X40. Y267." is a text).
+_BLOCK = re.compile(rf"(?:{_WORD.pattern}\s*)*")
+_COMMAND = re.compile(
+    r"(?<![\w=-])(?:[GM]\d+(?:\.\d+)?(?!\w)|CALL\s+(?:LBL|PGM)|CYCLE\d+|"
+    r"(?:CALL|CYCL|PLANE|A?TRANS|A?ROT|SUPA|MCALL|EXTCALL|TRAORI|L|LP|CC|CP|CR|CT)(?=\s+\S*[-+\d\"]))"
+)
+REMEDY = "post the program without it, or go on without it: --read unknown_motion=report (unknown_motion= in Python)"
 
 
 @recording()
@@ -83,6 +41,8 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
     ``RAPID`` holds for the next motion. ``GOTO`` without a tool axis keeps the last one (z before the first).
     ``FROM`` is the first point, and rapid. ``GOHOME``, ``GOHOME/x,y,z`` (to above its point), ``RETRCT`` are retracts
     (:mod:`machining.toolpaths.retracts`). ``DELAY`` counts for the move before it.
+    Words that change nothing about the path are in :mod:`machining.toolpaths.apt.quiet`, with the reason; all others
+    are refused.
 
     Raises
     ------
@@ -102,12 +62,15 @@ class _Reader(AptMotion):
         super().__init__(path, options)
         self.head, self.head_line, self.comment_goes_on = "", 0, False
         # Nothing open that the short way for GOTO would miss.
-        self.plain = True
+        self.plain, self.finished = True, False
         self.table: dict[str, Handler] = {
             **self.state_words(),
             **self.motion_words(),
-            **dict.fromkeys(KEPT, self._keep),
-            **dict.fromkeys(DROPPED, _drop),
+            **dict.fromkeys((*quiet.WORDS, "MODE", "OPSKIP", "END"), self._keep),
+            **dict.fromkeys(quiet.DROPPED, _drop),
+            "PREFUN": self._codes,
+            "AUXFUN": self._codes,
+            "INSERT": self._insert,
         }
 
     def read(self, source: Iterable[str]) -> None:
@@ -169,18 +132,17 @@ class _Reader(AptMotion):
             self._no_open_arc()
         try:
             if handler is not None:
+                self._minor(s)
                 handler(s)
             elif word == "PROBE" and s.parts in (["ON"], ["OFF"]):
                 self.recorder.command(self.line, "probe", float(s.parts == ["ON"]), s.rest, word)
             elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
                 self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
-            elif words.sounds_like_motion(word):
-                self._lost(s)
             else:
-                self.recorder.event(self.line, word, readable(s.rest), note=f"word {readable(word)} is not read")
+                self._lost(s)
         except StatementError as fault:
             self.arc = None
-            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, site=fault.site)
+            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, fault.remedy, site=fault.site)
         self._settle()
 
     def _comment(self, number: int, text: str) -> None:
@@ -195,18 +157,43 @@ class _Reader(AptMotion):
 
     def _lost(self, s: Statement) -> None:
         if self.options.unknown_motion == "error":
-            remedy = (
-                "post the program without it, or go on without this motion: --read unknown_motion=report "
-                "(unknown_motion= in Python)"
-            )
-            self._fault(f"{s.word} sounds like a motion and is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", remedy)
+            sounds = "sounds like a motion and" if words.sounds_like_motion(s.word) else "may change the path: it"
+            self._fault(f"{readable(s.word)} {sounds} is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", REMEDY)
         else:
-            self.recorder.event(
-                self.line, s.word, readable(s.rest), note=f"motion word {readable(s.word)} left out, as asked"
-            )
+            self.recorder.event(self.line, s.word, readable(s.rest), note=f"word {readable(s.word)} left out, as asked")
+
+    def _minor(self, s: Statement) -> None:
+        """Refuse a minor word with which a major one may change the path."""
+        if self.finished and s.word not in quiet.DROPPED:
+            raise StatementError("a statement behind FINI", "FINI as the last one", "post a file for each program")
+        known = quiet.MINOR.get(s.word)
+        stray = [part for part in s.parts if part and words.as_number(part) is None and part not in (known or ())]
+        if known is not None and stray:
+            allowed = ", ".join(sorted(known)) or f"{s.word} alone"
+            raise StatementError(f"{stray[0]} is not read", allowed, REMEDY)
+
+    def _codes(self, s: Statement) -> None:
+        """PREFUN and AUXFUN: codes as they come into the program."""
+        known, letter = (quiet.G_CODES, "G") if s.word == "PREFUN" else (quiet.M_CODES, "M")
+        for number in s.numbers(*range(1, 9)):
+            if number not in known:
+                raise StatementError(f"{letter}{number:g} may change the path", _codes_of(known, letter), REMEDY)
+        self.recorder.event(self.line, s.word, s.rest)
+
+    def _insert(self, s: Statement) -> None:
+        """INSERT: a block as it comes into the program; a text, or codes that change nothing of the path."""
+        text = re.sub(r"\([^()]*\)?|;.*|^N\d+", " ", s.rest.upper().strip("/ ")).strip()
+        whole = _BLOCK.fullmatch(text) is not None
+        for code in (_WORD if whole else _COMMAND).findall(text):
+            number = words.as_number(code[1:])
+            if number not in {"G": quiet.G_CODES, "M": quiet.M_CODES}.get(code[0], {}):
+                raise StatementError(f"{code} may change the path", "texts, and codes such as M8", REMEDY)
+        self.recorder.event(self.line, s.word, readable(s.rest))
 
     def _settle(self) -> None:
-        self.plain = not self.head and self.arc is None and self.cycle is None and not self.frames.moves
+        self.plain = (
+            not self.head and not self.finished and self.arc is None and self.cycle is None and not self.frames.moves
+        )
 
     def _finish(self) -> None:
         if self.head:
@@ -226,6 +213,11 @@ class _Reader(AptMotion):
             self._no_open_arc()
         if s.word in ("FINI", "END"):
             self.recorder.finish(self.line, s.word)
+        self.finished |= s.word == "FINI"
+
+
+def _codes_of(known: dict[int, str], letter: str) -> str:
+    return ", ".join(f"{letter}{number}" for number in known)
 
 
 def _drop(s: Statement) -> None:

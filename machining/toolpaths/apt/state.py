@@ -11,7 +11,7 @@ import numpy as np
 
 from machining.toolpaths.apt import words
 from machining.toolpaths.apt.arcs import ArcWord
-from machining.toolpaths.apt.words import Statement, as_number, numbers
+from machining.toolpaths.apt.words import Statement, numbers
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import ReadOptions
@@ -119,7 +119,7 @@ def _mcsys(parts: list[str]) -> list[str]:
     """Numbers of ``MCSYS/NUM,n,POINT,x,y,z,VECTOR,x,y,z,VECTOR,x,y,z`` without the number of the system."""
     if parts[:1] == ["NUM"]:
         parts = parts[2:]
-    return [part for part in parts if as_number(part) is not None]
+    return [part for part in parts if part not in ("POINT", "VECTOR")]
 
 
 class AptState:
@@ -185,13 +185,7 @@ class AptState:
         self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy, site=site)
 
     def _fedrat(self, s: Statement) -> None:
-        if "RAPID" in s.parts:
-            self.rapid = True
-        elif "INVERS" in s.parts or "FPT" in s.parts:
-            self.feed = Feed()
-            self.recorder.note(self.line, f"FEDRAT/{s.rest.strip()}: the feed is not known")
-        else:
-            self.feed = words.feed(s.parts, self.scale, self.feed)
+        self.feed = words.feed(s.parts, self.scale, self.feed)
         self.dirty = True
 
     def _spindl(self, s: Statement) -> None:
@@ -215,7 +209,7 @@ class AptState:
         self.recorder.command(self.line, kind, text=readable(s.rest), word=s.word)
 
     def _delay(self, s: Statement) -> None:
-        seconds = words.numbers([part for part in s.parts if part not in ("REV", "SEC", "ON")], (1,))[0]
+        seconds = words.numbers([part for part in s.parts if part not in ("REV", "SEC")], (1,))[0]
         if "REV" in s.parts:
             if not self.spindle.signed > 0.0 and not self.spindle.signed < 0.0:
                 raise StatementError("a dwell in turns without a spindle speed", "SPINDL before it")
@@ -241,7 +235,9 @@ class AptState:
 
     def _transformed(self, s: Statement) -> None:
         self.recorder.event(self.line, s.word, readable(s.rest))
-        self.frames.world = s.parts[:1] == ["WORLD"]
+        if any(words.as_number(part) for part in s.parts):
+            raise StatementError("a system other than the first one", "TRNTYP/WORLD,0,0,0")
+        self.frames.world = True
 
     def _tool_path(self, s: Statement) -> None:
         parts = s.rest.split(",")

@@ -114,7 +114,7 @@ def feed(parts: list[str], scale: float, last: Feed) -> Feed:
         No number, more than one, a feed that is not positive, a unit that is not known.
     """
     values = [v for v in map(as_number, parts) if v is not None]
-    words = [part for part in parts if as_number(part) is None and part not in ("AUTO", "")]
+    words = [part for part in parts if as_number(part) is None and part]
     unknown = [word for word in words if word not in FEED_UNITS]
     if unknown:
         raise StatementError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
@@ -151,8 +151,13 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
     StatementError
         A speed that is negative.
     """
+    # Gear, largest speed and radius have a number of their own.
+    own = [i for i, part in enumerate(parts[:-1]) if part in ("RANGE", "MAXRPM", "RADIUS") and as_number(parts[i + 1])]
+    parts = [part for i, part in enumerate(parts) if i not in own and i - 1 not in own]
     values = [v for v in map(as_number, parts) if v is not None]
     words = [part for part in parts if as_number(part) is None]
+    if len(values) > 1:
+        raise StatementError(f"{len(values)} spindle speeds", "one number")
     if not values and any(word in ("OFF", "STOP", "ORIENT", "LOCK") for word in words):
         return replace(last, on=False), None
     out = replace(last, on=True)

@@ -38,11 +38,13 @@ def center(
     if not given:
         raise StatementError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R")
     out = start.copy()
-    if absolute and len(given) < 2:
+    # Letters that say themselves which way they are: I=AC(5).
+    ways = [block.own.get(letter, absolute) for letter in letters]
+    if any(way and letter not in block.words for way, letter in zip(ways, letters, strict=True)):
         raise StatementError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}")
-    for index, letter in zip((first, second), letters, strict=True):
+    for index, letter, way in zip((first, second), letters, ways, strict=True):
         value = block.words.get(letter, 0.0) * scale
-        out[index] = value if absolute else out[index] + value
+        out[index] = value if way else out[index] + value
     return out
 
 

@@ -14,6 +14,7 @@ from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
+from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
@@ -24,6 +25,8 @@ POINTING_SET = frozenset(POINTING)
 MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
 
 
+# Arcs that turn by less, rad, are full turns.
+FULL_TURN = 1e-6
 # Words that round or chamfer the corner at the end of a line: of Fanuc, and of Siemens.
 CORNERS = (",R", ",C", "RND", "CHF", "CHR")
 
@@ -228,8 +231,15 @@ class GcodeMotion(Modes):
             absolute=self.arc_absolute,
             slack=self.options.arc_tolerance,
         )
+        first, second, along = PLANES[self.plane]
         normal = np.zeros(3)
-        normal[PLANES[self.plane][2]] = -1.0 if clockwise else 1.0
+        normal[along] = -1.0 if clockwise else 1.0
+        apart = math.hypot(end[first] - start[first], end[second] - start[second])
+        if 0.0 < apart < FULL_TURN * float(np.linalg.norm((middle - start)[[first, second]])):
+            # Below what a control tells apart: a full turn, as in LinuxCNC.
+            whole = list(end)
+            whole[first], whole[second] = float(start[first]), float(start[second])
+            end = whole[0], whole[1], whole[2]
         # Fanuc and LinuxCNC count all turns begun, Siemens those added.
         turns = b.words["TURN"] + 1.0 if "TURN" in b.words else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
@@ -422,10 +432,10 @@ class GcodeMotion(Modes):
         if None not in self.here:
             here = self.frame.out(np.array([v or 0.0 for v in self.here])) + self.shift
 
-        def state(own: bool, reverse: bool) -> None:
+        def state(own: Feed | None, reverse: bool) -> None:
             feed, mode = self.feed, self.feed_mode
-            if own and work.feed is not None:
-                self.feed, self.feed_mode, self.dirty = work.feed.value / self.scale, work.feed.per, True
+            if own is not None:
+                self.feed, self.feed_mode, self.dirty = own.value / self.scale, own.per, True
             self.commit(math.nan, reverse=reverse)
             self.feed, self.feed_mode = feed, mode
 

@@ -286,6 +286,8 @@ class _Reader(GcodeMotion):
         if head in ("TRAORI", "TRAFOOF"):
             self.tcp = head == "TRAORI"
         elif head in PROGRAMMABLE:
+            if stray := sorted(b.words.keys() - set("XYZ")):
+                raise StatementError(f"{', '.join(stray)} with {head}", f"{head} with X, Y, Z")
             self.put_into(programmable(head, b.words, self.scale, self.frame))
             b.words.clear()
         elif head == "MCALL":

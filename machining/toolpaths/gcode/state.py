@@ -402,7 +402,9 @@ class Modes:
         return Feed(self.feed * self.scale, self.feed_mode).speed(self.spindle)
 
     def _use_offset(self) -> None:
-        if self.used_offset and self.options.frames == "one":
+        # A control begins with G54, whose word may come late.
+        other = self.used_offset is not None and (self.used_offset or "G54") != (self.offset or "G54")
+        if other and self.options.frames == "one":
             missing = [n for n in (self.used_offset, self.offset) if n not in self.options.offsets]
             if missing:
                 self.used_offset = self.offset

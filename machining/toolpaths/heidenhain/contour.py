@@ -1,7 +1,8 @@
-"""Motion of conversational programs: lines, arcs, polar coordinates, corners, cycles, planes."""
+"""Motion of conversational programs: lines, arcs, polar coordinates, corners."""
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
 from dataclasses import replace
@@ -11,56 +12,49 @@ import numpy as np
 
 from machining.toolpaths.corners import chamfered, rounded, tangent_arc
 from machining.toolpaths.gcode.arcs import PLANES, center
-from machining.toolpaths.gcode.frames import CoordinateFrame, turned
-from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
+from machining.toolpaths.gcode.motion import MOVING
 from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
-from machining.toolpaths.heidenhain.cycles import DRILLS, hole, pecked
-from machining.toolpaths.heidenhain.words import Words, assign, number
+from machining.toolpaths.heidenhain.definitions import Definitions
+from machining.toolpaths.heidenhain.quiet import EITHER, ROTARY, WORDS
+from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
-from machining.toolpaths.source import readable
 from robots.arrays import Array
 
-REMEDY = "post it as single moves"
-# Cycles that set what moves do not depend on: rest, orientation, tolerance, preset.
-_QUIET_CYCLES = (9, 13, 32, 247)
 # M codes of places of the machine.
 MACHINE = (91, 92, 140)
 # A full turn has no words but its centre's.
 _WITH_CENTRES = MOVING | {*"IJK"}
 _PLANE_OF = {"XY": 170, "XZ": 180, "YZ": 190}
-_Q_PART = re.compile(r"(Q\d+)\s*=\s*([-+]?\s*(?:Q\d+|[\d.,]+)|MAX|AUTO|FMAX|FAUTO|FU|PREDEF)")
 
 
-class Contour(GcodeMotion):
+class Contour(Definitions):
     """Statements that move the tool, made into blocks of :class:`GcodeMotion`."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
-        self.feed_scale, self.feed_of_tool = 1.0, math.nan
-        # In m of the frame in force: pole, direction of the last contour element.
-        self.pole: list[float | None] = [None, None, None]
-        self.along: Array | None = None
         self.right_hand: bool | None = None
-        self.polar = [math.nan, math.nan]
-        self.cycle_number = 0
-        self.old_cycle: dict[int, float] = {}
-        self.modal_call = False
         # A line that waits for RND or CHF: its start and what is said of the corner at its end.
         self.waiting: tuple[Words, Array, Array] | None = None
         self.held, self.held_line, self.held_text = Block(), 0, ""
         # The statement that is read, as faults show it.
         self.text = ""
         self.corner_is: tuple[str, float] | None = None
-        self.datum = np.zeros(3)
-        self.rotation = 0.0
-        self.tilt: CoordinateFrame | None = None
+        self.corner_feed: dict[str, float] = {}
+        # What the tool's call adds to its radius.
+        self.oversize = 0.0
 
     # Contour
 
     def motion_statement(self, word: str, w: Words) -> None:
         """One statement of motion."""
+        given = {*w.values, *w.flags} - {"SWIVEL"} - ({"MB", "MBMAX"} if word == "L" and 140 in w.misc else set())
+        if stray := sorted(given - WORDS[word]) or ["M"] * (word == "CC" and bool(w.misc)):
+            raise StatementError(f"{stray[0]} means nothing with {word}", ", ".join(sorted(WORDS[word])))
+        for one, other in EITHER:
+            if one in given and other in given:
+                raise StatementError(f"{one} and {other} in one statement", "one of them")
         if word == "CC":
             self.settle()
             self._centre(w)
@@ -70,18 +64,28 @@ class Contour(GcodeMotion):
                 self.waiting = self.corner_is = None
                 raise StatementError("RND or CHF between a line and an arc", "between two lines", REMEDY)
             self.settle()
-        if {"RL", "RR"} & w.flags:
+        if ROTARY & given or "SWIVEL" in w.flags:
+            self.settle()
+        by_radius = bool({"RL", "RR"} & w.flags)
+        if by_radius:
             self.compensated("RL or RR")
-        if word in ("LP", "CP"):
+        if self.oversize and (by_radius or "NX" in w.values):
+            raise StatementError(f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY)
+        if word in ("LP", "CP", "CTP"):
             w = self._from_polar(word, w)
-        if word in ("L", "LP", "LN"):
-            self._line_to(word, w)
-        else:
-            self._arc_to(word, w)
+        plane = self.plane
+        try:
+            self._line_to(word, w) if word in ("L", "LP", "LN") else self._arc_to(word, w)
+        finally:
+            # The plane of the pole stays, whatever corners and arcs by their radius lie in.
+            self.plane = plane
 
     def _line_to(self, word: str, w: Words) -> None:
         block = self._block(w, 0 if "FMAX" in w.flags else 10)
         if word == "LN":
+            for first in "NT":
+                if 0 < sum(f"{first}{letter}" in w.values for letter in "XYZ") < 3:
+                    raise StatementError(f"LN without all of {first}X, {first}Y, {first}Z", "all three components")
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
                     block.words[f"{'ABC'['XYZ'.index(letter)]}3"] = w.values[f"T{letter}"]
@@ -122,12 +126,13 @@ class Contour(GcodeMotion):
 
     def corner(self, word: str, text: str) -> None:
         """RND or CHF, with its radius or length."""
-        match = re.match(r"\s*R?\s*([-+]?(?:Q\d+|[\d.,]+))\s*(?:F\s*[\d.,]+)?\s*$", text)
+        match = re.match(rf"\s*{'R?' if word == 'RND' else ''}\s*({VALUE})\s*(?:F\s*({VALUE}))?\s*$", text)
         if match is None:
             raise StatementError(f"{word} without its size", f"{word} R5")
         if self.waiting is None or self.corner_is is not None:
             raise StatementError(f"{word} behind no line at feed", "between two lines L", REMEDY)
         self.corner_is = word, number(match[1], self.values) * self.scale
+        self.corner_feed = {"F": number(match[2], self.values) * self.feed_scale} if match[2] else {}
 
     def _round(self, end: Array | None) -> None:
         if self.waiting is None or self.corner_is is None:
@@ -139,14 +144,21 @@ class Contour(GcodeMotion):
         if word == "CHF":
             first, last = chamfered(start, corner, end, size)
             self._run_held(self._to(first, held), w)
-            self._run(self._to(last, Block(codes=[10])), Words())
+            self._run_corner(self._to(last, Block(codes=[10])))
             return
         first, last, centre, clockwise = rounded(start, corner, end, size)
         self._run_held(self._to(first, held), w)
         self.plane = 170
         arc = self._to(last, Block(codes=[20 if clockwise else 30]))
         arc.words |= {"I": (centre - first)[0] / self.scale, "J": (centre - first)[1] / self.scale}
-        self._run(arc, Words())
+        self._run_corner(arc)
+
+    def _run_corner(self, block: Block) -> None:
+        """The corner itself, whose feed is that of RND or CHF alone."""
+        feed = self.feed
+        block.words |= self.corner_feed
+        self._run(block, Words())
+        self.feed, self.dirty = feed, True
 
     def _to(self, point: Array, like: Block) -> Block:
         """A block like another one to a point (3,) m."""
@@ -182,10 +194,7 @@ class Contour(GcodeMotion):
         if self.waiting is not None:
             for letter in "XYZ":
                 out.words.setdefault(letter, last[letter] / self.scale)
-        if self.frame.follows and self.tilt is not None and {"A", "B", "C"} & out.words.keys():
-            self.recorder.note(self.line, "rotary axes inside a tilted plane only bring the tool upright to it")
-            for letter in "ABC":
-                out.words.pop(letter, None)
+        self._rotary(w, out)
         if "F" in w.values:
             out.words["F"] = w.values["F"] * self.feed_scale
         elif "FAUTO" in w.flags:
@@ -198,7 +207,7 @@ class Contour(GcodeMotion):
         call = 99 in misc
         self.modal_call |= 89 in misc
         if 128 in misc or 129 in misc:
-            self.tcp = 128 in misc or self.options.tcp
+            self.tcp, self.spatial = 128 in misc or self.options.tcp, None
         machine = not set(MACHINE).isdisjoint(misc)
         if 140 not in misc and ("MB" in w.values or "MBMAX" in w.flags):
             raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY)
@@ -208,10 +217,14 @@ class Contour(GcodeMotion):
         if machine:
             self._machine_place(block, w)
         elif not _WITH_CENTRES.isdisjoint(block.words):
+            self.require_placed()
             self._motion(block)
             after = self._here()
-            if before is not None and after is not None and np.linalg.norm(after - before) > 1e-9:
-                self.along = after - before if block.codes[0] in (0, 10) else self._leaving(before, after, block)
+            if before is not None and after is not None:
+                if block.codes[0] not in (0, 10):
+                    self.along = self._leaving(before, after, block)
+                elif np.linalg.norm(after - before) > 1e-9:
+                    self.along = after - before
             call |= self.modal_call
         if call:
             self._drill_cycle()
@@ -219,6 +232,14 @@ class Contour(GcodeMotion):
             self.modal_call = False
         self.stop(block)
         self.ended(block.misc)
+
+    def call_cycle(self, text: str) -> None:
+        """CYCL CALL with M codes, or none."""
+        if not re.fullmatch(r"(?:M\s*\d+\s*)*", text):
+            raise StatementError(f"CYCL CALL {text[:3]}", "CYCL CALL, M99, M89", REMEDY)
+        misc = [int(m) for m in re.findall(r"M\s*(\d+)", text)]
+        self._run(Block(codes=[], misc=misc), Words())
+        self._drill_cycle()
 
     def ended(self, misc: list[int]) -> None:
         """Whether M codes end the program; for the reader."""
@@ -252,8 +273,6 @@ class Contour(GcodeMotion):
         if not w.values:
             self.pole = list(self.here)
             return
-        if not {name.lstrip("I") for name in w.values} <= {*"XYZ"}:
-            raise StatementError("CC with other words than X, Y, Z", "two coordinates")
         axes = "".join(sorted(name[-1] for name in w.values))
         for name, value in w.values.items():
             k = "XYZ".index(name[-1])
@@ -264,6 +283,8 @@ class Contour(GcodeMotion):
                 self.pole[k] = old + value * self.scale
             else:
                 self.pole[k] = value * self.scale
+        if len(axes) > 2:
+            raise StatementError("CC with three coordinates", "two")
         if axes in _PLANE_OF:
             self.plane = _PLANE_OF[axes]
 
@@ -274,18 +295,20 @@ class Contour(GcodeMotion):
         here = self._here()
         if a is None or b is None:
             raise StatementError(f"{word} without its pole", "CC before it")
-        if here is not None:
-            du, dv = here[first] - a, here[second] - b
-            now = [math.hypot(du, dv) / self.scale, math.degrees(math.atan2(dv, du))]
-            # What the statement leaves out is that of the last one, or of the place where the tool stands.
-            if math.isnan(self.polar[0]) or word == "CP" or {"IPR", "IPA"} & w.values.keys():
-                self.polar = [now[0], self.polar[1] if math.isfinite(self.polar[1]) and word == "LP"
-                              and "IPA" not in w.values and "PA" not in w.values else now[1]]  # fmt: skip
+        if here is None:
+            self.polar = [math.nan, math.nan]
+        else:
+            lever = complex(here[first] - a, here[second] - b) / self.scale
+            # Where the tool does not stand at the last polar place about this pole, words left out could be either's.
+            if word == "CP" or not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-6:
+                self.polar = [abs(lever), math.degrees(cmath.phase(lever))] if word == "CP" else [math.nan, math.nan]
         values = {k: v for k, v in w.values.items() if k not in ("PR", "PA", "IPR", "IPA")}
+        if any(name.removeprefix("I") in ("XYZ"[first], "XYZ"[second]) for name in values):
+            raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis")
         radius = w.values.get("PR", self.polar[0] + w.values.get("IPR", 0.0))
         angle = w.values.get("PA", self.polar[1] + w.values.get("IPA", 0.0))
         if not math.isfinite(radius + angle):
-            raise StatementError(f"{word} without PR or PA", "PR and PA, or a place that is known")
+            raise StatementError(f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole")
         self.polar = [radius, angle]
         values["XYZ"[first]] = a / self.scale + radius * math.cos(math.radians(angle))
         values["XYZ"[second]] = b / self.scale + radius * math.sin(math.radians(angle))
@@ -303,11 +326,15 @@ class Contour(GcodeMotion):
         start = self._here()
         if start is None:
             raise StatementError("an arc from a place that is not known", "X, Y, Z given before", REMEDY_START)
-        if word in ("CR", "CT"):
+        if word in ("CR", "CT", "CTP"):
+            if "XYZ"[PLANES[self.plane][2]] != "Z" and word == "CTP":
+                raise StatementError("CTP in another plane than X Y", "CC X Y before it", REMEDY)
+            if {"Z", "IZ"} & w.values.keys() and len({"X", "Y", "IX", "IY"} & w.values.keys()) < 2:
+                raise StatementError(f"{word} with Z and not both X and Y", "X and Y", REMEDY)
             self.plane = 170
         block = self._block(w, 30)
         first, second, _ = PLANES[self.plane]
-        if word == "CT":
+        if word in ("CT", "CTP"):
             end = np.array(self.target(block), dtype=np.float64)
             if self.along is None:
                 raise StatementError("CT without a contour before it", "L, C or CR before it")
@@ -323,7 +350,7 @@ class Contour(GcodeMotion):
             block.words["R"] = w.values["R"]
         else:
             for k in (first, second):
-                pole = float(centre[k]) if word == "CT" else self.pole[k]
+                pole = float(centre[k]) if word in ("CT", "CTP") else self.pole[k]
                 if pole is None:
                     raise StatementError(f"{word} without its centre", "CC before it")
                 block.words["IJK"[k]] = (pole - start[k]) / self.scale
@@ -343,110 +370,3 @@ class Contour(GcodeMotion):
             middle = start + self.scale * np.array([block.words.get(letter, 0.0) for letter in "IJK"])
         lever, out[normal] = end - middle, -1.0 if block.codes[0] == 20 else 1.0
         return np.asarray(np.cross(out, lever))
-
-    # Cycles
-
-    def define(self, text: str) -> None:
-        """CYCL DEF: a cycle and its parameters."""
-        match = re.match(r"(\d+)(?:\.(\d+))?\s*(.*)$", text)
-        if match is None:
-            raise StatementError("CYCL DEF without its number", "CYCL DEF 200")
-        cycle, part, rest = int(match[1]), int(match[2] or 0), match[3]
-        self.recorder.event(self.line, "CYCL DEF", readable(text)[:200])
-        if cycle == 7:
-            self._datum_shift(part, rest)
-        elif cycle == 10:
-            self._rotate(rest)
-        elif cycle == 1:
-            self.cycle_number = 1
-            value = re.search(r"[-+]?[\d.,]+\s*$", rest)
-            if part and value:
-                self.old_cycle[part] = number(value[0], self.values) * (self.feed_scale if part == 5 else 1.0)
-        elif cycle in DRILLS:
-            self.cycle_number = cycle
-            for name, value in _Q_PART.findall(rest):
-                if value[-1].isdigit() or value[-1] == ".":
-                    assign(f"{name}={value}", self.values)
-                else:
-                    self.values.known.pop(f"#{name[1:]}", None)
-        elif cycle not in _QUIET_CYCLES and self.options.unknown_motion == "error":
-            raise StatementError(
-                f"cycle {cycle} is not read", "cycles 1, 7, 10, 200 to 203, 205 to 207, 209, 240", REMEDY
-            )
-        elif cycle not in _QUIET_CYCLES:
-            self.cycle_number = 0
-            self.recorder.note(self.line, f"cycle {cycle} left out, as asked")
-
-    def call_cycle(self, text: str) -> None:
-        """CYCL CALL with M codes, or none."""
-        if text.startswith(("PAT", "POS")):
-            raise StatementError(f"CYCL CALL {text[:3]}", "CYCL CALL, M99, M89", REMEDY)
-        misc = [int(m) for m in re.findall(r"M\s*(\d+)", text)]
-        self._run(Block(codes=[], misc=misc), Words())
-        self._drill_cycle()
-
-    def _drill_cycle(self) -> None:
-        if self.cycle_number == 0:
-            raise StatementError("a cycle is called and none is defined", "CYCL DEF before it")
-        if self.cycle_number == 1:
-            height = self.here[2]
-            if height is None:
-                raise StatementError("cycle 1 while Z is not known", "Z given before")
-            one = pecked(self.old_cycle, height, self.scale)
-        else:
-            q = {int(k[1:]): v for k, v in self.values.known.items() if k[1:].isdigit() and int(k[1:]) < 2000}
-            for feed in (206, 208):
-                if feed in q:
-                    q[feed] *= self.feed_scale
-            one = hole(self.cycle_number, q, self.scale)
-        plane, self.plane = self.plane, 170
-        self.drill_here(one)
-        self.plane = plane
-
-    # Frames
-
-    def _datum_shift(self, part: int, rest: str) -> None:
-        if part == 0:
-            return
-        for name, value in re.findall(r"(I?[XYZ])\s*([-+]?(?:Q\d+|[\d.,]+))", rest):
-            k, v = "XYZ".index(name[-1]), number(value, self.values) * self.scale
-            self.datum[k] = v + (self.datum[k] if name.startswith("I") else 0.0)
-        if "#" in rest or (re.search(r"\bQ\d+\b", rest) and not re.search(r"[XYZ]", rest)):
-            raise StatementError("a datum of the control's table", "CYCL DEF 7 with X, Y, Z")
-        if self.tilt is not None:
-            raise StatementError("a datum shift inside a tilted plane", "PLANE RESET before it", REMEDY)
-        self._framed()
-
-    def _rotate(self, rest: str) -> None:
-        if match := re.search(r"(I?)ROT\s*([-+]?(?:Q\d+|[\d.,]+))", rest):
-            if self.tilt is not None:
-                raise StatementError("a rotation inside a tilted plane", "PLANE RESET before it", REMEDY)
-            self.rotation = number(match[2], self.values) + (self.rotation if match[1] else 0.0)
-            self._framed()
-
-    def plane_statement(self, text: str) -> None:
-        """PLANE SPATIAL: angles about the fixed axes X, Y, Z, in this order; PLANE RESET."""
-        self.recorder.event(self.line, "PLANE", readable(text))
-        if text.startswith("RESET"):
-            self.tilt = None
-        elif text.startswith("SPATIAL"):
-            given = dict(re.findall(r"SP([ABC])\s*([-+]?(?:Q\d+|[\d.,]+))", text))
-            angles = [number(given.get(letter, "0"), self.values) for letter in "CBA"]
-            self.tilt = CoordinateFrame(turned("zyx", angles), follows=True)
-            if any(angles) and self.rotation:
-                raise StatementError("PLANE in turned coordinates", "PLANE before CYCL DEF 10", REMEDY)
-        else:
-            raise StatementError(f"PLANE {text.split()[0] if text else ''}", "PLANE SPATIAL, PLANE RESET", REMEDY)
-        self._framed()
-        if self.tilt is not None and "STAY" not in text:
-            # The control swivels, and may move the axes for it.
-            self.leave((0, 1, 2), "PLANE")
-
-    def _framed(self) -> None:
-        frame = CoordinateFrame(shift=self.datum.copy())
-        if self.rotation:
-            frame = frame.then(CoordinateFrame(turned("Z", [self.rotation])))
-        if self.tilt is not None:
-            frame = frame.then(self.tilt)
-        self.put_into(frame)
-        self.axis = self.frame_axis

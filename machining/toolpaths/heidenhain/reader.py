@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 from machining.toolpaths.gcode.state import ENDS
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.contour import Contour
+from machining.toolpaths.heidenhain.cycles import PARAMETER
+from machining.toolpaths.heidenhain.quiet import STATEMENTS, WORDS
 from machining.toolpaths.heidenhain.words import assign, number, statements, words
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import UNITS, ReadOptions
@@ -17,15 +20,18 @@ from machining.toolpaths.source import content, lines_of, readable
 from robots.files.reading import recording
 
 _BEGIN = re.compile(r"BEGIN PGM\b.*?(?:\b(MM|INCH))?\s*$")
-_TOOL = re.compile(r"TOOL CALL\s*(?:\"([^\"]*)\"|(\d+)(?:\.\d+)?)?\s*([XYZUVW])?\b\s*(.*)$", re.I)
-_SPEED = re.compile(r"\b(S|F)\s*([-+]?(?:Q\d+|[\d.,]+))", re.I)
+_TOOL = re.compile(r"TOOL CALL\s*(?:\"([^\"]*)\"|(\d+)(\.\d+)?)?\s*(?:([XYZUVW])(?![A-Z0-9.]))?\s*(.*)$", re.I)
+_OF_TOOL = re.compile(r"\s*(S|F|DL|DR2|DR)\s*:?\s*([-+]?\s*(?:Q[LR]?\d+|[\d.,]+))(?=\s|$)", re.I)
 _LABEL = re.compile(r"LBL\s*(\"[^\"]+\"|\d+)\s*$")
-_CALL = re.compile(r"CALL LBL\s*(\"[^\"]+\"|\d+)\s*(?:REP\s*(\d*)(?:/\d+)?)?\s*$")
-_LOST_TEXT = re.compile(r"\([^()]*\)|\(.*$")
-_MOVES = ("L", "LP", "LN", "C", "CP", "CR", "CT", "CC")
-# Words that change nothing of the moves.
-QUIET = re.compile(r"^(?:BLK FORM|TOOL DEF|\*|CYCL END|FN\s*1[46]\b|FN\s*3[78]\b|TOUCH PROBE OFF|FUNCTION MODE MILL)")
+_CALL = re.compile(r"CALL LBL\s*(\"[^\"]+\"|\d+)\s*(?:REP\s*(\d*)(?:\s*/\s*\d+)?)?\s*$")
+# A remark of a simulator or a person at the end of a statement, unless it could be words of it.
+_LOST_TEXT = re.compile(r"\((?!(?:\s*[A-Z]{1,2}[-+]?[\d.,]+)+\s*\))[^()]*\)?\s*$|^\(.*$")
+_TCPM = re.compile(
+    r"FUNCTION TCPM(?:\s+F TCP)?(?:\s+AXIS (POS|SPAT))?(?:\s+PATHCTRL (?:AXIS|VECTOR))?(?:\s+REFPNT TIP-TIP)?"
+)
 CALLS_MOST, DEEPEST = 65534, 20
+# Cycles from this number on have Q parameters, which begin with the same one.
+FIRST_BY_Q = 200
 REMEDY = "post the program without it, or as G-code or APT"
 
 
@@ -33,9 +39,10 @@ REMEDY = "post the program without it, or as G-code or APT"
 def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     """Read a program in conversational language.
 
-    Read are L, LP, LN, CC, C, CP, CR, CT, RND, CHF; the cycles 1, 7, 10, 200 to 209, 240; PLANE SPATIAL and RESET; M128
-    and TCPM; labels, Q parameters and formulas. Coordinates are those of the datum in force. Moves and faults as in
-    :func:`machining.toolpaths.read_gcode`.
+    Read are L, LP, LN, CC, C, CP, CR, CT, CTP, RND, CHF; the cycles 1, 7, 9, 10, 200 to 209, 240, 247; PLANE SPATIAL
+    and RESET; M128 and TCPM; labels, Q parameters and formulas. What changes nothing about the path is in
+    :mod:`machining.toolpaths.heidenhain.quiet`, with the reason; all else is refused. Coordinates are those of the
+    datum in force. Moves and faults as in :func:`machining.toolpaths.read_gcode`.
 
     Raises
     ------
@@ -47,7 +54,7 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
     options = options or ReadOptions()
     reader = _Reader(path, options)
     data = content(path, options.max_bytes)
-    source = statements(lines_of(path.name, data))
+    source = reader.one_program(statements(lines_of(path.name, data)))
     if re.search(rb"CALL\s+LBL", data):
         reader.stored = list(source)
         reader.run_stored()
@@ -67,6 +74,19 @@ class _Reader(Contour):
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
         self.stored: list[tuple[int, str, str]] = []
+
+    def one_program(self, source: Statements) -> Statements:
+        """All statements; behind END PGM only those of labels may stand."""
+        ended = inside = False
+        for line, text, comment in source:
+            inside = text != "LBL 0" if _LABEL.match(text) else inside
+            if ended and text and text != "LBL 0" and not inside:
+                self.line = line
+                fault = StatementError("a statement behind END PGM", "one program", "give each program in a file")
+                self.refuse(fault, readable(text)[:120])
+                return
+            ended |= text.startswith("END PGM")
+            yield line, text, comment
 
     def run(self, source: Statements) -> None:
         """All statements of a program without calls of labels."""
@@ -117,13 +137,15 @@ class _Reader(Contour):
         if comment:
             self.recorder.event(line, "comment", readable(comment))
         if "(" in text and "=" not in text:
-            text = _LOST_TEXT.sub(" ", text).strip()
+            text = _LOST_TEXT.sub("", text).strip()
         if not text or self.over:
             return True
         if text.startswith("/"):
             if self.skips_deleted(text):
                 return True
             text = text[1:].strip()
+        if not text:
+            return True
         self.text = readable(text)[:120]
         try:
             self._read(text)
@@ -134,10 +156,12 @@ class _Reader(Contour):
 
     def _read(self, text: str) -> None:
         word = text.split()[0]
+        if not PARAMETER.fullmatch(text):
+            self.defining = 0
         if word in ("RND", "CHF"):
             self.corner(word, text[3:])
             return
-        if word in _MOVES:
+        if word in WORDS:
             self.motion_statement(word, words(text[len(word) :], self.values))
             return
         self.settle()
@@ -147,8 +171,13 @@ class _Reader(Contour):
             self.define(re.sub(r"^CYCLE? DEF\s*", "", text))
         elif text.startswith("CYCL CALL"):
             self.call_cycle(text.removeprefix("CYCL CALL").strip())
-        elif re.match(r"Q[LR]?\d+\s*=\s*(?:MAX|AUTO|FMAX|PREDEF)\b", text) or assign(text, self.values):
+        elif self.defining >= FIRST_BY_Q and PARAMETER.fullmatch(text) and int(text[1:4]) >= FIRST_BY_Q:
+            self.more_of_cycle(text)
+        elif assign(text, self.values):
             return
+        elif text.startswith("TRANS DATUM"):
+            self.defining = 7
+            self.datum_statement(text.removeprefix("TRANS DATUM").strip())
         elif text.startswith("PLANE"):
             self.plane_statement(text.removeprefix("PLANE").strip())
         elif re.match(r"M\s*\d", text):
@@ -171,11 +200,14 @@ class _Reader(Contour):
             self.over = True
             self.recorder.event(self.line, "END", readable(text))
             self.recorder.finish(self.line, "END PGM")
-        elif text.startswith(("FUNCTION TCPM", "FUNCTION RESET TCPM")):
-            self.tcp = "RESET" not in text or self.options.tcp
+        elif text == "FUNCTION RESET TCPM" or _TCPM.fullmatch(text):
+            self.tcp = text != "FUNCTION RESET TCPM" or self.options.tcp
+            self.spatial = {} if "AXIS SPAT" in text else None
             self.recorder.event(self.line, "TCPM", readable(text))
-        elif QUIET.match(text) or _LABEL.match(text):
-            self.recorder.event(self.line, text.split()[0], readable(text))
+        elif text == "CYCL END":
+            self.modal_call = False
+        elif why := next((why for pattern, why in STATEMENTS.items() if re.fullmatch(pattern, text)), ""):
+            self.recorder.event(self.line, text.split()[0], readable(text) + f" ({why})")
         else:
             return False
         return True
@@ -191,18 +223,32 @@ class _Reader(Contour):
 
     def _tool(self, text: str) -> None:
         match = _TOOL.match(text)
-        if match is None or (match[3] or "Z").upper() != "Z":
+        if match is None or (match[4] or "Z").upper() != "Z":
             raise StatementError("a tool along another axis than Z", "TOOL CALL 5 Z S3000", REMEDY)
-        block = Block()
-        for letter, value in _SPEED.findall(match[4]):
-            block.words[letter.upper()] = number(value, self.values) * (
-                self.feed_scale if letter.upper() == "F" else 1.0
-            )
+        block, at = Block(), 0
+        oversize = self.oversize if not (match[1] or match[2]) else 0.0
+        while (found := _OF_TOOL.match(match[5], at)) is not None:
+            letter, value, at = found[1].upper(), number(found[2], self.values), found.end()
+            if letter == "DL" and value:
+                raise StatementError(
+                    f"a tool longer by {value:g} (DL): the path is that much higher", "DL 0",
+                    "post it with the allowance in the points",
+                )  # fmt: skip
+            if letter in ("DR", "DR2"):
+                oversize = oversize or value
+            else:
+                block.words[letter] = value * (self.feed_scale if letter == "F" else 1.0)
+        if rest := match[5][at:].strip():
+            raise StatementError(f"{rest[:30]!r} of a tool call is not read", "S, F, DL, DR, DR2 with numbers")
+        self.oversize = oversize
         given = match[1] or match[2]
-        if match[2]:
+        if match[2] and not match[3]:
             block.words["T"] = float(match[2])
-        block.tool = match[1] or ""
+        block.tool = match[1] or (match[2] + match[3] if match[3] else "")
         self.take(block)
+        if given:
+            # A feed of another tool's call is not this one's.
+            self.feed_of_tool = math.nan
         if "F" in block.words:
             self.feed_of_tool = block.words["F"]
         if given:

@@ -8,13 +8,18 @@ from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
 from machining.toolpaths.gcode.values import Values
+from machining.toolpaths.heidenhain.quiet import OF_MISC
 from machining.toolpaths.recorder import StatementError
 
-_NUMBER = re.compile(r"^\s*\d+(?=\s|$)")
+# A block number, and the slash that lets a block be left out before or behind it.
+_NUMBER = re.compile(r"^(/?)\s*\d+(?:\s+|$)")
 _VALUE = r"[-+]?\s*(?:Q[LR]?\d+|\d+[.,]?\d*|[.,]\d+)"
+# A number as anything that looks like one, for statements with words of their own; what is none is refused then.
+VALUE = r"[-+]?\s*(?:Q[LR]?\d+|[\d.,]+)"
+REMEDY = "post it as single moves"
 _WORD = re.compile(
     rf"\s*(?:(?P<flag>R0|RL|RR|FMAX|F\s+MAX|F\s*AUTO|MB\s*MAX|DR\s*[-+])(?![A-Z0-9.,])"
-    rf"|(?P<key>IPR|IPA|PR|PA|[NT][XYZ]|I?[XYZABC]|R|MB|M|F)\s*(?P<value>{_VALUE}))",
+    rf"|(?P<key>IPR|IPA|PR|PA|LA|[NT][XYZ]|I?[XYZABC]|R|MB|M|F|T)\s*(?P<value>{_VALUE}))",
     re.I,
 )
 _Q = re.compile(r"\bQ([LR]?)(\d+)")
@@ -29,6 +34,10 @@ _FN_FORMS = {
 }  # fmt: skip
 # Numbers of local and permanent Q parameters, apart from those of plain ones.
 _KINDS = {"": 0, "L": 300_000, "R": 600_000}
+# Rotary axes where PLANE has worked them out: the parameters that hold them (Q120 to Q122), by axis.
+WORKED_OUT = {"A": "Q120", "B": "Q121", "C": "Q122"}
+# Sign before a power, which controls and calculators take in two ways.
+_SIGNED_POWER = re.compile(r"(?:^|[-+*/^(])\s*-\s*[^-+*/()]*\^")
 
 
 @dataclass(frozen=True)
@@ -47,8 +56,8 @@ def statements(source: Iterable[str]) -> Iterator[tuple[int, str, str]]:
         text, _, comment = raw.partition(";")
         text = text.strip()
         if not held:
-            first, text = number, _NUMBER.sub("", text).strip()
-        joined = text.endswith("~")
+            first, text = number, _NUMBER.sub(r"\1", text).strip()
+        joined = text.endswith("~") or bool(text and comment.rstrip().endswith("~"))
         held, said = f"{held} {text.rstrip('~')}".strip(), said or comment
         if joined:
             continue
@@ -87,7 +96,14 @@ def assign(text: str, values: Values) -> bool:
     else:
         return False
     rest = _Q.sub(lambda match: key(match[0]), rest.replace(",", "."))
-    rest = _FUNCTION.sub(r"\1[\2]", rest).replace("^", "**").replace("(", "[").replace(")", "]")
+    if _SIGNED_POWER.search(rest):
+        raise StatementError("a power of a number with a sign", "brackets, as in (-Q1) ^ 2")
+    rest = (
+        _FUNCTION.sub(lambda m: f"{m[1]}[{m[2]}]" + ("/[1]" if m[1] == "ATAN" else ""), rest)
+        .replace("^", "**")
+        .replace("(", "[")
+        .replace(")", "]")
+    )
     values.known[key(name)] = values.value(rest)
     return True
 
@@ -124,26 +140,32 @@ def number(text: str, values: Values) -> float:
 
 
 def words(text: str, values: Values) -> Words:
-    """Words of a motion behind its keyword.
+    """Words of a motion behind its keyword; those behind an M function that are its own are left out with it.
 
     Raises
     ------
     StatementError
         Text that is no word, or a word given twice.
     """
-    out, end = Words(), 0
+    out, end, of_misc = Words(), 0, set[str]()
     for match in _WORD.finditer(text):
         if text[end : match.start()].strip(" ,"):
             break
         end = match.end()
-        if match["flag"]:
-            out.flags.add(match["flag"].upper().replace(" ", ""))
-        elif match["key"].upper() == "M":
+        flag, name = (match["flag"] or "").upper().replace(" ", ""), (match["key"] or "").upper()
+        if flag in out.flags or (name in out.values and name not in of_misc):
+            raise StatementError(f"{flag or name} twice", "each word once")
+        if flag:
+            out.flags.add(flag)
+        elif name == "M":
             out.misc.append(int(number(match["value"], values)))
+            of_misc = set(OF_MISC.get(out.misc[-1], ()))
+        elif name in of_misc:
+            number(match["value"], values)
+            of_misc.remove(name)
+        elif match["value"].lstrip("+ ").upper() == WORKED_OUT.get(name) and key(WORKED_OUT[name]) not in values.known:
+            out.flags.add("SWIVEL")
         else:
-            name = match["key"].upper()
-            if name in out.values:
-                raise StatementError(f"{name} twice", "each word once")
             out.values[name] = number(match["value"], values)
     if rest := text[end:].strip(" ,"):
         raise StatementError(f"{rest[:30]!r} is no word of a motion", "X+10, IZ-5, R0, F500, FMAX, M3")

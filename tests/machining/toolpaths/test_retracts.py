@@ -134,7 +134,7 @@ def test_heidenhain_goes_back_along_the_tool(tmp_path: Path) -> None:
     # A line that waits for a corner has coordinates that are not those of M91.
     m = klartext(tmp_path, *start, "L X+30 F300", "L Z-1 FMAX M91", "L Z+5 FMAX")
     assert points(m)[4:] == [[30, 0, 25], [30, 0, 5]]
-    tilted = klartext(tmp_path, *start, "PLANE SPATIAL SPA+0 SPB+90 SPC+0 STAY", "L X-10 Y0 Z+30 FMAX", "M140 MB 5")
+    tilted = klartext(tmp_path, *start, "PLANE SPATIAL SPA+0 SPB+90 SPC+0 TURN", "L X-10 Y0 Z+30 FMAX", "M140 MB 5")
     np.testing.assert_allclose(tilted.points[-1] - tilted.points[-2], [0.005, 0, 0], atol=1e-12)
     for wrong in ("L M140", "L M140 MB MAX MB 3", "L X+5 M140 MB MAX", "L MB MAX", "L M140 MB -3"):
         with pytest.raises(InputErrors, match="MB"):

@@ -111,10 +111,19 @@ def test_a_tool_change_with_the_cycle_on_is_a_fault(tmp_path: Path) -> None:
         apt(tmp_path, HEAD + "CYCLE/DRILL,RAPTO,3,FEDTO,-10\nGOTO/0,0,0\nLOADTL/5\nGOTO/0,0,9\n")
 
 
-def test_words_of_a_cycle_that_are_not_read_are_said(tmp_path: Path) -> None:
-    m = apt(tmp_path, HEAD + "CYCLE/DEEP,FEDTO,10,WIBBLE,3,RAPTO,1\nGOTO/0,0,0\n")
-    assert any("WIBBLE,3" in n.text for n in m.notes)
-    assert any("without its steps" in n.text for n in m.notes)
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        ("DEEP,FEDTO,10,WIBBLE,3,RAPTO,1", "WIBBLE,3"),
+        ("BRKCHP,FEDTO,10,RAPTO,1", "BRKCHP without its steps"),
+        ("DRILL,FEDTO,10,RAPTO,1,STEP,2", "DRILL with steps"),
+        ("DRILL,FEDTO,10,FEDTO,12,RAPTO,1", "FEDTO of a cycle twice"),
+        ("DRILL,FEDTO,10,DEPTH,12,RAPTO,1", "FEDTO and DEPTH"),
+    ],
+)
+def test_words_of_a_cycle_that_are_not_read_are_refused(tmp_path: Path, words: str, what: str) -> None:
+    with pytest.raises(InputErrors, match=rf"line \d+: CYCLE: {what}"):
+        apt(tmp_path, HEAD + f"CYCLE/{words}\nGOTO/0,0,0\n")
 
 
 @pytest.mark.parametrize(

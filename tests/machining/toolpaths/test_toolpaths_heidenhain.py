@@ -64,8 +64,8 @@ def test_a_whole_program() -> None:
 def test_the_breaks_of_cycle_203_come_before_each_withdrawal() -> None:
     m = read_toolpath(SAMPLES / "klartext.h")
     heights = np.round(m.points[m.line == 32][:, 2] * 1e3, 3).tolist()
-    # One break at -5, one withdrawal to 2 at -10, then the bottom and the second clearance.
-    assert heights == [5, 2, -5, -4.746, -10, 2, -9.746, -12, 2, 20]
+    # One break at -5, one withdrawal to 2 at -10 and back to 2 above it, the bottom, the second clearance.
+    assert heights == [5, 2, -5, -4.746, -10, 2, -8, -12, 2, 20]
 
 
 @pytest.mark.parametrize(
@@ -127,10 +127,10 @@ def test_inches_and_their_feeds(tmp_path: Path) -> None:
         ("L X+10 A+30 F100", "rotary axis A"),
         ("L Z+10 FMAX M91\nL X+10 F100", "Z is not known"),
         ("L X+10 F100 HUGO", "no word"),
-        ("CC X+5 R3", "CC with other words"),
+        ("CC X+5 R3", "R means nothing with CC"),
         # The line before waits for a corner: the fault is its own, here and at the end of the file.
-        ("LN X+5 Y+2 TZ1 F100\nTOOL CALL 3 Z S100", "A3, B3, C3 without TRAORI"),
-        ("LN X+5 Y+2 TZ1 F100", "A3, B3, C3 without TRAORI"),
+        ("LN X+5 Y+2 TX0 TY0 TZ1 F100\nTOOL CALL 3 Z S100", "A3, B3, C3 without TRAORI"),
+        ("LN X+5 Y+2 TX0 TY0 TZ1 F100", "A3, B3, C3 without TRAORI"),
     ],
 )
 def test_faults_come_with_their_line(tmp_path: Path, text: str, word: str) -> None:

@@ -100,7 +100,7 @@ def test_what_is_no_ordinary_text_file_is_refused(tmp_path: Path) -> None:
 
 def test_hostile_text_stays_data(tmp_path: Path) -> None:
     evil = "\x1b[2J\x07$(rm -rf /) ${x} {0} %s \x9b31m" + "A" * 5000
-    m = apt(tmp_path, f"PPRINT/{evil}\nGOTO/0,0,0\n{evil}/1\nFINI\n".replace("$", "S"))
+    m = apt(tmp_path, f"PPRINT/{evil}\nGOTO/0,0,0\n{evil}/1\nFINI\n".replace("$", "S"), unknown_motion="report")
     for text in [e.text for e in m.events] + [e.word for e in m.events] + [str(n) for n in m.notes]:
         assert text.isprintable()
         assert len(text) < 300

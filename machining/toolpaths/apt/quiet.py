@@ -1,0 +1,89 @@
+"""Words of APT files that are certain to change nothing about the path, each with the reason.
+
+By ISO 4343 and the manuals of the vendors. What is in no table here, and is not read, is refused.
+"""
+
+from __future__ import annotations
+
+# Major words, whatever stands behind them.
+WORDS: dict[str, str] = {
+    "AIR": "blows air",
+    "ARCSLP": "whether the control is given arcs or lines",
+    "AUTOPS": "the part surface lies in the plane of the drawing",
+    "CHECK": "limits that the postprocessor checks",
+    "CLAMP": "clamps axes",
+    "CSI_SET_EXTENSION_LENGTH": "length of the tool out of its holder",
+    "CSI_SET_FLUTE_LENGTH": "length of the flutes",
+    "DISPLAY": "a picture",
+    "END_OP": "a label of the CAM system",
+    "END-OF-PATH": "the end of an operation",
+    "FINI": "the end of the file",
+    "GOUGCK": "collision check of the CAM system",
+    "HEAD": "which head of the machine holds the tool",
+    "INTOL": "tolerance by which the CAM system has made points",
+    "LEADER": "blank tape",
+    "LINTOL": "tolerance by which the postprocessor makes points of turning axes",
+    "MACHIN": "which postprocessor",
+    "MATERL": "material",
+    "MAXDPM": "largest speed of rotary axes of the machine",
+    "MCHTOL": "speed at corners, by the control",
+    "MFGNO": "a label of the CAM system",
+    "MULTAX": "points have six numbers, which is seen from them",
+    "NOTE": "a text",
+    "OP_NAME": "a label of the CAM system",
+    "OUTTOL": "tolerance by which the CAM system has made points",
+    "PARTNO": "name of the part",
+    "PIVOTZ": "length from the pivot of the machine's head to the tool",
+    "PPRINT": "a text",
+    "PSIS": "the part surface that the CAM system has followed",
+    "REMARK": "a text",
+    "REWIND": "rewinds the tape",
+    "SELCTL": "which tool to fetch next",
+    "SELECT": "which tool to fetch next",
+    "SEQNO": "numbers of blocks",
+    "SETUP": "a label of the CAM system",
+    "START_OP": "a label of the CAM system",
+    "TCP": "points are those of the tip, as always here",
+    "TDATA": "data of the tool",
+    "TITLE": "a text",
+    "TMARK": "a mark at which the program may be begun again",
+    "TOLER": "tolerance by which the CAM system has made points",
+    "TOOLPATH_TYPE": "a label of the CAM system",
+    "TPRINT": "name of the tool",
+    "UNLOAD": "puts the tool away",
+}
+# Display words, and data of splines, which are refused.
+DROPPED = ("PAINT", "DISPLY", "LABEL", "CNTRL", "KNOT")
+# Minor words with which a major word changes nothing; with others it is refused. None: no word at all.
+MINOR: dict[str, frozenset[str]] = {
+    "MODE": frozenset(("MILL", "ABSOL")),
+    "OPSKIP": frozenset(("OFF",)),
+    "RAPID": frozenset(),
+    "CUTCOM": frozenset(("OFF", "ON", "LEFT", "RIGHT", "XYPLAN", "YZPLAN", "ZXPLAN", "XZPLAN", "LENGTH", "ADJUST")),
+    "TRNTYP": frozenset(("WORLD",)),
+    # ADJUST, OFFSET, OSETNO: registers of the tool's length, which the control takes off.
+    "LOADTL": frozenset((
+        "ADJUST", "OFFSET", "OSETNO", "LENGTH", "SPINDL", "MILL", "DRILL", "LARGE", "SMALL", "HIGH", "LOW", "AUTO",
+        "MANUAL", "IN", "CLW", "CCLW", "RPM",
+    )),
+    "SPINDL": frozenset((
+        "RPM", "CLW", "CCLW", "CCW", "ON", "OFF", "STOP", "ORIENT", "LOCK", "SFM", "SMM", "MPM", "CSS", "LOW", "MEDIUM",
+        "HIGH", "RANGE", "MAXRPM", "RADIUS",
+    )),
+}  # fmt: skip
+# Codes that PREFUN (G) and AUXFUN (M) put into the program, and INSERT with them.
+G_CODES: dict[int, str] = {
+    8: "speed at corners, by the control", 9: "exact stop", 17: "plane of arcs, which are read from the points",
+    40: "no compensation", 49: "no length in force", 61: "exact stop", 64: "speed at corners, by the control",
+    80: "no cycle", 90: "coordinates are absolute, as here", 94: "feed in each minute, as here",
+}  # fmt: skip
+M_CODES: dict[int, str] = {
+    7: "coolant", 8: "coolant", 9: "coolant", 10: "clamps an axis", 11: "releases an axis", 50: "coolant",
+    51: "coolant",
+}  # fmt: skip
+# Words of a cycle that change nothing of its moves.
+OF_CYCLE: dict[str, str] = {
+    "AUTO": "the tool is changed by the machine", "DRAG": "no turn of the spindle before the way out",
+    "ON": "the cycle is on", "SEC": "a rest is in s, as here", "NOREVR": "the spindle keeps its sense",
+    "MULTRD": "a thread of several starts", "FLOATING": "the tap floats in its holder",
+}  # fmt: skip
