@@ -180,7 +180,9 @@ def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
 def _floor_note(cell: Cell, arm: ArmBodies, *, on_base: bool) -> tuple[str, ...]:
     """What is taken as the floor where the cell does not say."""
     if on_base:
-        text = "floor: the plane that the robot stands on (z = 0 of its base); --floor, or [floor] of a cell, says otherwise"
+        text = (
+            "floor: the plane that the robot stands on (z = 0 of its base); --floor or [floor] of a cell says otherwise"
+        )
     elif cell.floor is None and cell.stands and arm.bodies:
         text = (
             f"no floor is checked: axis 2 of {arm.robot.name} is not above z = 0 of its base; --floor, or [floor] of a "
