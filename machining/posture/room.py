@@ -13,10 +13,11 @@ import numpy as np
 from machining.posture.drive import limit_distance, singular_distance
 from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, in_blocks
-from robots.robot import middle_pose
 
 # Distances from which on more is no better: rad from a joint limit, and of singular_distance.
 LIMIT_ROOM, SINGULAR_ROOM = float(np.radians(45.0)), 0.5
+# Cosine from which on two axes count as parallel.
+PARALLEL = 0.9
 # Poses whose frames are made at once.
 BLOCK = 16_384
 
@@ -43,8 +44,7 @@ def elbow_up(robot: Robot, q: Array) -> Bools:
 
 @lru_cache(maxsize=8)
 def _elbow(robot: Robot) -> int:
-    """The body at whose joint the arm bends: far from shoulder and wrist alike."""
-    p = forward_kinematics(robot, middle_pose(robot)[None]).p[0]
-    inner = p[3 : robot.dof - 1] if robot.dof > 4 else p[3:4]
-    away = [np.linalg.norm(inner - end, axis=1) for end in (p[2], p[robot.dof - 1])]
-    return 3 + int(np.argmax(np.round(np.minimum(*away), 6)))
+    """The body at whose joint the arm bends: the first after joint 2 with an axis parallel to that of joint 2."""
+    axis = forward_kinematics(robot, np.zeros((1, robot.dof))).axis[0]
+    bends = np.flatnonzero(np.abs(axis[2:] @ axis[1]) > PARALLEL)
+    return 3 + int(bends[0]) if len(bends) else 3

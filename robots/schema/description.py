@@ -37,6 +37,7 @@ from robots.schema.quantities import (
     Length,
     Mass,
     Position,
+    PositiveLength,
     Quantity,
     RotationalStiffness,
     Strict,
@@ -284,7 +285,7 @@ class ModelDescription(Strict):
     sources: dict[str, str]
     mass: Mass | None = None
     payload: Mass | None = None
-    beam_radius: Length | None = None
+    beam_radius: PositiveLength | None = None
     materials: dict[str, Material] = Field(default_factory=dict)
     joint: tuple[Joint, ...] = Field(min_length=1)
     flange: Flange
