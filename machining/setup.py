@@ -57,7 +57,7 @@ class Setup:
         """
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
-        if self.arm is None:
+        if self.arm is None or not self.arm.bodies:
             return drive
         zone = weighed_zone(self.cell.safety)
         drive = replace(drive, clearance_zone=zone, clearance_least=self.cell.safety, nearest_of=self._in_the_way)
@@ -104,7 +104,7 @@ class Setup:
 
         None without surfaces. Errors as :func:`machining.tooling.tools_of`.
         """
-        if self.arm is None:
+        if self.arm is None or not self.arm.bodies:
             return None
         tools, zone = tools_of(self.cell, motions), weighed_zone(self.cell.safety)
         made: dict[int, Scene] = {}

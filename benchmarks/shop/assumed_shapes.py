@@ -36,9 +36,9 @@ WANTED, MOST = 0.95, 3.0
 HEAD = """# Assumed shapes against published meshes
 
 Capsules that stand for an arm without a shape hold {held:.1%} of the vertices of the collision meshes of {count} arms
-from {packages} support packages, in the mean over the arms, and {volume:.2f} times the volume of the links' convex
-hulls. {good} of the arms have both at least 95 % and at most three times. What is left outside: base plates wider than the arm
-is thick, and upper arms that stand beside the plane of the joint origins (rx160).
+from {packages} support packages, in the mean over the arms, and {volume:.2f} times the volume of the links' hulls.
+{good} of the arms have both at least 95 % and at most three times. What is left outside: base plates wider than the
+arm is thick, and upper arms that stand beside the plane of the joint origins (rx160).
 
 Written by `python benchmarks/shop/assumed_shapes.py FOLDER --write`; checkouts of the packages are needed, their meshes
 are not part of stiffarm. The shares of the radii were tuned on every second arm (*tuned*), the others check them: these

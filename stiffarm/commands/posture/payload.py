@@ -181,7 +181,7 @@ def remarks(posed: Posed) -> list[str]:
     elif np.isnan(request.task.path.times).any():
         out.append("Some points have no feed: between them joint speeds could not be checked.")
     if request.drive.clearance_of is None and request.drive.clearance_at is None:
-        out.append("Collisions were not checked: give a cell file with --cell.")
+        out.append("Collisions were not checked: no shape of the arm is known.")
     if posed.milling is None and request.objective.quantity != ROOM:
         out.append("No error was predicted: give --force or --milling.")
     if not posed.found.sure:
