@@ -35,7 +35,7 @@ UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities 
 def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
     """Figures of the run, keys with units; ``positions``: where the geometry of a calibrated arm came from."""
     program, request = run.program, run.request
-    objective = shown(request.settings.objective.quantity)
+    objective = shown(run.posted.settings.objective.quantity)
     posted = run.posted
     out: dict[str, Any] = {
         "schema": SCHEMA,
@@ -53,8 +53,8 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "branches": sorted({program.names[b] for b in program.branch}),
         "gain_of_turning_gamma": None if posted.course.forgone is None else number(posted.course.forgone),
         "chosen_by": posted.settings.objective.quantity,
-        f"mean_{objective.column}": number(posted.mean * objective.factor) if run.drawn else None,
-        f"worst_{objective.column}": number(posted.worst * objective.factor) if run.drawn else None,
+        f"mean_{objective.column}": number(posted.mean * objective.factor),
+        f"worst_{objective.column}": number(posted.worst * objective.factor),
         **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "commands": dict(Counter(event.kind for event in ordered(program.motions) if event.kind)),
