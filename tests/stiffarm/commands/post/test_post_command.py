@@ -219,9 +219,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
 
 
 @pytest.mark.slow
-def test_a_model_without_stiffness_is_posted_by_room(
-    cli: Command, files: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_a_model_without_stiffness_is_posted_by_room(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     """tx200 comes without joint stiffness: room chooses, and what names a stiffness is refused."""
     cell, cls = files
     cell.write_text(CELL.replace("[1200, 200, 600]", "[1300, 300, 500]"))
