@@ -154,7 +154,7 @@ def one(name: str, where: Path) -> dict[str, Any]:
         return out | {"failed": f"verify: {said.splitlines()[-1]}"}
     with next(folder.glob("csv/*.csv")).open(encoding="utf-8") as text:
         rows = list(csv.DictReader(line for line in text if not line.startswith("#")))
-    names = [joint["coordinate"] for joint in model["joint"]]
+    names = [f"q{i + 1}_deg" for i in range(len(model["joint"]))]
     poses = np.radians([[float(row[key]) for key in names] for row in rows])
     elbow, least = lowest(model, poses, THICK * reach)
     pair = found["least_distance_bodies"]

@@ -43,7 +43,7 @@ def test_no_point_of_the_arm_is_below_its_own_floor(name: str, part: str, square
     model = arms.tomllib.loads((ROOT / "robots" / "data" / "library" / f"{name}.toml").read_text(encoding="utf-8"))
     with (out / "csv" / "part.csv").open(encoding="utf-8") as text:
         rows = list(csv.DictReader(line for line in text if not line.startswith("#")))
-    poses = np.radians([[float(row[joint["coordinate"]]) for joint in model["joint"]] for row in rows])
+    poses = np.radians([[float(row[f"q{i + 1}_deg"]) for i in range(len(model["joint"]))] for row in rows])
     elbow, low = arms.lowest(model, poses, 0.02)
     assert elbow > 0.2
     assert low > 0.0
