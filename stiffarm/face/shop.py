@@ -90,7 +90,7 @@ def posture(
     *,
     cell: str | Path | None = None,
     gamma_deg: Range = (-180.0, 180.0, 5.0),
-    quantity: str = "k_fs",
+    quantity: str | None = None,
     aim: Literal["mean", "worst"] = "mean",
     force_N: Sequence[float] | None = None,
     milling: str | Path | None = None,
@@ -107,7 +107,7 @@ def posture(
     path : tool path (APT, CLS, G-code or CSV)
     cell : cell file; default: the model's tool, the part's frame in the robot's base
     gamma_deg : first and last angle about the tool axis, and step
-    quantity : index to optimise
+    quantity : index to optimise; default: k_fs, or "room" for an arm without springs
     aim : the mean over the points, or the worst point
     force_N : on the tool, base axes; ``milling``: a milling file instead
     operations, tool_numbers : of the tool path, take these only; default: all
