@@ -6,7 +6,10 @@ FOLDER holds checkouts of packages such as ros-industrial's abb, fanuc, kuka_exp
 ``*_macro.xacro`` below it whose meshes are there is read. Kinematics go the way of any URDF; of each link's collision
 mesh it is counted how many vertices some capsule of the arm holds, over poses drawn within the limits, and the volume
 of all capsules together (by random points) is put over that of the links' convex hulls. The shares in
-``machining/cell/assumed_shapes.py`` were fitted on such arms; none is held out. The meshes are for trying only. ``--write`` writes docs/validation/assumed_shapes.md.
+
+``machining/cell/assumed_shapes.py`` were fitted on such arms; none is held out.
+The meshes are for trying only.
+``--write`` writes docs/validation/assumed_shapes.md.
 """
 
 from __future__ import annotations
