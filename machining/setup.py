@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -56,10 +57,10 @@ class Setup:
         """
         if drive.speed is None and self.cell.joint_speed is not None:
             drive = replace(drive, speed=self.cell.joint_speed)
-        if self.arm is None:
+        if self.arm is None or not self.arm.bodies:
             return drive
         zone = weighed_zone(self.cell.safety)
-        drive = replace(drive, clearance_zone=zone, clearance_least=self.cell.safety)
+        drive = replace(drive, clearance_zone=zone, clearance_least=self.cell.safety, nearest_of=self._in_the_way)
         if not clear:
             return drive
         if given is not None and given.motions is not None and self.cell.tools:
@@ -72,6 +73,13 @@ class Setup:
 
             return replace(drive, clearance_at=clear_at)
         return replace(drive, clearance_of=cells.clearance_of(self.cell, self.arm, within=zone))
+
+    def _in_the_way(self, q: Array) -> str:
+        """Which pairs of bodies are nearest in poses q (k, dof) rad, the most frequent first."""
+        assert self.arm is not None  # noqa: S101 - surfaces are known
+        found = cells.clearance(cells.scene_of(self.cell, self.arm), q)
+        counted = Counter(" and ".join(found.names[k]) for k in found.pair.tolist() if k >= 0)
+        return "; ".join(name for name, _ in counted.most_common(2))
 
     def tools(self, given: GivenPath) -> Tools | None:
         """What is on the flange along a path; None where that is the cell's one tool. Errors as :meth:`clearance`."""
@@ -96,7 +104,7 @@ class Setup:
 
         None without surfaces. Errors as :func:`machining.tooling.tools_of`.
         """
-        if self.arm is None:
+        if self.arm is None or not self.arm.bodies:
             return None
         tools, zone = tools_of(self.cell, motions), weighed_zone(self.cell.safety)
         made: dict[int, Scene] = {}

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from machining.cell.assumed_shapes import ASSUMED, assumed_solids, overlapping
 from machining.cell.solids import Body, Solid, capsule, hull, ring, surface
 from meshes.beams import BeamMesh, body_index, body_tip, crank_beam_mesh, element_axes, link_beam_mesh
 from meshes.link_shells import link_shell_mesh
@@ -82,6 +83,9 @@ def arm_bodies(
 ) -> ArmBodies:
     """Bodies of an arm: links of the description first, then shapes of a URDF, then capsules between joints.
 
+    Of an arm without any shape all bodies are capsules (:mod:`machining.cell.assumed_shapes`), which their names say;
+    ``beam_radius`` m: all as thick as that; 0: none, the arm has no bodies then.
+
     Of a URDF the collision shapes are taken, the visual ones of bodies that have none of these. A shape that is not
     closed gives its hull. A body without link or shape whose next joint stands off its own gets a capsule as thick as
     the largest section next to it, or of ``beam_radius`` (m); without either it is left out. Each is said in ``notes``.
@@ -93,6 +97,10 @@ def arm_bodies(
     """
     robot = robot_from(description)
     names = ("base", *robot.joint_names)
+    if beam_radius is None and description.beam_radius is not None:
+        beam_radius = description.beam_radius.si
+    if not description.link and (urdf is None or not (urdf.collisions or urdf.visuals)):
+        return _assumed(description, robot, names, beam_radius)
     solids: dict[int, tuple[Solid, ...]] = {}
     label: dict[int, str] = {}
     notes: list[str] = []
@@ -112,14 +120,30 @@ def arm_bodies(
         if not made:
             made, said = _capsule(description, robot, body, name, beam_radius)
             notes += said
+            assumed = bool(made) and not description.link
+            label[body] = f"{name}{ASSUMED}" if assumed else name
         if made:
-            solids[body], label[body] = made, name
-    if not solids:
-        raise InputError(
-            f"{robot.name}: no body has a shape",
-            remedy="give links with sections, a URDF with its meshes, or a radius of beams",
-        )
+            solids[body] = made
+            label.setdefault(body, name)
     return _put_together(description, robot, solids, label, notes)
+
+
+def _assumed(
+    description: ModelDescription, robot: Robot, names: tuple[str, ...], beam_radius: float | None
+) -> ArmBodies:
+    """An arm of capsules; pairs of them that overlap by design count as neighbours."""
+    if beam_radius == 0.0:
+        return ArmBodies(robot, (), (), frozenset(), -1, ())
+    solids = assumed_solids(robot, beam_radius)
+    order = sorted(solids)
+    bodies = tuple(Body(f"{names[body]}{ASSUMED}", solids[body]) for body in order)
+    met = {(order.index(a), order.index(b)) for a, b in overlapping(robot, solids)} | set(pairwise(range(len(order))))
+    thick = [1e3 * s.radius for body in order for s in solids[body]]
+    note = (
+        f"{robot.name} has no shape of its own: capsules from its kinematics stand for it, {min(thick):.0f} to "
+        f"{max(thick):.0f} mm in radius (assumed shape); --beam-radius, or meshes, say better"
+    )
+    return ArmBodies(robot, bodies, tuple(order), frozenset(met), len(order) - 1, (note,))
 
 
 def _put_together(
@@ -180,13 +204,14 @@ def _capsule(
 ) -> tuple[tuple[Solid, ...], list[str]]:
     """A capsule along the way to the next joint, for a body of which nothing else is known."""
     tip = body_tip(robot, body)
-    if not np.linalg.norm(tip) > 1e-6:
+    if not np.linalg.norm(tip) > 1e-6 or beam_radius == 0.0:
         return (), []
     radius, origin = beam_radius, "as asked for"
     if radius is None:
         near = sorted(description.link, key=lambda link: abs(body_index(robot, link.body) - body))
         if not near:
-            return (), [f"body {name}: no shape known, it is not checked"]
+            made = assumed_solids(robot).get(body, ())
+            return made, [f"body {name}: no shape known, capsules from the kinematics are taken (assumed shape)"]
         sections = [s for s in (near[0].section, near[0].section_end) if s is not None]
         radius = max(0.5 * float(section_dimensions(s)[:-1].max()) for s in sections)
         origin = f"half the largest section of {near[0].name}"

@@ -129,6 +129,8 @@ class Cell:
     part : the part or its raw stock, in the world with the turntable at 0; None: no surface known
     fixtures : what else stands there
     floor : height of the floor in the world, m; None: no floor
+    stands : where there is no floor, the plane that the robot stands on (z = 0 of its base) counts as one
+    beam_radius : m of the capsules that stand for bodies without a shape; None: by the arm's size, 0: none
     linear_axes : at most three, from the floor to the robot
     turntable : None: the part stands still
     joint_speed : rad/s, one or (dof,), None: not known; ``joint_acceleration`` rad/s^2 likewise
@@ -150,6 +152,8 @@ class Cell:
     part: Body | None = None
     fixtures: tuple[Fixture, ...] = ()
     floor: float | None = None
+    stands: bool = False
+    beam_radius: float | None = None
     linear_axes: tuple[LinearAxis, ...] = ()
     turntable: Turntable | None = None
     joint_speed: ArrayLike | None = None
@@ -167,6 +171,8 @@ class Cell:
             raise InputError("linear axes", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}")
         if self.floor is not None and not np.isfinite(self.floor):
             raise InputError("height of the floor (m)", value=self.floor, allowed="a finite number, or no floor")
+        if self.beam_radius is not None:
+            require_at_least("radius of beams (m)", self.beam_radius, 0.0)
         require_at_least("safety distance (m)", self.safety, 0.0)
         for what, rate in (("joint speeds", self.joint_speed), ("joint accelerations", self.joint_acceleration)):
             if rate is not None and not (np.asarray(rate, dtype=np.float64) > 0.0).all():

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from machining.cell.arm_solids import ArmBodies
 from machining.cell.cell import Cell
 from machining.cell.scene import Pair, Scene, scene_of
-from machining.cell.separation import OVERLAP, box_gaps, exact_distance, sphere_gaps
+from machining.cell.separation import OVERLAP, box_gaps, exact_distance, segment_distance, sphere_gaps
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
 from robots.kinematics import as_poses
@@ -115,17 +115,16 @@ def _rows(values: Array | None, rows: slice) -> Array | None:
 
 def _floor(scene: Scene, R: Array, p: Array, best: Array, pair: Integers) -> None:
     """Heights of all bodies over the floor, exact: the lowest corner less the rounding."""
-    if scene.cell.floor is None:
+    plane = scene.floor_plane(R, p)
+    if plane is None:
         return
-    # The world's frame in the base has the upward direction as its third column.
-    world = scene.arm.count
-    up, origin = R[:, world, :, 2], p[:, world]
+    up, level = plane
     for k, number in enumerate(scene.floor_members):
         frame = scene.members[number].frame
         for index in np.flatnonzero(scene.owner == number):
             solid = scene.solids[index].solid
             direction = np.einsum("nij,ni->nj", R[:, frame], up)
-            height = np.einsum("ni,ni->n", p[:, frame] - origin, up) - scene.cell.floor
+            height = np.einsum("ni,ni->n", p[:, frame], up) - level
             near = np.flatnonzero(height + direction @ scene.bounds.middle[index] - scene.bounds.radius[index] < best)
             if not near.size:
                 continue
@@ -140,9 +139,11 @@ def _bodies(scene: Scene, R: Array, p: Array, best: Array, pair: Integers) -> No
     if not len(scene.solid_pairs):
         return
     pose, which, bound, relative = _near(scene, R, p, best)
-    order = np.lexsort((bound, pose))
     R_ab, t_ab = relative
-    for k in order.tolist():
+    thin = scene.is_thin[scene.solid_pairs[which, 1]] & scene.is_thin[scene.solid_pairs[which, 2]]
+    _thin(scene, pose[thin], which[thin], R_ab[thin], t_ab[thin], best, pair)
+    order = np.lexsort((bound, pose))
+    for k in order[~thin[order]].tolist():
         i = pose[k]
         if bound[k] >= best[i] or best[i] < 0.0:
             continue
@@ -150,6 +151,21 @@ def _bodies(scene: Scene, R: Array, p: Array, best: Array, pair: Integers) -> No
         distance = exact_distance(scene.solids[a], scene.solids[b], R_ab[k], t_ab[k], float(best[i]))
         if distance < best[i]:
             best[i], pair[i] = distance, number
+
+
+def _thin(scene: Scene, pose: Integers, which: Integers, R: Array, t: Array, best: Array, pair: Integers) -> None:
+    """Distances of capsules at once: those of their centre lines less both radii."""
+    if not len(pose):
+        return
+    number, first, second = scene.solid_pairs[which].T
+    a, b = scene.ends[first], np.einsum("mij,mkj->mki", R, scene.ends[second]) + t[:, None]
+    rounding = scene.pair_rounding[number] * (scene.rounding[first] + scene.rounding[second])
+    gap = segment_distance(a[:, 0], a[:, 1], b[:, 0], b[:, 1]) - rounding
+    gap = np.where(gap < 0.0, OVERLAP, gap)
+    # From far to near, so that the nearest of each pose is written last.
+    order = np.argsort(-gap, kind="stable")
+    nearer = order[gap[order] < best[pose[order]]]
+    best[pose[nearer]], pair[pose[nearer]] = gap[nearer], number[nearer]
 
 
 def _near(scene: Scene, R: Array, p: Array, best: Array) -> tuple[Integers, Integers, Array, tuple[Array, Array]]:

@@ -100,11 +100,12 @@ def _solids(scene: Scene, name: str) -> list[tuple[ExactSolid, int]]:
 
 def _over_floor(scene: Scene, exact: ExactSolid, frame: int, R: Array, p: Array) -> Nearest:
     """The lowest point of a solid, and the floor under it."""
-    world = scene.arm.count
-    up, height = R[world, :, 2], float(scene.cell.floor or 0.0)
+    plane = scene.floor_plane(R[None], p[None])
+    assert plane is not None  # noqa: S101 - a pair with the floor has one
+    up, height = plane[0][0], float(plane[1][0])
     x = _Placed(exact, frame, R, p).nodes
     low = x[np.argmin(x @ up)] - exact.solid.radius * up
-    gap = float((low - p[world]) @ up) - height
+    gap = float(low @ up) - height
     return Nearest(gap, np.stack([low, low - gap * up]))
 
 

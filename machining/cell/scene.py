@@ -10,17 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.cell.arm_solids import ArmBodies
+from machining.cell.assumed_shapes import ASSUMED, INNER, plain_name, stands_on_base
 from machining.cell.cell import FLOOR, Cell
-from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, stacked
+from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, segment_distance, stacked
 from machining.cell.solids import Body, all_nodes
 from robots import InputError, Robot
-from robots.arrays import Array, Integers, finite
+from robots.arrays import Array, Bools, Integers, finite
 from robots.frames import inverse
 from robots.robot import middle_pose
 
 Pair = tuple[str, str]
 # What a body is, for the rules of which pairs are checked.
 ARM, HOLDER, CUTTER, CARRIAGE, FIXED, PART = range(6)
+# One less the cosine up to which axis 1 is upright on the plane that the robot stands on.
+LEVEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +42,9 @@ class Scene:
     ``members``: all bodies. ``pairs`` (p, 2): checked pairs of members; ``floor_members``: members checked against
     the floor. ``solids`` and ``owner`` (s,): all solids and the members they belong to; ``solid_pairs`` (k, 3):
     pair, solid, solid. ``switched_off``: pairs that overlap in the ``home`` pose (dof,) rad and are not checked for
-    that reason. ``notes``: what a user should know. FCL's objects are moved while distances are asked, so a scene is
-    for one thread, and cannot be pickled: each process makes its own.
+    that reason. ``notes``: what a user should know. ``on_base``: the plane that the robot stands on is the floor.
+    FCL's objects are moved while distances are asked, so a scene is for one thread, and cannot be pickled: each process
+    makes its own.
     """
 
     arm: ArmBodies
@@ -55,11 +59,33 @@ class Scene:
     home: Array
     switched_off: tuple[Pair, ...]
     notes: tuple[str, ...]
+    on_base: bool = False
 
     @cached_property
     def solid_frames(self) -> Integers:
         """Frame (s,) that each solid moves with."""
         return np.array([self.members[i].frame for i in self.owner], dtype=np.int64)
+
+    @cached_property
+    def is_thin(self) -> Bools:
+        """Which solids (s,) are capsules or spheres."""
+        return np.array([len(s.solid.nodes) < 3 for s in self.solids], dtype=np.bool_)
+
+    @cached_property
+    def ends(self) -> Array:
+        """Ends (s, 2, 3) m of the solids' centre lines; of those that are not thin their first and last corner."""
+        return np.array([s.solid.nodes[[0, -1]] for s in self.solids]).reshape(-1, 2, 3)
+
+    @cached_property
+    def rounding(self) -> Array:
+        """Radii (s,) m of the solids' roundings."""
+        return np.array([s.solid.radius for s in self.solids])
+
+    @cached_property
+    def pair_rounding(self) -> Array:
+        """What the roundings of two solids count for in the distance of each pair of bodies, (p,): 1, or less."""
+        assumed = [m.kind == ARM and m.body.name.endswith(ASSUMED) for m in self.members]
+        return np.array([INNER if assumed[i] and assumed[j] else 1.0 for i, j in self.pairs])
 
     @property
     def names(self) -> tuple[Pair, ...]:
@@ -91,6 +117,19 @@ class Scene:
         T = np.concatenate([np.broadcast_to(x, (len(q), *x.shape[1:])) for x in out], axis=1)
         return np.concatenate([R, T[:, :, :3, :3]], axis=1), np.concatenate([p, T[:, :, :3, 3]], axis=1)
 
+    def floor_plane(self, R: Array, p: Array) -> tuple[Array, Array] | None:
+        """Upward directions (n, 3) in the base, and the floor's heights (n,) m along them; None: there is no floor.
+
+        ``R`` and ``p`` as of :meth:`frames`. Without a floor of the cell it is the plane that the robot stands on.
+        """
+        if self.cell.floor is not None:
+            # The world's frame in the base has the upward direction as its third column.
+            up = R[:, self.arm.count, :, 2]
+            return up, np.einsum("ni,ni->n", p[:, self.arm.count], up) + self.cell.floor
+        if self.on_base:
+            return np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(R), 3)), np.zeros(len(R))
+        return None
+
 
 def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
     """Put an arm into a cell and choose the pairs of bodies that are checked.
@@ -113,24 +152,52 @@ def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
     pose = finite("home pose", middle_pose(arm.robot) if cell.home is None else cell.home, (arm.robot.dof,), "rad")
     solids = [ExactSolid(solid) for member in members for solid in member.body.solids]
     owner = np.repeat(np.arange(len(members)), [len(m.body.solids) for m in members])
-    allowed = {frozenset(pair) for pair in cell.allowed_contacts}
+    on_base = cell.floor is None and cell.stands and bool(arm.bodies) and stands_on_base(arm.robot)
+    allowed = {frozenset(map(plain_name, pair)) for pair in cell.allowed_contacts}
+
+    def may_touch(a: str, b: str) -> bool:
+        return frozenset((plain_name(a), plain_name(b))) in allowed
+
     wanted = [
         (i, j)
         for i, j in combinations(range(len(members)), 2)
-        if _checked(cell, arm, members, i, j) and frozenset((members[i].body.name, members[j].body.name)) not in allowed
+        if _checked(cell, arm, members, i, j) and not may_touch(members[i].body.name, members[j].body.name)
     ]
     floored = tuple(
         i
         for i, m in enumerate(members)
-        if cell.floor is not None
-        and (m.kind in (HOLDER, CUTTER) or (m.kind == ARM and m.frame > 0))
-        and frozenset((m.body.name, FLOOR)) not in allowed
+        if (cell.floor is not None or on_base)
+        and (m.kind in (HOLDER, CUTTER) or (m.kind == ARM and m.frame > _level(cell, arm.robot)))
+        and not may_touch(m.body.name, FLOOR)
     )
     scene = Scene(
         arm, cell, members, tuple(wanted), floored, tuple(solids), stacked([bounds_of(s.solid) for s in solids]), owner,
-        _solid_pairs(wanted, owner), pose, (), arm.notes,
+        _solid_pairs(wanted, owner), pose, (), (*arm.notes, *_floor_note(cell, arm, on_base=on_base)), on_base,
     )  # fmt: skip
     return _without_overlaps(scene)
+
+
+def _floor_note(cell: Cell, arm: ArmBodies, *, on_base: bool) -> tuple[str, ...]:
+    """What is taken as the floor where the cell does not say."""
+    if on_base:
+        text = (
+            "floor: the plane that the robot stands on (z = 0 of its base); --floor or [floor] of a cell says otherwise"
+        )
+    elif cell.floor is None and cell.stands and arm.bodies:
+        text = (
+            f"no floor is checked: axis 2 of {arm.robot.name} is not above z = 0 of its base; --floor, or [floor] of a "
+            "cell, gives one"
+        )
+    else:
+        return ()
+    return (text,)
+
+
+def _level(cell: Cell, robot: Robot) -> int:
+    """The last body that never comes nearer to the floor: the base, and what only turns about an axis upright on it."""
+    if cell.floor is not None:
+        return 0
+    return int(abs(robot.T_pre[0][2, 2]) > 1.0 - LEVEL)
 
 
 def _members(cell: Cell, arm: ArmBodies) -> tuple[Member, ...]:
@@ -178,7 +245,13 @@ def _without_overlaps(scene: Scene) -> Scene:
     hit = set()
     for pair, a, b in scene.solid_pairs:
         f, g = (scene.members[scene.owner[s]].frame for s in (a, b))
-        distance = exact_distance(scene.solids[a], scene.solids[b], R[f].T @ R[g], R[f].T @ (p[g] - p[f]), np.inf)
+        R_ab, t_ab = R[f].T @ R[g], R[f].T @ (p[g] - p[f])
+        if scene.pair_rounding[pair] < 1.0:
+            x, y = scene.ends[a], scene.ends[b] @ R_ab.T + t_ab
+            distance = float(segment_distance(*x[:, None], *y[:, None])[0])
+            distance -= INNER * float(scene.rounding[a] + scene.rounding[b])
+        else:
+            distance = exact_distance(scene.solids[a], scene.solids[b], R_ab, t_ab, np.inf)
         if distance < 0.0:
             hit.add(int(pair))
     off, notes = set(), []
@@ -192,11 +265,12 @@ def _without_overlaps(scene: Scene) -> Scene:
             notes.append(f"{said}: this pair is not checked")
         else:
             notes.append(f"{said}; the pair stays checked")
-    up, height = _floor(scene)
+    plane = scene.floor_plane(R[None], p[None])
     for i in scene.floor_members:
+        assert plane is not None  # noqa: S101 - where there is none, no member is checked against it
         member = scene.members[i]
         nodes = all_nodes(member.body.solids) @ R[member.frame].T + p[member.frame]
-        if (nodes @ up).min() - max(s.radius for s in member.body.solids) < height:
+        if (nodes @ plane[0][0]).min() - max(s.radius for s in member.body.solids) < plane[1][0]:
             notes.append(f"{member.body.name} is below the floor at home; the pair stays checked")
     kept = [pair for k, pair in enumerate(scene.pairs) if k not in off]
     return replace(
@@ -206,12 +280,6 @@ def _without_overlaps(scene: Scene) -> Scene:
         switched_off=tuple(scene.names[k] for k in sorted(off)),
         notes=(*scene.notes, *notes),
     )
-
-
-def _floor(scene: Scene) -> tuple[Array, float]:
-    """Upward direction (3,) in the base and the floor's height along it from the base, axes at 0."""
-    T = scene.cell.T_world_base0
-    return T[2, :3], (0.0 if scene.cell.floor is None else scene.cell.floor) - float(T[2, 3])
 
 
 def _solid_pairs(pairs: list[tuple[int, int]], owner: Integers) -> Integers:
@@ -238,9 +306,9 @@ def _check_names(cell: Cell, members: tuple[Member, ...]) -> None:
         raise InputError(
             "body name used in robot and cell", value=", ".join(twice), remedy="give it another name in the cell"
         )
-    known = {*names, FLOOR}
+    known = {*map(plain_name, names), FLOOR}
     for pair in cell.allowed_contacts:
         for name in pair:
-            if name not in known:
+            if plain_name(name) not in known:
                 allowed = ", ".join(sorted(known))
                 raise InputError("allowed contact names no body", value=name, allowed=allowed)

@@ -157,9 +157,16 @@ class FixtureTable(Placed):
 
 
 class FloorTable(Strict):
-    """The floor."""
+    """The floor; ``none = true``: there is none, not even the plane that the robot stands on."""
 
     height_mm: float = 0.0
+    none: bool = False
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if self.none and "height_mm" in self.model_fields_set:
+            raise ValueError("give height_mm, or none = true, not both")
+        return self
 
 
 class RobotTable(Placed):
@@ -169,6 +176,7 @@ class RobotTable(Placed):
     joint_acceleration_deg_s2: tuple[Positive, ...] | None = None
     safety_mm: Annotated[float, Field(ge=0.0)] = 0.0
     home_deg: tuple[float, ...] | None = None
+    beam_radius_mm: Annotated[float, Field(ge=0.0, le=WIDEST)] | None = None
 
     @field_validator("joint_speed_deg_s", "joint_acceleration_deg_s2", mode="before")
     @classmethod

@@ -64,7 +64,9 @@ def bounds_of(solid: Solid) -> Bounds:
 
 
 def stacked(bounds: Sequence[Bounds]) -> Bounds:
-    """Bounds of several solids in one."""
+    """Bounds of several solids in one; there may be none."""
+    if not bounds:
+        return Bounds(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3, 3)), np.zeros((0, 3)))
     return Bounds(*(np.stack([getattr(b, f.name) for b in bounds]) for f in fields(Bounds)))
 
 
@@ -72,6 +74,27 @@ def sphere_gaps(centre_a: Array, radius_a: Array, centre_b: Array, radius_b: Arr
     """Distance (...,) of bounding spheres, negative where they overlap; centres (..., 3)."""
     between = centre_a - centre_b
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", between, between)) - radius_a - radius_b - MARGIN)
+
+
+def segment_distance(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
+    """Distance (m,) m of segments from a0 to a1 and from b0 to b1, all (m, 3) m; a segment may be a point.
+
+    C. Ericson, Real-Time Collision Detection, 2005, section 5.1.9: the nearest points of the two lines, clipped to one
+    segment, then the nearest point to that on the other, and back.
+    """
+    u, v, r = a1 - a0, b1 - b0, a0 - b0
+    uu, vv, uv = (np.einsum("mi,mi->m", x, y) for x, y in ((u, u), (v, v), (u, v)))
+    ur, vr = np.einsum("mi,mi->m", u, r), np.einsum("mi,mi->m", v, r)
+
+    def share(over: Array, under: Array) -> Array:
+        # Of a point or of parallel lines any place does.
+        return np.clip(np.divide(over, under, out=np.zeros_like(over), where=under > 0.0), 0.0, 1.0)
+
+    s = share(uv * vr - ur * vv, uu * vv - uv * uv)
+    t = share(uv * s + vr, vv)
+    s = share(uv * t - ur, uu)
+    apart = r + s[:, None] * u - t[:, None] * v
+    return np.asarray(np.sqrt(np.einsum("mi,mi->m", apart, apart)))
 
 
 def box_gaps(R: Array, t: Array, half_a: Array, half_b: Array) -> Array:

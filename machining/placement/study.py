@@ -11,7 +11,7 @@ from machining.placement.placing import How, Placed, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
 from machining.toolpaths.conversion import GivenPath
-from robots import InputError, ModelDescription
+from robots import ModelDescription
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
@@ -32,19 +32,9 @@ class PlacedStep:
         return self.placed.problem.cell
 
 
-def scene_for(
-    cell: Cell, model: str, description: ModelDescription | None = None
-) -> tuple[Scene | None, tuple[str, ...]]:
-    """Arm and cell for collisions, and what to say about them; None where the arm has no shape.
-
-    ``description``: as of :func:`machining.cell.arm_of`.
-    """
-    try:
-        scene = scene_of(cell, arm_of(model, description))
-    except InputError as error:
-        if "no body has a shape" not in str(error):
-            raise
-        return None, (f"Collisions were not checked: {error.prose}.",)
+def scene_for(cell: Cell, model: str, description: ModelDescription | None = None) -> tuple[Scene, tuple[str, ...]]:
+    """Arm and cell for collisions, and what to say about them; ``description``: as of :func:`machining.cell.arm_of`."""
+    scene = scene_of(cell, arm_of(model, description, beam_radius=cell.beam_radius))
     return scene, scene.notes
 
 

@@ -44,6 +44,9 @@ class Drive:
         count as the same
     clearance_at : the same, told the path points as well: (k, dof) rad, (k,) -> (k,) m, where the base moves along the
         path
+    nearest_of : (k, dof) rad -> words: which bodies are in the way in these poses; None: not known
+    turn_gain : where the tool axis is constant, gamma is constant too unless turning it along the path makes the
+        objective better by more than this share; 0: it is turned for any gain
 
     Raises
     ------
@@ -66,11 +69,14 @@ class Drive:
     clearance_least: float = 0.0
     clearance_of: Callable[[Array], Array] | None = None
     clearance_at: Callable[[Array, Integers], Array] | None = None
+    nearest_of: Callable[[Array], str] | None = None
+    turn_gain: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("motion", "limit", "singular", "clearance"):
             for figure in (name,) if name == "motion" else (name, f"{name}_zone", f"{name}_least"):
                 require_at_least(f"path cost {figure}", getattr(self, figure), 0.0)
+        require_at_least("gain of turning gamma", self.turn_gain, 0.0)
         if not self.jump > 0.0:
             raise InputError("jump", value=self.jump, allowed="more than 0 rad")
         if not self.gamma_step >= 0.0:

@@ -9,6 +9,7 @@ fails, knots are added and the search is repeated.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -18,7 +19,7 @@ from machining.posture.courses import Gap, Links, summed
 from machining.posture.drive import Drive
 from machining.posture.path import refine_course
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import Course, gap_error, problem_of, states_of
+from machining.posture.problem import Course, constant_axis, gap_error, kept_constant, problem_of, states_of
 from machining.posture.stretches import GivenGamma, course_at, solve
 from machining.stiffness.objective import Objective
 from machining.task import Task
@@ -71,6 +72,17 @@ def optimise_long_path(
         As :func:`machining.optimise_path`.
     """
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
+    if drive.turn_gain > 0.0 and drive.gamma_step > 0.0 and constant_axis(task):
+        again = partial(
+            optimise_long_path, model, task, objective, gammas, free=free, knots=knots, passes=passes,
+            generator=generator,
+        )  # fmt: skip
+        turning = again(drive=replace(drive, turn_gain=0.0), progress=progress)
+        try:
+            constant = again(drive=replace(drive, turn_gain=0.0, gamma_step=0.0)).course
+        except InputError:
+            return turning
+        return replace(turning, course=kept_constant(objective, drive, turning.course, constant))
     search = _Search(model, task, objective, gammas, drive, free, passes, generator)
     chosen = task.path.even_rows(min(knots, task.path.n))
     if free is not None:

@@ -24,9 +24,11 @@ from machining.posture.problem import (
     Course,
     Problem,
     States,
+    constant_axis,
     course_of,
     gap_error,
     is_better,
+    kept_constant,
     problem_of,
     states_of,
 )
@@ -108,6 +110,10 @@ def optimise_path(
     sure = bool(sweep.sure.all())
     said.next()
     fixed_course = None if isinstance(fixed, Gap) else fixed
+    if drive.turn_gain > 0.0 and constant_axis(task) and fixed_course is not None and np.ptp(best.gamma) > 0.0:
+        still = replace(problem, drive=replace(drive, gamma_step=0.0), links=replace(problem.links, gamma_step=0.0))
+        constant = refine_course(still, states, fixed_course, passes) if passes > 0 else fixed_course
+        best = kept_constant(objective, drive, best, None if isinstance(constant, Gap) else constant)
     return PathPosture(best, _each_point(problem, each), fixed_course, why, problem.scale, sure)
 
 

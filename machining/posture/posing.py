@@ -25,7 +25,7 @@ from machining.posture.path import PathPosture, optimise_path
 from machining.posture.points import GammaRange
 from machining.posture.problem import Course
 from machining.posture.stretches import course_at
-from machining.stiffness.objective import Objective
+from machining.stiffness.objective import ROOM, Objective
 from machining.task import Task
 from robots import InputError
 from robots.arrays import Array
@@ -128,7 +128,12 @@ def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress 
     stiffness = request.stiffness or assumed_uncertainty(model)
     posed = Posed(request, model, found, before, why, stiffness, {})
     postures = {name: course.q for name, course in ({CHOSEN: posed.course} | posed.others).items()}
-    drawn = drawn_objective(model, request.task, postures, request.objective, stiffness, request.seed)
+    if request.objective.quantity == ROOM:
+        # Of the kinematics alone, which are the same for all arms that could be drawn.
+        values = {name: course.value for name, course in ({CHOSEN: posed.course} | posed.others).items()}
+        drawn = {name: Drawn(value, value[None], {}) for name, value in values.items()}
+    else:
+        drawn = drawn_objective(model, request.task, postures, request.objective, stiffness, request.seed)
     posed = replace(posed, drawn=drawn)
     return posed if request.cut is None else replace(posed, milling=_milling(posed, request.cut))
 

@@ -21,9 +21,11 @@ from robots import Robot
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.turns import every_turn
 
+# Tool axes that differ by less (components of unit vectors) are the same.
+SAME_AXIS = 1e-6
 # Least distances: their names in Python, and where a command takes them from.
 SINGULAR = "singular_least", "--singular"
-CLEARANCE = "clearance_least", "safety_mm of the cell file, or --clearance of place"
+CLEARANCE = "clearance_least", "safety_mm of the cell file, --clearance of place, --beam-radius, or --floor"
 LIMIT = "limit_least", "--limit-margin"
 
 
@@ -32,12 +34,14 @@ class Course(Postures):
     """One posture a path point, with its cost and its motion.
 
     ``value`` (n,) of the objective; ``mean`` and ``worst`` of it along the path; ``cost`` as this module says.
+    ``forgone``: gamma is constant, because turning it along the path makes the objective better by this share only.
     """
 
     mean: float
     worst: float
     cost: float
     smoothness: Smoothness
+    forgone: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +144,14 @@ def allowed(
     singular, off_singular = drive.near_singular(robot, q)
     _check_left(n, point[off_singular], "a singularity", SINGULAR)
     clear, off_things = drive.near_things(q, first + point)
-    _check_left(n, point[off_singular & off_things], "an obstacle", CLEARANCE)
+    clash = "an obstacle"
+    if drive.nearest_of is not None and off_singular.any():
+        # Only where nothing is left is it worth knowing what is in the way.
+        gone = np.bincount(point[off_singular & off_things], minlength=n) == 0
+        if gone.any():
+            first_gone = off_singular & (point == np.argmax(gone))
+            clash = f"an obstacle ({drive.nearest_of(q[first_gone])})" if first_gone.any() else clash
+    _check_left(n, point[off_singular & off_things], clash, CLEARANCE)
     keep = np.flatnonzero(off_singular & off_things)
     turned = every_turn(robot, q[keep])
     near, off_limits = drive.near_limits(robot, turned.q)
@@ -188,6 +199,21 @@ def is_better(problem: Problem, new: Course | Gap, old: Course | Gap) -> bool:
     if problem.objective.aim == "worst" and new.worst != old.worst:
         return problem.objective.sign * new.worst > problem.objective.sign * old.worst
     return new.cost < old.cost
+
+
+def constant_axis(task: Task) -> bool:
+    """Whether the tool axis is the same along the whole path, as in 2.5-D milling."""
+    axes = task.path.axes
+    return bool(np.abs(axes - axes[:1]).max(initial=0.0) < SAME_AXIS)
+
+
+def kept_constant(objective: Objective, drive: Drive, turning: Course, constant: Course | None) -> Course:
+    """The course with constant gamma if turning gains no more than the drive's ``turn_gain``, else the turning one."""
+    if constant is None:
+        return turning
+    ours, other = (c.worst if objective.aim == "worst" else c.mean for c in (turning, constant))
+    gain = (ours / other if not objective.minimised else other / ours) - 1.0
+    return replace(constant, forgone=max(gain, 0.0)) if gain <= drive.turn_gain else turning
 
 
 def gap_error(problem: Problem, gap: Gap) -> PathError:

@@ -13,7 +13,6 @@ from doe.absolute.readings import Payload
 from doe.absolute.real_arm import RealArm
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.cutting.each_tool import BendingOfEach, ForceOfEach
-from machining.posture.points import GammaRange
 from machining.programs.approach import Approach, Approached, approached
 from machining.programs.calibrated_arm import CAP as ARM_CAP
 from machining.programs.calibrated_arm import Corrected, correct
@@ -25,6 +24,7 @@ from machining.programs.posting import Posted, PostSettings, post
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from machining.setup import Setup
+from machining.stiffness.objective import ROOM, Objective
 from machining.toolpaths import Motions
 from robots import InputError
 from robots.progress import Progress
@@ -125,7 +125,10 @@ def run_post(
         FORMATS[target.name].check_commands(cell.commands)
     # Controllers compute with the arm as designed.
     real, model = model, model.as_designed
-    flexible, model = _with_some_springs(model, request.settings)
+    flexible = deflects(model)
+    if not flexible:
+        # Nothing is known in N/mm: no branch and no gamma is stiffer than another.
+        request = replace(request, settings=replace(request.settings, objective=Objective(ROOM)))
     posted = post(model, cell, request.motions, request.settings, progress)
     found, corrected = None, None
     cut = None if request.cut is None else _with_each_tool(request.cut, posted)
@@ -163,6 +166,11 @@ def run_post(
     return run
 
 
+def deflects(model: fem.ArmModel) -> bool:
+    """Whether anything in the model gives way."""
+    return bool(fem.compliance(model, middle_pose(model.robot)[None]).any())
+
+
 def _with_each_tool(cut: Cut, posted: Posted) -> Cut:
     """The cut at the points of a program; forces of each tool go by the tool that is there."""
     tool = posted.program.motions.tool[posted.state.places[0]]
@@ -190,22 +198,3 @@ def _save(written: Written, target: Target, place_of: Callable[[str], Path]) -> 
     places = {file.name: place_of(f"{target.folder}/{file.name}") for file in written.files}
     written.save(places.__getitem__)
     return {name: place.read_text(encoding="utf-8") for name, place in places.items()}
-
-
-def _with_some_springs(model: fem.ArmModel, settings: PostSettings) -> tuple[bool, fem.ArmModel]:
-    """Whether anything gives way, and the model; one that is rigid gets equal springs, to choose a branch by.
-
-    Raises
-    ------
-    InputError
-        A rigid model, and a range of gamma to choose the stiffest from.
-    """
-    if fem.compliance(model, middle_pose(model.robot)[None]).any():
-        return True, model
-    if isinstance(settings.gamma, GammaRange):
-        raise InputError(
-            f"range of gamma, and nothing in the model of {model.robot.name} deflects",
-            allowed="one angle, or a model with joint springs or flexible links",
-            remedy="give one angle, or the joints a stiffness",
-        )
-    return False, model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6))

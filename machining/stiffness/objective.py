@@ -10,6 +10,7 @@ import numpy as np
 import fem
 from fem.statics.small_displacements import beyond_small, refuse_beyond
 from machining.inputs import as_vectors
+from machining.posture.room import room
 from machining.stiffness.cartesian import translational
 from machining.stiffness.indices import INDICES, evaluate, stiffness_index
 from machining.task import Task
@@ -19,6 +20,8 @@ from robots.arrays import Array, Integers
 
 DISPLACEMENTS = ("displacement", "normal displacement")
 QUANTITIES = (*INDICES, *DISPLACEMENTS)
+# What an arm is posed by of which nothing in N/mm is known (machining.posture.room).
+ROOM = "room"
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +29,8 @@ class Objective:
     """What is made large, or small.
 
     ``quantity``: an index of :data:`machining.INDICES`, made large; ``displacement`` |C_tt F| or ``normal
-    displacement`` |n . C_tt F| in m, made small. ``force`` (3,) or (n, 3) N on the tool, base axes, where the
+    displacement`` |n . C_tt F| in m, made small; or :data:`ROOM`, of the arm's kinematics alone. ``force`` (3,) or
+    (n, 3) N on the tool, base axes, where the
     quantity needs one. ``aim`` of a path: the mean over its points, or its worst point.
 
     Raises
@@ -40,9 +44,10 @@ class Objective:
     aim: Literal["mean", "worst"] = "mean"
 
     def __post_init__(self) -> None:
-        require_one_of("objective", self.quantity, QUANTITIES)
+        require_one_of("objective", self.quantity, (*QUANTITIES, ROOM))
         require_one_of("aim of the objective", self.aim, ("mean", "worst"))
-        if self.force is None and (self.minimised or "force" in INDICES[self.quantity].uses):
+        uses = INDICES[self.quantity].uses if self.quantity in INDICES else ()
+        if self.force is None and (self.minimised or "force" in uses):
             raise InputError(f"force for {self.quantity}", allowed="N in base axes", remedy="give the force")
 
     @property
@@ -73,6 +78,8 @@ class Objective:
             A value that is not finite (an index that is infinite where nothing deflects), displacements that are all
             beyond small ones, or as the quantity.
         """
+        if self.quantity == ROOM:
+            return room(model.robot, q)
         normal, forces = task.normals[point], self.forces(task.path.n)
         force = None if forces is None else forces[point]
         if self.quantity == "k_fs":
@@ -143,7 +150,9 @@ def shown(quantity: str) -> Shown:
     InputError
         No such quantity.
     """
-    require_one_of("quantity", quantity, QUANTITIES)
+    require_one_of("quantity", quantity, (*QUANTITIES, ROOM))
+    if quantity == ROOM:
+        return Shown(quantity, 1.0, "")
     if quantity in DISPLACEMENTS:
         return Shown(quantity, 1e6, "um")
     # An index of degree 1 is N/m.

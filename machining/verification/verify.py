@@ -240,7 +240,7 @@ def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) 
         (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
         (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
         (bare, "Collisions of the tool: the cell gives no bodies of it."),
-        (cell.floor is None, "Collisions with the floor: the cell has none."),
+        (cell.floor is None and not scenes[0].on_base, "Collisions with the floor: there is none."),
         (no_shapes, "Collisions of the arm: the model gives no shapes."),
     )
     return (

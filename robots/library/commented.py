@@ -41,6 +41,7 @@ _EXAMPLES = {
     ("Controller", "base"): "{ xyz = " + _FIGURE.format("[0, 0, 670]", "mm") + " }",
     ("ModelDescription", "mass"): _FIGURE.format(1000, "kg"),
     ("ModelDescription", "payload"): _FIGURE.format(165, "kg"),
+    ("ModelDescription", "beam_radius"): _FIGURE.format(80, "mm"),
     ("ModelDescription", "notes"): '["A sentence."]',
     ("ModelDescription", "load_path"): '"serial"',
     ("EffectTable", "code"): '"backlash:j2"',
@@ -59,7 +60,7 @@ def commented_toml(description: ModelDescription) -> str:
         "# Lines that begin with # are comments: remove the # of a key to use it.",
         "",
     ]
-    plain = ("schema", "name", "title", "notes", "load_path", "mass", "payload")
+    plain = ("schema", "name", "title", "notes", "load_path", "mass", "payload", "beam_radius")
     for key in plain:
         lines += _line("ModelDescription", key, data, explained=True)
     for key in [k for k in data if k not in plain]:

@@ -37,6 +37,7 @@ from robots.schema.quantities import (
     Length,
     Mass,
     Position,
+    PositiveLength,
     Quantity,
     RotationalStiffness,
     Strict,
@@ -274,7 +275,7 @@ class Calibration(Strict):
 
 
 class ModelDescription(Strict):
-    """A whole model file."""
+    """A whole model file; ``beam_radius``: of the capsules that stand for bodies of which no shape is known."""
 
     schema_version: Literal["stiffarm-model/1"] = Field(alias="schema")
     name: str
@@ -284,6 +285,7 @@ class ModelDescription(Strict):
     sources: dict[str, str]
     mass: Mass | None = None
     payload: Mass | None = None
+    beam_radius: PositiveLength | None = None
     materials: dict[str, Material] = Field(default_factory=dict)
     joint: tuple[Joint, ...] = Field(min_length=1)
     flange: Flange

@@ -38,6 +38,7 @@ KEY_WORDS: Final = MappingProxyType(
             "sources": "Where figures come from: a key for each source, with a sentence that lets one find it again.",
             "mass": "Mass of the whole robot.",
             "payload": "Rated payload. Results per newton are judged by its weight.",
+            "beam_radius": "Radius of the capsules that stand for bodies without a known shape.",
             "materials": "Materials by name, for the links.",
             "joint": "The joints, from the base to the flange.",
             "flange": "The mounting plate in the last joint's frame.",

@@ -185,6 +185,7 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
     from machining.verification import Demands, verify
 
     with called():
-        bodies = arm_bodies(arm.as_designed.description)
-        given = read_program(Path(program), bodies.robot, read_cell(Path(cell)))
+        described = read_cell(Path(cell))
+        bodies = arm_bodies(arm.as_designed.description, beam_radius=described.beam_radius)
+        given = read_program(Path(program), bodies.robot, described)
         return Checked(arm.name, verify(given, bodies, Demands()))

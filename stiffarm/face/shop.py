@@ -90,7 +90,7 @@ def posture(
     *,
     cell: str | Path | None = None,
     gamma_deg: Range = (-180.0, 180.0, 5.0),
-    quantity: str = "k_fs",
+    quantity: str | None = None,
     aim: Literal["mean", "worst"] = "mean",
     force_N: Sequence[float] | None = None,
     milling: str | Path | None = None,
@@ -107,7 +107,7 @@ def posture(
     path : tool path (APT, CLS, G-code or CSV)
     cell : cell file; default: the model's tool, the part's frame in the robot's base
     gamma_deg : first and last angle about the tool axis, and step
-    quantity : index to optimise
+    quantity : index to optimise; default: k_fs, or "room" for an arm without springs
     aim : the mean over the points, or the worst point
     force_N : on the tool, base axes; ``milling``: a milling file instead
     operations, tool_numbers : of the tool path, take these only; default: all
@@ -121,6 +121,8 @@ def posture(
     from machining import Drive, GammaRange, Objective
     from machining.cutting import stiffness_uncertainty
     from machining.posture.posing import FIXED, PostureRequest, pose_along
+    from machining.programs.run import deflects
+    from machining.stiffness.objective import ROOM
     from machining.tool_cuts import cut_of_tools
     from machining.toolpaths import read_given_path
     from stiffarm.session.softness import require_springs
@@ -129,12 +131,15 @@ def posture(
 
     with called():
         arm = at_load(arm.as_designed, at_load_N)
-        require_springs(arm, "posture")
+        springless = not deflects(arm.model)
+        if springless and (force_N is not None or milling is not None or quantity not in (None, ROOM)):
+            require_springs(arm, "posture")
+        quantity = quantity or (ROOM if springless else "k_fs")
         setup, cut = setup_of(arm, cell), _cut(force_N, "base", milling)
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
         task = setup.task(given)
-        if cut is None and given.motions is not None:
+        if cut is None and given.motions is not None and not springless:
             cut = cut_of_tools(setup.cell, given.motions)
         if cut is not None:
             cut = replace(cut, force=given.acting(cut.force), tool=given.bending(cut.tool))
@@ -210,7 +215,9 @@ def place(
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
         require_tools(described, given.motions)
-        scene = scene_of(described, arm_bodies(arm.description)) if collisions else None
+        scene = (
+            scene_of(described, arm_bodies(arm.description, beam_radius=described.beam_radius)) if collisions else None
+        )
         problem = Problem(
             model=arm.model,
             space=space_of(described),
@@ -229,13 +236,15 @@ def place(
 
 
 def setup_of(arm: Arm, cell: str | Path | None) -> Setup:
-    """The cell of a file, or one without surfaces: the model's tool, the part's frame in the robot's base."""
+    """The cell of a file, or the model's tool, the part's frame in the base, and the plane that the arm stands on."""
     from machining.cell import Cell, Tool, arm_bodies, read_cell
     from machining.setup import Setup
 
     if cell is None:
-        return Setup(Cell(T_world_part0=np.eye(4), tool=Tool(arm.robot.T_flange_tool)))
-    return Setup(read_cell(Path(cell)), arm_bodies(arm.description))
+        found = Cell(T_world_part0=np.eye(4), tool=Tool(arm.robot.T_flange_tool), stands=True)
+    else:
+        found = read_cell(Path(cell))
+    return Setup(found, arm_bodies(arm.description, beam_radius=found.beam_radius))
 
 
 def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None) -> Cut | None:

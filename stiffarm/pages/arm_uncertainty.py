@@ -23,8 +23,16 @@ def payload(arm: StiffnessUncertainty) -> dict[str, Any]:
     }
 
 
+BY_ROOM = (
+    "No stiffness of this arm is known: gamma and branch are chosen by room to the joint limits, distance from "
+    "singularities and smoothness, elbow up first, not by stiffness."
+)
+
+
 def sentence(arm: StiffnessUncertainty) -> str:
-    """What the intervals rest on."""
+    """What the intervals rest on, or what chooses where nothing is known that they could rest on."""
+    if not arm.names:
+        return BY_ROOM
     return f"95 % intervals rest on {arm.note}."
 
 

@@ -13,10 +13,10 @@ import machining.cell as cells
 from fem.arm import Arm
 from machining.setup import Setup
 from machining.toolpaths.motions import Motions, Note
-from robots import InputError, Robot
+from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
 from stiffarm.session.console import say
-from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_vector, parse_word
+from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_numbers, parse_vector, parse_word
 
 if TYPE_CHECKING:
     from machining.cutting import Cut
@@ -31,6 +31,35 @@ CellOpt = Annotated[
         "--cell",
         metavar="CELL.toml",
         help="Cell file (TOML): tool, part, fixtures, floor, linear axes and joint speeds.",
+    ),
+]
+BeamRadiusOpt = Annotated[
+    float | None,
+    typer.Option(
+        "--beam-radius",
+        metavar="MM",
+        help="Radius of the capsules that stand for bodies whose shape is not known, in mm; 0 for none. Default: the "
+        "cell's or the model's, otherwise from the arm's size.",
+        min=0.0,
+    ),
+]
+TurnGainOpt = Annotated[
+    float,
+    typer.Option(
+        "--turn-gain",
+        metavar="PERCENT",
+        help="Where the tool axis is constant, gamma stays constant too, unless turning it along the path gains more "
+        "than this share of the quantity; 0 to turn it for any gain.",
+        min=0.0,
+    ),
+]
+FloorOpt = Annotated[
+    str | None,
+    typer.Option(
+        "--floor",
+        metavar="MM|none",
+        help="Height of the floor over the robot's base (without --cell), in mm, or none. Default: the plane that the "
+        "robot stands on, z = 0 of its base.",
     ),
 ]
 ForceOpt = Annotated[
@@ -71,25 +100,51 @@ TcpOpt = Annotated[
 NOTES_SHOWN = 10
 
 
-def read_setup(model: str, given: Arm, cell: Path | None, tool: str | None, part: str | None) -> Setup:
-    """The cell of ``--cell``, or one without surfaces from ``--tool`` and ``--part``.
+def read_setup(
+    model: str,
+    given: Arm,
+    cell: Path | None,
+    tool: str | None,
+    part: str | None,
+    floor: str | None = None,
+    beam_radius: float | None = None,
+) -> Setup:
+    """The cell of ``--cell``, or one from ``--tool``, ``--part`` and ``--floor``, and the arm's bodies in it.
 
     Raises
     ------
     InputError
         A cell file together with a frame that it holds itself.
     """
-    found = read_cell_or_frames(given.robot, cell, tool, part)
-    if cell is None:
-        return Setup(found)
-    setup = Setup(found, cells.arm_of(model, given.description))
+    found = read_cell_or_frames(given.robot, cell, tool, part, floor)
+    setup = Setup(found, bodies_of(model, given.description, found, beam_radius))
     for note in setup.notes:
         say(f"note: {note}")
     return setup
 
 
-def read_cell_or_frames(robot: Robot, cell: Path | None, tool: str | None, part: str | None) -> cells.Cell:
-    """The cell of ``--cell``, or one with nothing in it but the frames of ``--tool`` and ``--part``.
+def bodies_of(
+    model: str, description: ModelDescription, cell: cells.Cell, beam_radius: float | None
+) -> cells.ArmBodies:
+    """The arm's bodies; ``beam_radius`` (mm) of ``--beam-radius``, else the cell's or the model's."""
+    radius = cell.beam_radius if beam_radius is None else beam_radius * 1e-3
+    return cells.arm_of(model, description, beam_radius=radius)
+
+
+def parse_floor(text: str | None) -> float | None:
+    """Height (m) of ``--floor`` over the base; None: there is none."""
+    if text is None or text.strip().lower() == "none":
+        return None
+    values = parse_numbers(text)
+    if values is None or len(values) != 1:
+        raise InputError("--floor", value=text, allowed="a height in mm, or none", remedy="as in --floor -600")
+    return values[0] * 1e-3
+
+
+def read_cell_or_frames(
+    robot: Robot, cell: Path | None, tool: str | None, part: str | None, floor: str | None = None
+) -> cells.Cell:
+    """The cell of ``--cell``, or one with nothing in it but the frames of ``--tool`` and ``--part`` and a floor.
 
     Raises
     ------
@@ -99,11 +154,11 @@ def read_cell_or_frames(robot: Robot, cell: Path | None, tool: str | None, part:
     if cell is None:
         T_tool = robot.T_flange_tool if tool is None else parse_frame(tool, "--tool")
         T_part = np.eye(4) if part is None else parse_frame(part, "--part")
-        return cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool))
-    for option, value in (("--tool", tool), ("--part", part)):
+        return cells.Cell(T_world_part0=T_part, tool=cells.Tool(T_tool), floor=parse_floor(floor), stands=floor is None)
+    for option, value in (("--tool", tool), ("--part", part), ("--floor", floor)):
         if value is not None:
             raise InputError(
-                f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that frame"
+                f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that"
             )
     return cells.read_cell(cell)
 

@@ -25,7 +25,7 @@ def axes_study(step: PlacedStep, model: str | Path, description: ModelDescriptio
     if problem.path.n < 2 or not isinstance(problem.gamma, GammaRange):
         return None
     scene = problem.scene or scene_for(step.cell, str(model), description)[0]
-    if scene is None:
+    if not scene.arm.bodies:
         return None
     tools = problem.tools
     if tools is not None and not tools.scenes:

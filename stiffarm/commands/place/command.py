@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,6 +35,7 @@ from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import GammaOpt, parse_gammas
 from stiffarm.session.task_setup import (
+    BeamRadiusOpt,
     KindOpt,
     MillingOpt,
     RotaryOpt,
@@ -158,6 +160,7 @@ def place(
     collisions: Annotated[
         bool, typer.Option("--collisions/--no-collisions", help="Keep the arm clear of the cell and its surroundings.")
     ] = True,
+    beam_radius: BeamRadiusOpt = None,
     singular: SingularOpt = Drive.singular_least,
     kind: KindOpt = None,
     units: UnitsOpt = None,
@@ -185,6 +188,8 @@ def place(
         given = frame.at_load(given, at_load)
         require_springs(given, "placement")
         described = read_cell(cell)
+        if beam_radius is not None:
+            described = replace(described, beam_radius=beam_radius * 1e-3)
         drive = Drive(speed=parse_speed(given.robot, speed), jump=float(np.radians(jump)), singular_least=singular)
         expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)

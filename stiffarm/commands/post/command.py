@@ -38,7 +38,9 @@ from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.table_kinds import PATH, expect
 from stiffarm.session.task_options import PartOpt, ReferenceOpt, ToolOpt, parse_gammas
 from stiffarm.session.task_setup import (
+    BeamRadiusOpt,
     CellOpt,
+    FloorOpt,
     ForceAxesOpt,
     ForceOpt,
     KindOpt,
@@ -46,6 +48,7 @@ from stiffarm.session.task_setup import (
     RotaryOpt,
     SingularOpt,
     TcpOpt,
+    TurnGainOpt,
     UnitsOpt,
     cut_of,
     effects_left_out,
@@ -69,6 +72,9 @@ def post(
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for the programs; it is created if needed.")],
     cell: CellOpt = None,
+    floor: FloorOpt = None,
+    beam_radius: BeamRadiusOpt = None,
+    turn_gain: TurnGainOpt = 10.0,
     tool: ToolOpt = None,
     part: PartOpt = None,
     formats: Annotated[
@@ -200,7 +206,7 @@ def post(
         targets = parse_targets(formats, coordinates)
         given = frame.model(model, links, load_path, sets=sets, shown=True)
         given = frame.at_load(given, at_load)
-        setup = read_setup(model, given, cell, tool, part)
+        setup = read_setup(model, given, cell, tool, part, floor, beam_radius)
         carried = payload_of(given.description, payload, compensate=compensate)
         side = coming.parse_approach(approach, approach_deg, given.robot)
         if (force or milling) and not compensate:
@@ -224,7 +230,10 @@ def post(
         settings = PostSettings(
             gamma=parse_gammas("0" if gamma is None else gamma),
             objective=Objective(),
-            drive=setup.drive(Drive(speed=parse_speed(given.robot, speed), singular_least=singular), clear=False),
+            drive=setup.drive(
+                Drive(speed=parse_speed(given.robot, speed), singular_least=singular, turn_gain=0.01 * turn_gain),
+                clear=False,
+            ),
             travel=_travel(setup.cell, travel),
             table=float(np.radians(table)),
             tolerance=tolerance * 1e-6,

@@ -35,7 +35,7 @@ UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities 
 def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
     """Figures of the run, keys with units; ``positions``: where the geometry of a calibrated arm came from."""
     program, request = run.program, run.request
-    objective = shown(request.settings.objective.quantity)
+    objective = shown(run.posted.settings.objective.quantity)
     posted = run.posted
     out: dict[str, Any] = {
         "schema": SCHEMA,
@@ -51,8 +51,10 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
-        f"mean_{objective.column}": number(posted.mean * objective.factor) if run.drawn else None,
-        f"worst_{objective.column}": number(posted.worst * objective.factor) if run.drawn else None,
+        "gain_of_turning_gamma": None if posted.course.forgone is None else number(posted.course.forgone),
+        "chosen_by": posted.settings.objective.quantity,
+        f"mean_{objective.column}": number(posted.mean * objective.factor),
+        f"worst_{objective.column}": number(posted.worst * objective.factor),
         **_uncertain(run, objective.column, objective.factor),
         "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
         "commands": dict(Counter(event.kind for event in ordered(program.motions) if event.kind)),
@@ -95,7 +97,7 @@ def _uncertain(run: PostRun, column: str, factor: float) -> dict[str, Any]:
 def uncertainty_words(run: PostRun) -> list[str]:
     """What intervals rest on and what they do not hold."""
     if run.stiffness is None or run.drawn is None:
-        return []
+        return [arm_uncertainty.BY_ROOM]
     error = [] if run.compensated is None else arm_uncertainty.error_remarks(run.compensated.error)
     what = f"the mean {run.request.settings.objective.quantity}"
     return [arm_uncertainty.sentence(run.stiffness), *arm_uncertainty.share_remarks(run.drawn.matters, what), *error]

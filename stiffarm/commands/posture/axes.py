@@ -11,7 +11,7 @@ from machining.cell import arm_of, scene_of
 from machining.posture.posing import CHOSEN, Posed
 from machining.setup import Setup
 from machining.toolpaths.conversion import GivenPath
-from robots import InputError, ModelDescription
+from robots import ModelDescription
 from stiffarm.commands.posture.axes_page import AxesStudy, kept, thinned_angles
 
 
@@ -25,14 +25,11 @@ def axes_study(
     request, course = posed.request, posed.course
     if request.task.path.n < 2 or request.gammas.count < 3:
         return None
-    try:
-        arm = setup.arm or arm_of(model, description)
-        tools = None if given is None else Setup(setup.cell, arm).tools(given)
-        scenes = (scene_of(setup.cell, arm),) if tools is None else tools.scenes
-    except InputError as fault:
-        if "no body has a shape" not in str(fault):
-            raise
+    arm = setup.arm or arm_of(model, description)
+    if not arm.bodies:
         return None
+    tools = None if given is None else Setup(setup.cell, arm).tools(given)
+    scenes = (scene_of(setup.cell, arm),) if tools is None else tools.scenes
     error = None if posed.milling is None else posed.milling.errors[CHOSEN]
     worst = course.value.argmin() if error is None else np.abs(error.normal).argmax()
     rows = kept(request.task.path.n, np.array([worst]))

@@ -13,8 +13,9 @@ from fem.arm import Arm
 from machining import INDICES, Drive, GammaRange, Objective
 from machining.cutting import stiffness_uncertainty
 from machining.posture.posing import CHOSEN, Posed, PostureRequest, pose_along
+from machining.programs.run import deflects
 from machining.setup import Setup
-from machining.stiffness.objective import DISPLACEMENTS
+from machining.stiffness.objective import DISPLACEMENTS, ROOM
 from machining.toolpaths import read_given_path
 from machining.toolpaths.conversion import GivenPath
 from robots import InputError
@@ -40,7 +41,9 @@ from stiffarm.session.task_options import (
     parse_gammas,
 )
 from stiffarm.session.task_setup import (
+    BeamRadiusOpt,
     CellOpt,
+    FloorOpt,
     ForceAxesOpt,
     ForceOpt,
     KindOpt,
@@ -48,6 +51,7 @@ from stiffarm.session.task_setup import (
     RotaryOpt,
     SingularOpt,
     TcpOpt,
+    TurnGainOpt,
     UnitsOpt,
     cut_of,
     effects_left_out,
@@ -76,14 +80,22 @@ def posture(
         float, typer.Option("--before", metavar="DEG", help="Gamma of the existing program, in deg, for comparison.")
     ] = 0.0,
     quantity: Annotated[
-        str, typer.Option("--quantity", help=f"Quantity to optimise: {', '.join((*INDICES, *DISPLACEMENTS))}.")
-    ] = "k_fs",
+        str | None,
+        typer.Option(
+            "--quantity",
+            help=f"Quantity to optimise: {', '.join((*INDICES, *DISPLACEMENTS, ROOM))} (to joint limits and "
+            f"singularities). Default: k_fs; {ROOM} for an arm of which no stiffness is known.",
+        ),
+    ] = None,
     aim: Annotated[
         str,
         typer.Option("--aim", help="Optimise the mean over the points of the path, or the worst point: mean or worst."),
     ] = "mean",
     reference: ReferenceOpt = None,
     cell: CellOpt = None,
+    floor: FloorOpt = None,
+    beam_radius: BeamRadiusOpt = None,
+    turn_gain: TurnGainOpt = 10.0,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
     milling: MillingOpt = None,
@@ -150,14 +162,17 @@ def posture(
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets, shown=True).as_designed
         given = frame.at_load(given, at_load)
-        setup = read_setup(model, given, cell, tool, part)
-        require_springs(given, "posture")
+        setup = read_setup(model, given, cell, tool, part, floor, beam_radius)
+        springless = not deflects(given.model)
+        if springless and (force is not None or milling is not None or quantity not in (None, ROOM)):
+            require_springs(given, "posture")
+        quantity = quantity or (ROOM if springless else "k_fs")
         expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(tool_path.notes, path)
         task = setup.task(tool_path, parse_reference(reference))
-        cut = cut_of(setup.cell, tool_path.motions, force, force_axes, milling)
+        cut = None if springless else cut_of(setup.cell, tool_path.motions, force, force_axes, milling)
         if cut is not None:
             cut = replace(cut, force=tool_path.acting(cut.force), tool=tool_path.bending(cut.tool))
         drive = Drive(
@@ -166,6 +181,7 @@ def posture(
             motion=motion,
             singular_least=singular,
             limit_least=float(np.radians(limit_margin)),
+            turn_gain=0.01 * turn_gain,
             gamma_step=np.inf if gamma_step is None else float(np.radians(gamma_step)),
         )
         request = PostureRequest(
@@ -196,8 +212,8 @@ def posture(
 
 
 def _objective(quantity: str, aim: str, force: Array | None) -> Objective:
-    parse_word(quantity, (*INDICES, *DISPLACEMENTS), "--quantity")
-    if force is None and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
+    parse_word(quantity, (*INDICES, *DISPLACEMENTS, ROOM), "--quantity")
+    if force is None and quantity != ROOM and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
         raise InputError(f"--quantity {quantity} needs a force", remedy="give --force or --milling")
     return Objective(quantity, force, parse_word(aim, ("mean", "worst"), "--aim"))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from machining import Course, Objective, limit_distance, singular_distance
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
-from machining.stiffness.objective import shown
+from machining.stiffness.objective import ROOM, shown
 from machining.task import ToolPath
 from robots import Robot
 from robots.arrays import Array
@@ -137,9 +137,10 @@ def course_cells(posed: Posed, name: str, course: Course) -> tuple[str, ...]:
     _, _, factor = quantity(posed.request.objective)
     mean, _ = posed.estimated(name)
     gamma = np.degrees([course.gamma.min(), course.gamma.max()])
+    known = posed.request.objective.quantity != ROOM
     return (
         name, significant(course.mean * factor, 4),
-        f"{significant(mean.low * factor)} to {significant(mean.high * factor)}",
+        f"{significant(mean.low * factor)} to {significant(mean.high * factor)}" if known else "",
         significant(course.worst * factor, 4), f"{gamma[0]:.4g} to {gamma[1]:.4g}",
     )  # fmt: skip
 
@@ -152,6 +153,8 @@ def gain_words(posed: Posed, name: str) -> str:
         said = [f"{factor:.3g}" for factor in ends]
         return f"{said[0]} times better ({said[1]} to {said[2]})"
     said = [f"{100.0 * (factor - 1.0):+.1f}" for factor in ends]
+    if posed.request.objective.quantity == ROOM:
+        return f"{said[0]} %"
     return f"{said[0]} % ({said[1]} to {said[2]})"
 
 
@@ -166,6 +169,11 @@ def remarks(posed: Posed) -> list[str]:
         )
     if posed.found.why_no_fixed is not None:
         out.append(f"With no single gamma can the arm follow the whole path: {posed.found.why_no_fixed}.")
+    if posed.course.forgone is not None:
+        out.append(
+            f"Gamma is constant: turning it along the path would gain {100.0 * posed.course.forgone:.2g} % only "
+            f"(--turn-gain {100.0 * request.drive.turn_gain:.3g})."
+        )
     if request.left_out:
         out.append(f"Effects of the model that are not included: {', '.join(request.left_out)}.")
     if request.drive.speed is None:
@@ -173,8 +181,8 @@ def remarks(posed: Posed) -> list[str]:
     elif np.isnan(request.task.path.times).any():
         out.append("Some points have no feed: between them joint speeds could not be checked.")
     if request.drive.clearance_of is None and request.drive.clearance_at is None:
-        out.append("Collisions were not checked: give a cell file with --cell.")
-    if posed.milling is None:
+        out.append("Collisions were not checked: no shape of the arm is known.")
+    if posed.milling is None and request.objective.quantity != ROOM:
         out.append("No error was predicted: give --force or --milling.")
     if not posed.found.sure:
         out.append("This arm's inverse kinematics is searched; some postures may have been missed.")

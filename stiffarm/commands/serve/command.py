@@ -24,7 +24,7 @@ from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, Sets
 from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import PartOpt, ToolOpt
-from stiffarm.session.task_setup import CellOpt, effects_left_out, read_setup
+from stiffarm.session.task_setup import CellOpt, effects_left_out, read_cell_or_frames, read_setup
 
 MIB = 1024 * 1024
 
@@ -51,7 +51,11 @@ def serve_command(
     with command(debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets)
         given = frame.at_load(given, at_load)
-        setup = read_setup(model, given, cell, tool, part)
+        # Without a cell nothing is looked at for collisions.
+        if cell is None:
+            setup = Setup(read_cell_or_frames(given.robot, None, tool, part))
+        else:
+            setup = read_setup(model, given, cell, tool, part)
         session = open_session(given, setup)
         answers = _claim_stdout()
         warm_up(session)

@@ -8,13 +8,13 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from machining.cell import arm_of
 from machining.programs.formats import read_program
 from machining.verification import Demands, Verification, verify
 from machining.verification.offences import ORDER
 from robots import content_hash
 from robots.files.csv_text import columns_parts, records_text
 from robots.joint_errors import designed
+from robots.robot import robot_from
 from stiffarm.commands.verify.payload import move_columns, offence_rows, payload
 from stiffarm.commands.verify.words import REMEDIES, distance_words, offence_words, sentence, value_words
 from stiffarm.session.console import EXIT_OTHER, progress, say, show_table
@@ -24,7 +24,7 @@ from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_word
 from stiffarm.session.table_kinds import PROGRAM, described, expect
 from stiffarm.session.task_options import PartOpt, ToolOpt
-from stiffarm.session.task_setup import CellOpt, read_cell_or_frames
+from stiffarm.session.task_setup import BeamRadiusOpt, CellOpt, FloorOpt, bodies_of, read_cell_or_frames
 
 # Offences shown on the screen.
 SHOWN = 12
@@ -36,6 +36,8 @@ def verify_command(
         Path, typer.Argument(metavar="PROGRAM", help="Neutral program (JSON or CSV) written by `stiffarm post`.")
     ],
     cell: CellOpt = None,
+    floor: FloorOpt = None,
+    beam_radius: BeamRadiusOpt = None,
     tool: ToolOpt = None,
     part: PartOpt = None,
     interpolation: Annotated[
@@ -96,9 +98,11 @@ def verify_command(
         # Springs and effects move nothing here: the model as a whole is needed to name its parameters only.
         description = frame.model(model, sets=sets).description if sets else described(model)
         # Programs are the controller's, which computes with the arm as designed.
-        arm = arm_of(model, designed(description))
+        as_built = designed(description)
+        robot = robot_from(as_built)
         expect(program, PROGRAM, model=model)
-        checked = read_program(program, arm.robot, read_cell_or_frames(arm.robot, cell, tool, part))
+        checked = read_program(program, robot, read_cell_or_frames(robot, cell, tool, part, floor))
+        arm = bodies_of(model, as_built, checked.cell, beam_radius)
         frame.files |= {"model": content_hash(description), "program": program}
         frame.reads(cell=cell)
         with frame.folder_if() as folder:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from machining.cell.assumed_shapes import ASSUMED
 from machining.verification import Offence, Verification
 from robots.arrays import Array
 from robots.constants import M_TO_MM
@@ -40,6 +41,8 @@ NEAR = 0.22
 NEAR_JOINT = 0.5
 # Triangles of a body that sight is judged by.
 COARSE = 300
+# Width of the stripes of assumed shapes, along the diagonal of their frames, m.
+STRIPE = 0.12
 FLOOR_COLOUR = "#E8EAED"
 
 
@@ -130,10 +133,19 @@ def _painted(
 ) -> list[Surface]:
     """Bodies in their colours, but for those left out."""
     return [
-        Surface(M_TO_MM * x, body.triangles, np.tile(to_rgb(_colour(spot, body)), (len(body.triangles), 1)))
+        Surface(M_TO_MM * x, body.triangles, _paint(spot, body))
         for body, x in zip(surfaces, placed, strict=True)
         if body.name not in without
     ]
+
+
+def _paint(spot: Spot, body: BodySurface) -> Array:
+    """Colours (k, 3) of a body's triangles; assumed shapes are in stripes."""
+    colour = np.tile(to_rgb(_colour(spot, body)), (len(body.triangles), 1))
+    if body.name.endswith(ASSUMED):
+        middle = body.vertices[body.triangles].mean(axis=1).sum(axis=1)
+        colour[np.floor(middle / STRIPE) % 2 == 0] += 0.6 * (1.0 - np.array(to_rgb(_colour(spot, body))))
+    return colour
 
 
 def _colour(spot: Spot, body: BodySurface) -> str:

@@ -114,8 +114,12 @@ def kinds_words(found: Verification) -> str:
 
 
 def distance_words(found: Verification) -> str:
-    """The least distance of any two bodies, as far as distances were worked out."""
-    least, within = float(found.swept.distance.min()), found.swept.within
-    if least >= within:
+    """The least distance of any two bodies, as far as distances were worked out; and between which."""
+    if not found.swept.names:
+        return "no two are known"
+    nearest = int(np.argmin(found.swept.distance))
+    least, within, pair = float(found.swept.distance[nearest]), found.swept.within, int(found.swept.pair[nearest])
+    if least >= within or pair < 0:
         return f"over {within * 1e3:g} mm"
-    return "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"
+    said = "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"
+    return f"{said} ({' and '.join(found.swept.names[pair])})"

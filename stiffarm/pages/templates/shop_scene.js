@@ -16,7 +16,7 @@ const bodies = D.bodies.map((b, k) => {
   const { pos, nor } = flatMesh(unpack(b.v, Float32Array), unpack(b.t, Uint32Array));
   let colour = rgb(HEX[b.kind]);
   if (b.kind === "arm" && k % 2) colour = colour.map(c => 0.88 * c);
-  return { ...b, pos, nor, colour };
+  return { ...b, pos, nor, colour, hatched: b.name.endsWith("(assumed shape)") };
 });
 const gridLines = [];
 {
@@ -67,8 +67,8 @@ function makeGL() {
   const build = (vertex, fragment) => buildProgram(gl, vertex, fragment);
   const solid = build(`attribute vec3 pos, nor; uniform mat4 M, V, P; varying vec3 n;
     void main() { n = mat3(V) * mat3(M) * nor; gl_Position = P * V * M * vec4(pos, 1.0); }`,
-    `precision mediump float; varying vec3 n; uniform vec3 colour;
-    void main() { vec3 u = normalize(n); if (!gl_FrontFacing) u = -u;
+    `precision mediump float; varying vec3 n; uniform vec3 colour; uniform float hatch;
+    void main() { if (hatch > 0.0 && mod(gl_FragCoord.x + gl_FragCoord.y, 12.0 * hatch) < 5.0 * hatch) discard; vec3 u = normalize(n); if (!gl_FrontFacing) u = -u;
       float light = 0.42 + 0.36 * max(u.z, 0.0) + 0.34 * max(dot(u, vec3(-0.45, 0.67, 0.59)), 0.0); gl_FragColor = vec4(colour * light, 1.0); }`);
   const line = build(LINE_VERTEX, LINE_FRAGMENT);
   const buffer = data => { const b = gl.createBuffer(); gl.bindBuffer(gl.ARRAY_BUFFER, b); gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW); return b; };
@@ -94,6 +94,7 @@ function makeGL() {
     bodies.forEach((b, k) => {
       if (!shown(b)) return;
       set(solid, "M", F[b.frame]); gl.uniform3fv(gl.getUniformLocation(solid, "colour"), hot.get(b.name) ?? b.colour);
+      gl.uniform1f(gl.getUniformLocation(solid, "hatch"), b.hatched ? ratio : 0); // An assumed shape is hatched, and seen through.
       attribute(solid, "pos", meshes[k].pos, 3); attribute(solid, "nor", meshes[k].nor, 3); gl.drawArrays(gl.TRIANGLES, 0, meshes[k].count);
     });
     done();
@@ -123,11 +124,12 @@ function make2D() {
         const n = at(R, b.nor[f], b.nor[f + 1], b.nor[f + 2]), p = [0, 3, 6].map(j => flat(T, b.pos[f + j], b.pos[f + j + 1], b.pos[f + j + 2]));
         if (p.includes(null) || (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) > (p[2][0] - p[0][0]) * (p[1][1] - p[0][1])) continue;
         const l = 0.42 + 0.36 * Math.max(n[2], 0) + 0.34 * Math.max(dot(n, light), 0);
-        faces.push([p[0][2] + p[1][2] + p[2][2], p, css(base.map(c => c * l))]);
+        faces.push([p[0][2] + p[1][2] + p[2][2], p, css(base.map(c => c * l)), b.hatched ? 0.35 : 1]);
       }
     }
     faces.sort((a, b) => b[0] - a[0]);
-    for (const [, p, colour] of faces) { pen.fillStyle = pen.strokeStyle = colour; pen.lineWidth = 0.7; pen.beginPath(); pen.moveTo(p[0][0], p[0][1]); pen.lineTo(p[1][0], p[1][1]); pen.lineTo(p[2][0], p[2][1]); pen.closePath(); pen.fill(); pen.stroke(); }
+    for (const [, p, colour, alpha] of faces) { pen.globalAlpha = alpha; pen.fillStyle = pen.strokeStyle = colour; pen.lineWidth = 0.7; pen.beginPath(); pen.moveTo(p[0][0], p[0][1]); pen.lineTo(p[1][0], p[1][1]); pen.lineTo(p[2][0], p[2][1]); pen.closePath(); pen.fill(); pen.stroke(); }
+    pen.globalAlpha = 1;
     const T = mul(V, mul(F[TABLE], D.cell.part)), tints = path.tints(shades).map(css), step = Math.max(1, Math.floor(pieces.length / 4000));
     for (let k = 0; k < pieces.length; k += step) { const [a, , tint] = pieces[k], b = pieces[Math.min(k + step, pieces.length) - 1][1]; stroke(T, [...tips.subarray(3 * a, 3 * a + 3)], [...tips.subarray(3 * b, 3 * b + 3)], tints[tint], 1.3 * (path.width ?? 1.1)); }
   } };

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import trimesh
 from machining.cell import ArmBodies, Body, Cell, Tool, arm_bodies, arm_of, box, scene_of
 from machining.cell.solids import all_nodes
 from meshes import casing_mesh, link_beam_mesh, save_shell
-from robots import InputError, load_description, load_robot
+from robots import load_description, load_robot
 from robots.arrays import Array
 from robots.library.models import parse_description
 from robots.robot import middle_pose, robot_from
@@ -96,15 +97,17 @@ def test_urdf_shapes_and_what_is_missing(tmp_path: Path) -> None:
     trimesh.Trimesh(block.vertices, block.faces[1:]).export(tmp_path / "arm.stl")
     (tmp_path / "two.urdf").write_text(URDF, encoding="utf-8")
     arm = arm_of(tmp_path / "two.urdf")
-    assert [b.name for b in arm.bodies] == ["base", "j1"]
+    assert [b.name for b in arm.bodies] == ["base", "j1", "j2 (assumed shape)"]
     np.testing.assert_allclose(extents(body(arm, "base")), [[-0.1, -0.1, 0], [0.1, 0.1, 0.4]], atol=1e-12)
     np.testing.assert_allclose(extents(body(arm, "j1")), [[0, -0.05, -0.05], [0.6, 0.05, 0.05]], atol=1e-7)
     said = "\n".join(arm.notes)
     assert "body j1: no collision shape, its visual shape is taken" in said
     assert "body j1: the hull of arm.stl is taken (surface of arm.stl is not closed)" in said
-    assert "body j2: no shape known, it is not checked" in said
+    assert "body j2: no shape known, capsules from the kinematics" in said
     wider = arm_of(tmp_path / "two.urdf", beam_radius=0.04)
-    np.testing.assert_allclose(extents(body(wider, "j2")), [[-0.04, -0.04, -0.04], [0.34, 0.04, 0.04]], atol=1e-12)
+    np.testing.assert_allclose(
+        extents(body(wider, "j2 (assumed shape)")), [[-0.04, -0.04, -0.04], [0.34, 0.04, 0.04]], atol=1e-12
+    )
     assert "body j2: no shape known, a capsule of radius 40 mm (as asked for) is taken" in "\n".join(wider.notes)
 
 
@@ -122,11 +125,15 @@ def test_a_body_without_a_link_gets_a_capsule() -> None:
     assert any("body j2: no shape known, a capsule of radius 210 mm" in note for note in arm.notes)
 
 
-def test_no_shape_at_all_is_an_error() -> None:
+def test_an_arm_without_any_shape_is_capsules() -> None:
     bare = load_description("kr60-3").model_copy(update={"link": ()})
-    with pytest.raises(InputError, match="no body has a shape"):
-        arm_bodies(bare)
-    assert len(arm_bodies(bare, beam_radius=0.1).bodies) == 5
+    arm = arm_bodies(bare)
+    names = ("base", "j1", "j2", "j3", "j6")
+    assert [b.name for b in arm.bodies] == [f"{name} (assumed shape)" for name in names]
+    radii = [max(s.radius for s in b.solids) for b in arm.bodies]
+    assert all(a >= b for a, b in pairwise(radii))
+    assert {b.solids[0].radius for b in arm_bodies(bare, beam_radius=0.1).bodies} == {0.1}
+    assert arm_bodies(bare, beam_radius=0.0).bodies == ()
 
 
 def test_prepared_surfaces_take_the_casing_s_place(tmp_path: Path) -> None:
