@@ -29,6 +29,8 @@ from robots.inverse.turns import nearest_turn
 TARGETS = 100_000
 # Angles of a finer grid about a peak or a course: four cells to either side.
 OFFSETS = np.linspace(-1.0, 1.0, 9)
+# Turns of the elbow about a course, where gamma varies as well.
+FIVE = np.linspace(-1.0, 1.0, 5)
 # Columns of an arm whose elbow can turn: of a single gamma, and of many, which come to about as many states together.
 COLUMNS, STATES, FEWEST_COLUMNS = 48, 1_500, 8
 # Rad of gamma at which refinement ends.
@@ -125,6 +127,12 @@ class Sweep:
         """That of some of the points."""
         parts = {name: getattr(self, name)[rows] for name in ("gamma", "q", "valid", "value", "reason", "sure")}
         return replace(self, **parts)
+
+    def at_angles(self, at: Integers) -> Sweep:
+        """That of one angle (n,) a point."""
+        names = ("gamma", "q", "valid", "value", "reason", "sure")
+        rows = np.arange(len(at))
+        return replace(self, **{name: getattr(self, name)[rows, at][:, None] for name in names})
 
     @property
     def lost(self) -> Integers:
