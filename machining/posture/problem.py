@@ -20,6 +20,7 @@ from machining.toolpaths.path_error import PathError
 from robots import Robot
 from robots.arrays import Array, Bools, Integers
 from robots.inverse.axis_lines import axis_lines
+from robots.inverse.elbow_angle import elbow_angle
 from robots.inverse.following import is_redundant
 from robots.inverse.turns import every_turn
 
@@ -233,6 +234,11 @@ def none_left(error: PathError, points: Integers, n: int) -> PathError:
 def course_of(problem: Problem, found: Postures, cost: Array) -> Course:
     """What the postures of a course come to, whose states have ``cost`` (n,)."""
     links, value = problem.links, found.value
+    elbow = elbow_angle(problem.model.robot, found.q)
+    if elbow is not None:
+        # Columns are postures that were followed: no branches, and none of them is left for another.
+        low, high = np.degrees([elbow.min(), elbow.max()])
+        found = replace(found, branch=np.zeros_like(found.branch), names=(f"elbow {low:.3g} to {high:.3g} deg",))
     return Course(
         gamma=found.gamma,
         q=found.q,

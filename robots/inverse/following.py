@@ -90,7 +90,7 @@ def _from_start(robot: Robot, T: Array, generator: np.random.Generator, keep: in
     n, m = T.shape[:2]
     way = motion(robot, T)
     begins = way > APART
-    knots = _knots(np.where(begins, 0.0, way).max(axis=1, initial=0.0), begins.any(axis=1))
+    knots = _knots(np.where(begins, 0.0, way).max(axis=1, initial=0.0), np.asarray(begins.any(axis=1)))
     q = np.full((n, m, keep, robot.dof), np.nan)
     reason = np.empty((n, m, keep), dtype=np.int8)
     now, reason[0] = starts(robot, T[0], generator, keep)
