@@ -24,6 +24,8 @@ from robots.inverse.elbow_angle import elbow_angle
 from robots.inverse.following import is_redundant
 from robots.inverse.turns import every_turn
 
+# Where the elbow can turn there is nearly always room: being near to limits and singularities costs so much more.
+ROOM = 10.0
 # Least distances: their names in Python, and where a command takes them from.
 SINGULAR = "singular_least", "--singular"
 CLEARANCE = "clearance_least", "safety_mm of the cell file, or --clearance of place"
@@ -141,6 +143,8 @@ def problem_of(
     ``free`` (n - 1,): segments whose steps are not bounded.
     """
     scale = float(np.abs(best).mean()) or 1.0
+    if is_redundant(model.robot):
+        drive = replace(drive, limit=ROOM * drive.limit, singular=ROOM * drive.singular)
     links = drive.links(model.robot, task.path, free)
     links = replace(links, weight=links.weight / task.path.n)
     share = np.full(task.path.n, 1.0 / task.path.n)
