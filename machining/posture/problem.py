@@ -26,6 +26,8 @@ from robots.inverse.turns import every_turn
 
 # Where the elbow can turn there is nearly always room: being near to limits and singularities costs so much more.
 ROOM = 10.0
+# Cost of an elbow that hangs straight down: it is nearer to floor and part than one on top.
+UP = 0.2
 # Least distances: their names in Python, and where a command takes them from.
 SINGULAR = "singular_least", "--singular"
 CLEARANCE = "clearance_least", "safety_mm of the cell file, or --clearance of place"
@@ -189,6 +191,9 @@ def allowed_states(problem: Problem, sweep: Sweep, first: int = 0) -> States:
     value = sweep.value[sweep.valid]
     row, q, soft = allowed(problem.model.robot, problem.drive, sweep.q[sweep.valid], point, n, first)
     merit = problem.objective.sign * value[row]
+    elbow = elbow_angle(problem.model.robot, q)
+    if elbow is not None:
+        soft = soft + UP * np.sin(0.5 * elbow) ** 2
     cost = (soft - merit / problem.scale) * problem.share[first + point[row]]
     start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
     return States(Layers(start, q, sweep.gamma[point, at][row], cost, merit), value[row], branch[row], sweep.names)
