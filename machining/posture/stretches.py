@@ -301,7 +301,10 @@ def _elbow_course(
             trial = solve(problem, problem.states(gamma[knots, None], best.q, ELBOW / 4.0**i), problem.links)
             best = trial if is_better(problem, trial, best) else best
     except PathError as error:
-        raise error.at(int(knots[error.point])) from None
+        if len(knots) == n:
+            raise
+        points = knots[error.points]
+        raise error.at(points, f"point {points[0]}, of {len(knots)} where the elbow is chosen") from None
     assert isinstance(best, Course)  # noqa: S101 - gaps have been raised
     between = PchipInterpolator(knots, best.q)(np.arange(n)) if len(knots) > 1 else best.q
     return np.asarray(between), least_rate(model.robot, few.path, path.whole)
