@@ -65,6 +65,17 @@ def inverse(T: Array) -> Array:
     return framed(back, -(back @ T[..., :3, 3, None])[..., 0])
 
 
+def frames_between(A: Array, B: Array, share: Array) -> Array:
+    """Frames (m, 4, 4) on the way from A to B (m, 4, 4): origins straight, axes turned evenly the short way."""
+    from scipy.spatial.transform import Rotation  # not at the start: most commands need none
+
+    T = A.copy()
+    T[:, :3, 3] += share[:, None] * (B[:, :3, 3] - A[:, :3, 3])
+    turn = Rotation.from_matrix(np.swapaxes(A[:, :3, :3], 1, 2) @ B[:, :3, :3]).as_rotvec()
+    T[:, :3, :3] = A[:, :3, :3] @ Rotation.from_rotvec(share[:, None] * turn).as_matrix()
+    return T
+
+
 def unit_vector(vector: ArrayLike, what: str) -> Array:
     """A unit vector (3,) along one of any length.
 

@@ -18,6 +18,8 @@ from robots.arrays import Array, Bools, Integers
 ROUNDING = 1.0 + 1e-9
 # Up to so many pairs of states all are looked at; a search tree for the near ones only pays beyond.
 FEW_PAIRS = 2000
+# Rad that a unit of motion is at least.
+SMALLEST = 1e-6
 # Layers whose links are worked out at once.
 RUN = 256
 
@@ -74,6 +76,10 @@ class Links:
     def at(self, segments: slice) -> Links:
         """Those of some segments."""
         return Links(self.step[segments], self.turns(segments), self.unit[segments], self.weight)
+
+    def in_units(self, unit: Array) -> Links:
+        """The same, whose cost is in ``unit`` (n - 1,) rad for all joints where that is less than their own."""
+        return Links(self.step, self.gamma_step, np.clip(unit[:, None], SMALLEST, self.unit), self.weight)
 
     def turns(self, some: slice) -> Array:
         """How far gamma may change from layers to the next, (k,) rad."""

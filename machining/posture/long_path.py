@@ -19,13 +19,24 @@ from machining.posture.courses import Gap, Links, summed
 from machining.posture.drive import Drive
 from machining.posture.path import refine_course
 from machining.posture.points import GammaRange, sweep_gamma
-from machining.posture.problem import Course, constant_axis, gap_error, kept_constant, problem_of, states_of
+from machining.posture.problem import (
+    Course,
+    at_knots,
+    at_points,
+    constant_axis,
+    ends_of,
+    gap_error,
+    kept_constant,
+    problem_of,
+    states_of,
+)
 from machining.posture.stretches import GivenGamma, course_at, solve
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
+from robots.inverse.following import is_redundant
 from robots.progress import Progress, report_progress
 
 # Knots at first; enough that a smooth surface's gamma is found, few enough for a second's search.
@@ -87,7 +98,7 @@ def optimise_long_path(
     chosen = task.path.even_rows(min(knots, task.path.n))
     if free is not None:
         # Both ends of a rapid move: gamma may change there as it likes.
-        chosen = np.union1d(chosen, _ends(free))
+        chosen = np.union1d(chosen, ends_of(free))
     rate = _first_rate(chosen, drive.gamma_step, gammas.cell)
     for trial in range(TRIALS):
         report_progress(progress, trial, TRIALS)
@@ -130,15 +141,13 @@ class _Search:
         InputError
             No course on the knots alone.
         """
-        task, objective = _at_knots(self.task, self.objective, knots)
+        task, objective = at_knots(self.task, self.objective, knots)
         sweep = sweep_gamma(self.model, task, objective, self.gammas.angles, generator=self.generator)
-        drive, clearance_at = self.drive, self.drive.clearance_at
-        if clearance_at is not None:
-            drive = replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
+        drive = at_points(self.drive, knots)
         problem = problem_of(self.model, task, objective, self.gammas, drive, sweep.best_merit(), self.generator)
         n, links = self.task.path.n, self.drive.links(self.model.robot, self.task.path, self.free)
         share = np.gradient(knots.astype(np.float64)) / (n - 1) if len(knots) > 1 else np.ones(1)
-        problem = replace(problem, links=_between_knots(links, rate, knots, n), share=share)
+        problem = replace(problem, links=_between_knots(links, rate, knots, n), share=share).eased(sweep)
         states = states_of(problem, sweep)
         found = solve(problem, states, problem.links)
         if isinstance(found, Gap) and self.passes == 0:
@@ -158,6 +167,8 @@ class _Search:
         return best, followed
 
     def _lost(self, gamma: Array) -> PathError | None:
+        if is_redundant(self.model.robot):
+            return None  # Following the elbow would have to be done twice.
         try:
             GivenGamma(self.model, self.task, self.objective, gamma, self.generator).best_merit()
         except PathError as error:
@@ -180,12 +191,6 @@ def _between(knots: Integers, gamma: Array, n: int) -> Array:
     if len(knots) == 1:
         return np.full(n, gamma[0])
     return np.asarray(PchipInterpolator(knots, np.unwrap(gamma))(np.arange(n, dtype=np.float64)))
-
-
-def _ends(free: Bools) -> Integers:
-    """Points (k,) at the ends of free segments."""
-    segments = np.flatnonzero(free)
-    return np.union1d(segments, segments + 1).astype(np.int64)
 
 
 def _first_rate(knots: Integers, most: float, cell: float) -> Array:
@@ -216,13 +221,6 @@ def _tighter(knots: Integers, rate: Array, gamma: Array, bad: Integers, cell: fl
             middle = int(inside[len(inside) // 2]) if len(inside) else (a + b) // 2
             added.append(np.unique([(a + middle) // 2, middle, (middle + b) // 2]))
     return np.unique(np.concatenate(added))
-
-
-def _at_knots(task: Task, objective: Objective, knots: Integers) -> tuple[Task, Objective]:
-    # The feed is in the links already; between knots the way is longer than the chord.
-    few = task.at(knots, feed=np.full(len(knots), np.nan))
-    forces = objective.forces(task.path.n)
-    return few, replace(objective, force=None if forces is None else forces[knots])
 
 
 def _at_points(error: PathError, knots: Integers) -> PathError:

@@ -19,7 +19,7 @@ import numpy as np
 import fem
 from machining.posture.courses import Gap, Layers, Links, cheapest_course, summed
 from machining.posture.drive import Drive
-from machining.posture.points import OFFSETS, GammaRange, Postures, best_postures, sweep_gamma
+from machining.posture.points import OFFSETS, GammaRange, Postures, Sweep, best_postures, sweep_gamma
 from machining.posture.problem import (
     Course,
     Problem,
@@ -37,11 +37,14 @@ from machining.stiffness.objective import Objective
 from machining.task import Task
 from robots import InputError
 from robots.arrays import Array
+from robots.inverse.following import is_redundant
 from robots.inverse.turns import every_turn
 from robots.progress import Progress
 
 # Branches whose merits differ by less than this share are equally good.
 TIED = 1e-9
+# Rad that the elbow's fastest joint is turned to either side of a course at most, and in cells of gamma.
+ELBOW, ELBOW_CELLS = 0.25, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +98,16 @@ def optimise_path(
     said = _Said(progress, passes)
     problem = problem_of(model, task, objective, gammas, drive, sweep.best_merit(), generator)
     said.next()
+    problem = problem.eased(sweep)
     states = states_of(problem, sweep)
     found = solve(problem, states, problem.links)
     said.next()
     best = refine_course(problem, states, found, passes, said.next) if passes > 0 else found
     if isinstance(best, Gap):
         raise gap_error(problem, best)
-    each = best_postures(
-        model, task, objective, gammas, sweep=sweep, starts=3 if passes > 0 else 0, generator=generator
-    )
+    # What is refined point by point leads nowhere where the elbow can turn.
+    starts = 3 if passes > 0 and not is_redundant(model.robot) else 0
+    each = best_postures(model, task, objective, gammas, sweep=sweep, starts=starts, generator=generator)
     said.next()
     fixed = solve(problem, states, replace(problem.links, gamma_step=0.0))
     why = str(gap_error(problem, fixed)) if isinstance(fixed, Gap) else None
@@ -114,7 +118,7 @@ def optimise_path(
         still = replace(problem, drive=replace(drive, gamma_step=0.0), links=replace(problem.links, gamma_step=0.0))
         constant = refine_course(still, states, fixed_course, passes) if passes > 0 else fixed_course
         best = kept_constant(objective, drive, best, None if isinstance(constant, Gap) else constant)
-    return PathPosture(best, _each_point(problem, each), fixed_course, why, problem.scale, sure)
+    return PathPosture(best, _each_point(problem, each, sweep), fixed_course, why, problem.scale, sure)
 
 
 class _Said:
@@ -138,31 +142,33 @@ def refine_course(
 ) -> Course | Gap:
     """Courses on finer grids around those found, four times as fine each time; ``said`` is called after each."""
     best, half = found, problem.gammas.cell
-    centres = [] if isinstance(found, Gap) else [found.gamma]
+    centres = [] if isinstance(found, Gap) else [(found.gamma, found.q)]
     centres += _between_knots(problem, states)
     for _ in range(passes):
         for centre in centres:
-            trial = _around(problem, centre, half)
+            trial = _around(problem, *centre, half)
             if is_better(problem, trial, best):
                 best = trial
         said()
         if isinstance(best, Gap):
             return best
-        centres, half = [best.gamma], half / 4.0
+        centres, half = [(best.gamma, best.q)], half / 4.0
     return best
 
 
-def _around(problem: Problem, centre: Array, half: float) -> Course | Gap:
+def _around(problem: Problem, centre: Array, q: Array, half: float) -> Course | Gap:
+    about = q if is_redundant(problem.model.robot) else None
     try:
-        states = problem.states(problem.gammas.inside(centre[:, None] + half * OFFSETS))
+        trial = problem.gammas.inside(centre[:, None] + half * OFFSETS)
+        states = problem.states(trial, about, min(ELBOW, ELBOW_CELLS * half))
     except InputError:
         # The line between two knots may leave the reach; then there is nothing to gain here.
         return Gap(0, np.zeros((2, 0)), np.inf)
     return solve(problem, states, problem.links)
 
 
-def _between_knots(problem: Problem, states: States) -> list[Array]:
-    """Gamma (n,) of the best course through every k-th point, straight between them.
+def _between_knots(problem: Problem, states: States) -> list[tuple[Array, Array]]:
+    """Gamma (n,) and joints (n, dof) of the best course through every k-th point, straight between them.
 
     On a path of close points no joint can follow a whole cell of gamma from one point to the next, and the grid's
     course would be stuck at one gamma. From knot to knot there is time for two cells.
@@ -185,19 +191,25 @@ def _between_knots(problem: Problem, states: States) -> list[Array]:
     course = cheapest_course(layers, links)
     if isinstance(course, Gap):
         return []
-    return [problem.gammas.inside(np.interp(np.arange(n), knots, np.unwrap(layers.gamma[course])))]
+    gamma = problem.gammas.inside(np.interp(np.arange(n), knots, np.unwrap(layers.gamma[course])))
+    q = np.stack([np.interp(np.arange(n), knots, joint) for joint in layers.q[course].T], axis=1)
+    return [(gamma, q)]
 
 
-def _each_point(problem: Problem, each: Postures) -> Course:
+def _each_point(problem: Problem, each: Postures, known: Sweep) -> Course:
     """The paper's choice; nothing keeps it from jumping.
 
     Of branches equally good (a wrist flip changes nothing in an arm of rigid links) and of turns, those that move
     least are taken. Gamma stays as it was chosen: between two peaks of nearly the same height it may go back and forth.
     """
     robot, drive, n = problem.model.robot, problem.drive, len(each.q)
-    sweep = sweep_gamma(
-        problem.model, problem.task, problem.objective, each.gamma[:, None], generator=problem.generator
-    )
+    if is_redundant(robot):
+        # All that was found at the gamma chosen: there is no branch to come back to.
+        sweep = known.at_angles(np.abs(known.gamma - each.gamma[:, None]).argmin(axis=1))
+    else:
+        sweep = sweep_gamma(
+            problem.model, problem.task, problem.objective, each.gamma[:, None], generator=problem.generator
+        )
     best = sweep.merit.max(axis=(1, 2), keepdims=True)
     point, _, branch = found = np.nonzero(sweep.valid & (sweep.merit >= best - TIED * np.abs(best)))
     q, value = sweep.q[found], sweep.value[found]

@@ -20,12 +20,19 @@ from machining.task import Task, as_gammas
 from machining.toolpaths.path_error import PathError
 from robots import InputError, Reason, inverse_kinematics, require_at_least, require_positive
 from robots.arrays import Array, Bools, Integers
+from robots.frames import inverse
 from robots.inverse.branches import BRANCH_NAMES
+from robots.inverse.following import about, follow, is_redundant
+from robots.inverse.turns import nearest_turn
 
 # Targets a call of the inverse kinematics: bounds its memory, not the result.
 TARGETS = 100_000
 # Angles of a finer grid about a peak or a course: four cells to either side.
 OFFSETS = np.linspace(-1.0, 1.0, 9)
+# Turns of the elbow about a course, where gamma varies as well.
+FIVE = np.linspace(-1.0, 1.0, 5)
+# Columns of an arm whose elbow can turn: of a single gamma, and of many, which come to about as many states together.
+COLUMNS, STATES, FEWEST_COLUMNS = 48, 1_500, 8
 # Rad of gamma at which refinement ends.
 TOLERANCE = 1e-5
 # A full turn whose ends are this close (rad) is closed: its first and last angle are one.
@@ -121,6 +128,12 @@ class Sweep:
         parts = {name: getattr(self, name)[rows] for name in ("gamma", "q", "valid", "value", "reason", "sure")}
         return replace(self, **parts)
 
+    def at_angles(self, at: Integers) -> Sweep:
+        """That of one angle (n,) a point."""
+        names = ("gamma", "q", "valid", "value", "reason", "sure")
+        rows = np.arange(len(at))
+        return replace(self, **{name: getattr(self, name)[rows, at][:, None] for name in names})
+
     @property
     def lost(self) -> Integers:
         """Points (k,) that cannot be reached at any angle."""
@@ -179,8 +192,9 @@ def sweep_gamma(
     """Value of every branch at every point and angle; gamma (m,) or (n, m) rad.
 
     ``generator`` as in :func:`robots.inverse_kinematics`, for arms without a closed form. Their columns are
-    solutions in no fixed order, not branches. Large sweeps go by compiled loops where that can be done
-    (:mod:`machining.stiffness.compiled`), with the same results to rounding.
+    solutions in no fixed order, not branches; those of arms with more than six joints are postures followed along the
+    path (:mod:`robots.inverse.following`), a column of gamma by itself. Large sweeps go by compiled loops where that
+    can be done (:mod:`machining.stiffness.compiled`), with the same results to rounding.
 
     Raises
     ------
@@ -188,6 +202,8 @@ def sweep_gamma(
         As :class:`Objective`, :func:`robots.inverse_kinematics` and :func:`fem.deflection`.
     """
     angle = as_gammas(gamma, task.path.n)
+    if is_redundant(model.robot):
+        return _followed(model, task, objective, angle, generator)
     n, m = angle.shape
     fast = fast_sweep(model, task, objective.quantity, objective.forces(n), angle)
     if fast is None:
@@ -196,24 +212,66 @@ def sweep_gamma(
     else:
         q, reason, value = fast
         names, sure = BRANCH_NAMES, np.ones(n * m, dtype=np.bool_)
+    if value is not None:
+        valid = reason == Reason.FOUND
+        objective.check_finite(value[valid], np.nonzero(valid)[0] // m)
+    shape = (n, m, len(names))
+    solved = q.reshape(*shape, -1), reason.reshape(shape), names, sure.reshape(n, m)
+    return _swept(model, task, objective, angle, *solved, None if value is None else value.reshape(shape))
+
+
+def _swept(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    gamma: Array,
+    q: Array,
+    reason: NDArray[np.int8],
+    names: tuple[str, ...],
+    sure: Bools,
+    value: Array | None = None,
+) -> Sweep:
+    """A sweep of postures that are known, with the objective's ``value`` of them if that is known as well."""
     valid = reason == Reason.FOUND
-    point = np.nonzero(valid)[0] // m
     if value is None:
         value = np.full(valid.shape, np.nan)
-        value[valid] = objective.values(model, q[valid], task, point)
-    else:
-        objective.check_finite(value[valid], point)
-    shape = (n, m, len(names))
-    return Sweep(
-        objective,
-        angle,
-        q.reshape(*shape, -1),
-        valid.reshape(shape),
-        value.reshape(shape),
-        reason.reshape(shape),
-        names,
-        sure.reshape(n, m),
-    )
+        value[valid] = objective.values(model, q[valid], task, np.nonzero(valid)[0])
+    return Sweep(objective, gamma, q, valid, value, reason, names, sure)
+
+
+def _followed(
+    model: fem.ArmModel, task: Task, objective: Objective, gamma: Array, generator: np.random.Generator | None
+) -> Sweep:
+    """The sweep of an arm whose elbow can turn: columns are postures followed along the path."""
+    keep = int(np.clip(STATES // gamma.shape[1], FEWEST_COLUMNS, COLUMNS))
+    frames = flange_frames(task, gamma)
+    q, reason = follow(model.robot, frames, generator or np.random.default_rng(0), keep)
+    q, _ = nearest_turn(model.robot, q, model.robot.limits.mean(axis=1))
+    names = tuple(f"elbow course {i + 1}" for i in range(keep))
+    return _swept(model, task, objective, gamma, q, reason, names, np.zeros(gamma.shape, dtype=np.bool_))
+
+
+def sweep_about(
+    model: fem.ArmModel, task: Task, objective: Objective, gamma: ArrayLike, q: Array, offsets: Array
+) -> Sweep:
+    """Values of the postures next to a course q (n, dof) rad of an arm whose elbow can turn.
+
+    ``gamma`` (m,) or (n, m) rad; ``offsets`` (s,) rad of the joint that moves most along the arm's self-motion, a
+    column of the sweep each. Errors as :func:`sweep_gamma`.
+    """
+    angle = as_gammas(gamma, task.path.n)
+    n, m = angle.shape
+    frames = flange_frames(task, angle).reshape(n * m, 4, 4)
+    found, reason = about(model.robot, np.repeat(q, m, axis=0), frames, offsets)
+    shape, names = (n, m, len(offsets)), tuple(f"elbow {np.degrees(offset):+.4g} deg" for offset in offsets)
+    sure = np.zeros((n, m), dtype=np.bool_)
+    return _swept(model, task, objective, angle, found.reshape(*shape, -1), reason.reshape(shape), names, sure)
+
+
+def flange_frames(task: Task, gamma: Array) -> Array:
+    """Frames (n, m, 4, 4) of the flange in the base for gamma (n, m) rad."""
+    tool = inverse(task.T_flange_tool if task.T_flange_tool.ndim == 3 else task.T_flange_tool[None])
+    return np.asarray(task.tool_frames(gamma) @ tool[:, None])
 
 
 def _solved(

@@ -13,16 +13,23 @@ import numpy as np
 import fem
 from machining.posture.courses import Gap, Layers, Links, course_cost
 from machining.posture.drive import Drive, Smoothness, singular_distance, smoothness
-from machining.posture.points import GammaRange, Postures, Sweep, sweep_gamma
+from machining.posture.points import FIVE, GammaRange, Postures, Sweep, sweep_about, sweep_gamma
 from machining.stiffness.objective import Objective
-from machining.task import Task
+from machining.task import Task, ToolPath
 from machining.toolpaths.path_error import PathError
 from robots import Robot
 from robots.arrays import Array, Bools, Integers
+from robots.inverse.axis_lines import axis_lines
+from robots.inverse.elbow_angle import elbow_angle
+from robots.inverse.following import is_redundant
 from robots.inverse.turns import every_turn
 
 # Tool axes that differ by less (components of unit vectors) are the same.
 SAME_AXIS = 1e-6
+# Where the elbow can turn there is nearly always room: being near to limits and singularities costs so much more.
+ROOM = 10.0
+# Cost of an elbow that hangs straight down: it is nearer to floor and part than one on top.
+UP = 0.2
 # Least distances: their names in Python, and where a command takes them from.
 SINGULAR = "singular_least", "--singular"
 CLEARANCE = "clearance_least", "safety_mm of the cell file, --clearance of place, --beam-radius, or --floor"
@@ -80,10 +87,51 @@ class Problem:
     share: Array
     generator: np.random.Generator | None
 
-    def states(self, gamma: Array) -> States:
-        """States for gamma (n, m); InputError where a point has none."""
-        sweep = sweep_gamma(self.model, self.task, self.objective, gamma, generator=self.generator)
+    def states(self, gamma: Array, about: Array | None = None, half: float = 0.0) -> States:
+        """States for gamma (n, m); InputError where a point has none.
+
+        ``about`` (n, dof) rad: of an arm whose elbow can turn, those next to these, up to ``half`` rad to either side.
+        """
+        if about is None:
+            sweep = sweep_gamma(self.model, self.task, self.objective, gamma, generator=self.generator)
+        else:
+            sweep = sweep_about(self.model, self.task, self.objective, gamma, about, half * FIVE)
         return states_of(self, sweep)
+
+    def eased(self, sweep: Sweep) -> Problem:
+        """The problem whose unit of motion is what the arm has to move, where its elbow can turn.
+
+        Such an arm chooses how far its joints travel: that counts against the objective as soon as it is more than the
+        postures of ``sweep`` need at least.
+        """
+        rate = least_rate(self.model.robot, self.task.path, sweep)
+        return self if rate is None else replace(self, links=self.links.in_units(self.ways * rate))
+
+    @property
+    def ways(self) -> Array:
+        """How far the tool goes in each segment (n - 1,), pure numbers."""
+        return ways_of(self.model.robot, self.task.path)
+
+
+def ways_of(robot: Robot, path: ToolPath) -> Array:
+    """How far the tool goes in each segment (n - 1,): the way over the arm's length, plus the turn of its axis, rad."""
+    turn = np.linalg.norm(np.diff(path.axes, axis=0), axis=1)
+    return np.asarray(path.lengths / axis_lines(robot).length + turn)
+
+
+def least_rate(robot: Robot, path: ToolPath, sweep: Sweep) -> float | None:
+    """Least joint motion (rad, root mean square of the joints) a way of 1 along a path, of the columns of a sweep.
+
+    None of an arm whose elbow cannot turn, and where nothing moves.
+    """
+    if not is_redundant(robot) or path.n < 2:
+        return None
+    with np.errstate(invalid="ignore"):
+        step = np.sqrt((np.diff(np.where(sweep.valid[..., None], sweep.q, np.nan), axis=0) ** 2).mean(axis=3))
+    least = np.where(np.isnan(step), np.inf, step).min(axis=(1, 2))
+    known = np.isfinite(least)
+    way, moved = float(ways_of(robot, path)[known].sum()), float(least[known].sum())
+    return moved / way if min(moved, way) > 0.0 else None
 
 
 def problem_of(
@@ -101,10 +149,34 @@ def problem_of(
     ``free`` (n - 1,): segments whose steps are not bounded.
     """
     scale = float(np.abs(best).mean()) or 1.0
+    if is_redundant(model.robot):
+        drive = replace(drive, limit=ROOM * drive.limit, singular=ROOM * drive.singular)
     links = drive.links(model.robot, task.path, free)
     links = replace(links, weight=links.weight / task.path.n)
     share = np.full(task.path.n, 1.0 / task.path.n)
     return Problem(model, task, objective, gammas, drive, links, scale, share, generator)
+
+
+def ends_of(free: Bools) -> Integers:
+    """Points (k,) at the ends of free segments."""
+    segments = np.flatnonzero(free)
+    return np.union1d(segments, segments + 1).astype(np.int64)
+
+
+def at_knots(task: Task, objective: Objective, knots: Integers) -> tuple[Task, Objective]:
+    """A task and its objective at some points (k,) of the path."""
+    # The feed is in the links already; between knots the way is longer than the chord.
+    few = task.at(knots, feed=np.full(len(knots), np.nan))
+    forces = objective.forces(task.path.n)
+    return few, replace(objective, force=None if forces is None else forces[knots])
+
+
+def at_points(drive: Drive, knots: Integers) -> Drive:
+    """The drive of some points (k,) of a path, whose clearance is asked by their number on the whole path."""
+    clearance_at = drive.clearance_at
+    if clearance_at is None:
+        return drive
+    return replace(drive, clearance_at=lambda q, point: clearance_at(q, knots[point]))
 
 
 def states_of(problem: Problem, sweep: Sweep) -> States:
@@ -123,6 +195,9 @@ def allowed_states(problem: Problem, sweep: Sweep, first: int = 0) -> States:
     value = sweep.value[sweep.valid]
     row, q, soft = allowed(problem.model.robot, problem.drive, sweep.q[sweep.valid], point, n, first)
     merit = problem.objective.sign * value[row]
+    elbow = elbow_angle(problem.model.robot, q)
+    if elbow is not None:
+        soft = soft + UP * np.sin(0.5 * elbow) ** 2
     cost = (soft - merit / problem.scale) * problem.share[first + point[row]]
     start = np.searchsorted(point[row], np.arange(n + 1)).astype(np.int64)
     return States(Layers(start, q, sweep.gamma[point, at][row], cost, merit), value[row], branch[row], sweep.names)
@@ -179,6 +254,11 @@ def none_left(error: PathError, points: Integers, n: int) -> PathError:
 def course_of(problem: Problem, found: Postures, cost: Array) -> Course:
     """What the postures of a course come to, whose states have ``cost`` (n,)."""
     links, value = problem.links, found.value
+    elbow = elbow_angle(problem.model.robot, found.q)
+    if elbow is not None:
+        # Columns are postures that were followed: no branches, and none of them is left for another.
+        low, high = np.degrees([elbow.min(), elbow.max()])
+        found = replace(found, branch=np.zeros_like(found.branch), names=(f"elbow {low:.3g} to {high:.3g} deg",))
     return Course(
         gamma=found.gamma,
         q=found.q,

@@ -12,30 +12,42 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 import fem
-from machining.posture.courses import Ahead, Gap, Layers, Links, floors, least_cost, trace
+from machining.posture.courses import Ahead, Gap, Layers, Links, floors, least_cost, summed, trace
 from machining.posture.drive import Drive
-from machining.posture.points import GammaRange, Postures, Sweep, sweep_gamma
+from machining.posture.points import FIVE, GammaRange, Postures, Sweep, sweep_about, sweep_gamma
 from machining.posture.problem import (
     Course,
     Problem,
     States,
     allowed_states,
+    at_knots,
+    at_points,
     course_of,
+    ends_of,
     gap_error,
+    is_better,
+    least_rate,
     none_left,
     problem_of,
+    states_of,
+    ways_of,
 )
 from machining.stiffness.objective import Objective
 from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
+from robots.inverse.following import STRIDE, is_redundant
 from robots.inverse.spherical_wrist import why_not_spherical
 
 # Points of a stretch, and of the longest path whose sweep is kept.
 POINTS, KEPT = 8_192, 131_072
+# Of an arm whose elbow can turn: least knots of its course, finer courses about the first, rad that its fastest joint
+# is turned by in the first of them, and at the points between the knots.
+KNOTS, PASSES, ELBOW, WIGGLE = 300, 4, 0.25, 0.03
 # Cost of a joint at the end of its range, only to decide between courses that are alike: far below what matters, far
 # above rounding.
 TIE = 1e-8
@@ -126,13 +138,17 @@ def _back(stretches: Sequence[Stretch], ahead: Sequence[Ahead]) -> tuple[Posture
 
 @dataclass(frozen=True, eq=False)
 class GivenGamma:
-    """A path with gamma (n,) rad given, swept a stretch at a time."""
+    """A path with gamma (n,) rad given, swept a stretch at a time.
+
+    ``about`` (n, dof) rad: of an arm whose elbow can turn, the course that it keeps to.
+    """
 
     model: fem.ArmModel
     task: Task
     objective: Objective
     gamma: Array
     generator: np.random.Generator | None
+    about: Array | None = None
 
     @cached_property
     def rows(self) -> list[slice]:
@@ -147,7 +163,7 @@ class GivenGamma:
         takes long, and need not end on the same ones again.
         """
         n = self.task.path.n
-        if n > KEPT and why_not_spherical(self.model.robot) is None:
+        if n > KEPT and (self.about is not None or why_not_spherical(self.model.robot) is None):
             return None
         return self._made(slice(0, n))
 
@@ -190,8 +206,13 @@ class GivenGamma:
 
     def _made(self, rows: slice) -> Sweep:
         task, objective = self.task.at(rows), self.objective.at(rows, self.task.path.n)
+        gamma = self.gamma[rows, None]
         try:
-            return sweep_gamma(self.model, task, objective, self.gamma[rows, None], generator=self.generator)
+            if self.about is not None:
+                # A little room where a limit is met between the knots; none where there are very many points.
+                offsets = WIGGLE * FIVE if self.task.path.n <= POINTS else np.zeros(1)
+                return sweep_about(self.model, task, objective, gamma, self.about[rows], offsets)
+            return sweep_gamma(self.model, task, objective, gamma, generator=self.generator)
         except PathError as error:
             raise objective.not_finite(error.point + rows.start) from None
 
@@ -224,8 +245,13 @@ def course_at(
     """
     objective, drive = objective or Objective(), drive or Drive()
     angle = np.broadcast_to(np.asarray(gamma, dtype=np.float64), (task.path.n,))
-    path = GivenGamma(model, task, objective, angle, generator)
+    about, rate = near, None
+    if is_redundant(model.robot) and near is None:
+        about, rate = _elbow_course(model, task, objective, drive, angle, free, generator)
+    path = GivenGamma(model, task, objective, angle, generator, about if is_redundant(model.robot) else None)
     problem = problem_of(model, task, objective, GammaRange(), drive, path.best_merit(), generator, free)
+    if rate is not None:
+        problem = replace(problem, links=problem.links.in_units(rate * problem.ways))
 
     def stretch(rows: slice) -> Stretch:
         def states() -> States:
@@ -239,6 +265,49 @@ def course_at(
     if isinstance(found, Gap):
         raise gap_error(problem, found)
     return found
+
+
+def _elbow_course(
+    model: fem.ArmModel,
+    task: Task,
+    objective: Objective,
+    drive: Drive,
+    gamma: Array,
+    free: Bools | None,
+    generator: np.random.Generator | None,
+) -> tuple[Array, float | None]:
+    """Course (n, dof) rad of an arm whose elbow can turn with gamma (n,) rad given, and :func:`least_rate`.
+
+    Postures are followed along knots of the path, the best course through them is found, then again with the elbow
+    turned less and less about that course. Between the knots the joints go smoothly; they are not on the path there.
+    """
+    n, every = task.path.n, drive.links(model.robot, task.path, free)
+    knots = task.path.even_rows(min(n, max(KNOTS, int(2.0 * ways_of(model.robot, task.path).sum() / STRIDE))))
+    if free is not None:
+        knots = np.union1d(knots, ends_of(free))
+    few, aim = at_knots(task, objective, knots)
+    path = GivenGamma(model, few, aim, gamma[knots], generator)
+    try:
+        problem = problem_of(model, few, aim, GammaRange(), at_points(drive, knots), path.best_merit(), generator)
+        links = Links(summed(every.step, knots), np.inf, summed(every.unit, knots), every.weight / len(knots))
+        problem = replace(problem, links=links)
+        assert path.whole is not None  # noqa: S101 - of arms without a closed form it is kept
+        problem = problem.eased(path.whole)
+        states = states_of(problem, path.whole)
+        best = solve(problem, states, problem.links)
+        for i in range(PASSES):
+            if isinstance(best, Gap):
+                raise gap_error(problem, best)
+            trial = solve(problem, problem.states(gamma[knots, None], best.q, ELBOW / 4.0**i), problem.links)
+            best = trial if is_better(problem, trial, best) else best
+    except PathError as error:
+        if len(knots) == n:
+            raise
+        points = knots[error.points]
+        raise error.at(points, f"point {points[0]}, of {len(knots)} where the elbow is chosen") from None
+    assert isinstance(best, Course)  # noqa: S101 - gaps have been raised
+    between = PchipInterpolator(knots, best.q)(np.arange(n)) if len(knots) > 1 else best.q
+    return np.asarray(between), least_rate(model.robot, few.path, path.whole)
 
 
 def _nearest(states: States, near: Array) -> States:

@@ -11,14 +11,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from machining.cell import Cell, LinearAxis, Turntable
 from machining.programs.program import JointProgram, tool_in_part
 from machining.verification.demands import Interpolation
 from robots import Robot
 from robots.arrays import Array, Bools, Integers, in_blocks
-from robots.frames import inverse
+from robots.frames import frames_between, inverse
 from robots.inverse.search import refine
 
 # Pieces of a move on which rates, singularities and the straight line are looked at. Joint motion of a short move
@@ -167,12 +166,3 @@ def courses_of(program: JointProgram, interpolation: Interpolation) -> Courses:
     straight = straight & ~program.motions.changes
     straight[:1] = False
     return Courses(program, axes, axes.of(program), straight)
-
-
-def frames_between(A: Array, B: Array, share: Array) -> Array:
-    """Frames (m, 4, 4) on the way from A to B (m, 4, 4): origins straight, axes turned evenly the short way."""
-    T = A.copy()
-    T[:, :3, 3] += share[:, None] * (B[:, :3, 3] - A[:, :3, 3])
-    turn = Rotation.from_matrix(np.swapaxes(A[:, :3, :3], 1, 2) @ B[:, :3, :3]).as_rotvec()
-    T[:, :3, :3] = A[:, :3, :3] @ Rotation.from_rotvec(share[:, None] * turn).as_matrix()
-    return T

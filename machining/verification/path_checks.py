@@ -8,9 +8,10 @@ import numpy as np
 
 from machining.posture.drive import singular_distance
 from machining.programs.program import frame_distance
-from machining.verification.courses import PIECES, Courses, frames_between
+from machining.verification.courses import PIECES, Courses
 from machining.verification.demands import Demands
 from robots.arrays import Array, Bools, Integers
+from robots.frames import frames_between
 from robots.inverse.axis_lines import axis_lines
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical

@@ -17,9 +17,11 @@ from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
 from robots.arrays import Array
+from robots.inverse.following import is_redundant
 from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import approach, corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
+from stiffarm.commands.posture.payload import elbow_range
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
@@ -51,6 +53,7 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
         "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
+        **elbow_range(run.model.robot, program.q),
         "gain_of_turning_gamma": None if posted.course.forgone is None else number(posted.course.forgone),
         "chosen_by": posted.settings.objective.quantity,
         f"mean_{objective.column}": number(posted.mean * objective.factor),
@@ -219,11 +222,17 @@ def _posture(run: PostRun, pictures: Pictures) -> Section:
     program, robot = run.program, run.model.robot
     way = _way(run) * 1e3
     reference = ", ".join(f"{v:.3g}" for v in np.asarray(run.posted.state.reference))
+    names = "; ".join(sorted({program.names[b] for b in program.branch}))
+    posture = f"branches: {names}"
+    if is_redundant(robot):
+        posture = (
+            f"{names} about the line from shoulder to wrist, 0 on top: postures were followed along the path, and the "
+            "elbow was turned for the objective, least joint travel, and room to limits and singularities"
+        )
     blocks: list[Text | Picture] = [
         Text(
             f"Gamma (counted from the part's direction {reference}) from {np.degrees(program.gamma.min()):.4g} to "
-            f"{np.degrees(program.gamma.max()):.4g} deg; branches: "
-            f"{'; '.join(sorted({program.names[b] for b in program.branch}))}. Distance to the nearest singularity at "
+            f"{np.degrees(program.gamma.max()):.4g} deg; {posture}. Distance to the nearest singularity at "
             f"least {singular_distance(robot, program.q).min():.2g}."
         ),
         *(Text(f"{text[0].upper()}{text[1:]}") for text in approach.words(run)),

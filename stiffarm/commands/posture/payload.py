@@ -12,6 +12,8 @@ from machining.stiffness.objective import ROOM, shown
 from machining.task import ToolPath
 from robots import Robot
 from robots.arrays import Array
+from robots.inverse.elbow_angle import elbow_angle
+from robots.inverse.following import is_redundant
 from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.numbers import significant
@@ -86,6 +88,7 @@ def _course(posed: Posed, name: str, course: Course, key: str, factor: float) ->
         f"worst_{key}_95": interval(worst, factor),
         "gamma_deg": numbers(np.degrees([course.gamma.min(), course.gamma.max()])),
         "branches": sorted({course.names[b] for b in course.branch}),
+        **elbow_range(robot, course.q),
         "branch_changes": moves.branch_changes,
         "undrivable_segments": len(moves.undrivable),
         "largest_step_deg": _by_joint(robot.coordinates, np.degrees(moves.largest_step)),
@@ -109,11 +112,19 @@ def path_columns(path: ToolPath) -> dict[str, list[Any]]:
 def posture_columns(robot: Robot, course: Course) -> dict[str, list[Any]]:
     """Columns of a course: gamma, branch, joints."""
     joints = zip(robot.coordinates, np.degrees(course.q).T, strict=True)
+    elbow = elbow_angle(robot, course.q)
     return {
         "gamma_deg": numbers(np.degrees(course.gamma), 9),
+        **({} if elbow is None else {"elbow_deg": numbers(np.degrees(elbow), 9)}),
         "branch": [course.names[b] for b in course.branch],
         **{name: numbers(column, 10) for name, column in joints},
     }
+
+
+def elbow_range(robot: Robot, q: Array) -> dict[str, list[float | None]]:
+    """Least and largest angle of the elbow of a seven-axis arm at poses q (n, dof) rad; nothing of other arms."""
+    elbow = elbow_angle(robot, q)
+    return {} if elbow is None else {"elbow_deg": numbers(np.degrees([elbow.min(), elbow.max()]))}
 
 
 def columns(posed: Posed) -> dict[str, list[Any]]:
@@ -184,7 +195,13 @@ def remarks(posed: Posed) -> list[str]:
         out.append("Collisions were not checked: no shape of the arm is known.")
     if posed.milling is None and request.objective.quantity != ROOM:
         out.append("No error was predicted: give --force or --milling.")
-    if not posed.found.sure:
+    if is_redundant(posed.model.robot):
+        out.append(
+            f"This arm reaches each point in postures without number: some of them, found from random starts, were "
+            f"followed along the path, and the {posed.course.names[0]} was chosen together with gamma; some postures "
+            "may have been missed."
+        )
+    elif not posed.found.sure:
         out.append("This arm's inverse kinematics is searched; some postures may have been missed.")
     if moves.singular_distance < request.drive.singular_zone:
         out.append(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).")
