@@ -12,6 +12,8 @@ from robots.arrays import Array
 
 # Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
 PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
+# Those that rest at the bottom.
+RESTS = (820, 830, 840, 890)
 CYCLES = {730: "chip", 810: "drill", 820: "drill", 830: "peck", 840: "tap", 850: "bore", 860: "drill", 890: "bore"}
 
 
@@ -85,7 +87,7 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
         back=back - start,
         pecks=(peck,) if kind in ("chip", "peck") else (),
         chip_break=kind == "chip",
-        dwell=dwell if code in (820, 890, 830, 840) else 0.0,
+        dwell=dwell if code in RESTS else 0.0,
         feed_out=kind in ("tap", "bore"),
         reverse=kind == "tap",
     )

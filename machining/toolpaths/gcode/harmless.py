@@ -25,6 +25,7 @@ CODES: Mapping[int, str] = {
     430: TIP, 440: TIP, 490: TIP, 491: TIP,
     601: "an exact stop", 602: "an exact stop", 610: "an exact stop", 611: "an exact stop", 620: "feed at corners",
     6010: "an exact stop", 6020: "an exact stop", 6030: "an exact stop",
+    600: "an exact stop",
     640: SMOOTH, 641: SMOOTH, 6410: SMOOTH, 6420: SMOOTH, 6430: SMOOTH, 6440: SMOOTH, 6450: SMOOTH, 1870: SMOOTH,
     4500: COMPENSATION, 4510: COMPENSATION, 4600: COMPENSATION, 4610: COMPENSATION, 4620: COMPENSATION,
     50: AHEAD, 51: SMOOTH, 960: "a way to state the spindle's speed", 970: "a way to state the spindle's speed",

@@ -10,7 +10,7 @@ import numpy as np
 from machining.toolpaths.arcs import ArcError, arc_points, between
 from machining.toolpaths.corners import chamfered, rounded
 from machining.toolpaths.cycles import Cycle, drill
-from machining.toolpaths.gcode.arcs import CYCLES, PLANES, center, drill_cycle
+from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
@@ -241,7 +241,7 @@ class GcodeMotion(Modes):
             whole[first], whole[second] = float(start[first]), float(start[second])
             end = whole[0], whole[1], whole[2]
         # Fanuc and LinuxCNC count all turns begun, Siemens those added.
-        turns = b.words["TURN"] + 1.0 if "TURN" in b.words else b.words.get("P", 1.0)
+        turns = b.words["TURN"] + 1.0 if "TURN" in b.words else 1.0 if self.siemens else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
         try:
@@ -383,10 +383,10 @@ class GcodeMotion(Modes):
     def _cycle(self, b: Block) -> None:
         along = PLANES[self.plane][2]
         letter = "XYZ"[along]
-        for key in (letter, "R", "Q"):
+        for key in (letter, "R", *("Q" * (CYCLES[self.motion or 0] in ("chip", "peck")))):
             if key in b.words:
                 self.sticky[key] = b.words[key] * self.scale
-        if "P" in b.words:
+        if "P" in b.words and self.motion in RESTS:
             whole = "P" not in b.points and self.options.dwell_unit == "ms"
             if "P" not in b.points and not whole and b.words["P"] >= 100.0:
                 self.recorder.note(

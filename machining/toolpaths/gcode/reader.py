@@ -15,13 +15,25 @@ from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
 from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
-from machining.toolpaths.gcode.state import CALLS, ENDS, GROUPS, KNOWN, REFUSED, REMEDY_MACRO, remedy_ignore, shown
+from machining.toolpaths.gcode.state import (
+    CALLS,
+    ENDS,
+    GROUPS,
+    KNOWN,
+    NEEDED,
+    REFUSED,
+    REFUSED_WORDS,
+    REMEDY_MACRO,
+    remedy_ignore,
+    shown,
+)
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import Block, block, cycle_arguments
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
 from machining.toolpaths.source import content, lines_of, readable
+from robots import InputError
 from robots.files.reading import recording
 
 
@@ -42,6 +54,12 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     """
     options = options or ReadOptions()
     reader = _Reader(path, options)
+    for word in options.ignore:
+        if word in NEVER or _code_of(word) in NEEDED.get(word[:1], ()):
+            raise InputError(
+                "option ignore", value=word, allowed="words that change nothing about path and feed",
+                remedy="leave it out: this word is read, or is known to change the path",
+            )  # fmt: skip
     reader.siemens = path.suffix.lower() in (".mpf", ".spf")
     data = content(path, options.max_bytes)
     if CALL.search(data):
@@ -57,6 +75,8 @@ POLES = (1100, 1110, 1120)
 # Codes of places of the machine, beside SUPA: G28, G30, G53, G153 of Siemens.
 MACHINE = (280, 300, 530, 1530)
 REMEDY_END = "give each program in a file of its own, and end the file with it"
+# Words that are never harmless, whatever the caller says.
+NEVER = REFUSED_WORDS | {*PROGRAMMABLE, *DRILLS, "TRAORI", "TRAFOOF", "MCALL", "CYCLE800", "RET", "SUPA"}
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -70,10 +90,11 @@ class _Reader(GcodeMotion):
     modal_cycle: Hole | None = None
     subprograms: Mapping[str, Subprogram] = MappingProxyType({})
     depth = 0
-    siemens = False
     # Frame that G92.2 has set aside, and whether G92 has said what coordinates mean before any was known.
     aside: CoordinateFrame | None = None
     presumed = False
+    # What had moved the origin before G68.
+    origin_before = ""
 
     def read(self, source: Iterable[str]) -> None:
         aside = {number for one in self.subprograms.values() for number in one.lines}
@@ -90,9 +111,11 @@ class _Reader(GcodeMotion):
         for comment in words.comments:
             if comment.strip():
                 self.recorder.event(number, "comment", readable(comment))
+        if words.title and self.tape == "read":
+            words.bad = f"%{words.title}"
         if words.tape_mark:
             # The first % is where a tape begins, the next one where it ends.
-            self.tape, self.over = "read", self.over or self.tape == "read"
+            self.tape, self.over = self.tape or "begun", self.over or self.tape != ""
         elif not words.empty:
             self.tape = "read"
         if self.over:
@@ -141,18 +164,17 @@ class _Reader(GcodeMotion):
             self._call(*call)
 
     def _ignore(self, b: Block) -> None:
-        """Leave out the words that the caller knows to be harmless."""
+        """Leave out the words that the caller knows to be harmless; letters only where they have no meaning."""
         for word in self.options.ignore:
-            found = word in b.long or word in b.words
-            code = round(float(word[1:]) * 10) if re.fullmatch(r"[GM]\d+(\.\d)?", word) else -1
-            if code >= 0 and word[0] == "G" and code in b.codes:
-                b.codes.remove(code)
-                found = True
-            if code >= 0 and word[0] == "M" and code // 10 in b.misc:
-                b.misc.remove(code // 10)
-                found = True
+            code, found = _code_of(word), False
+            if code in b.codes and word[0] == "G":
+                b.codes, found = [one for one in b.codes if one != code], True
+            elif code // 10 in b.misc and word[0] == "M":
+                b.misc, found = [one for one in b.misc if one != code // 10], True
+            elif word in ("U", "V", "W") and 40 not in b.codes:
+                found = b.words.pop(word, None) is not None
             b.long = [long for long in b.long if long.partition("(")[0].strip() != word or not (found := True)]
-            if b.words.pop(word, None) is not None or found:
+            if found:
                 self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
 
     def _one_of_each(self, b: Block) -> None:
@@ -163,7 +185,9 @@ class _Reader(GcodeMotion):
 
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
-        known = {"O", "H", "D"} | set(harmless.VALUES)
+        known = {"H", "D"} | set(harmless.VALUES)
+        if b.words.keys() == {"O"} and not b.codes and not b.misc and not b.long:
+            known.add("O")
         if self.siemens and dict.get(b.words, "D") == 0.0 and not (set(MACHINE) & set(b.codes) or "SUPA" in b.long):
             raise StatementError("D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153")
         for code in b.codes:
@@ -171,9 +195,10 @@ class _Reader(GcodeMotion):
         for number in b.misc:
             known |= set(harmless.WITH_FUNCTION.get(number, ""))
         # The tip of a path in a plane has no offset of its centre along the normal.
-        left = [
-            word for word in b.words.left if word not in known and not (word in "IJK" and self._zero_offset(b, word))
-        ]
+        left = [word for word in b.words.left if word not in known and not self._zero(b, word)]
+        for word in set(left) & set(self.options.ignore):
+            left.remove(word)
+            self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
         if left:
             raise StatementError(
                 f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
@@ -181,19 +206,27 @@ class _Reader(GcodeMotion):
                 remedy_ignore(left[0]),
             )
 
-    def _zero_offset(self, b: Block, word: str) -> bool:
-        """I, J or K of 0 on an arc, along the normal of its plane."""
-        return self.motion in (20, 30) and dict.__getitem__(b.words, word) == 0.0
+    def _zero(self, b: Block, word: str) -> bool:
+        """I, J or K of 0 on an arc, along the normal of its plane; a rest or peck of 0 in a cycle without."""
+        letters = "IJK" if self.motion in (20, 30) else "PQ" if self.motion in CYCLES else ""
+        return word in letters and dict.__getitem__(b.words, word) == 0.0
 
     def _called(self, b: Block) -> tuple[str, int] | None:
         """Name and repeats of a subprogram of this file that the block calls; None where it calls none."""
+        own = [word for word in b.long if word in self.subprograms]
+        if (98 in b.misc or own) and any(b.words.get(letter, 0.0) % 1.0 for letter in "PL"):
+            raise StatementError("a call with a number that is not whole", "whole numbers")
         if 98 in b.misc:
             number, times = called(b.words)
             name = f"O{number}"
             b.misc.remove(98)
         elif not b.codes and not b.misc and "L" in b.words and b.words.keys() <= {"L", "P"}:
             name, times = f"L{b.words['L']:g}", int(b.words.get("P", 1.0))
-        elif b.long and (own := [word for word in b.long if word in self.subprograms]):
+            if any(other.startswith("L0") for other in self.subprograms):
+                raise StatementError("subprograms whose names begin with L0", "names that differ in more than zeros")
+        elif own:
+            if b.words.keys() - {"P"} or b.codes or b.misc or len(b.long) > 1:
+                raise StatementError(f"a call of {own[0]} among other words", "the call in a block of its own")
             name, times = own[0], int(b.words.get("P", 1.0))
             b.long.remove(name)
         else:
@@ -238,6 +271,11 @@ class _Reader(GcodeMotion):
             return
         for code in b.codes:
             if code in POLES:
+                if not self.siemens:
+                    raise StatementError(
+                        f"{shown(code)}: a pole (Siemens), a work offset (Haas) or polar interpolation",
+                        "poles in files named .mpf or .spf",
+                    )
                 self.set_pole(code, b)
                 return
             if code in MACHINE:
@@ -249,7 +287,11 @@ class _Reader(GcodeMotion):
         if "SUPA" in b.long:
             self._machine(530, b)
             return
-        if {580, 590} & set(b.codes) and b.words.keys() & set("XYZ") and not {0, 10, 20, 30} & set(b.codes):
+        if (
+            {580, 590} & set(b.codes)
+            and b.words.keys() & set("XYZ")
+            and (self.siemens or not {0, 10, 20, 30} & set(b.codes))
+        ):
             # Siemens' G58 and G59 move the origin by these words; Fanuc's select a work offset and move the tool.
             raise StatementError("G58 or G59 with coordinates", "G0 or G1 in the block, or G54 to G57, TRANS")
         if b.words.keys() & set("UVW"):
@@ -266,7 +308,9 @@ class _Reader(GcodeMotion):
             raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
         for code in tuple(b.codes):
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
-            known = code in REFUSED and not (code in (51, 50) and not b.words.keys() & set("XYZIJ"))
+            # G60 of Siemens is an exact stop; Fanuc's comes from one side.
+            quiet = (code in (50, 51, 600) and not b.words.keys() & set("XYZIJ")) or (code == 600 and self.siemens)
+            known = code in REFUSED and not quiet
             unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:
                 continue
@@ -288,6 +332,7 @@ class _Reader(GcodeMotion):
         elif head in PROGRAMMABLE:
             if stray := sorted(b.words.keys() - set("XYZ")):
                 raise StatementError(f"{', '.join(stray)} with {head}", f"{head} with X, Y, Z")
+            self._moves_origin("TRANS, ROT or CYCLE800")
             self.put_into(programmable(head, b.words, self.scale, self.frame))
             b.words.clear()
         elif head == "MCALL":
@@ -299,6 +344,7 @@ class _Reader(GcodeMotion):
             else:
                 self.drill_here(one)
         elif head == "CYCLE800":
+            self._moves_origin("TRANS, ROT or CYCLE800")
             self.put_into(swivelled(self._arguments(head, rest), self.scale, self.frame))
             self._swivelled(head)
         elif head in ("RET", "M17"):
@@ -307,7 +353,9 @@ class _Reader(GcodeMotion):
         elif head not in harmless.WORDS:
             if self.options.unknown_motion == "error":
                 raise StatementError(
-                    f"{readable(head)} is not read, nor a subprogram in this file", "G0 to G3", remedy_ignore(head)
+                    f"{readable(head)} is not read, nor a subprogram in this file",
+                    "G0 to G3",
+                    WITHOUT if name in REFUSED_WORDS else remedy_ignore(head),
                 )
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
             self.lose(b, readable(head))
@@ -350,11 +398,12 @@ class _Reader(GcodeMotion):
         self.recorder.event(self.line, shown(code), str(b))
         old = self.frame
         if code == 100:
-            # L2 and L20 move the work offset itself: with nothing before them they only say where it is.
-            if b.words.get("L") in (2.0, 20.0) and len(self.recorder):
-                raise StatementError("G10 moves a work offset between moves", "G10 before the first move")
+            # Work offsets and lengths of tools: with nothing before them they only say what the caller knows.
+            if b.words.get("L") not in (12.0, 13.0) and len(self.recorder):
+                raise StatementError("G10 moves offsets between moves", "G10 before the first move")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif code == 520:
+            self._moves_origin("G52")
             here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]
             self.put_into(CoordinateFrame(shift=self.scale * np.array(here)))
         elif code == 920:
@@ -364,18 +413,34 @@ class _Reader(GcodeMotion):
         elif code == 680:
             self.put_into(self._turned(b))
         elif code == 682:
+            self._moves_origin("G68.2")
             self.put_into(tilted(b.words, self.scale))
         elif code == 531:
             self.frame = replace(old, follows=True)
             self._swivelled(shown(code))
-        else:
-            self.put_into(CoordinateFrame(shift=self.unturned) if self.unturned is not None else CoordinateFrame())
-            self.unturned = None
+        elif self.unturned is not None:
+            self.put_into(CoordinateFrame(shift=self.unturned))
+            self.unturned, self.origin_by = None, self.origin_before
+        elif self.origin_by == "G68.2":
+            self.put_into(CoordinateFrame())
+
+    def _moves_origin(self, by: str) -> None:
+        """What moves the origin; controls differ in how two of such words go together."""
+        if not self.frame.plain and self.origin_by != by:
+            raise StatementError(
+                f"{by} while {self.origin_by} moves or turns coordinates", "one of them at a time",
+                "end the other one before, or post with work offsets",
+            )  # fmt: skip
+        self.origin_by = by
 
     def _turned(self, b: Block) -> CoordinateFrame:
         """G68: coordinates turned in the plane. Controls differ in what a second one does."""
+        if not self.absolute:
+            raise StatementError("G68 under G91: its centre and angle may add", "G90 before it")
         if self.unturned is None:
-            self.unturned = self.frame.shift
+            if not (self.frame.turn == np.eye(3)).all():
+                raise StatementError(f"G68 while {self.origin_by} turns coordinates", "G69 before it")
+            self.unturned, self.origin_before, self.origin_by = self.frame.shift, self.origin_by, "G68"
             before = self.frame
         elif not self.options.rotation:
             raise StatementError(
@@ -395,6 +460,8 @@ class _Reader(GcodeMotion):
             )  # fmt: skip
         if not (self.frame.turn == np.eye(3)).all():
             raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it")
+        if self.origin_by != "G52":
+            self._moves_origin("G92")
         if code != 923:
             self.aside = self.frame if code == 922 and not self.frame.plain else self.aside if code == 922 else None
             self.put_into(CoordinateFrame())
@@ -419,8 +486,8 @@ class _Reader(GcodeMotion):
             raise StatementError(
                 "G92 where the tool's place is not known", "G92 behind a move of its axes", "post with work offsets"
             )
-        if not self.frame.plain and not (self.frame.turn == np.eye(3)).all():
-            raise StatementError("G92 in turned coordinates", "G92 behind G69", "post with work offsets")
+        if given:
+            self._moves_origin("G92")
         moved = self.frame.shift.copy()
         for k, value in given.items():
             old = self.here[k]
@@ -429,3 +496,8 @@ class _Reader(GcodeMotion):
             moved[k] += 0.0 if old is None else old - value
             self.here[k] = value
         self.frame = CoordinateFrame(shift=moved)
+
+
+def _code_of(word: str) -> int:
+    """Ten times the number of a G code or M function; -1 for another word."""
+    return round(float(word[1:]) * 10) if re.fullmatch(r"[GM]\d+(\.\d)?", word) else -1

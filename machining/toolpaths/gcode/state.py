@@ -56,11 +56,18 @@ REFUSED = {
     290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
     382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
     511: "mirroring", 650: "a macro call", 660: "a macro call",
+    600: "an approach from one side",
     720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
     870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
     71: "cylindrical interpolation", 161: "polar coordinates", 270: "a move to a place of the machine",
     431: "offsets of the tool", 432: "offsets of the tool",
 }  # fmt: skip
+# Words of Siemens that move the tool or its coordinates, or change its feed, and are not read here.
+REFUSED_WORDS = frozenset((
+    "DIAMON", "DIAM90", "CIP", "CT", "BSPLINE", "ASPLINE", "CSPLINE", "POLY", "INVCW", "INVCCW", "PTP", "PTPG0", "RPL",
+    "ROTS", "AROTS", "CROTS", "SCALE", "ASCALE", "MIRROR", "AMIRROR", "TOROT", "TOFRAME", "PAROT", "TRAANG", "TRANSMIT",
+    "TRACYL", "TRACON", "TOFFON", "CUTMOD", "FLIN", "FCUB", "FGROUP", "EXTCALL", "CALL",
+))  # fmt: skip
 # M codes: calls move the tool as another program says.
 CALLS = (97, 98, 198)
 ENDS = (2, 17, 30, 99)
@@ -94,10 +101,18 @@ def shown(code: int) -> str:
 
 
 KNOWN = frozenset((*SETS, *OWN, *harmless.CODES, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
+# Codes and M functions that are never harmless, whatever the caller says.
+NEEDED = {
+    "G": (KNOWN | REFUSED.keys()) - harmless.CODES.keys(),
+    "M": frozenset(10 * number for number in (*CALLS, *ENDS, *TURNING, 6, 61, 70, 71, 72)),
+}
 
 
 class Modes:
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
+
+    # Whether the file is one of Siemens' controls: some codes and words mean something else there.
+    siemens = False
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         self.options, self.recorder = options, Recorder(path.name, options.max_moves, options.retract)
@@ -131,6 +146,8 @@ class Modes:
         self.inverse_given = False
         self.dirty = True
         self.kept: dict[str, Any] | None = None
+        # What has moved the origin of coordinates.
+        self.origin_by = ""
 
     @property
     def scale(self) -> float:
@@ -368,6 +385,9 @@ class Modes:
         """Take another frame for the coordinates to come; the tool stays where it is."""
         here, old = self.here, self.frame
         self.frame = frame
+        if any(self.pole):
+            # Controls differ in whether a pole that was set moves on with the frame.
+            self.pole = [None, None, None]
         if None not in here:
             self.here = frame.into(old.out(np.array(here, dtype=np.float64))).tolist()
         elif (frame.turn == old.turn).all():

@@ -26,6 +26,8 @@ _TOOL = re.compile(r"\bT\s*=?\s*\"([^\"]{1,80})\"", re.I)
 # Words of several letters with a number, and words that say themselves whether they are absolute.
 _NAMED = re.compile(rf"\b({NAMED})=([-+]?[\d.]+)")
 _OWN = re.compile(r"\b([XYZABCIJK]|AP|RP)=(AC|IC)\(([-+]?[\d.]+)\)")
+# The number of a block stands before all else.
+_LATE_NUMBER = re.compile(r"(?<=.)(?<![A-Z_])N\s*\d")
 # Words that count something, by the parts of one that they may have: G codes have tenths.
 WHOLE = {"G": 10, "M": 1, "T": 1}
 # Words whose brackets are no comment.
@@ -60,7 +62,7 @@ class Block:
     ``deleted``: starts with a slash. ``computes``: text whose numbers are to be worked out first, then :meth:`take`.
     ``macro``: text of what needs a macro interpreter. ``bad``: text that is none of these. ``points``: letters written
     with a decimal point. ``own``: of words that are so by themselves (``X=IC(5)``) whether they are absolute.
-    ``tool``: a tool's name in quotes. ``tape_mark``: % alone, at the beginning and the end.
+    ``tool``: a tool's name in quotes. ``tape_mark``: % alone, at the beginning and the end. ``title``: text behind a %.
     """
 
     words: Words = field(default_factory=Words)
@@ -76,6 +78,7 @@ class Block:
     macro: str = ""
     bad: str = ""
     tape_mark: bool = False
+    title: str = ""
 
     def __str__(self) -> str:
         return " ".join(f"{letter}{value:g}" for letter, value in self.words.items())
@@ -94,6 +97,8 @@ class Block:
 
     def take(self, text: str) -> None:
         """Enter words with plain numbers, in capitals."""
+        if late := _LATE_NUMBER.search(text.lstrip()):
+            self.bad = self.bad or late[0] + " within a block"
         if "=" in text:
             for letter, way, number in _OWN.findall(text):
                 _put(self, letter, number)
@@ -129,7 +134,7 @@ def block(line: str) -> Block:
     if text.startswith("/"):
         out.deleted, text = True, re.sub(r"^/\d?", "", text).strip()
     if not text or text.startswith("%"):
-        out.tape_mark = text == "%"
+        out.tape_mark, out.title = text == "%", text[1:].strip()
         return out
     if "DEF" in text and DECLARES.match(text):
         out.computes = text
