@@ -55,6 +55,23 @@ def _room(start: Array, corner: Array, end: Array, cut: float, word: str) -> Non
         raise StatementError(f"a {word} too large for its lines", "a radius or length that both lines have room for")
 
 
+def through_point(start: Array, on_way: Array, end: Array) -> tuple[Array, bool]:
+    """Centre (3,) m in the plane X Y of the arc from ``start`` by way of a point to ``end``; whether it is clockwise.
+
+    Raises
+    ------
+    StatementError
+        Points in a line, or two that are one.
+    """
+    (a, b), (c, d) = (on_way - start)[:2], (end - start)[:2]
+    bend = a * d - b * c
+    if abs(bend) < 1e-9 * (np.hypot(a, b) + np.hypot(c, d)):
+        raise StatementError("an arc through points in a line", "three points that bend")
+    p, q, out = a * a + b * b, c * c + d * d, start.copy()
+    out[:2] += np.array([p * d - q * b, q * a - p * c]) / (2.0 * bend)
+    return out, bend < 0.0
+
+
 def tangent_arc(start: Array, end: Array, along: Array) -> tuple[Array, bool]:
     """Centre (3,) m in the plane X Y of the arc that leaves ``start`` along a direction, and whether it is clockwise.
 

@@ -127,14 +127,17 @@ def swivelled(given: Sequence[float], scale: float, before: CoordinateFrame) -> 
     return before.then(new) if kind == ADDED else new
 
 
-def programmable(word: str, words: Mapping[str, float], scale: float, before: CoordinateFrame) -> CoordinateFrame:
+def programmable(
+    word: str, words: Mapping[str, float], scale: float, before: CoordinateFrame, normal: int
+) -> CoordinateFrame:
     """TRANS, ROT of Siemens, and ATRANS, AROT that add to the frame in force; without axes none is left.
 
-    Several angles of one ROT turn about z, then the new y, then the new x.
+    Several angles of one ROT turn about z, then the new y, then the new x; RPL turns in the plane with this ``normal``.
     """
     axes = [words.get(letter, 0.0) for letter in "XYZ"]
     if word.endswith("TRANS"):
         new = CoordinateFrame(shift=scale * np.array(axes))
     else:
+        axes[normal] += words.get("RPL", 0.0)
         new = CoordinateFrame(turned("zyx", axes[::-1]))
     return before.then(new) if word.startswith("A") else new

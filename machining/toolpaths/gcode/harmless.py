@@ -51,7 +51,6 @@ WITH_FUNCTION: Mapping[int, str] = {
 }  # fmt: skip
 # Words of Siemens without a number.
 WORDS: Mapping[str, str] = {
-    "DIAMOF": "X is a radius, as everywhere here",
     **dict.fromkeys(("CFIN", "CFTCP", "CFC"), COMPENSATION),
     **dict.fromkeys(("KONT", "NORM", "KONTC", "KONTT", "CUT2D", "CUT2DF", "CUT3DC", "CUT3DF", "CUT3DFF", "CUT3DFS",
                      "CDON", "CDOF", "CDOF2", "TOFFOF"), COMPENSATION),

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.corners import chamfered, rounded
+from machining.toolpaths.corners import chamfered, rounded, tangent_arc, through_point
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
+from machining.toolpaths.gcode.frames import CoordinateFrame
 from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
@@ -27,13 +28,18 @@ MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
 
 # Arcs that turn by less, rad, are full turns.
 FULL_TURN = 1e-6
+# Arcs of Siemens by a point on the way, and along the direction of the move before.
+VIA = {"CIP": -1, "CT": -2}
 # Words that round or chamfer the corner at the end of a line: of Fanuc, and of Siemens.
 CORNERS = (",R", ",C", "RND", "CHF", "CHR")
 
 
 @dataclass(frozen=True, eq=False)
 class Corner:
-    """A corner to be cut: the word, its size m, where its line begins (3,) m, line of the file, moves by then."""
+    """A corner to be cut: the word, its size m, where its line begins (3,) m, line of the file, moves by then.
+
+    ``modes``: plane, frame and work offset of its line. ``feed``: that of the cut, NaN for that of its line.
+    """
 
     word: str
     size: float
@@ -41,6 +47,8 @@ class Corner:
     line: int
     moves: int
     axis: Vector
+    modes: tuple[object, ...]
+    feed: float
 
 
 class GcodeMotion(Modes):
@@ -50,6 +58,10 @@ class GcodeMotion(Modes):
     # The corner that the last line ends at, to be cut off once the next line is known; radius of RNDM, m.
     open_corner: Corner | None = None
     every_corner = 0.0
+    # Feed of corners (FRCM); moves made when the last move ended polar, and when it left along a direction (3,).
+    corner_feed = math.nan
+    polar_at = -1
+    along: tuple[int, CoordinateFrame, Array] | None = None
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -72,8 +84,9 @@ class GcodeMotion(Modes):
         if self.motion == 10:
             self._feed_to(b, point)
         else:
-            self._arc(b, point, before)
+            point = self._arc(b, point, before)
         self.here = list(point)
+        self.polar_at = len(self.recorder) if b.words.keys() & {"AP", "RP"} else -1
 
     def _feed_to(self, b: Block, point: Vector) -> None:
         start = self._cut_corner(np.array(self.here, dtype=np.float64), np.array(point))
@@ -82,9 +95,8 @@ class GcodeMotion(Modes):
         else:
             self.commit(float(np.linalg.norm(start - point)))
             self.recorder.move(self.line, self.shifted(point), self.axis, False)
+        self.along = len(self.recorder), self.frame, np.array(point) - start
         asked = {word: b.words[word] * self.scale for word in CORNERS if word in b.words}
-        if "RNDM" in b.words:
-            self.every_corner = b.words["RNDM"] * self.scale
         if self.every_corner and not asked:
             asked = {"RNDM": self.every_corner}
         if len(asked) > 1:
@@ -92,14 +104,26 @@ class GcodeMotion(Modes):
         for word, size in asked.items():
             if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
                 raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
-            self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis)
+            feed = b.words.get("FRC", self.corner_feed)
+            if feed <= 0.0:
+                raise StatementError(f"FRC of {feed:g}", "more than 0")
+            modes = self.plane, self.frame, self.offset
+            self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis, modes, feed)
+
+    def modes_of_corners(self, b: Block) -> None:
+        """RNDM and FRCM: the corners to come are rounded, and cut at this feed."""
+        if "RNDM" in b.words:
+            self.every_corner = b.words["RNDM"] * self.scale
+        if "FRCM" in b.words:
+            self.corner_feed = b.words["FRCM"] or math.nan
 
     def _cut_corner(self, corner: Array, end: Array) -> Array:
         """Round or chamfer the corner (3,) m that the line to ``end`` begins at; returns where that begins then."""
         c, self.open_corner = self.open_corner, None
         if c is None:
             return corner
-        if c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
+        same = all(a is b or a == b for a, b in zip(c.modes, (self.plane, self.frame, self.offset), strict=True))
+        if not same or c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
             raise StatementError(f"{c.word} between lines that do not follow each other in one plane", "two lines")
         p = list(PLANES[self.plane])
         A, P, B = (each[p] for each in (c.start, corner, end))
@@ -115,6 +139,11 @@ class GcodeMotion(Modes):
             )  # fmt: skip
         back = np.argsort(p)
         self.recorder.shorten(self.shifted(tuple(first[back].tolist())))
+        feed = self.feed
+        if not math.isnan(c.feed):
+            self.feed, self.dirty = c.feed, True
+            self.commit(math.nan)
+            self.feed, self.dirty = feed, True
         for point in points[:, back]:
             self.recorder.move(c.line, self.shifted(tuple(point.tolist())), self.axis, False)
         return np.asarray(last[back])
@@ -123,8 +152,9 @@ class GcodeMotion(Modes):
         """Refuse a corner to be cut where no line follows."""
         c = self.open_corner
         if c is not None and c.line != self.line and not b.empty:
-            self.open_corner = None
-            if c.word != "RNDM" or self.motion in (20, 30):
+            # A block without a move between two lines: controls may round the corner, or may not.
+            self.open_corner = replace(c, modes=(None,) * 3) if c.moves == len(self.recorder) else None
+            if c.word != "RNDM" or self.motion in (20, 30, *VIA.values()):
                 raise StatementError(f"{c.word} in line {c.line} without a line behind it", "two lines at feed")
 
     def _axis_of_plane(self) -> Vector:
@@ -153,21 +183,23 @@ class GcodeMotion(Modes):
         out[first], out[second] = u + way * math.cos(angle), v + way * math.sin(angle)
         return out
 
-    def _polar(self, b: Block, pole: list[float | None] | None = None) -> list[float | None]:
+    def _polar(self, b: Block) -> list[float | None]:
         """AP, RP about the pole: angle and radius; the one that is left out stays."""
         first, second, normal = PLANES[self.plane]
-        pole, out = pole or self.pole, list(self.here)
+        pole, out = self.pole, list(self.here)
         letters = "XYZ"[first], "XYZ"[second]
-        if self.motion in (20, 30) or b.words.keys() & set(letters) or None in (pole[first], pole[second]):
-            raise StatementError("polar coordinates of an arc, or with others", "AP and RP of a line")
+        if b.words.keys() & {*letters, *"IJKR", "AR"} or None in (pole[first], pole[second]):
+            raise StatementError("polar coordinates with others, or while the pole is not known", "AP and RP alone")
         u, v = ((out[i] or 0.0) - (pole[i] or 0.0) for i in (first, second))
         if (out[first] is None or out[second] is None) and not b.words.keys() >= {"AP", "RP"}:
             raise StatementError("polar coordinates while the tool's place is not known", "AP and RP")
         radius, angle = math.hypot(u, v), math.degrees(math.atan2(v, u))
-        if not b.own.get("AP", True) or not b.own.get("RP", True) or not self.absolute:
-            raise StatementError("polar coordinates that add", "absolute ones (G90)")
-        radius = b.words["RP"] * self.scale if "RP" in b.words else radius
-        angle = math.radians(b.words.get("AP", angle))
+        adds = {word: not b.own.get(word, True) for word in ("AP", "RP")}
+        if not self.absolute or (any(adds.values()) and self.polar_at != len(self.recorder)):
+            raise StatementError("polar coordinates that add", "absolute ones (G90), or IC behind a polar move")
+        if "RP" in b.words:
+            radius = b.words["RP"] * self.scale + radius * adds["RP"]
+        angle = math.radians(b.words["AP"] + angle * adds["AP"] if "AP" in b.words else angle)
         out[first] = (pole[first] or 0.0) + radius * math.cos(angle)
         out[second] = (pole[second] or 0.0) + radius * math.sin(angle)
         out[normal] = self.target(b)[normal]
@@ -175,6 +207,8 @@ class GcodeMotion(Modes):
 
     def set_pole(self, code: int, b: Block) -> None:
         """G110, G111, G112: pole by its coordinates from the last place, the origin or the last pole (Siemens)."""
+        if self.diameter:
+            raise StatementError(f"a pole under {self.diameter}", "DIAMOF before it")
         origins: dict[int, list[float | None]] = {1100: self.here, 1110: [0.0, 0.0, 0.0], 1120: self.pole}
         if b.words.keys() & {"AP", "RP"} or not b.words.keys() & set("XYZ"):
             raise StatementError("a pole by polar coordinates, or polar interpolation", "G110 to G112 with X, Y, Z")
@@ -215,23 +249,36 @@ class GcodeMotion(Modes):
             )
         return x, y, z
 
-    def _arc(self, b: Block, end: Vector, before: Vector) -> None:
+    def _arc(self, b: Block, end: Vector, before: Vector) -> Vector:
+        """An arc; returns where it ends."""
         start = np.array(self._known(self.here))
         self.here = list(end)
         clockwise = self.motion == 20
-        if "AR" in b.words:
-            self._opening(b, start, np.array(end))
-        middle = center(
-            b,
-            start,
-            np.array(end),
-            self.plane,
-            clockwise,
-            scale=self.scale,
-            absolute=self.arc_absolute,
-            slack=self.options.arc_tolerance,
-        )
+        if self.diameter:
+            raise StatementError(f"an arc under {self.diameter}", "DIAMOF before it")
         first, second, along = PLANES[self.plane]
+        centred = bool(b.words.keys() & set("IJK"))
+        if "AR" in b.words and not centred:
+            self._opening(b, start, np.array(end))
+        if b.words.keys() & {"AP", "RP"}:
+            middle = start.copy()
+            middle[[first, second]] = self.pole[first], self.pole[second]
+        elif self.motion in VIA.values():
+            middle, clockwise = self._via(b, start, np.array(end))
+        else:
+            middle = center(
+                b,
+                start,
+                np.array(end),
+                self.plane,
+                clockwise,
+                scale=self.scale,
+                absolute=self.arc_absolute,
+                slack=self.options.arc_tolerance,
+            )
+        if "AR" in b.words and centred:
+            end = self._turned_end(b, start, middle, clockwise)
+            self.here = list(end)
         normal = np.zeros(3)
         normal[along] = -1.0 if clockwise else 1.0
         apart = math.hypot(end[first] - start[first], end[second] - start[second])
@@ -267,14 +314,45 @@ class GcodeMotion(Modes):
             raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
         points = self.in_part(self.frame.out(points) + self.shift)
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
+        self.along = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
+        return end
+
+    def _via(self, b: Block, start: Array, end: Array) -> tuple[Array, bool]:
+        """Centre (3,) m of CIP or CT in the plane, and whether the arc is clockwise."""
+        u, v, w = PLANES[self.plane]
+        if start[w] != end[w] or (self.motion == VIA["CIP"] and (not self.absolute or self.plane != 170)):
+            raise StatementError("CIP or CT out of the plane, or CIP under G91", "arcs in the plane, CIP in G17, G90")
+        p, out = [u, v, w], start.copy()
+        if self.motion == VIA["CIP"]:
+            if not b.words.keys() >= {"I1", "J1"}:
+                raise StatementError("CIP without the point on its way", "I1 and J1")
+            on_way = np.array([b.words["I1"] * self.scale, b.words["J1"] * self.scale, start[w]])
+            middle, clockwise = through_point(start, on_way, end)
+        else:
+            if self.along is None or self.along[0] != len(self.recorder) or self.along[1] is not self.frame:
+                raise StatementError("CT without a move at feed before it", "G1 to G3 before it")
+            middle, clockwise = tangent_arc(start[p], end[p], self.along[2][p])
+        out[p] = middle
+        return out, clockwise
+
+    def _turned_end(self, b: Block, start: Array, middle: Array, clockwise: bool) -> Vector:
+        """Where an arc about ``middle`` (3,) m ends that opens by AR."""
+        angle = b.words["AR"]
+        if not 0.0 < angle < 360.0 or b.words.keys() & {*"XYZR"}:
+            raise StatementError("AR with a centre and an end, or out of range", "above 0, below 360, one of both")
+        u, v, _ = PLANES[self.plane]
+        turn = math.radians(-angle if clockwise else angle)
+        x, y = (start - middle)[[u, v]]
+        out = start.copy()
+        out[u] = middle[u] + math.cos(turn) * x - math.sin(turn) * y
+        out[v] = middle[v] + math.sin(turn) * x + math.cos(turn) * y
+        return out[0], out[1], out[2]
 
     def _opening(self, b: Block, start: Array, end: Array) -> None:
         """AR, the angle that an arc opens by, with its end: as the radius that it gives."""
         angle = b.words["AR"]
         if not 0.0 < angle < 360.0 or b.words.keys() & set("IJKR"):
-            raise StatementError(
-                "AR with a centre, or out of range", "AR above 0 and below 360 with the end of the arc"
-            )
+            raise StatementError("AR out of range, or with R", "AR above 0 and below 360")
         half = math.radians(angle) / 2.0
         radius = float(np.linalg.norm((end - start)[list(PLANES[self.plane][:2])])) / 2.0 / math.sin(half) / self.scale
         dict.__setitem__(b.words, "R", radius if angle <= 180.0 else -radius)

@@ -13,7 +13,7 @@ import numpy as np
 from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
-from machining.toolpaths.gcode.motion import MOVING, GcodeMotion
+from machining.toolpaths.gcode.motion import MOVING, VIA, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import (
     CALLS,
@@ -76,7 +76,20 @@ POLES = (1100, 1110, 1120)
 MACHINE = (280, 300, 530, 1530)
 REMEDY_END = "give each program in a file of its own, and end the file with it"
 # Words that are never harmless, whatever the caller says.
-NEVER = REFUSED_WORDS | {*PROGRAMMABLE, *DRILLS, "TRAORI", "TRAFOOF", "MCALL", "CYCLE800", "RET", "SUPA"}
+NEVER = REFUSED_WORDS | {
+    *VIA,
+    "DIAMON",
+    "DIAM90",
+    "DIAMOF",
+    *PROGRAMMABLE,
+    *DRILLS,
+    "TRAORI",
+    "TRAFOOF",
+    "MCALL",
+    "CYCLE800",
+    "RET",
+    "SUPA",
+}
 # What to do about motion that is not read.
 WITHOUT = (
     "post the program without it, or go on without this motion: --read unknown_motion=report "
@@ -154,6 +167,7 @@ class _Reader(GcodeMotion):
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         # M99 and M17 end a subprogram, not the program.
+        self.modes_of_corners(b)
         self.over = self.over or any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
         self._all_used(b)
@@ -330,10 +344,11 @@ class _Reader(GcodeMotion):
         if head in ("TRAORI", "TRAFOOF"):
             self.tcp = head == "TRAORI"
         elif head in PROGRAMMABLE:
-            if stray := sorted(b.words.keys() - set("XYZ")):
+            plane_alone = b.words.keys() == {"RPL"} and head.endswith("ROT")
+            if (stray := sorted(b.words.keys() - set("XYZ"))) and not plane_alone:
                 raise StatementError(f"{', '.join(stray)} with {head}", f"{head} with X, Y, Z")
             self._moves_origin("TRANS, ROT or CYCLE800")
-            self.put_into(programmable(head, b.words, self.scale, self.frame))
+            self.put_into(programmable(head, b.words, self.scale, self.frame, PLANES[self.plane][2]))
             b.words.clear()
         elif head == "MCALL":
             self.modal_cycle = None
@@ -347,6 +362,12 @@ class _Reader(GcodeMotion):
             self._moves_origin("TRANS, ROT or CYCLE800")
             self.put_into(swivelled(self._arguments(head, rest), self.scale, self.frame))
             self._swivelled(head)
+        elif head in ("DIAMON", "DIAM90", "DIAMOF"):
+            self.diameter = head.replace("DIAMOF", "")
+        elif head in VIA:
+            if set(GROUPS[0]) & set(b.codes):
+                raise StatementError(f"{head} beside another kind of motion", "one of them")
+            self.motion = VIA[head]
         elif head in ("RET", "M17"):
             if not self.depth:
                 self.over = True
@@ -426,6 +447,8 @@ class _Reader(GcodeMotion):
 
     def _moves_origin(self, by: str) -> None:
         """What moves the origin; controls differ in how two of such words go together."""
+        if self.diameter:
+            raise StatementError(f"{by} under {self.diameter}", "DIAMOF before it")
         if not self.frame.plain and self.origin_by != by:
             raise StatementError(
                 f"{by} while {self.origin_by} moves or turns coordinates", "one of them at a time",

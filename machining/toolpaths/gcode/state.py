@@ -64,7 +64,7 @@ REFUSED = {
 }  # fmt: skip
 # Words of Siemens that move the tool or its coordinates, or change its feed, and are not read here.
 REFUSED_WORDS = frozenset((
-    "DIAMON", "DIAM90", "CIP", "CT", "BSPLINE", "ASPLINE", "CSPLINE", "POLY", "INVCW", "INVCCW", "PTP", "PTPG0", "RPL",
+    "BSPLINE", "ASPLINE", "CSPLINE", "POLY", "INVCW", "INVCCW", "PTP", "PTPG0",
     "ROTS", "AROTS", "CROTS", "SCALE", "ASCALE", "MIRROR", "AMIRROR", "TOROT", "TOFRAME", "PAROT", "TRAANG", "TRANSMIT",
     "TRACYL", "TRACON", "TOFFON", "CUTMOD", "FLIN", "FCUB", "FGROUP", "EXTCALL", "CALL",
 ))  # fmt: skip
@@ -148,6 +148,8 @@ class Modes:
         self.kept: dict[str, Any] | None = None
         # What has moved the origin of coordinates.
         self.origin_by = ""
+        # DIAMON, DIAM90 or none: X is a diameter, or where it is absolute.
+        self.diameter = ""
 
     @property
     def scale(self) -> float:
@@ -326,7 +328,10 @@ class Modes:
         for i, letter in enumerate("XYZ"):
             if letter in b.words:
                 value, old = b.words[letter] * self.scale, out[i]
-                if b.own.get(letter, self.absolute):
+                absolute = b.own.get(letter, self.absolute)
+                if i == 0 and (self.diameter == "DIAMON" or (self.diameter == "DIAM90" and absolute)):
+                    value /= 2.0
+                if absolute:
                     out[i] = value
                 else:
                     out[i] = None if old is None else old + value

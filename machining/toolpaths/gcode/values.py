@@ -16,7 +16,7 @@ from machining.magnitudes import LARGEST
 from machining.toolpaths.recorder import StatementError
 
 # Words of Siemens of several letters that take a number.
-NAMED = "CR|TURN|AR|AP|RP|ANG|RND|RNDM|CHF|CHR|ADIS|ADISPOS|CTOL|OTOL|ATOL|[ABC]3|[SM][1-9]"
+NAMED = "CR|TURN|AR|AP|RP|ANG|RND|RNDM|CHF|CHR|FRC|FRCM|RPL|I1|J1|ADIS|ADISPOS|CTOL|OTOL|ATOL|[ABC]3|[SM][1-9]"
 _FUNCTION = r"(?:ASIN|ACOS|ATAN2|ATAN|SIN|COS|TAN|SQRT|ABS|EXP|LN|ROUND|FIX|FUP|TRUNC|POT|EXISTS|AC|IC)(?=\s*[\[(])"
 # Letters may stand close: X, then SIN[30]. Words of three letters and more are Siemens'.
 _TOKEN = re.compile(
