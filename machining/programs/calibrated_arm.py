@@ -22,7 +22,6 @@ from machining.cutting.surface_error import cutting_deflection
 from machining.programs.compensation import Acting, milling_force
 from machining.programs.posting import Posted
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.ramping import ramped
 from robots import InputError, Robot, forward_kinematics, jacobian
 from robots.arrays import Array
 from robots.frames import framed

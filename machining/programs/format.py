@@ -16,6 +16,7 @@ import numpy as np
 
 from machining.cell import Cell
 from machining.cell.schema import CommandsTable, Strict
+from machining.programs.actions import FIGURES
 from machining.programs.happenings import Undefined
 from machining.programs.job import Kind
 from machining.programs.program import JointProgram, frame_distance
@@ -147,7 +148,7 @@ class Format(ABC):
 
     def check_commands(self, table: CommandsTable) -> None:
         """Refuse outputs, inputs and routines of a cell file that this controller does not have."""
-        for key, given in table.model_dump(exclude={"spindle_full_rpm", "tool_change"}).items():
+        for key, given in table.model_dump(exclude={*FIGURES, "tool_change"}).items():
             if given is None or self.terminals == "any":
                 continue
             fits, allowed = isinstance(given, str), "a name"

@@ -10,15 +10,16 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from machining.cell import Cell
 from machining.cell.schema import Strict
 from machining.programs import languages
+from machining.programs.controller import Controller
 from machining.programs.format import Format, Neutral, RoundTrip, Written
 from machining.programs.job import Kind, external_count
-from machining.programs.neutral import SCHEMA
 from machining.programs.program import JointProgram
+from machining.programs.replay import held_against, replayed
 from machining.programs.write_options import NAME_KEYS, WriteOptions
 from robots import InputError, Robot, require_one_of
 from robots.files.reading import parse_json, parse_toml, read_text
@@ -30,6 +31,10 @@ _FOUND: list[Format] = [
 ]
 # Those of controllers first, each by its name.
 FORMATS: dict[str, Format] = {f.name: f for f in sorted(_FOUND, key=lambda f: (f.neutral, f.name))}
+# Main files of controllers' programs, by their endings.
+CONTROLLERS: dict[str, Controller] = {
+    PurePath(f"x{f.grammar.main}").suffix.lower(): f for f in FORMATS.values() if isinstance(f, Controller)
+}
 # What a verification reads, by the ending of the file.
 NEUTRAL: dict[str, Neutral] = {f".{f.name}": f for f in FORMATS.values() if isinstance(f, Neutral)}
 
@@ -87,23 +92,37 @@ def round_trip(
 LARGEST = 2**30
 
 
-def read_program(path: Path, robot: Robot, cell: Cell) -> JointProgram:
-    """A neutral program for the robot and cell that it was written for.
+def read_program(
+    path: Path, robot: Robot, cell: Cell, options: WriteOptions | None = None, against: Path | None = None
+) -> JointProgram:
+    """A program for the robot and cell that it was written for: a neutral one, or the main file of a controller's.
+
+    ``against``: the neutral program that a controller's is held against; see :mod:`machining.programs.replay`.
 
     Raises
     ------
     InputError
-        Another kind of file, and what the readers refuse.
+        Another kind of file, what the readers refuse, and ``against`` beside a neutral program.
     """
     kind = path.suffix.lower()
-    if kind not in NEUTRAL:
+    if kind in NEUTRAL and against is None:
+        return NEUTRAL[kind].program(read_text(path, "program", most=LARGEST), robot, cell, path.name)
+    language = CONTROLLERS.get(kind)
+    if language is None:
         raise InputError(
             f"program {path.name}",
             value=kind or "no ending",
-            allowed=f"{' or '.join(NEUTRAL)}, {SCHEMA}",
-            remedy="write the program with `stiffarm post` in one of these formats; controllers' own are not replayed",
+            allowed=f"{' or '.join(CONTROLLERS if kind in NEUTRAL else [*NEUTRAL, *CONTROLLERS])}",
+            remedy="give a program that `stiffarm post` wrote, its main file where it has several",
         )
-    return NEUTRAL[kind].program(read_text(path, "program", most=LARGEST), robot, cell, path.name)
+    options, stem = options or WriteOptions(), path.stem.lower()
+    others = sorted(path.parent.iterdir()) if path.is_file() else []
+    mine = [file for file in others if file != path and (kind == ".pgx" or file.stem.lower().startswith(f"{stem}_"))]
+    files = {file.name: read_text(file, "program", most=LARGEST) for file in (path, *mine) if file.is_file()}
+    found = replayed(language, files, robot, cell, options, path.name)
+    if against is None:
+        return found
+    return held_against(found, read_program(against, robot, cell), language, files, options)
 
 
 def read_options(path: str | Path) -> WriteOptions:

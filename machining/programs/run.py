@@ -123,6 +123,10 @@ def run_post(
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         FORMATS[target.name].check(model.robot, externals, request.options)
         FORMATS[target.name].check_commands(cell.commands)
+    compensated = request.cut is not None or request.payload is not None
+    words = {word for target in request.targets for word in FORMATS[target.name].words}
+    options = request.options.named(request.motions.source, "_c" if compensated else "", words)
+    request = replace(request, options=options)
     # Controllers compute with the arm as designed.
     real, model = model, model.as_designed
     flexible, model = _with_some_springs(model, request.settings)
