@@ -6,6 +6,7 @@ words that names must avoid, and its limits. To add one, add a module there with
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -44,6 +45,11 @@ class ProgramFile:
         """Write it piece by piece, whole or not at all."""
         with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
             file.writelines(self.pieces())
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a file's text."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,15 +10,16 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 from machining.cell import Cell
 from machining.cell.schema import Strict
 from machining.programs import languages
 from machining.programs.controller import Controller
-from machining.programs.format import Format, Neutral, RoundTrip, Written
+from machining.programs.format import Format, Neutral, RoundTrip, Written, digest
 from machining.programs.job import Kind, external_count
-from machining.programs.program import JointProgram
+from machining.programs.program import Fault, JointProgram
 from machining.programs.replay import held_against, replayed
 from machining.programs.write_options import NAME_KEYS, WriteOptions
 from robots import InputError, Robot, require_one_of
@@ -120,9 +121,31 @@ def read_program(
     mine = [file for file in others if file != path and (kind == ".pgx" or file.stem.lower().startswith(f"{stem}_"))]
     files = {file.name: read_text(file, "program", most=LARGEST) for file in (path, *mine) if file.is_file()}
     found = replayed(language, files, robot, cell, options, path.name)
+    edited = tuple(Fault(0, f"{name} was changed after it was posted") for name in changed_since(path))
+    found = replace(found, faults=(*found.faults, *edited))
     if against is None:
         return found
     return held_against(found, read_program(against, robot, cell), language, files, options)
+
+
+def neutral_twin(program: Path) -> Path | None:
+    """The neutral program that ``post`` wrote in the same run as a controller's; None where there is none."""
+    folder = program.resolve().parent.parent / "json"
+    found = sorted(folder.glob("*.json")) if program.suffix.lower() in CONTROLLERS else []
+    return found[0] if len(found) == 1 else None
+
+
+def changed_since(program: Path) -> tuple[str, ...]:
+    """Files of a program that are not as ``post`` wrote them, by the checksums in its ``post.json``."""
+    record, folder = program.resolve().parent.parent / "post.json", program.resolve().parent
+    if not record.is_file():
+        return ()
+    said = parse_json(read_text(record, "post.json", most=LARGEST), "post.json")
+    mine = said.get("programs", {}).get(folder.name, {}).get("sha256", {}) if isinstance(said, dict) else {}
+    files = {name: folder / name for name in mine} if program.name in mine else {}
+    return tuple(
+        name for name, file in files.items() if not file.is_file() or digest(file.read_text("utf-8")) != mine[name]
+    )
 
 
 def read_options(path: str | Path) -> WriteOptions:

@@ -14,6 +14,8 @@ from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Integers, finite, in_blocks
 from robots.frames import inverse
 
+# The branch's name in programs that a controller's file alone says.
+REPLAYED = "as the file says"
 # Joint angles (rad) that are those of home but for the decimals of a file.
 HOME = 1e-6
 # Poses whose frames are held at once.

@@ -16,7 +16,8 @@ from machining.cell.schema import CommandsTable
 from machining.programs.actions import ON_OFF, Action, run_up
 from machining.programs.controller import Controller
 from machining.programs.convention import Convention
-from machining.programs.program import Fault, JointProgram, tool_in_part
+from machining.programs.job import Kind
+from machining.programs.program import REPLAYED, Fault, JointProgram, tool_in_part
 from machining.programs.read_back import ReadMoves, collected
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event, Motions, Tool
@@ -79,7 +80,7 @@ def replayed(
         for move in _not_waited(found.actions, cell.commands, motions.cutting)
     )
     return JointProgram(
-        robot, cell, motions, T, q, travel, table, np.zeros(n), zeros, ("as the file says",), zeros > 0, faults=faults
+        robot, cell, motions, T, q, travel, table, np.zeros(n), zeros, (REPLAYED,), zeros > 0, faults=faults
     )
 
 
@@ -96,12 +97,11 @@ def held_against(
     if program.n != written.n:
         raise InputError(
             f"{program.motions.source} beside {written.motions.source}", value=f"{program.n} moves",
-            allowed=f"{written.n}, as in the neutral program", remedy="post the tool path again, or give the right file",
+            allowed=f"{written.n}, as in the neutral program", remedy="give the neutral program of the same run",
         )  # fmt: skip
     found = collected(language.read(files, written.cell, options))
-    wrong = language.round_trip(written, files, "joint" if found.kind == "joint" else "cartesian", options).difference(
-        SAME_PLACE
-    )
+    kind: Kind = "joint" if found.kind == "joint" else "cartesian"
+    wrong = language.round_trip(written, files, kind, options).difference(SAME_PLACE)
     faults = program.faults
     if wrong is not None:
         away = np.linalg.norm(program.T_part_tool[:, :3, 3] - written.T_part_tool[:, :3, 3], axis=1)

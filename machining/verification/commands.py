@@ -22,7 +22,7 @@ def has_commands(motions: Motions) -> bool:
 
 
 def command_offences(reported: Reported) -> Iterator[Offence]:
-    """Faults of the file, commands that are missing, cuts with the spindle at rest, tools changed in a turning spindle, and the end."""
+    """Faults of the file, missing commands, cuts with the spindle at rest, tools changed as it turns, and the end."""
     motions = reported.courses.program.motions
     for fault in reported.courses.program.faults:
         kind = Kind.OTHER_POINT if fault.place else Kind.COMMAND

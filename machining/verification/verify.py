@@ -10,7 +10,8 @@ import numpy as np
 
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
-from machining.programs.program import JointProgram
+from machining.programs.actions import run_up
+from machining.programs.program import REPLAYED, JointProgram
 from machining.tooling import tools_of
 from machining.verification.commands import command_offences, has_commands
 from machining.verification.courses import Courses, MovingAxes, courses_of
@@ -233,6 +234,19 @@ def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) 
         (weak, f"Accelerations of {', '.join(weak)}: the cell gives no limits."),
         (no_feed, f"Speeds and accelerations at {no_feed} cutting moves: they have no feed."),
         (no_time, f"Time of {no_time} moves, so that of the program."),
+        (
+            not courses.program.at_home[:1].all(),
+            "The way to the first point and from the last: the cell file has no home in [moves].",
+        ),
+        (
+            any(event.kind == "spindle" for event in motions.events) and not run_up(cell.commands),
+            "Whether the spindle is up to speed as a cut begins: the cell file has no spindle_ready and no "
+            "spindle_dwell_s.",
+        ),
+        (
+            courses.program.names == (REPLAYED,),
+            "Whether the program is that of its tool path: no neutral program was there to hold it against.",
+        ),
         (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
         (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
         (bare, "Collisions of the tool: the cell gives no bodies of it."),

@@ -60,6 +60,7 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "programs": {
             target.folder: {
                 "files": [file.name for file in run.written[target].files],
+                "sha256": run.digests.get(target, {}),
                 "off_path_um": number(trip.tip * 1e6),
                 "off_path_urad": number(trip.turned * 1e6),
                 "notes": list(run.written[target].notes),

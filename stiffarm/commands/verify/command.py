@@ -9,7 +9,8 @@ import numpy as np
 import typer
 
 from machining.cell import arm_of
-from machining.programs.formats import read_program
+from machining.programs.formats import CONTROLLERS, neutral_twin, read_options, read_program
+from machining.programs.write_options import WriteOptions
 from machining.verification import Demands, Verification, verify
 from machining.verification.offences import ORDER
 from robots import content_hash
@@ -33,7 +34,11 @@ SHOWN = 12
 def verify_command(
     model: ModelArg,
     program: Annotated[
-        Path, typer.Argument(metavar="PROGRAM", help="Neutral program (JSON or CSV) written by `stiffarm post`.")
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="Program written by `stiffarm post`: JSON or CSV, or the main file of a controller's.",
+        ),
     ],
     cell: CellOpt = None,
     tool: ToolOpt = None,
@@ -72,6 +77,19 @@ def verify_command(
     jump: Annotated[
         float, typer.Option("--jump", metavar="DEG", help="Largest joint step without tool motion, in deg.")
     ] = 20.0,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            "--against",
+            metavar="JSON",
+            help="The neutral program of the same run, which a controller's program must agree with. "
+            "Default: that in the folder json beside the program's folder.",
+        ),
+    ] = None,
+    options: Annotated[
+        Path | None,
+        typer.Option("--options", help="Options that a controller's program was written with (TOML or JSON)."),
+    ] = None,
     sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
@@ -97,10 +115,14 @@ def verify_command(
         description = frame.model(model, sets=sets).description if sets else described(model)
         # Programs are the controller's, which computes with the arm as designed.
         arm = arm_of(model, designed(description))
-        expect(program, PROGRAM, model=model)
-        checked = read_program(program, arm.robot, read_cell_or_frames(arm.robot, cell, tool, part))
+        if program.suffix.lower() not in CONTROLLERS:
+            expect(program, PROGRAM, model=model)
+        where = read_cell_or_frames(arm.robot, cell, tool, part)
+        told = WriteOptions() if options is None else read_options(options)
+        beside = against or neutral_twin(program)
+        checked = read_program(program, arm.robot, where, told, beside)
         frame.files |= {"model": content_hash(description), "program": program}
-        frame.reads(cell=cell)
+        frame.reads(cell=cell, options=options, against=beside)
         with frame.folder_if() as folder:
             with progress("moves checked") as bar:
                 found = verify(checked, arm, demands, progress=bar)
