@@ -56,7 +56,7 @@ COMMANDS: dict[str, str] = {
     "--out {placement}",
     "post": "post {twists}/model.toml WING/wing.cls --cell WING/cell.toml --placement {placement}/placement.json "
     "--format val3,json --out {program}",
-    "verify": "verify {twists}/model.toml {program}/json/part.json --cell WING/cell.toml --out {verified}",
+    "verify": "verify {twists}/model.toml {program}/json/wing.json --cell WING/cell.toml --out {verified}",
     "run": "run xr701 --points 6 --out {run}",
 }
 

@@ -148,7 +148,8 @@ class ToolData:
         """Its mass (kg), centre (mm) and moments of inertia (kg m^2) for a comment; "" where they are not known."""
         if self.load is None:
             return ""
-        centre, inertia = (" ".join(f"{v:.6g}" for v in row) for row in (self.load.T[:3, 3] * 1e3, self.load.inertia))
+        rows = np.round(self.load.T[:3, 3] * 1e3, 3) + 0.0, self.load.inertia
+        centre, inertia = (" ".join(f"{v:.6g}" for v in row) for row in rows)
         return f"M {self.load.mass:.6g} CM {centre} J {inertia}"
 
 

@@ -29,6 +29,8 @@ from robots.inverse.spherical_wrist import why_not_spherical
 
 # Share of the rapid speed within which a move is a rapid one, and what a program may be off its neutral twin, m, rad.
 SAME_SPEED, SAME_PLACE = 1e-4, 1e-6
+# Motion of the tip (m) below this is rounding.
+STILL = 1e-9
 # Turns of a joint that the words of a configuration are tried with.
 TURNS = np.array([0.0, -1.0, 1.0]) * 2.0 * np.pi
 
@@ -66,6 +68,8 @@ def replayed(
     way = np.append(0.0, np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = np.where(np.isfinite(found.speed), found.speed, way / found.duration)
+    # A move in which the tool stands has no speed of its own.
+    speed = np.where(way > STILL, speed, np.nan)
     rapid = np.abs(speed / (options.rapid_mm_s * MM) - 1.0) < SAME_SPEED
     rapid |= ~np.isfinite(speed) | (found.joint & ~found.joint.all())
     rapid[:1] = True

@@ -393,7 +393,7 @@ def test_options(tmp_path: Path) -> None:
 def test_formats_and_kinds_by_name() -> None:
     program = program_of(n=3)
     with pytest.raises(InputError, match=", ".join(FORMATS)):
-        write_program(program, "fanuc")
+        write_program(program, "yaskawa")
     with pytest.raises(InputError, match="kind of a sinumerik program"):
         write_program(program, "sinumerik", "cartesian")
 

@@ -86,7 +86,7 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
         )
 
     def verify(name: str, *more: str, code: int = 0) -> Any:
-        return asked("verify", model, tmp_path / f"{name}_program" / "json" / "part.json", *cell, *more, code=code)
+        return asked("verify", model, tmp_path / f"{name}_program" / "json" / "wing.json", *cell, *more, code=code)
 
     rest = place("rest")
     one = rest["placements"]["recommended"]
