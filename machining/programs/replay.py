@@ -111,7 +111,10 @@ def held_against(
         away = np.linalg.norm(program.T_part_tool[:, :3, 3] - written.T_part_tool[:, :3, 3], axis=1)
         move = int(np.argmax(away)) if "command" not in wrong.what else _move_of(wrong.what, found.where)
         said = f"{wrong.what}: {wrong.value}; allowed: {wrong.allowed}"
-        faults = (*faults, Fault(move, f"differs from the neutral program: {said}", place=away[move] > SAME_PLACE))
+        faults = (
+            *faults,
+            Fault(move, f"differs from the neutral program: {said}", place=bool(away[move] > SAME_PLACE)),
+        )
     return replace(
         written, q=program.q, travel=program.travel, table=program.table, file_lines=program.file_lines, faults=faults
     )

@@ -122,8 +122,9 @@ def test_compensation_moves_the_path_by_what_it_says(cli: Command, files: tuple[
     assert found["left_um"] < 0.1
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
     before, after = (
-        NEUTRAL[".json"].program((folder / "json" / "pocket.json").read_text(encoding="utf-8"), robot, where)
-        for folder in (plain, moved)
+        NEUTRAL[".json"].program((folder / "json" / file).read_text(encoding="utf-8"), robot, where)
+        # A compensated program has a name of its own.
+        for folder, file in ((plain, "pocket.json"), (moved, "pocket_c.json"))
     )
     shift = np.linalg.norm(after.motions.points - before.motions.points, axis=1) * 1e6
     assert shift.max() == pytest.approx(found["largest_um"], rel=1e-3)
