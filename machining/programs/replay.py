@@ -31,6 +31,8 @@ from robots.inverse.spherical_wrist import why_not_spherical
 SAME_SPEED, SAME_PLACE = 1e-4, 1e-6
 # Motion of the tip (m) below this is rounding.
 STILL = 1e-9
+# Digits of a degree to which an angle is on the border between two words of a configuration.
+BORDER_DIGITS = 6
 # Turns of a joint that the words of a configuration are tried with.
 TURNS = np.array([0.0, -1.0, 1.0]) * 2.0 * np.pi
 
@@ -148,21 +150,29 @@ def _joints(
     solved, out = inverse_kinematics(robot, T_base_tool, T_flange_tool=T_flange_tool), []
     before = np.zeros(robot.dof) if robot.limits is None else robot.limits.mean(axis=1)
     for i, said in enumerate(found.configuration):
-        candidates = solved.q[i][solved.valid[i]]
+        # Limits are for a verification to find.
+        candidates = solved.q[i][np.isfinite(solved.q[i]).all(axis=1)]
         candidates = candidates - 2.0 * np.pi * np.round((candidates - before) / (2.0 * np.pi))
-        if found.joint[i] and len(said) and len(candidates):
+        if found.joint[i] and len(said):
             turned = (candidates[:, None] + _every_turn(robot.dof)).reshape(-1, robot.dof)
-            turned = turned[robot.reachable(turned)]
-            words = language.configuration(robot, turned, convention.controller_deg(turned))
-            wanted = list(map(str, said))
-            keep = [True] * len(turned) if words is None else [list(map(str, row)) == wanted for row in words.tolist()]
-            candidates = turned[np.array(keep, dtype=np.bool_)]
+            candidates = turned[_configured(language, robot, turned, convention.controller_deg(turned), said)]
         if not len(candidates):
             raise InputError(f"{found.where[i]}: frame", value=", ".join(map(str, said)) or "no configuration",
                              allowed="one that the arm reaches in that configuration")  # fmt: skip
         before = candidates[int(np.argmin(np.abs(candidates - before).max(axis=1)))]
         out.append(before)
     return np.array(out)
+
+
+def _configured(language: Controller, robot: Robot, q: Array, deg: Array, said: Sequence[object]) -> Bools:
+    """Postures (k,) of a configuration; an angle on the border between two of its words has either."""
+    wanted, out = list(map(str, said)), np.zeros(len(q), dtype=np.bool_)
+    even = np.round(deg, BORDER_DIGITS) + 0.0
+    for near in (deg, even, even - 10.0**-BORDER_DIGITS, even + 10.0**-BORDER_DIGITS):
+        words = language.configuration(robot, q, near)
+        out |= np.array([words is None or list(map(str, row)) == wanted
+                         for row in (q if words is None else words).tolist()], dtype=np.bool_)  # fmt: skip
+    return out
 
 
 def _every_turn(dof: int) -> Array:
