@@ -13,7 +13,7 @@ import numpy as np
 
 from machining.cell import Cell
 from machining.cell.schema import CommandsTable
-from machining.programs.actions import Action, Pattern, Reader, by_table, difference, names_of
+from machining.programs.actions import Action, Pattern, Reader, by_table, difference, names_of, run_up
 from machining.programs.convention import Convention, convention_for
 from machining.programs.format import Format, ProgramFile, RoundTrip, Written
 from machining.programs.happenings import Between, between
@@ -264,6 +264,15 @@ class Controller(Format):
         heavy = [tool.name for tool in job.used if tool.load is None]
         if heavy:
             out.append(f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts")
+        if not job.program.at_home[:1].all():
+            out.append(
+                "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]"
+            )
+        table = job.program.cell.commands
+        starts = (table.spindle_clockwise, table.spindle_counterclockwise)
+        if any(way is not None for way in starts) and not run_up(table):
+            said = "a start of the spindle is not waited for"
+            out.append(f"the cell file has no spindle_ready and no spindle_dwell_s: {said}")
         points = [tool.name for tool in job.used if tool.load is not None and not tool.load.inertia.any()]
         if points:
             out.append(f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass")

@@ -71,8 +71,13 @@ class PostSettings:
 
     def at(self, row: Integers) -> PostSettings:
         """The same for a path of other moves: what is given for each move, of moves (m,) of the path before."""
-        gamma = self.gamma if isinstance(self.gamma, GammaRange) or np.ndim(self.gamma) == 0 else self.gamma[row]
-        travel = self.travel if np.ndim(self.travel) < 2 else np.asarray(self.travel)[row]
+        gamma = (
+            self.gamma
+            if isinstance(self.gamma, GammaRange) or np.ndim(self.gamma) == 0
+            else np.asarray(self.gamma)[row]
+        )
+        travel = None if self.travel is None else np.asarray(self.travel)
+        travel = travel if travel is None or travel.ndim < 2 else travel[row]
         return replace(self, gamma=gamma, travel=travel, near=None if self.near is None else self.near[row])
 
     def __post_init__(self) -> None:
