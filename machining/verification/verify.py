@@ -234,6 +234,11 @@ def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) 
         (weak, f"Accelerations of {', '.join(weak)}: the cell gives no limits."),
         (no_feed, f"Speeds and accelerations at {no_feed} cutting moves: they have no feed."),
         (no_time, f"Time of {no_time} moves, so that of the program."),
+        (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
+        (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
+        (bare, "Collisions of the tool: the cell gives no bodies of it."),
+        (cell.floor is None, "Collisions with the floor: the cell has none."),
+        (no_shapes, "Collisions of the arm: the model gives no shapes."),
         (
             not courses.program.at_home[:1].all(),
             "The way to the first point and from the last: the cell file has no home in [moves].",
@@ -247,11 +252,6 @@ def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) 
             courses.program.names == (REPLAYED,),
             "Whether the program is that of its tool path: no neutral program was there to hold it against.",
         ),
-        (not has_commands(motions), "Commands to spindle, coolant and tool changer: the program has none."),
-        (cell.part is None, "Collisions with the part: the cell gives no surface of it."),
-        (bare, "Collisions of the tool: the cell gives no bodies of it."),
-        (cell.floor is None, "Collisions with the floor: the cell has none."),
-        (no_shapes, "Collisions of the arm: the model gives no shapes."),
     )
     return (
         *(text for unknown, text in said if unknown),

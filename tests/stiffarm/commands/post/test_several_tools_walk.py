@@ -40,7 +40,8 @@ class Shop:
 
     def post(self, file: str, *more: str) -> dict[str, Any]:
         self.stiffarm("post", ARM, file, "--cell", "cell.toml", *GAMMA, *more)
-        return json.loads((self.folder / more[more.index("--out") + 1] / "json" / f"{Path(file).stem}.json").read_text("utf-8"))
+        made = self.folder / more[more.index("--out") + 1] / "json" / f"{Path(file).stem}.json"
+        return json.loads(made.read_text("utf-8"))
 
 
 @pytest.fixture(scope="module")
