@@ -166,6 +166,15 @@ def post(
     ] = None,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
+    force_measured: Annotated[
+        float | None,
+        typer.Option(
+            "--force-measured",
+            metavar="N",
+            help="--force was measured, with this standard deviation of each component, in N. Default: assumed, 10 %.",
+            min=0.0,
+        ),
+    ] = None,
     milling: MillingOpt = None,
     options: Annotated[
         Path | None, typer.Option("--options", help="Options of the program formats (TOML or JSON).")
@@ -218,7 +227,7 @@ def post(
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
         say_notes(motions.notes, path)
-        cut = cut_of(setup.cell, motions, force, force_axes, milling) if compensate else None
+        cut = cut_of(setup.cell, motions, force, force_axes, milling, force_measured) if compensate else None
         if compensate and cut is None and carried is None:
             raise InputError(
                 "--compensate needs a cutting force",
