@@ -121,7 +121,8 @@ def read_program(
     mine = [file for file in others if file != path and (kind == ".pgx" or file.stem.lower().startswith(f"{stem}_"))]
     files = {file.name: read_text(file, "program", most=LARGEST) for file in (path, *mine) if file.is_file()}
     found = replayed(language, files, robot, cell, options, path.name)
-    edited = tuple(Fault(0, f"{name} was changed after it was posted") for name in changed_since(path))
+    record = path.resolve().parent.parent / "post.json"
+    edited = tuple(Fault(0, f"{name} was changed after it was posted") for name in changed_since(record, path))
     found = replace(found, faults=(*found.faults, *edited))
     if against is None:
         return found
@@ -135,17 +136,20 @@ def neutral_twin(program: Path) -> Path | None:
     return found[0] if len(found) == 1 else None
 
 
-def changed_since(program: Path) -> tuple[str, ...]:
+def changed_since(record: Path, program: Path) -> tuple[str, ...]:
     """Files of a program that are not as ``post`` wrote them, by the checksums in its ``post.json``."""
-    record, folder = program.resolve().parent.parent / "post.json", program.resolve().parent
     if not record.is_file():
         return ()
-    said = parse_json(read_text(record, "post.json", most=LARGEST), "post.json")
-    mine = said.get("programs", {}).get(folder.name, {}).get("sha256", {}) if isinstance(said, dict) else {}
-    files = {name: folder / name for name in mine} if program.name in mine else {}
+    said: object = parse_json(read_text(record, "post.json", most=LARGEST), "post.json")
+    for key in ("programs", program.parent.name, "sha256"):
+        said = said.get(key) if isinstance(said, dict) else None
+    if not isinstance(said, dict) or program.name not in said:
+        return ()
+    files = {name: program.parent / Path(str(name)).name for name in said}
     return tuple(
-        name for name, file in files.items() if not file.is_file() or digest(file.read_text("utf-8")) != mine[name]
-    )
+        name for name, file in files.items()
+        if not file.is_file() or digest(read_text(file, "program", most=LARGEST)) != said[name]
+    )  # fmt: skip
 
 
 def read_options(path: str | Path) -> WriteOptions:

@@ -171,7 +171,8 @@ def post(
         typer.Option(
             "--force-measured",
             metavar="N",
-            help="--force was measured, with this standard deviation of each component, in N. Default: assumed, 10 %.",
+            help="Standard deviation of each component of --force, where it was measured, in N. "
+            "Default: assumed, 10 %.",
             min=0.0,
         ),
     ] = None,
@@ -215,6 +216,7 @@ def post(
         targets = parse_targets(formats, coordinates)
         given = frame.model(model, links, load_path, sets=sets, shown=True)
         given = frame.at_load(given, at_load)
+        expect(path, PATH, model=model)
         setup = read_setup(model, given, cell, tool, part, floor, beam_radius)
         carried = payload_of(given.description, payload, compensate=compensate)
         side = coming.parse_approach(approach, approach_deg, given.robot)
@@ -223,7 +225,6 @@ def post(
                 "--force or --milling without --compensate",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
-        expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
         say_notes(motions.notes, path)
