@@ -78,7 +78,7 @@ COMMANDS: dict[str, str] = {
     "--out {posture}",
     "identify": "identify tx200 --synthetic --out {twists}",
     "place": "place {twists}/model.toml WING/wing.cls --cell WING/cell.toml --force 0,60,-80 --force-axes process "
-    "--out {placement}",
+    "--aim ksf --out {placement}",
     "post": "post {twists}/model.toml WING/wing.cls --cell WING/cell.toml --placement {placement}/placement.json "
     "--format val3,json --out {program}",
     "verify": "verify {twists}/model.toml {program}/json/*.json --cell WING/cell.toml --out {verified}",

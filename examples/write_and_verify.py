@@ -14,7 +14,7 @@ program = sa.post(
     arm, f"{files}/path.csv", "programs", formats=["krl", "json"], **choice
 )
 print(program)
-checked = sa.verify(arm, "programs/json/part.json", f"{files}/cell.toml")
+checked = sa.verify(arm, "programs/json/path.json", f"{files}/cell.toml")
 print(checked)
 # Picture: the least distance of any two bodies in each move of the program. It stays
 # far above the safety distance.

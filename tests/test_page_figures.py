@@ -21,7 +21,7 @@ WRITERS = {
     "positions.md": "benchmarks/absolute/measured_positions.py",
     "positions_diagnosis.md": "benchmarks/absolute/position_study.py",
     "power.md": "benchmarks/diagnosis/power_study.py",
-    "tool_path_corpus.md": "benchmarks/shop/tool_path_corpus.py",
+    "tool_path_corpus.md": "benchmarks/toolpaths/tool_path_corpus.py",
     "placement.md": "benchmarks/shop/placement_grid.py",
 }
 

@@ -198,9 +198,8 @@ def page(rows: list[tuple[str, ...]]) -> str:
 Written by `python benchmarks/shop/seven_axis_paths.py --write`. Five arms with seven axes follow a square of
 60 x 40 mm, a circle and a line, a point every millimetre, tool straight down, gamma 0. Travel is that of all joints
 together. The other column is the least that pinocchio's inverse kinematics needs, of 30 random starts, each followed
-from point to point. Our course also weighs room to limits and singularities and an elbow on top, so it may travel more; the
-aim
-is at most twice as much. Times are of a shared machine.
+from point to point. Our course also weighs room to limits and singularities and an elbow on top, so it may travel
+more; the aim is at most twice as much. Times are of a shared machine.
 
 {chr(10).join("| " + " | ".join(row) + " |" for row in table)}
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from machining.cell.schema import CommandsTable
+from machining.cell.schema import CommandsTable, MovesTable
 from machining.inputs import as_frame, as_units
 from robots import InputError, require_at_least, require_positive
 from robots.arrays import Array, Bools, finite
@@ -32,12 +32,24 @@ LIMIT_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class Load:
+    """What the flange carries: ``mass`` kg, its ``centre`` (3,) m in the flange frame.
+
+    ``inertia`` (3,) kg m^2 about axes through the centre, parallel to the flange's; None: not known.
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Tool:
     """Tool on the flange: ``T_flange_tool`` (4, 4) m with its origin at the tip, bodies in the flange frame.
 
     ``holder``: spindle, holder and whatever else may touch nothing. ``cutter``: bodies that may touch the part.
     ``number`` and ``name``: what the tool changer and tool paths call it, where there are several; ``milling``: its
-    milling file.
+    milling file. ``load``: its weight and that of what carries it, None: not known.
     """
 
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
@@ -46,6 +58,7 @@ class Tool:
     number: int | None = None
     name: str = ""
     milling: Path | None = None
+    load: Load | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_flange_tool", as_frame("tool frame on the flange", self.T_flange_tool))
@@ -138,6 +151,7 @@ class Cell:
     safety : distance (m) that a user wants kept; nothing here adds it to bodies
     allowed_contacts : pairs of body names that are not checked against each other; ``"floor"`` is one too
     commands : outputs, inputs and routines of the robot's controller for spindle, coolant, probe and tool changer
+    moves : how programs begin and end
 
     Raises
     ------
@@ -163,6 +177,7 @@ class Cell:
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     commands: CommandsTable = field(default_factory=CommandsTable)
     tools: tuple[Tool, ...] = ()
+    moves: MovesTable = field(default_factory=MovesTable)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "T_world_base0", as_frame("robot frame in the world", self.T_world_base0))

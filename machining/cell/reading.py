@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.cell.cell import Cell, Fixture, LinearAxis, Tool, Turntable
+from machining.cell.cell import Cell, Fixture, LinearAxis, Load, Tool, Turntable
 from machining.cell.schema import (
     BoxShape,
     CellFile,
@@ -68,6 +68,7 @@ def parse_cell(text: str, where: str, folder: Path) -> Cell:
         home=None if table.robot.home_deg is None else np.radians(table.robot.home_deg),
         allowed_contacts=table.allowed_contacts,
         commands=table.commands,
+        moves=table.moves,
         tools=tuple(_changed(key.strip(), one, folder) for key, one in table.tools.items()),
     )
 
@@ -103,7 +104,12 @@ def _body(name: str, shape: Shape, placed: Placed, folder: Path) -> Body:
 
 def _tool(table: ToolTable, folder: Path) -> Tool:
     made = [(_body(body.name, body.shape, body, folder), body.cutter) for body in table.body]
-    return Tool(frame(table), tuple(b for b, cutter in made if not cutter), tuple(b for b, cutter in made if cutter))
+    load = None
+    if table.mass_kg is not None and table.centre_mm is not None:
+        inertia = None if table.inertia_kg_m2 is None else np.array(table.inertia_kg_m2)
+        load = Load(table.mass_kg, np.array(table.centre_mm) * MM, inertia)
+    holder, cutter = (tuple(body for body, cuts in made if cuts is wanted) for wanted in (False, True))
+    return Tool(frame(table), holder, cutter, load=load)
 
 
 def _changed(key: str, table: ChangedToolTable, folder: Path) -> Tool:

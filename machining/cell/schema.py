@@ -10,7 +10,7 @@ import re
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeFloat, field_validator, model_validator
 
 SCHEMA = "stiffarm-cell/1"
 
@@ -127,9 +127,27 @@ class ToolBodyTable(Placed):
 
 
 class ToolTable(Placed):
-    """T_flange_tool, its origin at the tip, and the tool's bodies."""
+    """T_flange_tool, its origin at the tip, and the tool's bodies; what the controller has to know of its weight.
+
+    ``mass_kg`` of all that is on the flange, its ``centre_mm`` in the flange frame, and ``inertia_kg_m2`` about axes
+    through that centre, parallel to the flange's.
+    """
 
     body: tuple[ToolBodyTable, ...] = ()
+    mass_kg: Positive | None = None
+    centre_mm: Triple | None = None
+    inertia_kg_m2: tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat] | None = None
+
+    @model_validator(mode="after")
+    def _a_whole_load(self) -> Self:
+        if (self.mass_kg is None) != (self.centre_mm is None):
+            raise ValueError("mass_kg and centre_mm go together")
+        if self.inertia_kg_m2 is not None and self.mass_kg is None:
+            raise ValueError("inertia_kg_m2 needs mass_kg and centre_mm")
+        # No body's largest moment of inertia is more than the sum of the other two.
+        if self.inertia_kg_m2 is not None and 2.0 * max(self.inertia_kg_m2) > (1.0 + 1e-9) * sum(self.inertia_kg_m2):
+            raise ValueError("inertia_kg_m2: no body has one moment above the sum of the other two")
+        return self
 
 
 class ChangedToolTable(ToolTable):
@@ -191,6 +209,18 @@ class RobotTable(Placed):
         return rate
 
 
+class MovesTable(Strict):
+    """How programs begin and end: ``home``: with joint moves from and to ``home_deg`` of ``[robot]``.
+
+    ``approach_mm``, ``retract_mm``: of each operation, the way along the tool axis before its first point and behind
+    its last.
+    """
+
+    home: bool = False
+    approach_mm: Positive | None = None
+    retract_mm: Positive | None = None
+
+
 class CarriageTable(Placed):
     """A carriage, in the world with all axes at 0."""
 
@@ -243,8 +273,10 @@ class CommandsTable(Strict):
     """How the robot's controller tells spindle, coolant, probe and tool changer what to do; what is missing it cannot.
 
     Digital outputs that are on while something is; ``spindle_speed``: an analog output, at full scale at
-    ``spindle_full_rpm``. ``optional_stop``, ``restart``: digital inputs, on: stop there; go on behind a stop (where the
-    language has no stop of its own). ``tool_change``: a routine of the controller, called with the tool's number.
+    ``spindle_full_rpm``. ``spindle_ready``: a digital input that is on while the spindle turns at its speed, or
+    ``spindle_dwell_s``: the time that it takes; programs wait for it after a start. ``optional_stop``, ``restart``:
+    digital inputs, on: stop there; go on behind a stop (where the language has no stop of its own). ``tool_change``: a
+    routine of the controller, called with the tool's number.
     """
 
     spindle_clockwise: Terminal | None = None
@@ -255,6 +287,8 @@ class CommandsTable(Strict):
     coolant_mist: Terminal | None = None
     coolant_through: Terminal | None = None
     probe: Terminal | None = None
+    spindle_ready: Terminal | None = None
+    spindle_dwell_s: Annotated[float, Field(ge=1e-3, le=600.0)] | None = None
     optional_stop: Terminal | None = None
     restart: Terminal | None = None
     tool_change: str | None = None
@@ -265,6 +299,12 @@ class CommandsTable(Strict):
         named = [str(terminal).lower() for terminal in outputs if terminal is not None]
         if len(set(named)) < len(named):
             raise ValueError("an output may do one thing only")
+        if self.spindle_ready is not None and self.spindle_dwell_s is not None:
+            raise ValueError("give spindle_ready or spindle_dwell_s, not both")
+        inputs = [self.spindle_ready, self.optional_stop, self.restart]
+        asked = [str(terminal).lower() for terminal in inputs if terminal is not None]
+        if len(set(asked)) < len(asked):
+            raise ValueError("an input may mean one thing only")
         if (self.spindle_speed is None) != (self.spindle_full_rpm is None):
             raise ValueError("spindle_speed and spindle_full_rpm go together")
         if self.tool_change is not None and not NAME.fullmatch(self.tool_change):
@@ -288,6 +328,13 @@ class CellFile(Strict):
     turntable: TurntableTable | None = None
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     commands: CommandsTable = Field(default_factory=CommandsTable)
+    moves: MovesTable = Field(default_factory=MovesTable)
+
+    @model_validator(mode="after")
+    def _a_home(self) -> Self:
+        if self.moves.home and self.robot.home_deg is None:
+            raise ValueError("[moves] home needs home_deg in [robot]")
+        return self
 
     @model_validator(mode="after")
     def _each_tool_once(self) -> Self:

@@ -7,7 +7,7 @@ helix, wear, and range of speed and feed: figures for the same alloy differ by a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -26,7 +26,8 @@ FROM_SHOP: Final = np.array([1e6, 1e3] * 3)
 class CuttingCoefficients:
     """``values`` (6,): K_tc, K_te, K_rc, K_re, K_ac, K_ae; chip coefficients Pa, edge coefficients N/m.
 
-    ``source``: where they come from.
+    ``source``: where they come from. ``others`` (k, 6): what other sources give for the same alloy, None where these
+    are not from a publication but one's own.
 
     Raises
     ------
@@ -37,6 +38,7 @@ class CuttingCoefficients:
 
     values: Array
     source: str
+    others: Array | None = None
 
     def __post_init__(self) -> None:
         values = np.asarray(self.values, dtype=np.float64)
@@ -103,7 +105,7 @@ PUBLISHED: Final = MappingProxyType(
 
 
 def published(name: str) -> CuttingCoefficients:
-    """A set of :data:`PUBLISHED`.
+    """A set of :data:`PUBLISHED`, with the other sets of its alloy, whatever their temper.
 
     Raises
     ------
@@ -111,4 +113,6 @@ def published(name: str) -> CuttingCoefficients:
         No such set.
     """
     require_one_of("cutting coefficients", name, PUBLISHED)
-    return PUBLISHED[name]
+    alloy = name.partition("-")[0]
+    others = [one.values for key, one in PUBLISHED.items() if key != name and key.partition("-")[0] == alloy]
+    return replace(PUBLISHED[name], others=np.array(others).reshape(-1, 6))

@@ -29,6 +29,9 @@ Instant = Literal["mean", "generating"]
 
 # Assumed standard deviation of force components and of cutting coefficients, share of the value.
 ASSUMED_SD = 0.10
+# Half of a 95 % interval over the standard deviation; and what is said of coefficients out of a publication.
+NORMAL_95 = 1.959964
+NOT_MEASURED = "published values, not measured on this machine and material"
 # Heights at which the force that makes the wall is averaged; 64 leave 1e-3 of it or less.
 SLICES = 64
 # Cosine of the angle between surface normal and wall beyond which the surface is not the mill's wall.
@@ -212,6 +215,13 @@ class MillingForce:
             P = mean_matrix(self.mill, engaged.axial_depth, cuts[:, 0], cuts[:, 1], cuts[:, 2])
         values = self.coefficients.values
         covariance, note = _covariance(values, self.relative_sd, self.covariance, "cutting coefficients")
+        others = self.coefficients.others
+        if others is not None and self.covariance is None and self.relative_sd > 0.0:
+            # An interval of 95 % that spans what each of the others says.
+            apart = (others - values) / NORMAL_95
+            covariance, note = covariance + apart.T @ apart, f"{note}; {NOT_MEASURED}"
+            if len(others):
+                note += f", widened to span what {len(others)} more published for this alloy"
         basis = np.swapaxes(axes.columns @ P[which.reshape(-1)], 1, 2)
         return ForceAlong(basis, values, covariance, NAMES, f"{note}; source of the values: {self.coefficients.source}")
 

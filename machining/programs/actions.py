@@ -15,12 +15,19 @@ from machining.toolpaths.motions import Event, Motions
 from robots import InputError
 from robots.constants import RPM
 
+# Keys of the table that are no outputs, inputs and routines.
+FIGURES = {"spindle_full_rpm", "spindle_dwell_s"}
 COOLANTS = ("flood", "mist", "through")
 # How languages write that an output is on.
-ON = ("true", "1")
+ON = ("true", "1", "on")
+# Kinds of actions that are on or off.
+ON_OFF = ("output", "coolant")
 # Digits of a rest in s and of a share of full scale; half of the last one is what they may differ by, and rounding.
 DIGITS = {"wait": 3, "analog": 5, "spindle": 3}
 ROUNDING = 1e-9
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+# What the head of a program says of frames and weight.
+HEAD = ("tool_frame", "base_frame", "payload")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +36,9 @@ class Action:
 
     ``kind``: "output" (``name``, ``on``), "analog" (``name``, ``value`` of it), "wait" (``value`` s), "call" (``name``,
     ``value``: number of a tool), "stop" (``name`` of the input that ends it, where the language has no stop),
-    "optional_stop" (``name`` of the input that asks for it, ``value`` that of "stop"); languages with
+    "optional_stop" (``name`` of the input that asks for it, ``value`` that of "stop"), "await" (``name`` of the input
+    that says that the spindle is ready); "tool_frame", "base_frame" and "payload" of the head (``value``: figures,
+    ``name`` of the data where the language has names); languages with
     commands of their own have "spindle" (``name`` "cw", "ccw" or "off", ``value`` rpm), "coolant" (``name``, ``on``)
     and "tool" (``value``); several tools make "tool_frame" (``name`` of the tool's data, or ``value``: its
     figures). ``value`` is text with the digits that are written.
@@ -44,18 +53,18 @@ class Action:
     def words(self) -> str:
         """What it is, for messages."""
         said = " ".join(part for part in (self.kind.replace("_", " "), self.name, self.value) if part)
-        return said + (f" {'on' if self.on else 'off'}" if self.kind in ("output", "coolant") else "")
+        return said + (f" {'on' if self.on else 'off'}" if self.kind in ON_OFF else "")
 
     def same(self, other: Action) -> bool:
         """Whether it is the same action, its number within the last digit that is written."""
         alike = (self.kind, self.name.lower(), self.on) == (other.kind, other.name.lower(), other.on)
         if not alike or self.value == other.value:
             return alike
-        try:
-            off = abs(float(self.value) - float(other.value))
-        except ValueError:
+        mine, others = (list(map(float, _NUMBER.findall(one.value))) for one in (self, other))
+        if len(mine) != len(others) or not mine:
             return False
-        return off <= 0.5 * 10.0 ** -DIGITS.get(self.kind, 9) + ROUNDING
+        within = 0.5 * 10.0 ** -DIGITS.get(self.kind, 9) + ROUNDING
+        return all(abs(a - b) <= within for a, b in zip(mine, others, strict=True))
 
 
 def digits(kind: str, value: float) -> str:
@@ -122,10 +131,11 @@ def _spindle(event: Event, table: CommandsTable, scaled: bool) -> tuple[tuple[Ac
     if ways[sense] is None:
         return (), named[sense]
     on = Action("output", _name(ways[sense]), on=True)
+    ready = run_up(table)
     if table.spindle_speed is None or table.spindle_full_rpm is None:
-        return (*off, on), "spindle_speed"
+        return (*off, on, *ready), "spindle_speed"
     if event.value != event.value:
-        return (*off, on), "a spindle speed in the tool path"
+        return (*off, on, *ready), "a spindle speed in the tool path"
     rpm = abs(event.value) / RPM
     if rpm > table.spindle_full_rpm * (1.0 + ROUNDING):
         raise InputError(
@@ -134,7 +144,15 @@ def _spindle(event: Event, table: CommandsTable, scaled: bool) -> tuple[tuple[Ac
             remedy="post the tool path with another speed, or correct the cell file",
         )  # fmt: skip
     value = digits("analog", rpm / table.spindle_full_rpm if scaled else rpm)
-    return (*off, Action("analog", _name(table.spindle_speed), value), on), ""
+    return (*off, Action("analog", _name(table.spindle_speed), value), on, *ready), ""
+
+
+def run_up(table: CommandsTable) -> tuple[Action, ...]:
+    """What a program waits for after a start of the spindle; nothing where the cell does not say."""
+    if table.spindle_ready is not None:
+        return (Action("await", _name(table.spindle_ready)),)
+    rest = table.spindle_dwell_s
+    return () if rest is None else (Action("wait", value=digits("wait", rest)),)
 
 
 def _coolant(kind: str, table: CommandsTable) -> tuple[tuple[Action, ...], str]:
@@ -164,12 +182,13 @@ class Reader:
     """Reads actions from lines of code.
 
     ``asks``: opens a condition on the input of optional stops. ``names``: outputs, inputs and routines that the cell
-    defines (lower case); others are the shop's own.
+    defines (lower case); others are the shop's own. ``ready``: the input that says that the spindle is ready.
     """
 
     patterns: Sequence[Pattern]
     asks: re.Pattern[str] | None
     names: frozenset[str]
+    ready: str = ""
 
     def found(self, code: str) -> Action | None:
         """The action of a line; None where there is none that is known."""
@@ -178,7 +197,9 @@ class Reader:
             if match is not None:
                 said: Mapping[str, str | None] = match.groupdict()
                 name = said.get("name")
-                if name is not None and pattern.kind != "stop" and name.lower() not in self.names:
+                if pattern.kind == "await" and name != self.ready:
+                    continue
+                if name is not None and pattern.kind not in ("stop", *HEAD) and name.lower() not in self.names:
                     return None
                 on = (said.get("on") or "").lower() in ON if "on" in said else pattern.on
                 return Action(pattern.kind, name or pattern.name, said.get("value") or "", on)
@@ -192,7 +213,7 @@ class Reader:
 
 def names_of(table: CommandsTable) -> frozenset[str]:
     """Outputs, inputs and routines of a table, in lower case."""
-    given = table.model_dump(exclude={"spindle_full_rpm"}).values()
+    given = table.model_dump(exclude=FIGURES).values()
     return frozenset(str(name).lower() for name in given if name is not None)
 
 
@@ -201,8 +222,9 @@ def difference(
 ) -> InputError | None:
     """What differs first between the actions wanted and those found, each with the move that it comes before.
 
-    More rests and stops than wanted are the shop's own: they move and switch nothing. The head of a program sets the
-    first tool's frame. ``where``: places of the moves in the program, for messages.
+    More rests and stops than wanted are the shop's own: they move and switch nothing. What the head says of frames and
+    weight (:data:`HEAD`, before the first move) may stand in any order; frames may be left to the controller.
+    ``where``: places of the moves in the program, for messages.
     """
     gaps: dict[int, tuple[list[Action], list[Action]]] = {}
     for i, actions in enumerate((wanted, found)):
@@ -210,15 +232,34 @@ def difference(
             gaps.setdefault(move, ([], []))[i].append(action)
     for move in sorted(gaps):
         left, read = gaps[move]
+        if move == 0:
+            wrong = _head_difference(left, read, where)
+            if wrong is not None:
+                return wrong
+            left, read = ([a for a in some if a.kind not in HEAD or not a.value] for some in (left, read))
         for action in read:
             if left and left[0].same(action):
                 left = left[1:]
-            elif action.kind not in ("wait", "stop", "optional_stop") and not (
+            elif action.kind not in ("wait", "stop", "optional_stop", "await") and not (
                 action.kind == "tool_frame" and move == 0
             ):
                 return _wrong(move, where, action, "not in the tool path there", [] if not left else left[:1])
         if left:
             return _wrong(move, where, left[0], "missing", [])
+    return None
+
+
+def _head_difference(wanted: list[Action], found: list[Action], where: Sequence[str]) -> InputError | None:
+    """What differs first in the head; frames that it does not say at all stand on the controller."""
+    said = {(action.kind, action.name.lower()): action for action in found if action.kind in HEAD and action.value}
+    for action in wanted:
+        if action.kind not in HEAD or not action.value:
+            continue
+        other = said.get((action.kind, action.name.lower()))
+        if other is None and action.kind == "payload":
+            return _wrong(0, where, action, "missing", [])
+        if other is not None and not action.same(other):
+            return _wrong(0, where, other, "another", [action])
     return None
 
 

@@ -1,4 +1,7 @@
-"""Positioning moves that end from the side that an arm was calibrated from.
+"""How programs begin and end, and positioning moves that end from the side that an arm was calibrated from.
+
+With ``[moves]`` of the cell file a program goes from home to its first point and back, and each operation has a point
+before and behind it along the tool axis.
 
 A joint that loses motion where it turns back stands a little short of where it says, on the side that it came from.
 Before such a move's end the program first goes to the target's joint angles moved back by a small angle, so that every
@@ -13,11 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from machining.cell.schema import MovesTable
 from machining.programs.program import JointProgram, tool_in_part
 from machining.toolpaths.events import ordered
+from machining.toolpaths.motions import Motions
 from machining.verification.courses import courses_of
 from robots import InputError
-from robots.arrays import Array, Integers
+from robots.arrays import Array, Bools, Integers
+from robots.constants import MM
 
 # The angle that takes up lost motion unless the caller says so, and the most that is still a little way, rad.
 ANGLE, LARGEST = float(np.radians(0.5)), float(np.radians(5.0))
@@ -169,3 +175,64 @@ def _refuse_turning_back(program: JointProgram, moves: Integers, step: Array) ->
             "straight way to its target", allowed="all joints turning one way",
             remedy="make rapid moves joint moves (--rapid joint), or come by a smaller angle",
         )  # fmt: skip
+
+
+def with_leads(motions: Motions, moves: MovesTable) -> tuple[Motions, Integers, Bools]:
+    """A tool path with rapid points before and behind each operation, along the tool axis, as the cell asks.
+
+    Also of which move (m,) of the path each is, or is beside; and which were put in.
+    """
+    before, behind = (0.0 if way is None else way * MM for way in (moves.approach_mm, moves.retract_mm))
+    if not (motions.n and (before or behind)):
+        return motions, np.arange(motions.n), np.zeros(motions.n, dtype=np.bool_)
+    runs = np.flatnonzero(np.append([True], np.diff(motions.operation) != 0))
+    ends = np.append(runs[1:], motions.n) - 1
+    copies = np.ones(motions.n, dtype=np.int64)
+    copies[runs] += before > 0.0
+    copies[ends] += behind > 0.0
+    row = np.repeat(np.arange(motions.n), copies)
+    first = np.append(np.cumsum(copies) - copies, len(row))
+    heads = first[runs] if before else runs[:0]
+    tails = first[ends + 1] - 1 if behind else runs[:0]
+    points, feed, rapid, dwell = motions.points[row], motions.feed[row], motions.rapid[row], motions.dwell[row]
+    points[heads] += before * motions.axes[row[heads]]
+    points[tails] += behind * motions.axes[row[tails]]
+    for rows in (heads, tails):
+        rapid[rows], feed[rows], dwell[rows] = True, np.nan, 0.0
+    # What was said before a move is said before its approach, and behind the retract of the operation before.
+    events = tuple(replace(event, move=int(first[event.move])) for event in motions.events)
+    led = replace(
+        motions, points=points, axes=motions.axes[row], rapid=rapid, feed=feed, dwell=dwell, line=motions.line[row],
+        tool=motions.tool[row], spindle=motions.spindle[row], operation=motions.operation[row], events=events,
+    )  # fmt: skip
+    return led, row, np.isin(np.arange(len(row)), np.concatenate([heads, tails]))
+
+
+def with_home(program: JointProgram) -> JointProgram:
+    """A program with joint moves from home to its first point and back from the last, where the cell asks for them."""
+    cell, n = program.cell, program.n
+    if not cell.moves.home or cell.home is None:
+        return program
+    row = np.concatenate([[0], np.arange(n), [n - 1]])
+    ends = np.array([0, n + 1])
+    q, T, m = program.q[row], program.T_part_tool[row], program.motions
+    q[ends] = cell.home
+    T[ends] = tool_in_part(
+        program.robot, cell, q[ends], program.travel[row][ends], program.table[row][ends], program.tool_at(row[ends])
+    )
+    points, axes, rapid, feed, dwell = m.points[row], m.axes[row], m.rapid[row], m.feed[row], m.dwell[row]
+    points[ends], axes[ends] = T[ends, :3, 3], -T[ends, :3, 2]
+    to_start = np.array([0, 1, n + 1])
+    rapid[to_start], feed[to_start], dwell[ends] = True, np.nan, 0.0
+    spindle, inserted = m.spindle[row], program.inserted[row]
+    stops = [event.value for event in m.events if event.kind == "spindle" and event.move == n]
+    spindle[ends], inserted[ends] = (0.0, stops[-1] if stops else m.spindle[-1]), True
+    motions = replace(
+        m, points=points, axes=axes, rapid=rapid, feed=feed, dwell=dwell, spindle=spindle, line=m.line[row],
+        tool=m.tool[row], operation=m.operation[row],
+        events=tuple(replace(event, move=event.move + 1) for event in m.events),
+    )  # fmt: skip
+    return replace(
+        program, motions=motions, T_part_tool=T, q=q, travel=program.travel[row], table=program.table[row],
+        gamma=program.gamma[row], branch=program.branch[row], inserted=inserted, file_lines=None,
+    )  # fmt: skip

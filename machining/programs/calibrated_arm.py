@@ -19,10 +19,9 @@ from doe.absolute.real_arm import RealArm
 from doe.absolute.unknowns import CURVE_ORDER
 from machining.cutting import Cut, StiffnessUncertainty, SurfaceError, surface_error
 from machining.cutting.surface_error import cutting_deflection
-from machining.programs.compensation import Acting, milling_force
+from machining.programs.compensation import Acting, milling_force, ramped
 from machining.programs.posting import Posted
 from machining.programs.program import JointProgram, tool_in_part
-from machining.programs.ramping import ramped
 from robots import InputError, Robot, forward_kinematics, jacobian
 from robots.arrays import Array
 from robots.frames import framed

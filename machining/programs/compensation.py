@@ -20,7 +20,6 @@ from machining.cutting.force import along_cuts
 from machining.cutting.plunging import with_thrust
 from machining.cutting.surface_error import cutting_deflection
 from machining.programs.posting import Posted, repost
-from machining.programs.ramping import ramped
 from machining.task import Task
 from machining.toolpaths.engagement import mills, plunges
 from robots import InputError, require_at_least, require_positive
@@ -148,3 +147,34 @@ def cuts_of(task: Task, cutting: Bools) -> list[slice]:
     milled = mills(task.path.points, task.path.axes, cutting)[1:]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], milled, [False]]).astype(np.int8)))
     return [slice(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def ramped(moved: Array, milled: Bools, points: Array, length: float) -> Array:
+    """A correction that fades in before each cut and out behind it.
+
+    Parameters
+    ----------
+    moved : (n, 3) m, the correction where a move mills
+    milled : (n,) moves that mill; the point before the first of a cut is where the cut begins
+    points : (n, 3) m, uncorrected
+    length : m along the path, over which the correction of the nearest cut falls to nothing; 0: in one step
+
+    Returns
+    -------
+    (n, 3) m: ``moved`` where a move mills. A point where a cut begins has the correction of that cut's first point.
+    Between two cuts that are nearer to each other both count, by how near they are.
+    """
+    out = np.where(milled[:, None], moved, 0.0)
+    cuts, others = np.flatnonzero(milled), np.flatnonzero(~milled)
+    if not length > 0.0 or not len(cuts) or not len(others):
+        return out
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    after = np.searchsorted(cuts, others)
+    last, following = cuts[np.maximum(after - 1, 0)], cuts[np.minimum(after, len(cuts) - 1)]
+    # The next cut begins at the point before its first move.
+    apart = np.stack([way[others] - way[last], way[following - 1] - way[others]])
+    exists = np.stack([after > 0, after < len(cuts)])
+    weight = np.where(exists, np.clip(1.0 - apart / length, 0.0, 1.0), 0.0)
+    weight /= np.maximum(1.0, weight.sum(axis=0))
+    out[others] = weight[0][:, None] * moved[last] + weight[1][:, None] * moved[following]
+    return np.asarray(out)

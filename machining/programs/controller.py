@@ -11,8 +11,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from machining.cell import Cell
 from machining.cell.schema import CommandsTable
-from machining.programs.actions import Action, Pattern, Reader, by_table, difference, names_of
+from machining.programs.actions import Action, Pattern, Reader, by_table, difference, names_of, run_up
 from machining.programs.convention import Convention, convention_for
 from machining.programs.format import Format, ProgramFile, RoundTrip, Written
 from machining.programs.happenings import Between, between
@@ -28,12 +29,13 @@ from machining.programs.job import (
     farthest,
     formatted,
     job_of,
+    part_in_base,
     plain,
     tools_of_job,
 )
 from machining.programs.orientation import ABC, Orientation
 from machining.programs.program import JointProgram, frame_distance, tool_in_part
-from machining.programs.read_back import ReadMove, ReadMoves, collected
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, Scan, collected, number
 from machining.programs.rendering import environment, rendered
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event, Motions
@@ -45,6 +47,9 @@ from robots.frames import framed
 ARM = 6
 # Moves formatted at a time: what is in memory as text at once.
 BLOCK = 1000
+# Weight in a comment of the head.
+_WEIGHT = re.compile(r"payload (\S+) (M [-+.0-9e]+ CM [-+.0-9e ]+ J [-+.0-9e ]+)")
+NO_WEIGHT = "mass_kg and centre_mm are not in the cell file for"
 # What a program may differ from the tool path by its decimals, m and rad.
 WANTED = 1e-6
 
@@ -57,9 +62,12 @@ class Controller(Format):
     for the program's, ``{NAME}`` for that in capitals, ``{number}`` for the part's. ``orientation`` of Cartesian
     programs; ``speed_unit``: m/s in the unit of speeds, None where none are written.
 
-    ``scaled``: analog outputs take a share of full scale; ``own_stop``: a stop needs no input.
+    ``grammar``: how its lines are read; ``speed``: the line that sets one, with the groups ``value`` and, where there
+    are several, ``name``. ``scaled``: analog outputs take a share of full scale; ``own_stop``: a stop needs no input.
     ``actions``, ``asks``: how actions, and the question before an optional stop, are written. ``tool_frame``: whether
-    a program sets the tool's frame by figures, names it in every motion, or leaves it to the control.
+    a program sets the tool's frame by figures, names it in every motion, or leaves it to the control; ``weighs``:
+    whether it states the payload, which else stands in a comment; ``moves_twice``: whether the template of moves goes
+    through them more than once.
     """
 
     main: ClassVar[tuple[tuple[str, str], ...]]
@@ -69,21 +77,58 @@ class Controller(Format):
     terminals: ClassVar[tuple[int, int] | Literal["names", "any"]] = "names"
     scaled: ClassVar[bool] = True
     own_stop: ClassVar[bool] = True
+    grammar: ClassVar[Grammar]
+    speed: ClassVar[re.Pattern[str] | None] = None
     actions: ClassVar[tuple[Pattern, ...]] = ()
     asks: ClassVar[re.Pattern[str] | None] = None
     tool_frame: ClassVar[Literal["figures", "name", "none"]] = "none"
+    weighs: ClassVar[bool] = True
+    moves_twice: ClassVar[bool] = False
 
-    @abstractmethod
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
-        """Moves and actions of a program's files, main file first, written for the robot, cell and options given.
+    def read(self, files: Mapping[str, str], cell: Cell, options: WriteOptions) -> Iterator[ReadMove | Action]:
+        """Moves and actions of a program's files, main file first, written for the cell and options given.
+
+        Lines that are neither motion, nor an action, nor a speed are passed over: they are the shop's own.
 
         Raises
         ------
         InputError
             Motion that the reader does not know, a number that is none, a sub-program that is not there.
         """
+        scan = Scan(self.data(files))
+        yield from self.declared(files, scan)
+        for line in self.grammar.lines(files, self.reader(cell)):
+            action = line.action or self.remembered(line.where, line.code, scan, options)
+            if action is not None:
+                yield action
+            elif line.move is not None:
+                tool = line.move.groupdict().get("tool") or scan.tool
+                if tool != scan.tool:
+                    scan.tool = tool
+                    yield Action("tool_frame", tool)
+                yield self.moved(line.where, line.move, scan, cell, options)
+            elif self.speed is not None and (said := self.speed.match(line.code)) is not None:
+                where = f"{line.where}, {line.code.partition('=')[0].strip(' :')}"
+                value = number(where, said["value"]) * (self.speed_unit or 1.0)
+                scan.speeds[said.groupdict().get("name") or ""] = value
+
+    @abstractmethod
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
+        """A move of the grammar. Raises InputError for coordinates that are none."""
+
+    def data(self, files: Mapping[str, str]) -> Mapping[str, Mapping[int, Mapping[str, str]]]:
+        """What stands apart from the lines of motion: by name and number, words by key."""
+        return {}
+
+    def declared(self, files: Mapping[str, str], scan: Scan) -> Iterator[Action]:
+        """Frames and weight declared apart from the lines of motion; here weight, as comments of the head say it."""
+        main = next(iter(files.values()), "")
+        said = () if self.weighs else _WEIGHT.finditer(main)
+        return (Action("payload", found[1], found[2].strip()) for found in said)
+
+    def remembered(self, where: str, code: str, scan: Scan, options: WriteOptions) -> Action | None:
+        """Keep what a line sets that later ones need; the action that it completes, if any."""
+        return None
 
     def configuration(self, robot: Robot, q: Array, controller_deg: Array) -> np.ndarray | None:
         """Configurations (n, k) of a Cartesian program at q (n, dof) rad, also given in the controller's deg.
@@ -98,16 +143,39 @@ class Controller(Format):
 
     def between(self, program: JointProgram, options: WriteOptions) -> Between:
         """What comes between the moves, with its actions in this language; with several tools their frames too."""
-        table, frames = program.cell.commands, self._frames(program, options)
+        table, frames = program.cell.commands, self.frames_of_changes(program, options)
 
         def means(event: Event, motions: Motions) -> tuple[tuple[Action, ...], str]:
             actions, missing = self.means(event, motions, table)
             # What the changer's routine leaves behind is not relied on: the frame comes after it.
-            return (*actions, frames[int(event.value)]) if event.kind == "tool" and frames else actions, missing
+            return (*actions, *frames[int(event.value)]) if event.kind == "tool" and frames else actions, missing
 
         return between(program.motions, means)
 
-    def _frames(self, program: JointProgram, options: WriteOptions) -> tuple[Action, ...]:
+    def heading(self, program: JointProgram, options: WriteOptions) -> list[tuple[int, Action]]:
+        """What the head states of frames and weight: of the first tool, or of each where tools have names."""
+        tools, moves = self.tools(program, options), program.motions.tool
+        named = self.tool_frame != "figures"
+        stated = dict.fromkeys(tools[i] for i in (np.unique(moves).tolist() if named else moves[:1].tolist()))
+        T_base = part_in_base(program, self.convention(program.robot, external_count(program), options))
+        out = (
+            [] if T_base is None or not self.weighs else [Action("base_frame", value=self.base_value(T_base, options))]
+        )
+        for tool in stated:
+            name = tool.name if named else ""
+            frame = self.tool_value(tool.T, options) if self.tool_frame == "figures" else ""
+            out += [Action("tool_frame", name, frame), Action("payload", name, self.load_value(tool, options))]
+        return [(0, action) for action in out if action.value]
+
+    def load_value(self, tool: ToolData, options: WriteOptions) -> str:
+        """A tool's weight as the language states it, or its comment; "" where it is not known."""
+        return tool.weight
+
+    def base_value(self, T: Array, options: WriteOptions) -> str:
+        """The part frame (4, 4) m in the controller's robot frame as the language states it; "": it does not."""
+        return ""
+
+    def frames_of_changes(self, program: JointProgram, options: WriteOptions) -> tuple[tuple[Action, ...], ...]:
         """Of each of the path's tools how its frame is chosen; none where there is one tool, or no such words."""
         if self.tool_frame == "none" or len(np.unique(program.motions.tool)) < 2:
             return ()
@@ -115,8 +183,13 @@ class Controller(Format):
         if len(set(tools)) < 2:
             return ()
         if self.tool_frame == "name":
-            return tuple(Action("tool_frame", tool.name) for tool in tools)
-        return tuple(Action("tool_frame", value=self.tool_value(tool.T, options)) for tool in tools)
+            return tuple((Action("tool_frame", tool.name),) for tool in tools)
+        pairs = (
+            (Action("tool_frame", value=self.tool_value(tool.T, options)),
+             Action("payload", value=self.load_value(tool, options)))
+            for tool in tools
+        )  # fmt: skip
+        return tuple(tuple(action for action in pair if action.value) for pair in pairs)
 
     def tools(self, program: JointProgram, options: WriteOptions) -> tuple[ToolData, ...]:
         """Of each of the path's tools its data on the controller."""
@@ -131,9 +204,14 @@ class Controller(Format):
         """A tool's frame (4, 4) m as the language sets it."""
         raise NotImplementedError
 
-    def reader(self, program: JointProgram) -> Reader:
-        """Reads the actions of this language by the names of the program's cell."""
-        return Reader(self.actions, self.asks, names_of(program.cell.commands))
+    def reader(self, cell: Cell) -> Reader:
+        """Reads the actions of this language by the names of the cell."""
+        table = cell.commands
+        return Reader(self.actions, self.asks, names_of(table), str(table.spindle_ready))
+
+    def finished(self, pieces: Iterator[str]) -> Iterator[str]:
+        """The text of a file, a piece at a time, as it came from its template."""
+        return pieces
 
     def own_context(self, job: Job) -> dict[str, object]:
         """What the templates of this language know beyond others. Raises InputError for what it cannot hold."""
@@ -183,6 +261,21 @@ class Controller(Format):
     def notes(self, job: Job) -> list[str]:
         """What a user has to know before the program runs."""
         out = self._precision_notes(job)
+        heavy = [tool.name for tool in job.used if tool.load is None]
+        if heavy:
+            out.append(f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts")
+        if not job.program.at_home[:1].all():
+            out.append(
+                "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]"
+            )
+        table = job.program.cell.commands
+        starts = (table.spindle_clockwise, table.spindle_counterclockwise)
+        if any(way is not None for way in starts) and not run_up(table):
+            said = "a start of the spindle is not waited for"
+            out.append(f"the cell file has no spindle_ready and no spindle_dwell_s: {said}")
+        points = [tool.name for tool in job.used if tool.load is not None and not tool.load.inertia.any()]
+        if points:
+            out.append(f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass")
         if job.kind == "cartesian":
             if job.program.cell.turntable is not None:
                 out.append("the part frame turns with the turntable: couple it to the turntable on the controller")
@@ -247,14 +340,15 @@ class Controller(Format):
         }
 
         def pieces(file: str, template: str, first: int, last: int) -> Iterator[str]:
+            moves = self._moves(job, first, last)
             here = {
                 "part": Path(file).stem,
                 "first": first + 1,
                 "last": last,
-                "moves": self._moves(job, first, last),
+                "moves": list(moves) if self.moves_twice and template == "moves.j2" else moves,
                 "after": shared["after"] if last == job.n else [],
             }
-            return rendered(made, f"{self.name}/{template}", {**shared, **here})
+            return self.finished(rendered(made, f"{self.name}/{template}", {**shared, **here}))
 
         rows = [(file.format(**names), template, 0, job.n) for file, template in self.main]
         rows += [(file, "moves.j2", *ends) for file, ends in zip(parts, ranges, strict=True)]
@@ -319,7 +413,7 @@ class Controller(Format):
         self, program: JointProgram, files: Mapping[str, str], kind: Kind, options: WriteOptions
     ) -> RoundTrip:
         """See :class:`Format`."""
-        found, wanted = collected(self.read(files, program, options)), commands(program, options)
+        found, wanted = collected(self.read(files, program.cell, options)), commands(program, options)
         self._check_same(found, program, kind)
         convention = self.convention(program.robot, external_count(program), options)
         linear = len(program.cell.linear_axes)
@@ -342,7 +436,9 @@ class Controller(Format):
             pace=self.pace(found, wanted, options),
             same_moves=bool((found.joint == self.joint_moves(wanted, kind)).all()),
             same_sides=kind == "joint" or self._same_sides(found, program, convention),
-            commands=difference(self.between(program, options).actions, found.actions, found.where),
+            commands=difference(
+                [*self.heading(program, options), *self.between(program, options).actions], found.actions, found.where
+            ),
         )
 
     def _check_same(self, found: ReadMoves, program: JointProgram, kind: Kind) -> None:

@@ -23,6 +23,7 @@ from robots.files.validated import tuples, validated
 from robots.frames import rpy_of
 from robots.inverse.singularities import configuration
 from robots.inverse.spherical_wrist import spherical_wrist_arm, why_not_spherical
+from robots.library.models import library_table
 
 SCHEMA: Literal["stiffarm-controller-arm/1"] = "stiffarm-controller-arm/1"
 
@@ -93,9 +94,10 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     if found is None and robot.controller is not None and language in robot.controller.formats:
         found = of_the_model(robot.controller, robot.name)
     if found is None:
+        arms = {c.robot: c.formats for c in known} | {row["name"]: row["formats"] for row in library_table()}
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
-            allowed="known for " + ", ".join(f"{c.robot} ({', '.join(c.formats)})" for c in known),
+            allowed="known for " + ", ".join(sorted(name for name, formats in arms.items() if language in formats)),
             remedy="give sign and offset_deg of each joint in [arm] of the file of --options, or formats "
             "in [controller] of the model file, or write json or csv",
         )

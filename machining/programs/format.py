@@ -6,6 +6,7 @@ words that names must avoid, and its limits. To add one, add a module there with
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ import numpy as np
 
 from machining.cell import Cell
 from machining.cell.schema import CommandsTable, Strict
+from machining.programs.actions import FIGURES
 from machining.programs.happenings import Undefined
 from machining.programs.job import Kind
 from machining.programs.program import JointProgram, frame_distance
@@ -43,6 +45,11 @@ class ProgramFile:
         """Write it piece by piece, whole or not at all."""
         with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
             file.writelines(self.pieces())
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a file's text."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +154,7 @@ class Format(ABC):
 
     def check_commands(self, table: CommandsTable) -> None:
         """Refuse outputs, inputs and routines of a cell file that this controller does not have."""
-        for key, given in table.model_dump(exclude={"spindle_full_rpm", "tool_change"}).items():
+        for key, given in table.model_dump(exclude={*FIGURES, "tool_change"}).items():
             if given is None or self.terminals == "any":
                 continue
             fits, allowed = isinstance(given, str), "a name"

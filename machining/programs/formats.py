@@ -10,15 +10,17 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import replace
+from pathlib import Path, PurePath
 
 from machining.cell import Cell
 from machining.cell.schema import Strict
 from machining.programs import languages
-from machining.programs.format import Format, Neutral, RoundTrip, Written
+from machining.programs.controller import Controller
+from machining.programs.format import Format, Neutral, RoundTrip, Written, digest
 from machining.programs.job import Kind, external_count
-from machining.programs.neutral import SCHEMA
-from machining.programs.program import JointProgram
+from machining.programs.program import Fault, JointProgram
+from machining.programs.replay import held_against, replayed
 from machining.programs.write_options import NAME_KEYS, WriteOptions
 from robots import InputError, Robot, require_one_of
 from robots.files.reading import parse_json, parse_toml, read_text
@@ -30,6 +32,10 @@ _FOUND: list[Format] = [
 ]
 # Those of controllers first, each by its name.
 FORMATS: dict[str, Format] = {f.name: f for f in sorted(_FOUND, key=lambda f: (f.neutral, f.name))}
+# Main files of controllers' programs, by their endings.
+CONTROLLERS: dict[str, Controller] = {
+    PurePath(f"x{f.grammar.main}").suffix.lower(): f for f in FORMATS.values() if isinstance(f, Controller)
+}
 # What a verification reads, by the ending of the file.
 NEUTRAL: dict[str, Neutral] = {f".{f.name}": f for f in FORMATS.values() if isinstance(f, Neutral)}
 
@@ -87,23 +93,63 @@ def round_trip(
 LARGEST = 2**30
 
 
-def read_program(path: Path, robot: Robot, cell: Cell) -> JointProgram:
-    """A neutral program for the robot and cell that it was written for.
+def read_program(
+    path: Path, robot: Robot, cell: Cell, options: WriteOptions | None = None, against: Path | None = None
+) -> JointProgram:
+    """A program for the robot and cell that it was written for: a neutral one, or the main file of a controller's.
+
+    ``against``: the neutral program that a controller's is held against; see :mod:`machining.programs.replay`.
 
     Raises
     ------
     InputError
-        Another kind of file, and what the readers refuse.
+        Another kind of file, what the readers refuse, and ``against`` beside a neutral program.
     """
     kind = path.suffix.lower()
-    if kind not in NEUTRAL:
+    if kind in NEUTRAL and against is None:
+        return NEUTRAL[kind].program(read_text(path, "program", most=LARGEST), robot, cell, path.name)
+    language = CONTROLLERS.get(kind)
+    if language is None:
         raise InputError(
             f"program {path.name}",
             value=kind or "no ending",
-            allowed=f"{' or '.join(NEUTRAL)}, {SCHEMA}",
-            remedy="write the program with `stiffarm post` in one of these formats; controllers' own are not replayed",
+            allowed=f"{' or '.join(CONTROLLERS if kind in NEUTRAL else [*NEUTRAL, *CONTROLLERS])}",
+            remedy="give a program that `stiffarm post` wrote, its main file where it has several",
         )
-    return NEUTRAL[kind].program(read_text(path, "program", most=LARGEST), robot, cell, path.name)
+    options, stem = options or WriteOptions(), path.stem.lower()
+    others = sorted(path.parent.iterdir()) if path.is_file() else []
+    mine = [file for file in others if file != path and (kind == ".pgx" or file.stem.lower().startswith(f"{stem}_"))]
+    files = {file.name: read_text(file, "program", most=LARGEST) for file in (path, *mine) if file.is_file()}
+    found = replayed(language, files, robot, cell, options, path.name)
+    record = path.resolve().parent.parent / "post.json"
+    edited = tuple(Fault(0, f"{name} was changed after it was posted") for name in changed_since(record, path))
+    found = replace(found, faults=(*found.faults, *edited))
+    if against is None:
+        return found
+    return held_against(found, read_program(against, robot, cell), language, files, options)
+
+
+def neutral_twin(program: Path) -> Path | None:
+    """The neutral program that ``post`` wrote in the same run as a controller's; None where there is none."""
+    folder = program.resolve().parent.parent / "json"
+    found = sorted(folder.glob("*.json")) if program.suffix.lower() in CONTROLLERS else []
+    return found[0] if len(found) == 1 else None
+
+
+def changed_since(record: Path, program: Path) -> tuple[str, ...]:
+    """Files of a program that are not as ``post`` wrote them, by the checksums in its ``post.json``."""
+    if not record.is_file():
+        return ()
+    said: object = parse_json(read_text(record, "post.json", most=LARGEST), "post.json")
+    for key in ("programs", program.parent.name, "sha256"):
+        said = said.get(key) if isinstance(said, dict) else None
+    if not isinstance(said, dict) or program.name not in said:
+        return ()
+    files = {name: program.parent / Path(str(name)).name for name in said}
+    return tuple(
+        name for name, file in files.items()
+        if not file.is_file() or digest(read_text(file, "program", most=LARGEST)) != said[name]
+    )  # fmt: skip
 
 
 def read_options(path: str | Path) -> WriteOptions:

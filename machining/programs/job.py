@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from machining.cell.cell import Tool
 from machining.programs.convention import Convention
 from machining.programs.happenings import NOTHING, Between, Happening
 from machining.programs.program import JointProgram, frame_distance
@@ -22,6 +23,7 @@ from machining.toolpaths.motions import Motions
 from robots import InputError
 from robots.arrays import Array, Bools
 from robots.constants import MM, MM_MIN
+from robots.frames import framed
 from robots.kinematics import stretched_length
 
 Kind = Literal["cartesian", "joint"]
@@ -57,7 +59,7 @@ def commands(program: JointProgram, options: WriteOptions) -> Commands:
     if options.rapid == "joint":
         joint |= program.motions.rapid
     # The routine of the tool changer may end anywhere; every controller finds the way to a joint target.
-    joint |= program.motions.changes
+    joint |= program.loose
     joint[:1] = True
     return Commands(speed, joint, _durations(program, speed, np.radians(options.rotation_deg_s), options))
 
@@ -89,6 +91,8 @@ def _durations(program: JointProgram, speed: Array, turning: float, options: Wri
         travel = np.linalg.norm(np.diff(program.travel, axis=0), axis=1)
         axes = np.maximum(axes, travel / (options.rapid_mm_s * MM))
     time = np.where(still, axes, time)
+    # Joint moves far from the straight line need the time of their joints.
+    time = np.where(program.at_home[1:] | program.at_home[:-1], np.maximum(time, axes), time)
     return np.concatenate([np.full(min(1, program.n), np.nan), np.maximum(time, SHORTEST)])
 
 
@@ -120,11 +124,33 @@ class Move:
 
 
 @dataclass(frozen=True, eq=False)
+class FlangeLoad:
+    """A weight on the flange as a controller takes it: ``mass`` kg, ``inertia`` (3,) kg m^2 about the axes of ``T``.
+
+    ``T`` (4, 4) m: a frame in its centre, in the controller's flange frame.
+    """
+
+    mass: float
+    T: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
 class ToolData:
-    """A tool as a controller has it: ``name``, and its frame ``T`` (4, 4) m in the controller's flange frame."""
+    """A tool as a controller has it: ``name``, ``load``, frame ``T`` (4, 4) m in the controller's flange frame."""
 
     name: str
     T: Array
+    load: FlangeLoad | None = None
+
+    @property
+    def weight(self) -> str:
+        """Its mass (kg), centre (mm) and moments of inertia (kg m^2) for a comment; "" where they are not known."""
+        if self.load is None:
+            return ""
+        rows = np.round(self.load.T[:3, 3] * 1e3, 3) + 0.0, self.load.inertia
+        centre, inertia = (" ".join(f"{v:.6g}" for v in row) for row in rows)
+        return f"M {self.load.mass:.6g} CM {centre} J {inertia}"
 
 
 # Name of a tool's data by the tool's number and its place among those used.
@@ -140,14 +166,24 @@ def tools_of_job(
     """
     back, tools = np.linalg.inv(convention.T_flange), tools_of(program.cell, program.motions)
     used = np.unique(program.motions.tool).tolist()
+
+    def data(name: str, tool: Tool) -> ToolData:
+        known = tool.load
+        if known is None:
+            return ToolData(name, back @ tool.T_flange_tool)
+        inertia = np.zeros(3) if known.inertia is None else known.inertia
+        return ToolData(
+            name, back @ tool.T_flange_tool, FlangeLoad(known.mass, back @ framed(np.eye(3), known.centre), inertia)
+        )
+
     if len({id(tools[i]) for i in used}) == 1:
-        return (ToolData(options.tool_name, back @ tools[used[0]].T_flange_tool),) * len(tools)
+        return (data(options.tool_name, tools[used[0]]),) * len(tools)
     made: dict[int, ToolData] = {}
     for place, i in enumerate(used):
         number, name = program.motions.tools[i].number, ""
         name = naming(i + 1 if number is None else number, place)
         taken = name in [one.name for one in made.values()]
-        made[i] = ToolData(f"{name}_{i + 1}" if taken else name, back @ tools[i].T_flange_tool)
+        made[i] = data(f"{name}_{i + 1}" if taken else name, tools[i])
     return tuple(made.get(i, made[used[0]]) for i in range(len(tools)))
 
 
@@ -219,12 +255,10 @@ class Job:
         step = self.options.moves_per_file
         return [(start, min(start + step, self.n)) for start in range(0, self.n, step)]
 
-    def context(self) -> dict[str, object]:
-        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures.
-
-        Lines of the head, too, hold texts from files.
-        """
-        program, o = self.program, self.options
+    @property
+    def head(self) -> list[str]:
+        """Lines for the head of a program; they hold texts from files."""
+        program = self.program
         axes = [f"{axis.name}, mm" for axis in program.cell.linear_axes]
         axes += ["turntable, deg"] * (program.cell.turntable is not None)
         lines = [
@@ -233,8 +267,23 @@ class Job:
             f"robot {program.robot.name}, cell {program.cell.name}, {self.kind} coordinates, {self.n} moves",
         ]
         lines += [f"E{i}: {name}" for i, name in enumerate(axes, 1)]
+        lines += [f"payload {tool.name} {tool.weight}" if tool.weight else f"payload of {tool.name} is not known"
+                  for tool in self.used]  # fmt: skip
+        return lines
+
+    @property
+    def external_units(self) -> tuple[str, ...]:
+        """Units of each external axis."""
+        return ("mm",) * len(self.program.cell.linear_axes) + ("deg",) * (self.program.cell.turntable is not None)
+
+    def context(self) -> dict[str, object]:
+        """What every template knows: ``head`` lines, ``count`` of moves, those ``after`` them, figures.
+
+        Lines of the head, too, hold texts from files.
+        """
+        o = self.options
         return {
-            "head": [SourceText(line) for line in lines],
+            "head": [SourceText(line) for line in self.head],
             "count": self.n,
             "cartesian": self.kind == "cartesian",
             "after": self.between.happenings.get(self.n, ()),
@@ -287,11 +336,17 @@ def job_of(
     """Collect what a writer needs. Raises InputError for an empty program, or feeds that are not known."""
     if program.n == 0:
         raise InputError("program", value="no moves", allowed="one move or more")
-    T_base = None
-    # A part that turns has no fixed frame: the controller couples it to the turntable.
-    if convention.T_base is not None and program.cell.turntable is None:
-        T_base = np.linalg.inv(program.cell.T_world_base0 @ convention.T_base) @ program.cell.T_world_part0
+    T_base = part_in_base(program, convention)
     return Job(program, kind, options, convention, commands(program, options), between, T_base, tools)
+
+
+def part_in_base(program: JointProgram, convention: Convention) -> Array | None:
+    """The part frame (4, 4) m in the controller's robot frame; None where a program cannot state it."""
+    # A part that turns has no fixed frame: the controller couples it to the turntable.
+    if convention.T_base is None or program.cell.turntable is not None:
+        return None
+    T_base = program.cell.T_world_base0 @ convention.T_base
+    return np.asarray(np.linalg.inv(T_base) @ program.cell.T_world_part0)
 
 
 def farthest(program: JointProgram) -> float:

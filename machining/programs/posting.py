@@ -69,6 +69,17 @@ class PostSettings:
     seed: int = 0
     clearance: Callable[[Array, Array, Integers], Array] | None = None
 
+    def at(self, row: Integers) -> PostSettings:
+        """The same for a path of other moves: what is given for each move, of moves (m,) of the path before."""
+        gamma = (
+            self.gamma
+            if isinstance(self.gamma, GammaRange) or np.ndim(self.gamma) == 0
+            else np.asarray(self.gamma)[row]
+        )
+        travel = None if self.travel is None else np.asarray(self.travel)
+        travel = travel if travel is None or travel.ndim < 2 else travel[row]
+        return replace(self, gamma=gamma, travel=travel, near=None if self.near is None else self.near[row])
+
     def __post_init__(self) -> None:
         require_positive("tolerance of joint programs", self.tolerance, "m")
         require_one_of("rapid moves", self.rapid, ("linear", "joint"))
@@ -125,8 +136,10 @@ def post(
     motions: Motions,
     settings: PostSettings | None = None,
     progress: Progress | None = None,
+    *,
+    led: Bools | None = None,
 ) -> Posted:
-    """Make a program of a tool path.
+    """Make a program of a tool path; ``led`` (n,): moves that are not of the path's file.
 
     Raises
     ------
@@ -149,7 +162,7 @@ def post(
     near = settings.near
     if near is not None:
         finite("postures at each move", near, (n, model.robot.dof), "rad")
-    inserted = np.zeros(n, dtype=np.bool_)
+    inserted = np.zeros(n, dtype=np.bool_) if led is None else led
     state = PostState(cell, motions, travel, settings.table, settings.reference, inserted, gamma, near)
     # Once for all: points put in later could make it another direction.
     state = replace(state, reference=state.task.reference).refined(pieces)

@@ -14,8 +14,21 @@ from robots import Robot, forward_kinematics
 from robots.arrays import Array, Bools, Integers, finite, in_blocks
 from robots.frames import inverse
 
+# The branch's name in programs that a controller's file alone says.
+REPLAYED = "as the file says"
+# Joint angles (rad) that are those of home but for the decimals of a file.
+HOME = 1e-6
 # Poses whose frames are held at once.
 BLOCK = 8_192
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is wrong with the file of a program at a move, in words; ``place``: it leads to another place."""
+
+    move: int
+    text: str
+    place: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +47,7 @@ class JointProgram:
     branch : (n,) index into ``names`` of the inverse kinematics' branches
     inserted : (n,) points that the source does not have
     file_lines : (n,) lines of the file that the program was read from; None: of none, or not a line a move
+    faults : what is wrong with that file itself
 
     Raises
     ------
@@ -53,6 +67,7 @@ class JointProgram:
     names: tuple[str, ...]
     inserted: Bools
     file_lines: Integers | None = None
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         n = self.motions.n
@@ -73,6 +88,20 @@ class JointProgram:
     def n(self) -> int:
         """Number of moves."""
         return self.motions.n
+
+    @cached_property
+    def at_home(self) -> Bools:
+        """Points (n,) at the home of a cell whose programs begin and end there."""
+        home = self.cell.home if self.cell.moves.home else None
+        if home is None:
+            return np.zeros(self.n, dtype=np.bool_)
+        return np.asarray(np.abs(self.q - home).max(axis=1) < HOME)
+
+    @cached_property
+    def loose(self) -> Bools:
+        """Moves (n,) that are joint moves whatever is asked: to another tool, and from and to home."""
+        ends = self.at_home | np.append(np.zeros(min(1, self.n), dtype=np.bool_), self.at_home[:-1])
+        return np.asarray(self.motions.changes | ends)
 
     def reached(self) -> Array:
         """Tool frames (n, 4, 4) in the part frame that the joint coordinates give, by forward kinematics."""

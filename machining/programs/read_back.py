@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -137,6 +137,23 @@ def whole(where: str, text: str) -> int:
     return int(value)
 
 
+@dataclass
+class Scan:
+    """What is known at a line of a program: ``data`` of other files or sections, the ``tool`` named last.
+
+    ``speeds`` m/s by name ("" where the language has one only), ``own`` what a language has to remember besides.
+    """
+
+    data: Mapping[str, Mapping[int, Mapping[str, str]]]
+    tool: str = ""
+    speeds: dict[str, float] = field(default_factory=dict)
+    own: dict[str, list[float]] = field(default_factory=dict)
+
+    def speed(self, name: str = "") -> float:
+        """Speed of that name; NaN where none was said."""
+        return self.speeds.get(name, np.nan)
+
+
 class Line(NamedTuple):
     """A line of a program: ``where`` it stands, its ``code`` without comment, the ``move`` or ``action`` that it is."""
 
@@ -203,6 +220,7 @@ class Grammar:
                 continue
             if self.jumps.search(code):
                 raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
+            before = depth
             depth = max(0, depth + len(self.opens.findall(code)) - len(self.closes.findall(code)))
             if self.motion.search(code):
                 if move is None:
@@ -213,7 +231,8 @@ class Grammar:
             asks, action = reader.optional(code), reader.found(code)
             if asks is not None:
                 asked = asks, depth
-            if action is not None and depth > 0:
+            # Some languages wait for an input in a loop that does nothing else.
+            if action is not None and depth > 0 and not (action.kind == "await" and before == 0):
                 is_asked = action.kind == "stop" and asked[1] == depth
                 action = Action("optional_stop", asked[0], action.name) if is_asked else None
             yield Line(where, code, move, action)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,11 @@ from doe.absolute.readings import Payload
 from doe.absolute.real_arm import RealArm
 from machining.cutting import Cut, Drawn, StiffnessUncertainty, assumed_uncertainty, drawn_objective
 from machining.cutting.each_tool import BendingOfEach, ForceOfEach
-from machining.programs.approach import Approach, Approached, approached
+from machining.programs.approach import Approach, Approached, approached, with_home, with_leads
 from machining.programs.calibrated_arm import CAP as ARM_CAP
 from machining.programs.calibrated_arm import Corrected, correct
 from machining.programs.compensation import CAP, RAMP, Compensated, compensate
-from machining.programs.format import RoundTrip, Written
+from machining.programs.format import RoundTrip, Written, digest
 from machining.programs.formats import FORMATS, round_trip, write_program
 from machining.programs.job import Kind
 from machining.programs.posting import Posted, PostSettings, post
@@ -80,7 +81,8 @@ class PostRun:
 
     ``corrected``: where geometry and weight are taken off too. ``stiffness``: how uncertain the arm is; ``drawn``: what
     the course was judged by at some of its moves, for arms drawn from that; both None where nothing deflects.
-    ``approached``: with points put in to come from one side, where that was asked for.
+    ``approached``: with points put in to come from one side, where that was asked for. ``digests``: SHA-256 of each
+    file.
     """
 
     request: PostRequest
@@ -93,13 +95,15 @@ class PostRun:
     drawn: Drawn | None = None
     corrected: Corrected | None = None
     approached: Approached | None = None
+    digests: dict[Target, dict[str, str]] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def program(self) -> JointProgram:
         """The program as it is written."""
         if self.approached is not None:
-            return self.approached.program
-        return next((one.posted for one in (self.corrected, self.compensated) if one is not None), self.posted).program
+            return with_home(self.approached.program)
+        made = next((one.posted for one in (self.corrected, self.compensated) if one is not None), self.posted)
+        return with_home(made.program)
 
 
 def run_post(
@@ -123,13 +127,18 @@ def run_post(
         # Before the work, not after it: whether the controller counts this arm's joints in a known way.
         FORMATS[target.name].check(model.robot, externals, request.options)
         FORMATS[target.name].check_commands(cell.commands)
+    compensated = request.cut is not None or request.payload is not None
+    words = {word for target in request.targets for word in FORMATS[target.name].words}
+    options = request.options.named(request.motions.source, "_c" if compensated else "", words)
+    request = replace(request, options=options)
     # Controllers compute with the arm as designed.
     real, model = model, model.as_designed
     flexible = deflects(model)
     if not flexible:
         # Nothing is known in N/mm: no branch and no gamma is stiffer than another.
         request = replace(request, settings=replace(request.settings, objective=Objective(ROOM)))
-    posted = post(model, cell, request.motions, request.settings, progress)
+    motions, row, led = with_leads(request.motions, cell.moves)
+    posted = post(model, cell, motions, request.settings.at(row), progress, led=led)
     found, corrected = None, None
     cut = None if request.cut is None else _with_each_tool(request.cut, posted)
     if request.payload is not None:
@@ -148,7 +157,8 @@ def run_post(
     run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn, corrected=corrected)
     if request.approach is not None:
         straight = request.settings.rapid == "linear" and any(target.kind == "cartesian" for target in request.targets)
-        run = replace(run, approached=approached(run.program, request.approach, straight=straight))
+        last = next((one.posted for one in (corrected, found) if one is not None), posted).program
+        run = replace(run, approached=approached(last, request.approach, straight=straight))
     program = run.program
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
@@ -163,6 +173,7 @@ def run_post(
                 remedy=wrong.remedy,
             )
         run.written[target], run.trips[target] = written, trip
+        run.digests[target] = {name: digest(text) for name, text in texts.items()}
     return run
 
 

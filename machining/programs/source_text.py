@@ -43,15 +43,16 @@ class SourceText:
 
 def comment(text: SourceText | str) -> str:
     """One line of harmless characters; others become ``_``, accents are dropped, at most ``LONGEST`` characters."""
-    return _NOT_COMMENT.sub("_", _plain(text))[:LONGEST].strip()
+    return _NOT_COMMENT.sub("_", plain_text(text))[:LONGEST].strip()
 
 
 def word(text: SourceText | str) -> str:
     """Capitals, digits and ``_``: something that a template can compare with."""
-    return _NOT_WORD.sub("_", _plain(text).strip())[:LONGEST].upper()
+    return _NOT_WORD.sub("_", plain_text(text).strip())[:LONGEST].upper()
 
 
-def _plain(text: SourceText | str) -> str:
+def plain_text(text: SourceText | str) -> str:
+    """The text without accents, so far as it can be of use."""
     raw = text._text if isinstance(text, SourceText) else str(text)
     # A long text is cut first: nobody's file should cost time here.
     split = unicodedata.normalize("NFKD", raw[: 4 * LONGEST])

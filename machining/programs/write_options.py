@@ -8,19 +8,24 @@ only for moves whose sweep was checked by other means. The first move has no sta
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import zlib
+from collections.abc import Collection, Mapping
+from pathlib import PurePath
 from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import Field, NonNegativeFloat, PrivateAttr, field_validator
 
 from machining.cell.schema import Positive, Strict
 from machining.programs.convention import Convention
+from machining.programs.source_text import plain_text
 
 SCHEMA: Literal["stiffarm-post/1"] = "stiffarm-post/1"
 
 Percent = Annotated[float, Field(gt=0.0, le=100.0)]
 Digits = Annotated[int, Field(ge=0, le=15)]
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,15}")
+LONGEST = 16
+NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}")
+_NOT_NAME = re.compile(r"[^A-Za-z0-9_]")
 # Keys whose values are names in a program.
 NAME_KEYS = ("name", "tool_name", "frame_name")
 T = TypeVar("T", bound=Strict)
@@ -43,7 +48,7 @@ class WriteOptions(Strict):
 
     Attributes
     ----------
-    name : of the program and its files
+    name : of the program and its files; ``post`` takes that of the tool path's file where none is given
     rapid : "linear" or "joint"; ``rapid_mm_s`` speed of rapid moves, of the first one too
     default_feed_mm_min : where the tool path has none; None: such a path is refused
     blend_mm : zone in which a corner may be cut; 0: an exact stop at each point
@@ -70,6 +75,23 @@ class WriteOptions(Strict):
     decimals: Decimals = Decimals()
     arm: Convention | None = None
     _tables: Mapping[str, Strict] = PrivateAttr(default_factory=dict)
+
+    def named(self, source: str, ending: str, taken: Collection[str]) -> Self:
+        """With the name of the tool path's file and ``ending``, where no name is given; ``taken``: words in lower case.
+
+        Other characters become ``_``. A name that is too long is cut and told from others by a checksum of the whole.
+        """
+        if "name" in self.model_fields_set:
+            return self
+        stem = PurePath(source).stem
+        name = _NOT_NAME.sub("_", plain_text(stem)) or "part"
+        name = name if name[0].isalpha() else f"P{name}"
+        room = LONGEST - len(ending)
+        if len(name) > room:
+            name = f"{name[: room - 5]}_{zlib.crc32(stem.encode()) & 0xFFFF:04x}"
+        if (name + ending).lower() in {*taken, self.tool_name.lower(), self.frame_name.lower()}:
+            name = f"{name[: room - 2]}_p"
+        return self.model_copy(update={"name": name + ending})
 
     def own(self, table: type[T]) -> T:
         """The options of one format alone: those given, or the defaults."""

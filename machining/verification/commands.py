@@ -22,8 +22,11 @@ def has_commands(motions: Motions) -> bool:
 
 
 def command_offences(reported: Reported) -> Iterator[Offence]:
-    """Commands that are missing, cuts with the spindle at rest, tools changed in a turning spindle, and the end."""
+    """Faults of the file, missing commands, cuts with the spindle at rest, tools changed as it turns, and the end."""
     motions = reported.courses.program.motions
+    for fault in reported.courses.program.faults:
+        kind = Kind.OTHER_POINT if fault.place else Kind.COMMAND
+        yield reported.offence(kind, fault.move, 1.0 if fault.place else 0.0, np.nan, np.nan, "", text=fault.text)
     if not has_commands(motions):
         return
     seen, places, stands = _State(), [0], [False]

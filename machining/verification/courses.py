@@ -163,6 +163,6 @@ def courses_of(program: JointProgram, interpolation: Interpolation) -> Courses:
     straight = np.full(program.n, interpolation == "linear")
     if interpolation == "mixed":
         straight = program.motions.cutting
-    straight = straight & ~program.motions.changes
+    straight = straight & ~program.loose
     straight[:1] = False
     return Courses(program, axes, axes.of(program), straight)

@@ -10,7 +10,8 @@ import numpy as np
 
 from machining.cell import ArmBodies, Scene, scene_of
 from machining.cell.scene import CUTTER, PART
-from machining.programs.program import JointProgram
+from machining.programs.actions import run_up
+from machining.programs.program import REPLAYED, JointProgram
 from machining.tooling import tools_of
 from machining.verification.commands import command_offences, has_commands
 from machining.verification.courses import Courses, MovingAxes, courses_of
@@ -242,6 +243,19 @@ def _not_looked_at(courses: Courses, scenes: tuple[Scene, ...], timing: Timing) 
         (bare, "Collisions of the tool: the cell gives no bodies of it."),
         (cell.floor is None and not scenes[0].on_base, "Collisions with the floor: there is none."),
         (no_shapes, "Collisions of the arm: the model gives no shapes."),
+        (
+            not courses.program.at_home[:1].all(),
+            "The way to the first point and from the last: the cell file has no home in [moves].",
+        ),
+        (
+            any(event.kind == "spindle" for event in motions.events) and not run_up(cell.commands),
+            "Whether the spindle is up to speed as a cut begins: the cell file has no spindle_ready and no "
+            "spindle_dwell_s.",
+        ),
+        (
+            courses.program.names == (REPLAYED,),
+            "Whether the program is that of its tool path: no neutral program was there to hold it against.",
+        ),
     )
     return (
         *(text for unknown, text in said if unknown),

@@ -144,8 +144,9 @@ def content_hash(description: ModelDescription) -> str:
     data = description.model_dump(mode="json", by_alias=True)
     if not data["effect"]:
         del data["effect"]  # models of the time before effects keep their hash
-    if data["controller"] is None:
-        del data["controller"]  # and those of the time before controllers' angles
+    for key in ("controller", "beam_radius"):
+        if data[key] is None:
+            del data[key]  # and those of the time before controllers' angles, and before capsules of a given radius
     if data["calibration"] is not None and data["calibration"]["uncertainty"] is None:
         del data["calibration"]["uncertainty"]  # and so do those of the time before covariances
     if data["load"] is not None and data["load"]["point"] is None:

@@ -166,7 +166,7 @@ def place(
     force_N: Sequence[float] | None = None,
     force_axes: Axes = "part",
     milling: str | Path | None = None,
-    aim: Aim = "ksf",
+    aim: Aim = "error",
     mode: Mode = "fixed",
     gamma_deg: Range = (-180.0, 180.0, 10.0),
     collisions: bool = True,
@@ -182,7 +182,7 @@ def place(
     path : tool path (APT, CLS, G-code or CSV)
     cell : cell file with the linear axes
     force_N, force_axes : cutting force on the tool; ``milling``: a milling file instead; one of the two is needed
-    aim : "ksf" (the criterion K_sf), "mean", "worst" or "error"
+    aim : "error" (of the surface, under the force), "ksf" (the criterion K_sf), "mean" or "worst"
     mode : "fixed", "steps" or "moving"
     gamma_deg : first and last angle about the tool axis, and step
     collisions : keep the arm clear of the cell

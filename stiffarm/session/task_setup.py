@@ -186,7 +186,10 @@ def parse_speed(robot: Robot, text: str | None) -> Array | None:
     return None if text is None else np.radians(parse_joint_figures(robot, text, "--speed"))
 
 
-def cut_of(cell: cells.Cell, motions: Motions | None, force: str | None, axes: str, milling: Path | None) -> Cut | None:
+def cut_of(
+    cell: cells.Cell, motions: Motions | None, force: str | None, axes: str, milling: Path | None,
+    measured: float | None = None,
+) -> Cut | None:  # fmt: skip
     """The cutting force of ``--force`` or ``--milling``, else that of the cell's milling files; None: there is none.
 
     Raises
@@ -194,7 +197,7 @@ def cut_of(cell: cells.Cell, motions: Motions | None, force: str | None, axes: s
     InputError
         As :func:`read_cut`, a milling file of a tool, or a tool that the cell does not have.
     """
-    given = read_cut(force, axes, milling)
+    given = read_cut(force, axes, milling, measured)
     if given is not None or motions is None or not any(tool.milling for tool in cell.tools):
         return given
     from machining.tool_cuts import cut_of_tools
@@ -202,13 +205,15 @@ def cut_of(cell: cells.Cell, motions: Motions | None, force: str | None, axes: s
     return cut_of_tools(cell, motions)
 
 
-def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
+def read_cut(force: str | None, axes: str, milling: Path | None, measured: float | None = None) -> Cut | None:
     """The cutting force of ``--force`` or ``--milling``, None without either.
+
+    ``measured``: standard deviation (N) of the components of a force that was measured.
 
     Raises
     ------
     InputError
-        Both given, or unknown axes.
+        Both given, unknown axes, or ``measured`` without a force.
     """
     # Forces bring the uncertainty of calibrations with them, which a verification does not ask for.
     from machining.cutting import ConstantForce, Cut, read_milling
@@ -216,9 +221,13 @@ def read_cut(force: str | None, axes: str, milling: Path | None) -> Cut | None:
 
     if force is not None and milling is not None:
         raise InputError("--force and --milling", value="both", allowed="one of the two")
+    if measured is not None and force is None:
+        raise InputError("--force-measured without --force", remedy="give the force that was measured with --force")
     if milling is not None:
         return read_milling(milling)
     if force is None:
         return None
     known: tuple[Axes, ...] = get_args(Axes)
-    return Cut(ConstantForce(parse_vector(force, "--force", "N"), parse_word(axes, known, "--force-axes")))
+    spread = None if measured is None else measured**2 * np.eye(3)
+    axes_known = parse_word(axes, known, "--force-axes")
+    return Cut(ConstantForce(parse_vector(force, "--force", "N"), axes_known, covariance=spread))

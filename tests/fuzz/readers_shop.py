@@ -16,7 +16,15 @@ from machining import read_path
 from machining.cell import parse_cell, read_cell
 from machining.cutting.milling_file import read_milling
 from machining.placement.file import Placement, placement_content, read_placement
-from machining.programs.formats import FORMATS, parse_options, read_options, read_program, round_trip, write_program
+from machining.programs.formats import (
+    FORMATS,
+    changed_since,
+    parse_options,
+    read_options,
+    read_program,
+    round_trip,
+    write_program,
+)
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
 from machining.service import Session
@@ -285,6 +293,10 @@ def _read_back(path: Path) -> object:
     return trip
 
 
+def _records() -> list[Sample]:
+    return [Sample(".json", b'{"programs": {"krl": {"sha256": {"a.src": "0123", "b.dat": "4567"}}}}')]
+
+
 TEMPLATES = ROOT / "machining" / "programs" / "templates"
 JINJA = (
     b"{% for i in range(10**9) %}x{% endfor %}", b"{{ 7 * 7 }}", b"{% include 'krl/main.j2' %}",
@@ -376,7 +388,7 @@ PROGRAM: tuple[Mutation, ...] = (
         )
     ),
 )
-_APT_FILES = sorted(path for path in SAMPLES.iterdir() if path.suffix != ".nc")
+_APT_FILES = sorted(path for path in SAMPLES.iterdir() if path.is_file() and path.suffix != ".nc")
 _WING, _SLOT = EXAMPLES / "tx200_wing" / "cell.toml", EXAMPLES / "kr60_posture" / "milling.toml"
 COMMAS = CURVE.replace(b";", b",")
 
@@ -391,6 +403,7 @@ READERS: dict[str, Reader] = {
     "placement": Reader(_placements, _placement, (JSON,)),
     "options": Reader(_options_seeds, _options, (TOML, JSON)),
     "program": Reader(_programs, _read_program, (JSON, *TABLE), cost=2.0),
+    "post.json": Reader(_records, lambda path: changed_since(path, path.parent / "krl" / "a.src"), (JSON,)),
     "controller program": Reader(_controller_seeds, _read_back, PROGRAM, cost=2.0),
     "template": Reader(_templates, _template, (words(JINJA),), cost=10.0),
     "request to a server": Reader(_requests, _serve, (JSON,), cost=3.0),

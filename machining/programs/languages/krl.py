@@ -24,19 +24,18 @@ and T of linear moves but for the first point.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
+from machining.cell import Cell
 from machining.cell.schema import Strict
-from machining.programs.actions import Action, Pattern
+from machining.programs.actions import Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.convention import sides
-from machining.programs.job import Job, external_count, plain
-from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, number, numbers, whole
+from machining.programs.job import Job, ToolData, external_count, plain
+from machining.programs.read_back import Grammar, ReadMove, Scan, numbers, whole
 from machining.programs.write_options import Percent, WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
@@ -44,7 +43,6 @@ from robots.arrays import Array, Integers
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
 AXES = tuple(f"A{i + 1}" for i in range(ARM))
 EXTERNALS = tuple(f"E{i + 1}" for i in range(6))
-_SPEED = re.compile(r"\s*\$VEL\.CP\s*=\s*(\S+)\s*(?:;.*)?$", re.IGNORECASE)
 _GRAMMAR = Grammar(
     main=".src",
     comment=";",
@@ -86,9 +84,14 @@ class Krl(Controller):
     ))  # fmt: skip
     main, part = (("{name}.src", "main.j2"),), "{name}_{number:03d}.src"
     speed_unit = 1.0
+    grammar = _GRAMMAR
+    speed = re.compile(r"\s*\$VEL\.CP\s*=\s*(?P<value>\S+)\s*$", re.IGNORECASE)
     terminals = (1, 8192)
     tool_frame = "figures"
     actions = (
+        Pattern("await", re.compile(r"\s*WAIT\s+FOR\s+\$IN\[(?P<name>\d+)\]\s*$", re.IGNORECASE)),
+        Pattern("base_frame", re.compile(r"\s*\$BASE\s*=\s*\{(?P<value>[^{}]*)\}\s*$", re.IGNORECASE)),
+        Pattern("payload", re.compile(r"\s*\$LOAD\s*=\s*\{(?P<value>.*)\}\s*$", re.IGNORECASE)),
         Pattern("output", re.compile(r"\s*\$OUT\[(?P<name>\d+)\]\s*=\s*(?P<on>TRUE|FALSE)\s*$", re.IGNORECASE)),
         Pattern("analog", re.compile(r"\s*\$ANOUT\[(?P<name>\d+)\]\s*=\s*(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
         Pattern("wait", re.compile(r"\s*WAIT\s+SEC\s+(?P<value>[\d.]+)\s*$", re.IGNORECASE)),
@@ -109,6 +112,17 @@ class Krl(Controller):
         """See :class:`Controller`."""
         return ",".join(f"{name} {value}" for name, value in zip(CARTESIAN, self.frame_words(T, options), strict=True))
 
+    def base_value(self, T: Array, options: WriteOptions) -> str:
+        """See :class:`Controller`."""
+        return self.tool_value(T, options)
+
+    def load_value(self, tool: ToolData, options: WriteOptions) -> str:
+        """See :class:`Controller`: mass in kg, a frame in its centre, moments of inertia in kg m^2 about its axes."""
+        if tool.load is None:
+            return ""
+        axes = ",".join(f"{name} {value:.6f}" for name, value in zip("XYZ", tool.load.inertia.tolist(), strict=True))
+        return f"M {tool.load.mass:.3f},CM {{{self.tool_value(tool.load.T, options)}}},J {{{axes}}}"
+
     def pattern(self, job: Job) -> str:
         """See :class:`Controller`."""
         names = (*CARTESIAN, "S", "T") if job.kind == "cartesian" else AXES
@@ -120,21 +134,9 @@ class Krl(Controller):
         return {
             "tool": self.frame(job, job.first_tool.T),
             "base": self.frame(job, job.T_base),
+            "load": self.load_value(job.first_tool, job.options),
             "ptp_blend": plain(job.options.own(KrlOptions).ptp_blend_percent),
         }
-
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
-        """See :class:`Controller`; lines that are neither motion nor speed are passed over."""
-        speed = np.nan
-        for line in _GRAMMAR.lines(files, self.reader(program)):
-            if line.action is not None:
-                yield line.action
-            elif line.move is not None:
-                yield _moved(line.where, line.move, speed)
-            elif (said := _SPEED.match(line.code)) is not None:
-                speed = number(f"{line.where}, $VEL.CP", said[1])
 
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
@@ -142,25 +144,25 @@ class Krl(Controller):
         slow = f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept"
         return super().notes(job) + ([slow] if job.kind == "joint" else [])
 
-
-def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
-    pairs = [item.split() for item in found[2].split(",")]
-    for pair in pairs:
-        if len(pair) != 2:
-            raise InputError(where, value=" ".join(pair)[:40], allowed="a name and a number")
-    given = [pair[0].upper() for pair in pairs]
-    values = dict(zip(given, numbers(where, [pair[1] for pair in pairs]), strict=True))
-    externals = [values[name] for name in EXTERNALS if name in values]
-    for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
-        if values.keys() >= set(names):
-            words, joint = [values[name] for name in names], found[1].upper() == "PTP"
-            said = ("S", "T") if "S" in values and "T" in values else ()
-            turns = [
-                int(values[name]) if values[name].is_integer() else whole(f"{where}, {name}", f"{values[name]:g}")
-                for name in said
-            ]
-            return ReadMove(where, kind, words, externals, joint, turns, speed)
-    raise InputError(where, value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
+        """See :class:`Controller`."""
+        pairs = [item.split() for item in found[2].split(",")]
+        for pair in pairs:
+            if len(pair) != 2:
+                raise InputError(where, value=" ".join(pair)[:40], allowed="a name and a number")
+        given = [pair[0].upper() for pair in pairs]
+        values = dict(zip(given, numbers(where, [pair[1] for pair in pairs]), strict=True))
+        externals = [values[name] for name in EXTERNALS if name in values]
+        for names, kind in ((CARTESIAN, "cartesian"), (AXES, "joint")):
+            if values.keys() >= set(names):
+                words, joint = [values[name] for name in names], found[1].upper() == "PTP"
+                said = ("S", "T") if "S" in values and "T" in values else ()
+                turns = [
+                    int(values[name]) if values[name].is_integer() else whole(f"{where}, {name}", f"{values[name]:g}")
+                    for name in said
+                ]
+                return ReadMove(where, kind, words, externals, joint, turns, scan.speed())
+        raise InputError(where, value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
 
 
 FORMAT = Krl()

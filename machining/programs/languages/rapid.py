@@ -14,31 +14,34 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
+from machining.cell import Cell
 from machining.cell.schema import Positive, Strict
 from machining.programs.actions import Action, Pattern
 from machining.programs.controller import ARM, Controller
 from machining.programs.convention import sides
-from machining.programs.job import Job, external_count, plain
+from machining.programs.job import FlangeLoad, Job, ToolData, external_count, plain
 from machining.programs.orientation import QUATERNION
 from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, number, numbers, whole
+from machining.programs.read_back import Grammar, ReadMove, Scan, file_of, numbers, whole
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array, Integers
+from robots.frames import framed
 
 EXTERNALS = 6
 UNUSED = "9E9"
 # Zones of ABB's own table: 1.5 times the path's zone for orientation and external axes, 0.15 deg a mm.
 ZONE = (1.0, 1.5, 1.5, 0.15, 1.5, 0.15)
-_SPEED = re.compile(r"\s*vMove\.v_tcp\s*:=\s*([^;]+);", re.IGNORECASE)
 _GRAMMAR = Grammar(
     main=".mod",
     comment="!",
     move=re.compile(
-        r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,\s*(\w+).*;", re.IGNORECASE
+        r"\s*(MoveL|MoveJ|MoveAbsJ)\s+(\[.*\])\s*(?:\\NoEOffs\s*)?,\s*\w+\s*,\s*\w+\s*,\s*(?P<tool>\w+).*;",
+        re.IGNORECASE,
     ),
     readable="MoveL [[...]], MoveAbsJ [[...]]",
     motion=re.compile(r"\b(?:Move(?:L|J|C|AbsJ|Ext|Circ)\w*|SearchL|SearchC|Trigg[LJC])\b", re.IGNORECASE),
@@ -48,6 +51,8 @@ _GRAMMAR = Grammar(
     # Parts end in their number; other calls are the shop's own.
     call=(re.compile(r"\s*([A-Za-z]\w*_\d{3,})\s*;\s*(?:!.*)?$"), ".mod"),
 )
+_TOOL = re.compile(r"^\s*PERS\s+tooldata\s+(\w+)\s*:=\s*\[TRUE,(\[\[.*?\]\]),\[(.*)\]\];", re.IGNORECASE | re.MULTILINE)
+_WOBJ = re.compile(r'^\s*PERS\s+wobjdata\s+\w+\s*:=\s*\[FALSE,TRUE,"",(\[\[.*?\]\]),', re.IGNORECASE | re.MULTILINE)
 # Length of a quaternion: its decimals are the user's choice.
 UNIT = 0.01
 
@@ -68,12 +73,15 @@ class Rapid(Controller):
         "do", "end", "endmodule", "endproc", "false", "for", "if", "main", "module", "movej", "movel", "proc",
         "return", "stop", "then", "true", "while",
     ))  # fmt: skip
-    main, part = (("{name}.mod", "main.j2"),), "{name}_{number:03d}.mod"
+    main, part = (("{name}.mod", "main.j2"), ("{name}.pgf", "program.j2")), "{name}_{number:03d}.mod"
     orientation = QUATERNION
     speed_unit = 1e-3
+    grammar = _GRAMMAR
+    speed = re.compile(r"\s*vMove\.v_tcp\s*:=\s*(?P<value>[^;]+);", re.IGNORECASE)
     scaled = False
     tool_frame = "name"
     actions = (
+        Pattern("await", re.compile(r"\s*WaitDI\s+(?P<name>\w+)\s*,\s*1\s*;", re.IGNORECASE)),
         Pattern("output", re.compile(r"\s*SetDO\s+(?P<name>\w+)\s*,\s*(?P<on>[01])\s*;", re.IGNORECASE)),
         Pattern("analog", re.compile(r"\s*SetAO\s+(?P<name>\w+)\s*,\s*(?P<value>[\d.]+)\s*;", re.IGNORECASE)),
         Pattern("wait", re.compile(r"\s*WaitTime\s+(?:\\InPos\s*,\s*)?(?P<value>[\d.]+)\s*;", re.IGNORECASE)),
@@ -91,57 +99,74 @@ class Rapid(Controller):
 
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
-        o, load, external = job.options, job.options.own(RapidOptions), external_count(job.program)
+        o, external = job.options, external_count(job.program)
         if external > EXTERNALS:
             raise InputError("external axes in RAPID", value=external, allowed=f"at most {EXTERNALS}")
-        known = load.tool_mass_kg is not None
         return {
             "unused": (UNUSED,) * (EXTERNALS - external),
-            "tools": [(tool.name, self.frame(job, tool.T) if known else None) for tool in job.used],
+            "tools": [(tool.name, self._frame(tool.T, o), self.load_value(tool, o)) for tool in job.used],
             "base": self.frame(job, job.T_base),
-            "mass": plain(load.tool_mass_kg or 0.0),
-            "centre": [f"{v:.3f}" for v in load.tool_centre_mm],
             "linear_mm_s": plain(o.rapid_mm_s),
             "zone": [plain(o.blend_mm * share) for share in ZONE],
         }
 
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
-        """See :class:`Controller`; MoveL, MoveJ and MoveAbsJ with the target in the instruction are read."""
-        speed, tool = np.nan, ""
-        for line in _GRAMMAR.lines(files, self.reader(program)):
-            if line.action is not None:
-                yield line.action
-            elif line.move is not None:
-                if line.move[3] != tool:
-                    tool = line.move[3]
-                    yield Action("tool_frame", tool)
-                yield _moved(line.where, line.move, speed)
-            elif (said := _SPEED.match(line.code)) is not None:
-                speed = number(f"{line.where}, v_tcp", said[1]) * 1e-3
+    def tools(self, program: JointProgram, options: WriteOptions) -> tuple[ToolData, ...]:
+        """See :class:`Controller`; where the cell gives no weight, that of the options."""
+        own, found = options.own(RapidOptions), super().tools(program, options)
+        if own.tool_mass_kg is None:
+            return found
+        given = FlangeLoad(own.tool_mass_kg, framed(np.eye(3), np.array(own.tool_centre_mm) * 1e-3), np.zeros(3))
+        made = {tool: tool if tool.load is not None else replace(tool, load=given) for tool in dict.fromkeys(found)}
+        return tuple(made[tool] for tool in found)
+
+    def _frame(self, T: Array, options: WriteOptions) -> str:
+        words = self.frame_words(T, options)
+        return f"[[{','.join(words[:3])}],[{','.join(words[3:])}]]"
+
+    def tool_value(self, T: Array, options: WriteOptions) -> str:
+        """See :class:`Controller`."""
+        return ",".join(self.frame_words(T, options))
+
+    def base_value(self, T: Array, options: WriteOptions) -> str:
+        """See :class:`Controller`."""
+        return self.tool_value(T, options)
+
+    def load_value(self, tool: ToolData, options: WriteOptions) -> str:
+        """See :class:`Controller`: loaddata, with the axes of the moments of inertia."""
+        if tool.load is None:
+            return ""
+        centre, axes = (f"{v:.3f}" for v in tool.load.T[:3, 3] * 1e3), self.frame_words(tool.load.T, options)[3:]
+        inertia = ",".join(f"{v:.6f}" for v in tool.load.inertia.tolist())
+        return f"{plain(tool.load.mass)},[{','.join(centre)}],[{','.join(axes)}],{inertia}"
+
+    def declared(self, files: Mapping[str, str], scan: Scan) -> Iterator[Action]:
+        """See :class:`Controller`: tooldata and wobjdata of the main file."""
+        _, text = file_of(files, ".mod")
+        for name, frame, load in _TOOL.findall(text):
+            yield Action("tool_frame", name, frame)
+            yield Action("payload", name, load)
+        for frame in _WOBJ.findall(text):
+            yield Action("base_frame", value=frame)
 
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
-        o = job.options
-        names = ", ".join(tool.name for tool in job.used)
-        unknown = f"the load of the tool is not known: tooldata {names} has to stand on the controller"
-        return super().notes(job) + ([unknown] if o.own(RapidOptions).tool_mass_kg is None else [])
+        names = ", ".join(tool.name for tool in job.used if tool.load is None)
+        return super().notes(job) + ([f"tooldata {names} has to stand on the controller"] if names else [])
 
-
-def _moved(where: str, found: re.Match[str], speed: float) -> ReadMove:
-    order, lists = found[1].lower(), re.findall(r"\[([^\[\]]*)\]", found[2])
-    values = [numbers(where, part.split(",")) for part in lists]
-    lengths = [len(part) for part in values]
-    used = [v for v in values[-1] if v < 8.9e9] if values else []
-    if order == "moveabsj" and lengths == [ARM, EXTERNALS]:
-        return ReadMove(where, "joint", values[0], used, joint=True, speed=speed)
-    if order != "moveabsj" and lengths == [3, 4, 4, EXTERNALS]:
-        if abs(np.linalg.norm(values[1]) - 1.0) > UNIT:
-            raise InputError(f"{where}, orientation", value=lists[1], allowed="a quaternion of length 1")
-        turns = [whole(f"{where}, configuration", item) for item in lists[2].split(",")]
-        return ReadMove(where, "cartesian", values[0] + values[1], used, order == "movej", turns, speed)
-    raise InputError(where, value=found[2][:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]")
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
+        """See :class:`Controller`: MoveL, MoveJ and MoveAbsJ with the target in the instruction."""
+        order, lists = found[1].lower(), re.findall(r"\[([^\[\]]*)\]", found[2])
+        values = [numbers(where, part.split(",")) for part in lists]
+        lengths = [len(part) for part in values]
+        used = [v for v in values[-1] if v < 8.9e9] if values else []
+        if order == "moveabsj" and lengths == [ARM, EXTERNALS]:
+            return ReadMove(where, "joint", values[0], used, joint=True, speed=scan.speed())
+        if order != "moveabsj" and lengths == [3, 4, 4, EXTERNALS]:
+            if abs(np.linalg.norm(values[1]) - 1.0) > UNIT:
+                raise InputError(f"{where}, orientation", value=lists[1], allowed="a quaternion of length 1")
+            turns = [whole(f"{where}, configuration", item) for item in lists[2].split(",")]
+            return ReadMove(where, "cartesian", values[0] + values[1], used, order == "movej", turns, scan.speed())
+        raise InputError(where, value=found[2][:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]")
 
 
 FORMAT = Rapid()

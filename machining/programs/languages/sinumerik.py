@@ -10,18 +10,18 @@ radius of 180/pi mm). Axis names, signs and zeros are what the machine was set u
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import model_validator
 
+from machining.cell import Cell
 from machining.cell.schema import CommandsTable, Strict
-from machining.programs.actions import Action, Pattern, by_table, digits
+from machining.programs.actions import Action, Pattern, by_table, digits, run_up
 from machining.programs.controller import Controller
 from machining.programs.job import Commands, Job, Kind, farthest, plain
-from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number, numbers
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, Scan, number, numbers
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event, Motions
 from robots import InputError
@@ -67,9 +67,9 @@ class SinumerikOptions(Strict):
             raise ValueError("axis names must differ")
         return self
 
-    def names_of(self, program: JointProgram) -> list[str]:
+    def names_of(self, cell: Cell) -> list[str]:
         """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
-        linear, table = len(program.cell.linear_axes), program.cell.turntable is not None
+        linear, table = len(cell.linear_axes), cell.turntable is not None
         if linear > len(self.linear):
             raise InputError("names of linear axes", value=len(self.linear), allowed=f"{linear}")
         return [*self.axes, *self.linear[:linear], *([self.table] if table else [])]
@@ -87,7 +87,10 @@ class Sinumerik(Controller):
     ))  # fmt: skip
     main, part = (("{NAME}.MPF", "main.j2"),), "{NAME}_{number:03d}.SPF"
     terminals = (1, 8192)
+    grammar = _GRAMMAR
+    weighs = False
     actions = (
+        Pattern("await", re.compile(_BLOCK + r"WHILE\s+NOT\s+\$A_IN\[(?P<name>\d+)\]\s*$", re.IGNORECASE)),
         Pattern("spindle", re.compile(_BLOCK + r"(?:S=?(?P<value>[\d.]+)\s+)?M0?3\s*$", re.IGNORECASE), "cw"),
         Pattern("spindle", re.compile(_BLOCK + r"(?:S=?(?P<value>[\d.]+)\s+)?M0?4\s*$", re.IGNORECASE), "ccw"),
         Pattern("spindle", re.compile(_BLOCK + r"M0?5\s*$", re.IGNORECASE), "off"),
@@ -108,7 +111,8 @@ class Sinumerik(Controller):
         if event.kind == "spindle":
             name = "off" if event.value == 0.0 else "cw" if event.value > 0.0 or event.text == "CLW" else "ccw"
             rpm = abs(event.value) / RPM
-            return (Action("spindle", name, digits("spindle", rpm) if rpm > 0.0 else ""),), ""
+            turn = Action("spindle", name, digits("spindle", rpm) if rpm > 0.0 else "")
+            return (turn, *(() if name == "off" else run_up(table))), ""
         if event.kind == "coolant" and event.text in ("mist", "flood"):
             return (Action("coolant", event.text, on=True),), ""
         if event.kind == "coolant" and event.text == "off":
@@ -125,7 +129,7 @@ class Sinumerik(Controller):
         own, dof = job.options.own(SinumerikOptions), job.program.robot.dof
         if len(own.axes) != dof:
             raise InputError("[sinumerik] axes", value=len(own.axes), allowed=f"{dof} names, one a joint")
-        axes, per_minute = own.names_of(job.program), own.feed == "per_minute"
+        axes, per_minute = own.names_of(job.program.cell), own.feed == "per_minute"
         # Of an axis that turns the farthest point by the zone.
         blend = np.degrees(job.options.blend_mm * 1e-3 / farthest(job.program))
         return {
@@ -137,7 +141,7 @@ class Sinumerik(Controller):
 
     def pattern(self, job: Job) -> str:
         """See :class:`Controller`; the F word is none of the coordinates."""
-        names, dof = job.options.own(SinumerikOptions).names_of(job.program), job.program.robot.dof
+        names, dof = job.options.own(SinumerikOptions).names_of(job.program.cell), job.program.robot.dof
         arm, others = ("".join(f" {name}=%s" for name in some) for some in (names[:dof], names[dof:]))
         return f"{arm}%.0s{others}"
 
@@ -154,27 +158,21 @@ class Sinumerik(Controller):
             rate = np.where(rate > 0.0, rate, 1.0)
         return [("",) if not np.isfinite(v) else (plain(v),) for v in rate.tolist()]
 
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
+    def remembered(self, where: str, code: str, scan: Scan, options: WriteOptions) -> Action | None:
+        """See :class:`Controller`: inverse time (G93) or deg/min (G94)."""
+        if per := {"G93", "G94"}.intersection(code.upper().split()):
+            scan.own["per minute"] = [float("G94" in per)]
+        return None
+
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
         """See :class:`Controller`; durations come from G93, with G94 from the way of all axes, mm counted as deg."""
         own = options.own(SinumerikOptions)
-        axes, dof = own.names_of(program), len(own.axes)
-        inverse, before = True, None
-        for line in _GRAMMAR.lines(files, self.reader(program)):
-            if "G93" in line.code.split() or "G94" in line.code.split():
-                inverse = "G93" in line.code.split()
-            if line.action is not None:
-                yield line.action
-            elif line.move is not None:
-                order, text = line.move.groups()
-                values = _values(line.where, text, axes)
-                way = 0.0
-                if not inverse and before is not None:
-                    way = float(np.linalg.norm(np.subtract(values, before)))
-                time = _time(line.where, text, inverse, way) if order == "1" else np.nan
-                yield ReadMove(line.where, "joint", values[:dof], values[dof:], order == "0", duration=time)
-                before = values
+        (order, text), dof = found.groups(), len(own.axes)
+        values, inverse = _values(where, text, own.names_of(cell)), scan.own.get("per minute", [0.0]) == [0.0]
+        way = 0.0 if inverse else float(np.linalg.norm(np.subtract(values, scan.own.get("before", values))))
+        time = _time(where, text, inverse, way) if order == "1" else np.nan
+        scan.own["before"] = values
+        return ReadMove(where, "joint", values[:dof], values[dof:], order == "0", duration=time)
 
     def joint_moves(self, wanted: Commands, kind: Kind) -> Bools:
         """See :class:`Controller`: G0 where a rapid joint move is asked for, else G1."""

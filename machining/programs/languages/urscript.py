@@ -13,17 +13,17 @@ controller, which an arm that was verified in another branch must not have.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from machining.cell import Cell
 from machining.cell.schema import Positive, Strict
-from machining.programs.actions import Action, Pattern
+from machining.programs.actions import Pattern
 from machining.programs.controller import ARM, Controller
-from machining.programs.job import Commands, Job, plain
-from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, ReadMoves, number, numbers
+from machining.programs.job import Commands, Job, ToolData, plain
+from machining.programs.read_back import Grammar, ReadMove, ReadMoves, Scan, number, numbers
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array
@@ -69,7 +69,10 @@ class UrScript(Controller):
     main = (("{name}.script", "main.j2"),)
     terminals = (0, 7)
     tool_frame = "figures"
+    grammar = _GRAMMAR
     actions = (
+        Pattern("await", re.compile(r"\s*while\s+not\s+get_standard_digital_in\(\s*(?P<name>\d+)\s*\)\s*:\s*$")),
+        Pattern("payload", re.compile(r"\s*set_payload\(\s*(?P<value>.*)\)\s*$")),
         Pattern("output", re.compile(_OUT.format("digital", "on", "True|False"))),
         Pattern("analog", re.compile(_OUT.format("analog", "value", r"[\d.]+"))),
         Pattern("wait", re.compile(r"\s*sleep\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
@@ -92,7 +95,16 @@ class UrScript(Controller):
 
     def own_context(self, job: Job) -> dict[str, object]:
         """See :class:`Controller`."""
-        return {"tcp": self.tool_value(job.first_tool.T, job.options)}
+        return {
+            "tcp": self.tool_value(job.first_tool.T, job.options),
+            "load": self.load_value(job.first_tool, job.options),
+        }
+
+    def load_value(self, tool: ToolData, options: WriteOptions) -> str:
+        """See :class:`Controller`: mass in kg and its centre in m; the controller takes no inertia here."""
+        if tool.load is None:
+            return ""
+        return f"{tool.load.mass:.3f}, [{', '.join(f'{v:.6f}' for v in tool.load.T[:3, 3].tolist())}]"
 
     def tool_value(self, T: Array, options: WriteOptions) -> str:
         """See :class:`Controller`: m and a rotation vector in rad."""
@@ -112,20 +124,14 @@ class UrScript(Controller):
             for t, r in zip(job.commands.duration[part].tolist(), corners(job, part).tolist(), strict=True)
         ]
 
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
-        """See :class:`Controller`; movej to six joint angles is read."""
-        for line in _GRAMMAR.lines(files, self.reader(program)):
-            if line.action is not None:
-                yield line.action
-            elif line.move is not None:
-                angles = numbers(line.where, line.move[1].split(","))
-                if len(angles) != ARM:
-                    raise InputError(line.where, value=f"{len(angles)} angles", allowed=f"{ARM}")
-                time = _TIME.search(line.move[2])
-                duration = np.nan if time is None else number(f"{line.where}, t", time[1])
-                yield ReadMove(line.where, "joint", np.degrees(angles).tolist(), (), joint=True, duration=duration)
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
+        """See :class:`Controller`: movej to six joint angles."""
+        angles = numbers(where, found[1].split(","))
+        if len(angles) != ARM:
+            raise InputError(where, value=f"{len(angles)} angles", allowed=f"{ARM}")
+        time = _TIME.search(found[2])
+        duration = np.nan if time is None else number(f"{where}, t", time[1])
+        return ReadMove(where, "joint", np.degrees(angles).tolist(), (), joint=True, duration=duration)
 
     def pace(self, found: ReadMoves, wanted: Commands, options: WriteOptions) -> float:
         """See :class:`Controller`: times; the first move has none."""

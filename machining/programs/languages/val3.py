@@ -15,18 +15,18 @@ behind, elbow ``epositive`` and ``enegative`` by the sign of joint 3 from the st
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from machining.programs.actions import Action, Pattern
+from machining.cell import Cell
+from machining.programs.actions import Pattern
 from machining.programs.controller import Controller
 from machining.programs.convention import sides
 from machining.programs.job import Job, external_axes, formatted
 from machining.programs.orientation import RX_RY_RZ
-from machining.programs.program import JointProgram
-from machining.programs.read_back import Grammar, ReadMove, file_of, number, whole
+from machining.programs.read_back import Grammar, ReadMove, Scan, file_of, number, whole
 from machining.programs.write_options import WriteOptions
 from robots import InputError, Robot
 from robots.arrays import Array
@@ -34,11 +34,12 @@ from robots.arrays import Array
 _VALUE = re.compile(r"\s*<Value\s+([^<>]*?)/>\s*$")
 _DATA = re.compile(r'\s*<Data\s+name="(\w+)"')
 _ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
-_SPEED = re.compile(r"\s*(\w+)\.tvel\s*=\s*(\S+)\s*$")
 _GRAMMAR = Grammar(
     main="start.pgx",
     comment="//",
-    move=re.compile(r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(\w+(?:\[\d+\])?)\s*,\s*(\w+)\s*\)\s*$"),
+    move=re.compile(
+        r"\s*(movel|movej)\(\s*(pPath|jPath)\[([0-9]{1,9})\]\s*,\s*(?P<tool>\w+(?:\[\d+\])?)\s*,\s*(\w+)\s*\)\s*$"
+    ),
     readable="movel or movej to pPath[i] or jPath[i]",
     motion=re.compile(r"\b(?:movel|movej|movec|movejf|compliantMove\w*)\s*\("),
     opens=re.compile(r"^\s*(?:if|for|while|do|switch)\b"),
@@ -72,10 +73,14 @@ class Val3(Controller):
     part = "p{number:03d}.pgx"
     orientation = RX_RY_RZ
     speed_unit = 1e-3
+    grammar = _GRAMMAR
+    speed = re.compile(r"\s*(?P<name>\w+)\.tvel\s*=\s*(?P<value>\S+)\s*$")
     scaled = False
     own_stop = False
     tool_frame = "name"
+    weighs = False
     actions = (
+        Pattern("await", re.compile(r"\s*wait\(\s*(?P<name>[A-Za-z]\w*)\s*==\s*true\s*\)\s*$")),
         Pattern("output", re.compile(r"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<on>true|false)\s*$")),
         Pattern("wait", re.compile(r"\s*delay\(\s*(?P<value>[\d.]+)\s*\)\s*$")),
         Pattern("call", re.compile(r"\s*call\s+(?P<name>[A-Za-z]\w*)\(\s*(?P<value>\d+)\s*\)\s*$")),
@@ -115,44 +120,24 @@ class Val3(Controller):
         said = f"{', '.join(named)}: declare them in the application's data as dio and aio, and link them"
         return super().notes(job) + ([said] if named else [])
 
-    def read(
-        self, files: Mapping[str, str], program: JointProgram, options: WriteOptions
-    ) -> Iterator[ReadMove | Action]:
-        """See :class:`Controller`; movel and movej to points of pPath and jPath in the data file are read."""
-        data = _data(*file_of(files, ".dtx"))
-        external = [number("nExternal", item["value"]) for item in data.get("nExternal", {}).values()]
-        speeds: dict[str, float] = {}
-        tool = ""
-        for line in _GRAMMAR.lines(files, self.reader(program)):
-            if line.action is not None:
-                yield line.action
-            elif line.move is not None:
-                if line.move[4] != tool:
-                    tool = line.move[4]
-                    yield Action("tool_frame", tool)
-                yield _moved(line.where, line.move, data, external, speeds)
-            elif (said := _SPEED.match(line.code)) is not None:
-                speeds[said[1]] = number(f"{line.where}, tvel", said[2]) * 1e-3
+    def data(self, files: Mapping[str, str]) -> Mapping[str, Mapping[int, Mapping[str, str]]]:
+        """See :class:`Controller`: the data file, by name and key."""
+        return _data(*file_of(files, ".dtx"))
 
-
-def _moved(
-    where: str,
-    found: re.Match[str],
-    data: Mapping[str, Mapping[int, Mapping[str, str]]],
-    external: list[float],
-    speeds: Mapping[str, float],
-) -> ReadMove:
-    order, path, place, _, descriptor = found.groups()
-    point = data.get(path, {}).get(whole(f"{where}, {path}", place))
-    if point is None:
-        raise InputError(f"{where}: {path}[{place}]", allowed="a point of the data file")
-    kind, names = ("cartesian", CARTESIAN) if path == "pPath" else ("joint", JOINTS)
-    missing = [key for key in names if key not in point]
-    if missing:
-        raise InputError(f"{where}: {path}[{place}]", value=f"no {missing[0]}", allowed=" ".join(names))
-    words = [number(where, point[key]) for key in names]
-    turns = [point[key] for key in SIDES if key in point]
-    return ReadMove(where, kind, words, external, order == "movej", turns, speeds.get(descriptor, np.nan))
+    def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:
+        """See :class:`Controller`: movel and movej to points of pPath and jPath in the data file."""
+        external = [number("nExternal", item["value"]) for item in scan.data.get("nExternal", {}).values()]
+        order, path, place, _, descriptor = found.groups()
+        point = scan.data.get(path, {}).get(whole(f"{where}, {path}", place))
+        if point is None:
+            raise InputError(f"{where}: {path}[{place}]", allowed="a point of the data file")
+        kind, names = ("cartesian", CARTESIAN) if path == "pPath" else ("joint", JOINTS)
+        missing = [key for key in names if key not in point]
+        if missing:
+            raise InputError(f"{where}: {path}[{place}]", value=f"no {missing[0]}", allowed=" ".join(names))
+        words = [number(where, point[key]) for key in names]
+        turns = [point[key] for key in SIDES if key in point]
+        return ReadMove(where, kind, words, external, order == "movej", turns, scan.speed(descriptor))
 
 
 def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:

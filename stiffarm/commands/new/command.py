@@ -62,6 +62,15 @@ def new(
     base: Annotated[
         str | None, typer.Option("--base", help="With --urdf: link at the base of the arm. Default: the root link.")
     ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            "--controller",
+            metavar="FORMAT,...",
+            help="Program formats of its controller (see `stiffarm post --format`), which counts the joints as this "
+            "model does; another sign, zero or coupling goes into [controller] of the model file.",
+        ),
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -78,6 +87,7 @@ def new(
             described,
             given_of,
             with_class_springs,
+            with_controller,
             write_files,
         )
 
@@ -94,6 +104,7 @@ def new(
                     "--payload-kg": payload_kg,
                     "--mass-kg": mass_kg,
                     "--springs": springs if prior else None,
+                    "--controller": controller,
                 },
                 "nothing to apply it to yet",
                 "give --mdh, --dh, --urdf or --like too",
@@ -104,6 +115,8 @@ def new(
         frame.files |= {"urdf" if key == "--urdf" else "table": Path(v) for key, v in given.items() if key != "--like"}
         if prior:
             description = with_class_springs(description)
+        if controller is not None:
+            description = with_controller(description, controller)
         with frame.folder() as folder:
             content = write_files(folder, description, name)
         frame.answer(content, lambda: _say(description, content, frame.out or Path(name)))
@@ -146,6 +159,11 @@ def _say(description: ModelDescription, content: dict[str, Any], out: Path) -> N
         f"then measure: {out / 'sheet.csv'} is a first sheet ({loads} N); stiffarm plan {model} --poses 10 --out plan "
         "chooses set-ups that tell more"
     )
+    if not content["controller_formats"]:
+        say(
+            "programs for its controller need its joint convention: which formats does it read, and does it count the "
+            "angles as this model? If so, give --controller FORMAT; if not, fill in [controller] of the model file"
+        )
     if content["joints_without_springs"]:
         say(
             f"no springs yet, rigid until calibrated: {', '.join(content['joints_without_springs'])} "

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robots import InputError, ModelDescription, load_description, read_urdf, require_positive
+from robots import InputError, ModelDescription, load_description, read_urdf, require_one_of, require_positive
 from robots.arm_class import CLASS_PRIOR, arm_class
 from robots.files.written import sha256_of
 from robots.library.commented import SCHEMA_FILE, commented_toml
@@ -138,6 +138,24 @@ def with_class_springs(description: ModelDescription) -> ModelDescription:
     return ModelDescription.model_validate(changed_.model_dump(by_alias=True, exclude_none=True))
 
 
+def with_controller(description: ModelDescription, formats: str) -> ModelDescription:
+    """With a controller that reads these program formats, separated by commas, and counts joints as the model does.
+
+    Raises
+    ------
+    InputError
+        A format that is none of a controller.
+    """
+    from machining.programs.formats import FORMATS
+
+    names = [name.strip() for name in formats.split(",")]
+    for name in names:
+        require_one_of("--controller", name, [key for key, one in FORMATS.items() if not one.neutral])
+    data: dict[str, Any] = description.model_dump(by_alias=True, exclude_none=True)
+    data["controller"] = data.get("controller", {}) | {"formats": tuple(names)}
+    return ModelDescription.model_validate(data)
+
+
 def _middle(low: float, high: float) -> RotationalStiffness:
     """The geometric mean, to two digits: more would look like a measurement."""
     value = float(f"{np.sqrt(low * high):.2g}")
@@ -160,6 +178,7 @@ def write_files(folder: OutputFolder, description: ModelDescription, name: str) 
         "model": f"{name}.toml",
         "joints": len(description.joint),
         "joints_without_springs": rigid,
+        "controller_formats": [] if description.controller is None else list(description.controller.formats),
         "files": [f"{name}.toml", SCHEMA_FILE, "pendant.csv", "sheet.csv"],
         "sheet_loads_N": list(loads),
     }

@@ -71,13 +71,13 @@ def place(
     ] = "part",
     milling: MillingOpt = None,
     aim: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--aim",
-            help="What to optimise: ksf (the criterion K_sf), mean or worst (stiffness along the force), or "
-            "error (surface error).",
+            help="What to optimise: error (surface error under the force), ksf (the criterion K_sf), or mean or worst "
+            "(stiffness along the force). Default: error; ksf with --alpha and --beta.",
         ),
-    ] = "ksf",
+    ] = None,
     mode: Annotated[
         str,
         typer.Option(
@@ -203,7 +203,9 @@ def place(
                 remedy="give one of them",
             )  # fmt: skip
         cutting = given_path.drilling(cut.force)
-        goal = Goal(parse_word(aim, AIMS, "--aim"), cutting, _criterion(alpha, beta), by_length)
+        criterion = _criterion(alpha, beta)
+        told_aim = aim or ("error" if criterion is None else "ksf")
+        goal = Goal(parse_word(told_aim, AIMS, "--aim"), cutting, criterion, by_length)
         how = _how(mode, anywhere, cost, gamma_course)
         scene, notes = scene_for(described, model, given.description) if collisions else (None, ())
         problem = Problem(

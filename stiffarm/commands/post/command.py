@@ -166,6 +166,16 @@ def post(
     ] = None,
     force: ForceOpt = None,
     force_axes: ForceAxesOpt = "base",
+    force_measured: Annotated[
+        float | None,
+        typer.Option(
+            "--force-measured",
+            metavar="N",
+            help="Standard deviation of each component of --force, where it was measured, in N. "
+            "Default: assumed, 10 %.",
+            min=0.0,
+        ),
+    ] = None,
     milling: MillingOpt = None,
     options: Annotated[
         Path | None, typer.Option("--options", help="Options of the program formats (TOML or JSON).")
@@ -206,6 +216,7 @@ def post(
         targets = parse_targets(formats, coordinates)
         given = frame.model(model, links, load_path, sets=sets, shown=True)
         given = frame.at_load(given, at_load)
+        expect(path, PATH, model=model)
         setup = read_setup(model, given, cell, tool, part, floor, beam_radius)
         carried = payload_of(given.description, payload, compensate=compensate)
         side = coming.parse_approach(approach, approach_deg, given.robot)
@@ -214,11 +225,10 @@ def post(
                 "--force or --milling without --compensate",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
-        expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
         say_notes(motions.notes, path)
-        cut = cut_of(setup.cell, motions, force, force_axes, milling) if compensate else None
+        cut = cut_of(setup.cell, motions, force, force_axes, milling, force_measured) if compensate else None
         if compensate and cut is None and carried is None:
             raise InputError(
                 "--compensate needs a cutting force",

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from machining import singular_distance
 from machining.cutting import Estimated
+from machining.cutting.force import NORMAL_95
 from machining.programs.compensation import Compensated
 from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
@@ -65,6 +66,7 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "programs": {
             target.folder: {
                 "files": [file.name for file in run.written[target].files],
+                "sha256": run.digests.get(target, {}),
                 "off_path_um": number(trip.tip * 1e6),
                 "off_path_urad": number(trip.turned * 1e6),
                 "notes": list(run.written[target].notes),
@@ -113,6 +115,7 @@ def _compensation(found: Compensated) -> dict[str, Any]:
         "largest_um": number(float(length.max())),
         "mean_um": number(float(milled.mean()) if len(milled) else 0.0),
         "error_sd_um": number(float(found.error.sd.max()) * 1e6),
+        "unknown_95_um": number(NORMAL_95 * float(found.error.sd.max()) * 1e6),
         "capped_moves": int(found.capped.sum()),
         "left_um": number(float(left.max())),
         "rounds": found.rounds,
@@ -262,7 +265,7 @@ def compensation_words(found: Compensated) -> str:
     return (
         "The predicted deflection under the cutting force is taken off the path: "
         f"up to {content['largest_um']:.3g} um, in the mean {content['mean_um']:.3g} um. What is left is what is not "
-        f"known of it, a standard deviation of up to {content['error_sd_um']:.3g} um, and what the model leaves out "
+        f"known of it, up to +-{content['unknown_95_um']:.3g} um (95 %), and what the model leaves out "
         f"(the search itself came to rest within {max(content['left_um'], 0.01):.3g} um)."
     )
 

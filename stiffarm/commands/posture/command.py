@@ -162,12 +162,12 @@ def posture(
     with command(out, as_json=as_json, debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets, shown=True).as_designed
         given = frame.at_load(given, at_load)
+        expect(path, PATH, model=model)
         setup = read_setup(model, given, cell, tool, part, floor, beam_radius)
         springless = not deflects(given.model)
         if springless and (force is not None or milling is not None or quantity not in (None, ROOM)):
             require_springs(given, "posture")
         quantity = quantity or (ROOM if springless else "k_fs")
-        expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
         say_notes(tool_path.notes, path)

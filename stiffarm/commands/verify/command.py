@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from machining.programs.formats import read_program
+from machining.programs.formats import CONTROLLERS, neutral_twin, read_options, read_program
+from machining.programs.write_options import WriteOptions
 from machining.verification import Demands, Verification, verify
 from machining.verification.offences import ORDER
 from robots import content_hash
@@ -33,7 +34,11 @@ SHOWN = 12
 def verify_command(
     model: ModelArg,
     program: Annotated[
-        Path, typer.Argument(metavar="PROGRAM", help="Neutral program (JSON or CSV) written by `stiffarm post`.")
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="Program written by `stiffarm post`: JSON or CSV, or the main file of a controller's.",
+        ),
     ],
     cell: CellOpt = None,
     floor: FloorOpt = None,
@@ -74,6 +79,19 @@ def verify_command(
     jump: Annotated[
         float, typer.Option("--jump", metavar="DEG", help="Largest joint step without tool motion, in deg.")
     ] = 20.0,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            "--against",
+            metavar="JSON",
+            help="The neutral program of the same run, which a controller's program must agree with. "
+            "Default: that in the folder json beside the program's folder.",
+        ),
+    ] = None,
+    options: Annotated[
+        Path | None,
+        typer.Option("--options", help="Options that a controller's program was written with (TOML or JSON)."),
+    ] = None,
     sets: Sets = None,
     out: Out = None,
     as_json: Json = False,
@@ -100,11 +118,15 @@ def verify_command(
         # Programs are the controller's, which computes with the arm as designed.
         as_built = designed(description)
         robot = robot_from(as_built)
-        expect(program, PROGRAM, model=model)
-        checked = read_program(program, robot, read_cell_or_frames(robot, cell, tool, part, floor))
+        if program.suffix.lower() not in CONTROLLERS:
+            expect(program, PROGRAM, model=model)
+        where = read_cell_or_frames(robot, cell, tool, part, floor)
+        told = WriteOptions() if options is None else read_options(options)
+        beside = against or neutral_twin(program)
+        checked = read_program(program, robot, where, told, beside)
         arm = bodies_of(model, as_built, checked.cell, beam_radius)
         frame.files |= {"model": content_hash(description), "program": program}
-        frame.reads(cell=cell)
+        frame.reads(cell=cell, options=options, against=beside)
         with frame.folder_if() as folder:
             with progress("moves checked") as bar:
                 found = verify(checked, arm, demands, progress=bar)

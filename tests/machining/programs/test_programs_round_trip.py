@@ -172,7 +172,7 @@ def test_configurations_come_back() -> None:
     for name, wanted in (("krl", (2, 3)), ("rapid", (0, -2, -1, 0)), ("val3", ("lefty", "epositive", "wpositive"))):
         o = options(name)
         texts = write_program(program, name, "cartesian", o).texts()
-        found = [move for move in FORMATS[name].read(texts, program, o) if isinstance(move, ReadMove)]
+        found = [move for move in FORMATS[name].read(texts, program.cell, o) if isinstance(move, ReadMove)]
         assert len(found) == program.n
         assert len(found[0].configuration) == len(wanted)
         assert [type(v) for v in found[0].configuration] == [type(v) for v in wanted]
@@ -302,9 +302,9 @@ def test_missing_files_and_moves(name: str) -> None:
     texts = write_program(program, name, kind, o).texts()
     last = list(texts)[-1]
     with pytest.raises(InputError, match="sub-program"):
-        list(FORMATS[name].read({k: v for k, v in texts.items() if k != last}, program, o))
+        list(FORMATS[name].read({k: v for k, v in texts.items() if k != last}, program.cell, o))
     with pytest.raises(InputError, match="main file"):
-        list(FORMATS[name].read({}, program, o))
+        list(FORMATS[name].read({}, program.cell, o))
     short = {k: "" if k == last else v for k, v in texts.items()}
     with pytest.raises(InputError, match="2 moves"):
         round_trip(program, short, name, kind, o)

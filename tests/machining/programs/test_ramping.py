@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from machining.programs.ramping import ramped
+from machining.programs.compensation import ramped
 
 FULL = np.array([0.6e-3, 0.0, 0.0])
 

@@ -28,8 +28,8 @@ def lines_of(program: JointProgram, o: WriteOptions) -> list[str]:
 def test_joints_are_radians_and_moves_have_times() -> None:
     program = program_of(n=5)
     lines = lines_of(program, options())
-    assert lines[3].startswith("def part():")
-    tcp = [float(v) for v in re.findall(r"-?\d+\.\d+", lines[4])]
+    assert lines[4].startswith("def part():")
+    tcp = [float(v) for v in re.findall(r"-?\d+\.\d+", lines[5])]
     T = program.cell.tool.T_flange_tool
     np.testing.assert_allclose(tcp, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_rotvec()], atol=1e-9)
     moves = [line for line in lines if "movej" in line]

@@ -433,7 +433,7 @@ def test_robot_programs_are_named(tmp_path: Path, name: str, language: str, suff
 
 @pytest.mark.parametrize("language", ["heidenhain", "apt"])
 def test_random_programs_as_a_second_interpreter_reads_them(language: str) -> None:
-    """Some of those of benchmarks/shop/tool_path_random.py."""
+    """Some of those of benchmarks/toolpaths/tool_path_random.py."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found = [random_programs.judged(seed, language, folder) for seed in range(10**6, 10**6 + 200)]

@@ -55,6 +55,7 @@ def test_a_clean_program_has_no_offence() -> None:
     assert found.clean
     assert found.not_looked_at == (
         "Commands to spindle, coolant and tool changer: the program has none.",
+        "The way to the first point and from the last: the cell file has no home in [moves].",
         "Collisions of pedestal with upper-arm: they overlap at home.",
     )
 

@@ -93,7 +93,7 @@ def test_what_the_shop_floor_finds_draws_itself(tmp_path: Path) -> None:
     assert posture.plot(tmp_path / "posture.png").png.startswith(PNG)
     program = sa.post(arm, path, tmp_path / "programs", cell=PART / "cell.toml")
     assert program.plot().png.startswith(PNG)
-    checked = sa.verify(arm, tmp_path / "programs" / "json" / "part.json", PART / "cell.toml")
+    checked = sa.verify(arm, tmp_path / "programs" / "json" / "path.json", PART / "cell.toml")
     assert checked.plot().png.startswith(PNG)
 
 

@@ -77,7 +77,7 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
     asked("identify", "tx200", "--synthetic", "--out", tmp_path / "twists")
 
     def place(name: str, *more: str) -> Any:
-        return asked("place", model, WING / "wing.cls", *cell, *FORCE, *more, "--out", tmp_path / name)
+        return asked("place", model, WING / "wing.cls", *cell, *FORCE, "--aim", "ksf", *more, "--out", tmp_path / name)
 
     def program(name: str, formats: str) -> Any:
         placement, out = tmp_path / name / "placement.json", tmp_path / f"{name}_program"
@@ -86,7 +86,7 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
         )
 
     def verify(name: str, *more: str, code: int = 0) -> Any:
-        return asked("verify", model, tmp_path / f"{name}_program" / "json" / "part.json", *cell, *more, code=code)
+        return asked("verify", model, tmp_path / f"{name}_program" / "json" / "wing.json", *cell, *more, code=code)
 
     rest = place("rest")
     one = rest["placements"]["recommended"]

@@ -132,7 +132,7 @@ def test_programs_are_written_without_renderers_and_surrogates(tmp_path: Path) -
 @pytest.mark.slow
 def test_a_program_is_verified_and_a_base_placed_without_renderers(tmp_path: Path) -> None:
     part = ROOT / "docs" / "examples" / "kr60_posture"
-    program, out = tmp_path / "out" / "json" / "part.json", ("--out", tmp_path / "out")
+    program, out = tmp_path / "out" / "json" / "path.json", ("--out", tmp_path / "out")
     path = tmp_path / "path.csv"
     path.write_text("\n".join((part / "path.csv").read_text(encoding="utf-8").splitlines()[:4]), encoding="utf-8")
     cell = ("--cell", part / "cell.toml")

@@ -65,7 +65,7 @@ def small(tmp_path: Path) -> tuple[Path, Path]:
 def test_the_table_holds_what_the_arm_gives(cli: Command, small: tuple[Path, Path], tmp_path: Path) -> None:
     path, cell_file = small
     out = tmp_path / "out"
-    outcome = cli("place", "kr60-3", path, "--cell", cell_file, *FORCE, "--no-collisions", "--out", out)
+    outcome = cli("place", "kr60-3", path, "--cell", cell_file, *FORCE, "--aim", "ksf", "--no-collisions", "--out", out)
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "placement.json").read_text(encoding="utf-8"))
     found = read_placement(out / "placement.json")

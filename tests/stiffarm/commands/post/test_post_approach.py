@@ -70,13 +70,13 @@ def test_holes_are_come_to_from_one_side(cli: Command, files: tuple[Path, Path],
     # The height above each of the two holes.
     assert (found["positioning_moves"], found["points_put_in"], found["no_room_within_limits"]) == (2, 2, {})
     assert 0.0 < found["deepest_beyond_target_mm"] < found["farthest_from_target_mm"] < 30.0
-    program = read_program(out / "json" / "part.json", load_robot("kr60-3"), read_cell(cell))
+    program = read_program(out / "json" / "holes.json", load_robot("kr60-3"), read_cell(cell))
     assert program.n == outcome.json["moves_written"]
     plunges = np.flatnonzero(program.motions.rapid[:-1] & ~program.motions.rapid[1:])
     turned = np.degrees(program.q[plunges] - program.q[plunges - 1])
     # Angles in the file have all their digits.
     np.testing.assert_allclose(turned, [[0.25 * way for way in WAYS]] * 2, atol=1e-9)
-    assert cli("verify", "kr60-3", out / "json" / "part.json", "--cell", cell).code == 0
+    assert cli("verify", "kr60-3", out / "json" / "holes.json", "--cell", cell).code == 0
 
 
 @pytest.mark.slow
@@ -88,13 +88,13 @@ def test_verify_finds_what_stands_in_the_way_from_that_side(
     common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "65")
     assert cli(*common, "--out", tmp_path / "any").code == 0
     assert cli(*common, "--out", tmp_path / "side", "--approach", "+++000", "--approach-deg", "2").code == 0
-    program = read_program(tmp_path / "side" / "json" / "part.json", load_robot("kr60-3"), read_cell(cell))
+    program = read_program(tmp_path / "side" / "json" / "holes.json", load_robot("kr60-3"), read_cell(cell))
     moves = program.motions
     # The tip in the world, where the first target is come to from.
     tip = moves.points[np.argmax(moves.rapid[:-1] & ~moves.rapid[1:]) - 1] * 1e3 + [1200, 200, 600]
     clamped = tmp_path / "clamped.toml"
     clamped.write_text(CELL + DRILL + FIXTURE.format(*tip))
-    codes = [cli("verify", "kr60-3", tmp_path / out / "json" / "part.json", "--cell", clamped).code
+    codes = [cli("verify", "kr60-3", tmp_path / out / "json" / "holes.json", "--cell", clamped).code
              for out in ("any", "side")]  # fmt: skip
     assert codes == [0, 1]
 

@@ -76,7 +76,7 @@ def test_no_force_is_needed_and_what_is_moved_is_said(moved: Outcome) -> None:
 def test_programs_are_those_of_the_arm_as_designed(shop: Path, moved: Outcome) -> None:
     robot = robot_from(load_description(shop / "model.toml"))
     cell = read_cell(shop / "cell.toml")
-    file = shop / "program" / "json" / "part.json"
+    file = shop / "program" / "json" / "path_c.json"
     away = []
     for arm in (as_designed(robot), robot):
         program = read_program(file, arm, cell)
@@ -94,7 +94,7 @@ def test_corrected_targets_are_come_to_from_the_calibrated_side(shop: Path, move
     assert more.code == 0, more.err
     assert more.json["approach"]["points_put_in"] == 1
     robot, cell = as_designed(robot_from(load_description(shop / "model.toml"))), read_cell(shop / "cell.toml")
-    any_side, side = (read_program(shop / out / "json" / "part.json", robot, cell).q for out in ("program", "side"))
+    any_side, side = (read_program(shop / out / "json" / "path_c.json", robot, cell).q for out in ("program", "side"))
     np.testing.assert_allclose(side[1:], any_side, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(np.degrees(side[1] - side[0]), [0.5, -0.5, 0.5, 0.0, 0.0, 0.0], atol=1e-9)
     assert more.json["correction"] == moved.json["correction"]
@@ -117,7 +117,7 @@ def test_without_compensate_it_says_that_errors_are_known(shop: Path, moved: Out
     assert "--compensate takes them in" in plain.err
     points = np.array([[float(v) for v in row.split(",")[:3]] for row in PATH.splitlines()[1:]])
     robot = as_designed(robot_from(load_description(shop / "model.toml")))
-    program = read_program(shop / "plain" / "json" / "part.json", robot, read_cell(shop / "cell.toml"))
+    program = read_program(shop / "plain" / "json" / "path.json", robot, read_cell(shop / "cell.toml"))
     np.testing.assert_allclose(program.T_part_tool[~program.inserted, :3, 3] * 1e3, points, atol=1e-4)
 
 

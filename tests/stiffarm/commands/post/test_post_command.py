@@ -79,7 +79,7 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     both = content["largest_bend_of_cuts_um"], content["largest_bend_of_rapids_um"]
     assert content["largest_bend_um"] == max(both)
     robot = robot_from(load_description("kr60-3"))
-    text = (out / "json" / "part.json").read_text(encoding="utf-8")
+    text = (out / "json" / "pocket.json").read_text(encoding="utf-8")
     program = NEUTRAL[".json"].program(text, robot, read_cell(cell))
     assert program.n == content["moves_written"]
     np.testing.assert_allclose(program.travel, 0.1)
@@ -122,8 +122,9 @@ def test_compensation_moves_the_path_by_what_it_says(cli: Command, files: tuple[
     assert found["left_um"] < 0.1
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
     before, after = (
-        NEUTRAL[".json"].program((folder / "json" / "part.json").read_text(encoding="utf-8"), robot, where)
-        for folder in (plain, moved)
+        NEUTRAL[".json"].program((folder / "json" / file).read_text(encoding="utf-8"), robot, where)
+        # A compensated program has a name of its own.
+        for folder, file in ((plain, "pocket.json"), (moved, "pocket_c.json"))
     )
     shift = np.linalg.norm(after.motions.points - before.motions.points, axis=1) * 1e6
     assert shift.max() == pytest.approx(found["largest_um"], rel=1e-3)
@@ -191,7 +192,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--tolerance-um", "1000")
     assert cli(*common, "--gamma", "-30", "--travel", "120", "--out", tmp_path / "first").code == 0
     robot, where = robot_from(load_description("kr60-3")), read_cell(cell)
-    text = (tmp_path / "first" / "json" / "part.json").read_text(encoding="utf-8")
+    text = (tmp_path / "first" / "json" / "pocket.json").read_text(encoding="utf-8")
     first = NEUTRAL[".json"].program(text, robot, where)
     given = np.flatnonzero(~first.inserted)
     # The other side of the wrist, which nobody would choose by himself.
@@ -207,7 +208,7 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     file.write_text(json.dumps(placement_content(placement)))
     outcome = cli(*common, "--placement", file, "--out", tmp_path / "second")
     assert outcome.code == 0, outcome.err
-    text = (tmp_path / "second" / "json" / "part.json").read_text(encoding="utf-8")
+    text = (tmp_path / "second" / "json" / "pocket.json").read_text(encoding="utf-8")
     second = NEUTRAL[".json"].program(text, robot, where)
     np.testing.assert_allclose(second.q[~second.inserted], q, atol=1e-6)
     np.testing.assert_allclose(second.travel, 0.12, atol=1e-12)

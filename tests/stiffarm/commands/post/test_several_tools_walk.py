@@ -40,7 +40,8 @@ class Shop:
 
     def post(self, file: str, *more: str) -> dict[str, Any]:
         self.stiffarm("post", ARM, file, "--cell", "cell.toml", *GAMMA, *more)
-        return json.loads((self.folder / more[more.index("--out") + 1] / "json" / "part.json").read_text("utf-8"))
+        made = self.folder / more[more.index("--out") + 1] / "json" / f"{Path(file).stem}.json"
+        return json.loads(made.read_text("utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -95,16 +96,16 @@ def test_from_cam_to_a_checked_program(shop: Shop, file: str) -> None:
         ("optional stop", None),
         ("tool", 3), ("spindle", 3000), ("coolant", "flood"), ("coolant", "off"), ("spindle", 0),
     ]  # fmt: skip
-    krl = (shop.folder / out / "krl_cartesian" / "part_001.src").read_text("utf-8")
+    krl = (shop.folder / out / "krl_cartesian" / "bracket_001.src").read_text("utf-8")
     order = re.findall(r"CHANGE_TOOL\(\d\)|^\$TOOL|\$OUT\[12\]=\w+|HALT", krl, re.MULTILINE)
     on, off = "$OUT[12]=TRUE", "$OUT[12]=FALSE"
     each = [[f"CHANGE_TOOL({k})", "$TOOL", on, off] for k in (1, 2, 3)]
     assert order == [*each[0], *each[1], "HALT", *each[2]]
-    sinumerik = (shop.folder / out / "sinumerik_joint" / "PART_001.SPF").read_text("utf-8")
+    sinumerik = (shop.folder / out / "sinumerik_joint" / "BRACKET_001.SPF").read_text("utf-8")
     assert re.findall(r"^(T\d M6|M1|S\d+\S* M3|M5)$", sinumerik, re.MULTILINE) == [
         "T1 M6", "S8000.000 M3", "M5", "T2 M6", "S12000.000 M3", "M5", "M1", "T3 M6", "S3000.000 M3", "M5",
     ]  # fmt: skip
-    said = shop.stiffarm("verify", ARM, f"{out}/json/part.json", "--cell", "cell.toml", "--json")
+    said = shop.stiffarm("verify", ARM, f"{out}/json/bracket.json", "--cell", "cell.toml", "--json")
     found = json.loads(said)
     assert found["offences"] == []
 

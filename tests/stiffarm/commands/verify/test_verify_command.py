@@ -138,7 +138,7 @@ def test_what_was_not_looked_at_is_said(cli: Command, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"program": "program.src"}, "allowed: .csv or .json"),
+        ({"program": "program.txt"}, "allowed: .csv or .json"),
         ({"--interpolation": "cubic"}, "joint, linear, mixed"),
         ({"--resolution": "0"}, "resolution"),
         ({"model": "xr701"}, "robot"),
@@ -148,7 +148,7 @@ def test_what_was_not_looked_at_is_said(cli: Command, tmp_path: Path) -> None:
 def test_bad_input(cli: Command, tmp_path: Path, change: dict[str, str], words: str) -> None:
     cell = cell_file(tmp_path)
     program = program_file(tmp_path, program_at(cell, 5, 0.15))
-    (tmp_path / "program.src").write_text("DEF A()\nEND\n", encoding="utf-8")
+    (tmp_path / "program.txt").write_text("DEF A()\nEND\n", encoding="utf-8")
     given: dict[str, str | Path] = {"model": "kr60-3", "program": program, "--cell": cell} | {
         k: tmp_path / v if k == "program" else v for k, v in change.items()
     }

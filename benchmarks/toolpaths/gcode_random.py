@@ -1,6 +1,6 @@
 """Random G-code programs read by the project and by a plain interpreter, move by move.
 
-    python benchmarks/shop/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
+    python benchmarks/toolpaths/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
 
 Each program (:mod:`gcode_programs`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
 which share no code. A program is right where every move agrees (ends to 0.1 um, arcs to 5 um, rapid or feed, feeds),

@@ -1,6 +1,6 @@
 """Words that no control takes, or that mean something else than nothing, put into random programs.
 
-    python benchmarks/shop/gcode_stray.py [--count N] [--first SEED] [--dialect NAME]
+    python benchmarks/toolpaths/gcode_stray.py [--count N] [--first SEED] [--dialect NAME]
 
 One word goes into a block with coordinates of each program (:mod:`gcode_programs`). Where the plain interpreter refuses
 the program, so must the reader; where it takes it, they agree or the reader refuses. A program that is read although

@@ -1,6 +1,6 @@
 """Random programs of Heidenhain's language and of APT, read by the project and by second interpreters, step by step.
 
-    python benchmarks/shop/tool_path_random.py [--programs 100000] [--seed 0] [--language heidenhain] [--workers 2]
+    python benchmarks/toolpaths/tool_path_random.py [--programs 100000] [--seed 0] [--language heidenhain] [--workers 2]
 
 A program is lines, arcs, corners, cycles, frames, parameters, labels and words that change nothing, in random order,
 and in every third one a statement or a word that must be refused. Each must give what :mod:`tool_path_second` makes of

@@ -1,6 +1,6 @@
 """Public tool paths beside independent readers, move by move: how much is read, and whether it is read right.
 
-    python benchmarks/shop/tool_path_corpus.py FOLDER --rs274 PROGRAM [--page]
+    python benchmarks/toolpaths/tool_path_corpus.py FOLDER --rs274 PROGRAM [--page]
 
 FOLDER: files of public repositories, each in a folder named after its repository (OWNER+NAME), and ``sources.csv``
 with repository, commit and licence of each. PROGRAM: the stand-alone interpreter of LinuxCNC (GPL-2.0, run as a program

@@ -1,7 +1,8 @@
 """Time and memory of reading a CLSF file against a plain loop of ``float(split)``.
 
-``python benchmarks/shop/toolpath_reading.py [points ...]`` (default 100000 and 1000000) writes a five-axis file of that
-many GOTO, reads it with each way in a process of its own, and prints seconds, peak memory above the start, and ratios.
+``python benchmarks/toolpaths/toolpath_reading.py [points ...]`` (default 100000 and 1000000) writes a five-axis file of
+that many GOTO, reads it with each way in a process of its own, and prints seconds, peak memory above the start, and
+ratios.
 """
 
 from __future__ import annotations
