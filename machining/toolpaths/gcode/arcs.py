@@ -13,7 +13,7 @@ from robots.arrays import Array
 # Indices of the plane's first and second axis and its normal, right-handed: G17 XY, G18 ZX, G19 YZ.
 PLANES = {170: (0, 1, 2), 180: (2, 0, 1), 190: (1, 2, 0)}
 # Those that rest at the bottom.
-RESTS = (820, 830, 840, 890)
+RESTS = (730, 820, 830, 840, 860, 890)
 CYCLES = {730: "chip", 810: "drill", 820: "drill", 830: "peck", 840: "tap", 850: "bore", 860: "drill", 890: "bore"}
 
 

@@ -25,7 +25,7 @@ CODES: Mapping[int, str] = {
     430: TIP, 440: TIP, 490: TIP, 491: TIP,
     601: "an exact stop", 602: "an exact stop", 610: "an exact stop", 611: "an exact stop", 620: "feed at corners",
     6010: "an exact stop", 6020: "an exact stop", 6030: "an exact stop",
-    600: "an exact stop",
+    600: "an exact stop", 281: ORDER, 301: ORDER,
     640: SMOOTH, 641: SMOOTH, 6410: SMOOTH, 6420: SMOOTH, 6430: SMOOTH, 6440: SMOOTH, 6450: SMOOTH, 1870: SMOOTH,
     4500: COMPENSATION, 4510: COMPENSATION, 4600: COMPENSATION, 4610: COMPENSATION, 4620: COMPENSATION,
     50: AHEAD, 51: SMOOTH, 960: "a way to state the spindle's speed", 970: "a way to state the spindle's speed",
@@ -35,7 +35,7 @@ LIMITS = frozenset((220, 230, 250, 260, 501))
 # Letters that belong to a code or, below, to an M function, and that nothing else reads.
 WITH_CODE: Mapping[int, str] = {
     80: "P", 50: "PQR", 51: "PQR", 250: "SPQR", 260: "SPQR", 430: "HD", 440: "HD", 434: "HDP",
-    640: "PQ", 1870: "PE", 610: "P", 920: "S", 960: "SDR", 970: "S", 100: "LPXYZABCRIJKQHDF",
+    640: "PQ", 1870: "PE", 610: "P", 920: "S", 960: "SDR", 970: "S", 100: "LPXYZABCUVWRIJKQHDF",
 }  # fmt: skip
 FUNCTIONS: Mapping[int, str] = {
     10: "clamps a rotary axis", 11: "frees a rotary axis", 29: "says that the tap to come is rigid",

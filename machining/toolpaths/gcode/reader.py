@@ -323,7 +323,9 @@ class _Reader(GcodeMotion):
         for code in tuple(b.codes):
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             # G60 of Siemens is an exact stop; Fanuc's comes from one side.
-            quiet = (code in (50, 51, 600) and not b.words.keys() & set("XYZIJ")) or (code == 600 and self.siemens)
+            quiet = (code in (50, 51, 281, 301, 600) and not b.words.keys() & set("XYZIJ")) or (
+                code == 600 and self.siemens
+            )
             known = code in REFUSED and not quiet
             unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:

@@ -56,7 +56,7 @@ REFUSED = {
     290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
     382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
     511: "mirroring", 650: "a macro call", 660: "a macro call",
-    600: "an approach from one side",
+    600: "an approach from one side", 281: "a place of the machine", 301: "a place of the machine",
     720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
     870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
     71: "cylindrical interpolation", 161: "polar coordinates", 270: "a move to a place of the machine",

@@ -221,4 +221,25 @@ MODES = [
     machine("G0 G53 Z0"),
 ]  # fmt: skip
 
-TRAPS: list[Trap] = [*CORNERS, *FEEDS, *ORIGINS, *STRAY, *CALLS, *MODES]
+# Words that hold together, or do not; some controls add what others replace.
+TOGETHER = [
+    trap("G92 then G52", block("G92 X10\nG52 X5")), trap("G52 then G92", block("G52 X5\nG92 X10")),
+    trap("G68 then G52", block("G68 X0 Y0 R90\nG52 X10")), trap("G68 then G92", block("G68 X0 Y0 R90\nG92 X10")),
+    trap("G91 G68", block("G91 G68 X0 Y0 R90\nG90")), trap("G52 then G68.2", block("G52 X5\nG68.2 X10 I0 J0 K0")),
+    trap("G68.2 then G68", block("G68.2 X0 Y0 Z0 I90 J0 K0\nG68 X0 Y0 R90")),
+    trap("G92 then G69", block("G92 X10\nG69"), READ, f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
+    trap("G52 then G68 and G69", block("G52 X10\nG68 X0 Y0 R90\nG69"), READ,
+         f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
+    trap("two blocks in a line", body("G1 X20 N20 Y20\nX0\nG0 Z5")), trap("O within a block", word("O5")),
+    trap("O before words", second("O5 G1 Y20")), trap("a title within", block("% X5")),
+    trap("a title before", f"%TITLE X5\n{block('M8')}", READ),
+    *[trap(f"{c} {w}", body(f"G0 Z5\nG99 {c} X10 Y10 Z-6 R2 {w} F100\nG80\nG0 X0 Y0 Z5"))
+      for c, w in (("G81", "Q2"), ("G81", "P1"), ("G85", "P1"), ("G84", "Q2"), ("G82", "Q2"), ("G82", "I1"))],
+    trap("G81 P0 Q0", body("G0 Z5\nG99 G81 X10 Y10 Z-3 R2 P0 Q0 F600\nG80\nG0 X0 Y0 Z5"), READ,
+         f"{START} R0,0,5 R10,10,5 R10,10,2 L10,10,-3 R10,10,2 R0,0,5"),
+    *blocks(REFUSED, "G110 X5", "G10 L10 P1 R5", "G10 P1 R5", "G28.1 X5", "M98 P100.5"),
+    *blocks(READ, "G28.1", "G60"),
+    trap(",R then G18", body("G1 X20 ,R5\nG18 Y20\nX0\nG17 G0 Z5")),
+]  # fmt: skip
+
+TRAPS: list[Trap] = [*CORNERS, *FEEDS, *ORIGINS, *STRAY, *CALLS, *MODES, *TOGETHER]

@@ -132,4 +132,25 @@ OTHERS = [
     t.machine("G53 G0 Z0 D0", "mpf"), t.machine("G0 G53 Z0", "mpf"),
 ]  # fmt: skip
 
-TRAPS: list[t.Trap] = [*CONTOUR, *FRAMES, *OTHERS]
+TOGETHER = [
+    trap("RNDM alone", body("RNDM=2\nG1 X20\nY20\nX0\nG0 Z5"), READ,
+         f"{START} L18,0,0 A20,2,0@18,2,+ L20,18,0 A18,20,0@18,18,+ L0,20,0 R0,20,5"),
+    trap("RNDM across a rest", body("RNDM=2\nG1 X20\nG4 F1\nY20\nX0\nG0 Z5")),
+    trap("RNDM then an arc", body("RNDM=2\nG1 X20\nG3 Y20 CR=10\nG1 X0\nG0 Z5")),
+    trap("a pole then a frame", second("G111 X10 Y10\nTRANS X5\nG1 AP=90 RP=10")),
+    trap("AP=IC behind no polar move", second("G111 X0 Y0\nG1 AP=IC(30)")),
+    trap("a call among words", "%_N_PART_MPF\n" + second("G1 Y20 SIDE") + "%_N_SIDE_SPF\nG91 G1 Y5\nG90\nM17\n"),
+    trap("a call P2.5", "%_N_PART_MPF\n" + block("SIDE P2.5") + "%_N_SIDE_SPF\nG91 G1 Y5\nG90\nM17\n"),
+    trap("L0100", "%_N_PART_MPF\n" + block("L100") + "%_N_L0100_SPF\nG91 G1 Y5\nG90\nM17\n"),
+    trap("P turns of Fanuc", second("G3 I-5 J0 P2\nG1 Y20")), trap("G0 G59 with X", block("G0 G59 X20 Y0 Z0")),
+    trap("TRANS then G92", block("TRANS X10\nG92 X5")), trap("DIAMON then TRANS", block("DIAMON\nTRANS X10")),
+    trap("DIAMON then an arc", second("DIAMON\nG3 Y20 CR=10\nG1")),
+    trap("CIP G1", second("G1 CIP X20 Y20 I1=25 J1=10")), trap("CIP without its point", second("CIP X20 Y20\nG1")),
+    trap("CIP in a line", second("CIP X20 Y20 I1=20 J1=10\nG1")),
+    trap("CT behind a rapid move", body("G0 X20\nCT X20 Y20\nG1 X0\nG0 Z5")),
+    trap("CT straight on", second("CT X30 Y0\nG1")), trap("AR with all", second("G3 Y20 I0 J10 AR=180\nG1")),
+    trap("RPL with X", block("ROT X30 RPL=5")), trap("FRC without a corner", word("FRC=200")),
+    trap("RND FRC=0", word("RND=5 FRC=0")),
+]  # fmt: skip
+
+TRAPS: list[t.Trap] = [*CONTOUR, *FRAMES, *OTHERS, *TOGETHER]

@@ -68,3 +68,23 @@ def test_there_are_enough_traps_and_each_is_one() -> None:
     for ending in ("nc", "ngc", "mpf"):
         plain = Trap("plain", ending, gcode_traps.block("M8", ending), READ, gcode_traps.SQUARE)
         assert plain.moves[-1].rapid
+
+
+def test_words_are_left_out_only_where_they_mean_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "program.nc"
+    text = gcode_traps.body("G1 X20 I5 M136\nG3 I-5 J0\nG1 Y20\nG0 Z5")
+    file.write_text(text)
+    m = read_toolpath(file, kind="gcode", options=ReadOptions(ignore=("I", "M136")))
+    file.write_text(text.replace("X20 I5 M136", "X20"))
+    np.testing.assert_array_equal(m.points, read_toolpath(file, kind="gcode").points)
+    assert {note.text.split()[0] for note in m.notes if "as asked" in note.text} == {"I", "M136"}
+
+
+@pytest.mark.parametrize(
+    "word", ["G1", "G91", "G52", "G41", "G51", "M98", "M30", "M3", "TRANS", "CYCLE81", "CIP", "TOROT"]
+)
+def test_words_that_move_are_never_left_out(word: str, tmp_path: Path) -> None:
+    file = tmp_path / "program.nc"
+    file.write_text(gcode_traps.block("M8"))
+    with pytest.raises(InputError, match="option ignore"):
+        read_toolpath(file, kind="gcode", options=ReadOptions(ignore=(word,)))
