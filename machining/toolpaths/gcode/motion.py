@@ -59,9 +59,9 @@ class GcodeMotion(Modes):
     open_corner: Corner | None = None
     every_corner = 0.0
     # Feed of corners (FRCM); moves made when the last move ended polar, and when it left along a direction (3,).
-    corner_feed = math.nan
+    feed_of_corners = math.nan
     polar_at = -1
-    along: tuple[int, CoordinateFrame, Array] | None = None
+    heading: tuple[int, CoordinateFrame, Array] | None = None
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -95,7 +95,7 @@ class GcodeMotion(Modes):
         else:
             self.commit(float(np.linalg.norm(start - point)))
             self.recorder.move(self.line, self.shifted(point), self.axis, False)
-        self.along = len(self.recorder), self.frame, np.array(point) - start
+        self.heading = len(self.recorder), self.frame, np.array(point) - start
         asked = {word: b.words[word] * self.scale for word in CORNERS if word in b.words}
         if self.every_corner and not asked:
             asked = {"RNDM": self.every_corner}
@@ -104,7 +104,7 @@ class GcodeMotion(Modes):
         for word, size in asked.items():
             if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
                 raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
-            feed = b.words.get("FRC", self.corner_feed)
+            feed = b.words.get("FRC", self.feed_of_corners)
             if feed <= 0.0:
                 raise StatementError(f"FRC of {feed:g}", "more than 0")
             modes = self.plane, self.frame, self.offset
@@ -115,7 +115,7 @@ class GcodeMotion(Modes):
         if "RNDM" in b.words:
             self.every_corner = b.words["RNDM"] * self.scale
         if "FRCM" in b.words:
-            self.corner_feed = b.words["FRCM"] or math.nan
+            self.feed_of_corners = b.words["FRCM"] or math.nan
 
     def _cut_corner(self, corner: Array, end: Array) -> Array:
         """Round or chamfer the corner (3,) m that the line to ``end`` begins at; returns where that begins then."""
@@ -314,7 +314,7 @@ class GcodeMotion(Modes):
             raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
         points = self.in_part(self.frame.out(points) + self.shift)
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
-        self.along = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
+        self.heading = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
         return end
 
     def _via(self, b: Block, start: Array, end: Array) -> tuple[Array, bool]:
@@ -329,9 +329,9 @@ class GcodeMotion(Modes):
             on_way = np.array([b.words["I1"] * self.scale, b.words["J1"] * self.scale, start[w]])
             middle, clockwise = through_point(start, on_way, end)
         else:
-            if self.along is None or self.along[0] != len(self.recorder) or self.along[1] is not self.frame:
+            if self.heading is None or self.heading[0] != len(self.recorder) or self.heading[1] is not self.frame:
                 raise StatementError("CT without a move at feed before it", "G1 to G3 before it")
-            middle, clockwise = tangent_arc(start[p], end[p], self.along[2][p])
+            middle, clockwise = tangent_arc(start[p], end[p], self.heading[2][p])
         out[p] = middle
         return out, clockwise
 
