@@ -64,6 +64,7 @@ def test_a_file_without_the_table_loads_and_keeps_its_hash() -> None:
         for key in ("rigid_to", "rigid_from", "solid"):
             assert link.pop(key) is None
     assert data.pop("positions") is None
+    assert data.pop("beam_radius") is None
     for joint in data["joint"]:
         assert joint.pop("error") is None
     before = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
