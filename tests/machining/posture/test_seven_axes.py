@@ -89,6 +89,7 @@ def test_the_elbow_turns_and_the_flange_stands(arm: tuple[fem.ArmModel, Array]) 
     assert np.abs(moved).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_what_is_out_of_reach_is_said_with_the_point(arm: tuple[fem.ArmModel, Array]) -> None:
     model, part = arm
     with pytest.raises(InputError, match="path point") as error:

@@ -52,6 +52,7 @@ def test_no_point_of_the_arm_is_below_its_own_floor(name: str, part: str, square
     assert not any("arm" in text or "floor" in text for text in checked.json["not_looked_at"])
 
 
+@pytest.mark.slow
 def test_a_planted_elbow_under_the_table_is_found_and_called_assumed(square: Path, tmp_path: Path) -> None:
     out = tmp_path / "free"
     frames = ("--part", "600,-100,-150", *TOOL)
