@@ -7,24 +7,32 @@ from dataclasses import dataclass, replace
 
 from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.placement.confirming import confirmed
+from machining.placement.file import Placement
 from machining.placement.placing import How, Placed, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
+from machining.programs.posting import PostSettings, post
 from machining.toolpaths.conversion import GivenPath
-from robots import ModelDescription
+from robots import InputError, ModelDescription
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
+# m; no points are put in between for straightness where only the moves of the file are asked about.
+UNBOUND = 1.0
 MAP = {1: (121,), 2: (24, 24)}
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedStep:
-    """The result: the path as it was given, the placement, the map of the report, what to say about collisions."""
+    """The result: the path as it was given, the placement, the map of the report, what to say about collisions.
+
+    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none.
+    """
 
     given: GivenPath
     placed: Placed
     map: Survey
     notes: tuple[str, ...]
+    undriven: str | None = None
 
     @property
     def cell(self) -> Cell:
@@ -61,4 +69,41 @@ def place_along(
             said("map", 0, 1)
         drawn = survey(replace(problem, goal=placed.problem.goal), MAP[problem.space.d])
         grid = confirmed(drawn, None if said is None else lambda done, total: said("map", done, total))
-    return PlacedStep(given, placed, grid, notes)
+    return PlacedStep(given, placed, grid, notes, _undriven(placed, given))
+
+
+def placement_of(placed: Placed, given: GivenPath) -> Placement:
+    """What other programs read: :func:`machining.placement.read_placement`."""
+    after, cell, robot = placed.after, placed.problem.cell, placed.problem.model.robot
+    return Placement(
+        robot=robot.name,
+        cell=cell.name,
+        axes=tuple(axis.name for axis in cell.linear_axes),
+        travel=after.e,
+        table=after.table,
+        gamma=after.course.gamma,
+        joints=robot.coordinates,
+        q=after.course.q,
+        moves=given.moves,
+        count=given.count,
+    )
+
+
+def _undriven(placed: Placed, given: GivenPath) -> str | None:
+    """Placements are found for the moves that cut; a program has those between them too."""
+    if given.motions is None:
+        return None
+    found, rapid = placement_of(placed, given), given.motions.rapid
+    settings = PostSettings(
+        gamma=found.gamma_at_moves(rapid),
+        travel=found.at_moves(rapid),
+        table=found.table,
+        near=found.joints_at_moves(rapid),
+        rapid="joint",
+        tolerance=UNBOUND,
+    )
+    try:
+        post(placed.problem.model, placed.problem.cell, given.motions, settings)
+    except InputError as error:
+        return error.prose
+    return None

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from machining.placement import Along, Placement, axis_rates, placement_content
-from machining.placement.study import PlacedStep
+from machining.placement import Along, axis_rates, placement_content
+from machining.placement.study import PlacedStep, placement_of
 from stiffarm.commands.posture.payload import path_columns, posture_columns
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
@@ -28,23 +28,6 @@ def named(step: PlacedStep) -> dict[str, Along]:
     return {name: one for name, one in found.items() if one is not None}
 
 
-def placement_of(step: PlacedStep) -> Placement:
-    """What other programs read: :func:`machining.placement.read_placement`."""
-    after, given = step.placed.after, step.given
-    return Placement(
-        robot=step.placed.problem.model.robot.name,
-        cell=step.cell.name,
-        axes=tuple(axis.name for axis in step.cell.linear_axes),
-        travel=after.e,
-        table=after.table,
-        gamma=after.course.gamma,
-        joints=step.placed.problem.model.robot.coordinates,
-        q=after.course.q,
-        moves=given.moves,
-        count=given.count,
-    )
-
-
 def payload(step: PlacedStep) -> dict[str, Any]:
     """Everything that was found, keys with units."""
     placed, problem = step.placed, step.placed.problem
@@ -52,7 +35,8 @@ def payload(step: PlacedStep) -> dict[str, Any]:
     not_found = {
         KEYS[BEFORE]: placed.why_no_before, KEYS[STAYING]: placed.why_no_staying, KEYS[FIXED]: placed.why_no_fixed,
     }  # fmt: skip
-    return placement_content(placement_of(step)) | {
+    return placement_content(placement_of(step.placed, step.given)) | {
+        "between_cuts_undriven": step.undriven,
         "aim": problem.goal.aim,
         "mode": placed.how.mode,
         "by_length": problem.goal.by_length,

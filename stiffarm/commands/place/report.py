@@ -279,6 +279,11 @@ def remarks(step: PlacedStep) -> list[str]:
     """What a user must know about the result."""
     placed = step.placed
     out = list(placed.notes)
+    if step.undriven is not None:
+        out.append(
+            f"Between its cuts the tool path cannot be driven from there, so `stiffarm post` refuses this placement: "
+            f"{step.undriven}. Place again with another --range of the axes, --gamma or --aim."
+        )
     if placed.why_no_before is not None:
         able = ", with another gamma it can" if placed.staying is not None else ""
         out.append(f"With gamma 0 the arm cannot follow the path from its present place{able}: {placed.why_no_before}.")
