@@ -521,6 +521,9 @@ class _Reader(GcodeMotion):
             moved[k] += 0.0 if old is None else old - value
             self.here[k] = value
         self.frame = CoordinateFrame(shift=moved)
+        if given:
+            # G92.3 puts on again what was stated last, not what stood before G92.2.
+            self.aside = self.frame
 
 
 def _code_of(word: str) -> int:

@@ -228,6 +228,8 @@ TOGETHER = [
     trap("G91 G68", block("G91 G68 X0 Y0 R90\nG90")), trap("G52 then G68.2", block("G52 X5\nG68.2 X10 I0 J0 K0")),
     trap("G68.2 then G68", block("G68.2 X0 Y0 Z0 I90 J0 K0\nG68 X0 Y0 R90")),
     trap("G92 then G69", block("G92 X10\nG69"), READ, f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
+    trap("G92 between G92.2 and G92.3", block("G92 X10\nG92.2\nG92 Y5\nG92.3"), READ,
+         f"{START} L20,0,0 L20,15,0 L0,15,0 R0,15,5", "ngc"),
     trap("G52 then G68 and G69", block("G52 X10\nG68 X0 Y0 R90\nG69"), READ,
          f"{START} L20,0,0 L20,20,0 L10,20,0 R10,20,5"),
     trap("two blocks in a line", body("G1 X20 N20 Y20\nX0\nG0 Z5")), trap("O within a block", word("O5")),
