@@ -26,6 +26,9 @@ for row in range(ROWS):
     order = slice(None) if row % 2 == 0 else slice(None, None, -1)
     points = list(zip(x[order], z[order], axis[order], strict=True))
     first = points[0]
+    if row:
+        # Across at the height that the tool was drawn back to, then down.
+        lines += ["RAPID", f"GOTO/{first[0]:.4f},{y:.4f},{last[1] + 60:.4f}"]
     lines += [
         "RAPID",
         f"GOTO/{first[0]:.4f},{y:.4f},{first[1] + 60:.4f},{first[2][0]:.7f},{first[2][1]:.7f},{first[2][2]:.7f}",
