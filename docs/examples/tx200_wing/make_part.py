@@ -16,6 +16,7 @@ lines = [
     "SPINDL/RPM,12000,CLW",
     "COOLNT/ON",
 ]
+last = (0.0, 0.0)
 x = np.linspace(-0.5 * LENGTH, 0.5 * LENGTH, POINTS)
 for row in range(ROWS):
     y = 40.0 * row
