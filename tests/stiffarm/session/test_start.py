@@ -102,13 +102,13 @@ def test_an_identification_loads_no_surfaces_and_no_surrogates(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_posture_without_a_cell_loads_no_surfaces_and_no_pictures(tmp_path: Path) -> None:
+def test_a_posture_without_a_cell_loads_bodies_and_no_pictures(tmp_path: Path) -> None:
     path = tmp_path / "path.csv"
     path.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n1000,0,600,0,0,1\n1010,0,600,0,0,1\n", encoding="utf-8")
     task = ("--tool", "200,0,80,0,90,0", "--gamma=-180:180:30")
     found = modules("posture", "kr60-3", path, "--links", "rigid", *task)
-    # numba comes with the sweep over gamma where it is installed.
-    assert loaded(found, (HEAVY - {"numba"}) | {"surrogate"}) == set()
+    # numba comes with the sweep over gamma where it is installed; the arm keeps above the floor that it stands on.
+    assert loaded(found, (HEAVY - {"numba", "trimesh", "networkx"}) | {"surrogate"}) == set()
 
 
 @pytest.mark.slow
