@@ -67,7 +67,8 @@ def test_the_page_on_postures(tmp_path: Path) -> None:
         ],
     )
     assert (change["rms"]["verdict"], change["peak_to_valley"]["verdict"]) == ("smaller", "larger")
-    assert factor["low95"] > 1.5 * found["gain"]["as_programmed"]["high95"]
+    # The lower end spans the other published coefficients of this alloy too.
+    assert factor["low95"] > 1.3 * found["gain"]["as_programmed"]["high95"]
     written = {path.name for path in (tmp_path / "posture").iterdir()}
     assert {"report.html", "posture.csv", "posture.json", "axes.html"} <= written
 
