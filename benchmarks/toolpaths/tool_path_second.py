@@ -10,7 +10,13 @@ from __future__ import annotations
 import cmath
 import math
 import re
+import sys
 from dataclasses import dataclass, field
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import arithmetic
 
 Triple = tuple[float, float, float]
 NUMBER = r"[-+]?\d*[.,]?\d+"
@@ -170,12 +176,12 @@ class Klartext:
         return self.value(text) * (2.54 if self.inch else 1.0)
 
     def formula(self, text: str) -> float:
-        """Sums, products, functions and brackets, by Python itself."""
+        """Sums, products, functions and brackets."""
         text = re.sub(r"Q(\d+)", lambda m: f"({self.q[int(m[1])]!r})", text.replace(",", "."))
         text = re.sub(r"\b(SIN|COS|SQRT|ABS|ATAN) (\(?[-+.\de]+\)?)", r"\1(\2)", text).replace("^", "**")
         names = {"SIN": lambda v: math.sin(math.radians(v)), "COS": lambda v: math.cos(math.radians(v)),
                  "SQRT": math.sqrt, "ABS": abs, "ATAN": lambda v: math.degrees(math.atan(v))}  # fmt: skip
-        return float(eval(text, {"__builtins__": {}}, names))  # noqa: S307 - a text that tool_path_random wrote
+        return float(arithmetic.value(text, names))
 
     def function(self, text: str) -> None:
         """FN 0 to FN 4."""

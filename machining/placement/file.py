@@ -57,6 +57,15 @@ class Placement:
         """Joint angles (count, dof) rad at each move of the source, likewise: which branch and turns are meant."""
         return self._spread(self.q, rapid)
 
+    def at_every_move(self, rapid: Bools) -> dict[str, Any]:
+        """Fields of :class:`machining.programs.posting.PostSettings` that a placement says, for all moves."""
+        return {
+            "gamma": self.gamma_at_moves(rapid),
+            "travel": self.at_moves(rapid),
+            "table": self.table,
+            "near": self.joints_at_moves(rapid),
+        }
+
     def _spread(self, values: Array, rapid: Bools | None) -> Array:
         """Values (n, k) at the path's points carried over to all moves, (count, k)."""
         # The moves from one point of the path to the next; those that take a share of the way between them.

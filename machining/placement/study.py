@@ -93,15 +93,8 @@ def _undriven(placed: Placed, given: GivenPath) -> str | None:
     """Placements are found for the moves that cut; a program has those between them too."""
     if given.motions is None:
         return None
-    found, rapid = placement_of(placed, given), given.motions.rapid
-    settings = PostSettings(
-        gamma=found.gamma_at_moves(rapid),
-        travel=found.at_moves(rapid),
-        table=found.table,
-        near=found.joints_at_moves(rapid),
-        rapid="joint",
-        tolerance=UNBOUND,
-    )
+    found = placement_of(placed, given).at_every_move(given.motions.rapid)
+    settings = PostSettings(**found, rapid="joint", tolerance=UNBOUND)
     try:
         post(placed.problem.model, placed.problem.cell, given.motions, settings)
     except InputError as error:

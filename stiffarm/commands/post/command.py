@@ -252,13 +252,7 @@ def post(
             seed=seed,
         )
         if followed is not None:
-            settings = replace(
-                settings,
-                gamma=followed.gamma_at_moves(motions.rapid),
-                travel=followed.at_moves(motions.rapid),
-                table=followed.table,
-                near=followed.joints_at_moves(motions.rapid),
-            )
+            settings = replace(settings, **followed.at_every_move(motions.rapid))
         settings = replace(settings, clearance=setup.clearance(motions, settings.table))
         request = PostRequest(
             motions,
