@@ -16,9 +16,18 @@ from urllib.parse import unquote, urlsplit
 
 # What says where from and how to install; anything else is this machine's affair.
 PIP = (
-    "index-url", "extra-index-url", "find-links", "no-index", "trusted-host", "cert", "client-cert", "proxy",
-    "timeout", "default-timeout", "retries",
-)  # fmt: skip
+    "index-url",
+    "extra-index-url",
+    "find-links",
+    "no-index",
+    "trusted-host",
+    "cert",
+    "client-cert",
+    "proxy",
+    "timeout",
+    "default-timeout",
+    "retries",
+)
 APT = re.compile(r"Acquire::(http|https|Check-Date|Check-Valid-Until|Languages|Retries)\b")
 CERTIFICATES = ("SSL_CERT_FILE", "REQUESTS_CA_BUNDLE")
 PROXIES = ("http_proxy", "https_proxy", "no_proxy", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")

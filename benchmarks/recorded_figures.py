@@ -27,10 +27,14 @@ ROOT = Path(__file__).resolve().parent.parent
 EXAMPLES = ROOT / "docs/examples"
 # Words in commands that stand for folders.
 FOLDERS = {
-    "KR60": EXAMPLES / "kr60_posture", "WING": EXAMPLES / "tx200_wing", "BRACKET": EXAMPLES / "kr60_bracket",
-    "OWN": EXAMPLES / "own_robot", "READINGS": EXAMPLES / "readings", "UR5": EXAMPLES / "ur5",
+    "KR60": EXAMPLES / "kr60_posture",
+    "WING": EXAMPLES / "tx200_wing",
+    "BRACKET": EXAMPLES / "kr60_bracket",
+    "OWN": EXAMPLES / "own_robot",
+    "READINGS": EXAMPLES / "readings",
+    "UR5": EXAMPLES / "ur5",
     "UR10": EXAMPLES / "ur10",
-}  # fmt: skip
+}
 # A column of more numbers is kept as its summary.
 LONGEST = 64
 # Parts of keys whose values change from run to run, or with any change of a file's text.
@@ -139,9 +143,13 @@ def _figures(name: str, folder: Path, made: Path) -> dict[str, float | str]:
     words = [str(next(folder.glob(str(Path(word).relative_to(folder))))) if "*" in word else word for word in words]
     done = subprocess.run(  # noqa: S603 - our own program with constant arguments
         [sys.executable, "-m", "stiffarm", *words, "--json"],
-        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=subprocess.DEVNULL, capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     print(f"{name}: exit {done.returncode}", file=sys.stderr)
     if not done.stdout.startswith("{"):
         return {"exit": float(done.returncode), "says": done.stderr.strip().splitlines()[-1] if done.stderr else ""}

@@ -30,7 +30,7 @@ COMMANDS = (
     ("query", "SURROGATE", "--pose", POSE),
     ("simulate", "xr701", "--pose", POSE, "--load", "fz_N=-650"),
     ("index", "kr60-3", "--pose", "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40", "--tool", "200,0,80,0,90,0"),
-)  # fmt: skip
+)
 
 
 def processor_time(arguments: tuple[str, ...], runs: int) -> float:

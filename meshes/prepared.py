@@ -102,9 +102,10 @@ def _check_arrays(where: str, schema: str, kinds: Mapping[str, str], arrays: dic
     ]
     if wrong or arrays["interfaces"].ndim != 1 or len(set(arrays["interfaces"].tolist())) != count:
         raise InputError(
-            f"{where} is damaged: arrays missing, or of the wrong kind", value=", ".join(wrong or ["interfaces"]),
+            f"{where} is damaged: arrays missing, or of the wrong kind",
+            value=", ".join(wrong or ["interfaces"]),
             remedy=REMEDY,
-        )  # fmt: skip
+        )
 
 
 def check_fits(

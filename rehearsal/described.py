@@ -45,12 +45,10 @@ def arm_of(d: ModelDescription, load_path: str | None = None) -> Arm:
         links=tuple(_links(d, ends)),
         bar=_bar(d),
         parallelogram=(load_path or d.load_path) == "parallelogram",
-        stiffness=tuple(
-            _spring(joint, law, names, limits.mean(1)) for joint, law in zip(d.joint, laws, strict=True)
-        ),
+        stiffness=tuple(_spring(joint, law, names, limits.mean(1)) for joint, law in zip(d.joint, laws, strict=True)),
         laws=laws,
         give=_give(d, [j[2] for j in joints]),
-    )  # fmt: skip
+    )
 
 
 def _si(quantity: Any) -> float:
@@ -111,10 +109,16 @@ def _bar(d: ModelDescription) -> Bar | None:
     names = [joint.name for joint in d.joint]
     crank, bar = d.materials[p.crank_material], d.materials[p.bar_material]
     return Bar(
-        names.index(p.crank_about), names.index(p.driven), p.pin.si_array, section(p.bar), section(p.crank),
-        crank.youngs_modulus.si, crank.poissons_ratio.si, bar.youngs_modulus.si,
+        names.index(p.crank_about),
+        names.index(p.driven),
+        p.pin.si_array,
+        section(p.bar),
+        section(p.crank),
+        crank.youngs_modulus.si,
+        crank.poissons_ratio.si,
+        bar.youngs_modulus.si,
         None if p.bar_stiffness is None else p.bar_stiffness.si,
-    )  # fmt: skip
+    )
 
 
 def _spring(joint: Joint, law: SpringLawTable | None, names: tuple[str, ...], middle: Array) -> float | None:

@@ -23,9 +23,11 @@ def filling(arm: Arm, n: int, rng: np.random.Generator, clear: tuple[float, floa
     found = between(arm, arm.limits.mean(1), half, n, rng, lambda q: allowed(arm, q, clear=clear))
     if len(found) < n:
         raise InputError(
-            f"poses of {arm.name}", value=len(found), allowed=f"{n} within 80 % of the limits and all couplings",
+            f"poses of {arm.name}",
+            value=len(found),
+            allowed=f"{n} within 80 % of the limits and all couplings",
             remedy="give a sheet with poses that it can take",
-        )  # fmt: skip
+        )
     return found
 
 

@@ -144,9 +144,12 @@ def _bar_and_crank(arm: Arm, bar: Bar, at: Frames, pull: Array, pin: Array) -> d
     turned = at.rotations[:, bar.driven + 1]
     crank_pin = shoulder + turned @ bar.pin
     crank = beam(
-        np.stack([shoulder, crank_pin], 1), turned @ np.array([1.0, 0, 0]), (bar.crank, bar.crank),
-        (bar.youngs, bar.poisson), pull,
-    )  # fmt: skip
+        np.stack([shoulder, crank_pin], 1),
+        turned @ np.array([1.0, 0, 0]),
+        (bar.crank, bar.crank),
+        (bar.youngs, bar.poisson),
+        pull,
+    )
     if bar.stiffness is not None:
         rod = np.zeros_like(crank)
         rod[MODES.index("axial")] = described_bar(arm, at)

@@ -64,7 +64,8 @@ MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "tool-compliance": lambda e: {f"stiffness_{a}": 1 / c for a, c in zip("xyz", e["c_m_per_N"], strict=True)},
     "load-point-offset": _offset,
     "load-misalignment": lambda e: {
-        "tilt_x": -e["tilt_rad"] * np.sin(e["azimuth_rad"]), "tilt_y": e["tilt_rad"] * np.cos(e["azimuth_rad"])
+        "tilt_x": -e["tilt_rad"] * np.sin(e["azimuth_rad"]),
+        "tilt_y": e["tilt_rad"] * np.cos(e["azimuth_rad"]),
     },
     "joint-zero-offset": lambda e: {"angle": e["zero_rad"]},
     "gauge-zero": lambda e: dict.fromkeys("xyz", e["zero_m"]),
@@ -76,4 +77,4 @@ MEANINGS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "tool-point-offset": _offset,
     "angle-offset": lambda e: {"offset": e["offset_rad"]},
     "angle-coupling": lambda e: {"share": e["share"]},
-}  # fmt: skip
+}

@@ -89,6 +89,7 @@ def checked(code: str, arm: Arm, links: str) -> str:
         kind = code.partition(":")[0]
         places = [one for one in known if one.partition(":")[0] == kind]
         kinds = dict.fromkeys(one.partition(":")[0] + (":PLACE" if ":" in one else "") for one in known)
-        raise InputError("--hide", value=code, allowed=", ".join(places or kinds),
-                         remedy="--hide any hides one in secret")  # fmt: skip
+        raise InputError(
+            "--hide", value=code, allowed=", ".join(places or kinds), remedy="--hide any hides one in secret"
+        )
     return code

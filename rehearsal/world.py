@@ -172,9 +172,17 @@ def drawn(
         wanted = laws[k] if k < len(laws) else ""
         seen = springs if own or kind != "joint-compliance" else np.full_like(springs, np.inf)
         context = Context(
-            arm, where, stream(seed, 10 + k), sizes.torque, tuple(seen), sizes.upright, wanted,
-            sizes.stiff, sizes.heavy, sizes.long,
-        )  # fmt: skip
+            arm,
+            where,
+            stream(seed, 10 + k),
+            sizes.torque,
+            tuple(seen),
+            sizes.upright,
+            wanted,
+            sizes.stiff,
+            sizes.heavy,
+            sizes.long,
+        )
         values = known[kind](context)
         out.append({"code": code, "kind": kind, "where": where, **values})
         if kind == "joint-compliance":

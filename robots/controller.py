@@ -75,9 +75,13 @@ def arm_controller(table: Controller | None, coordinates: Sequence[str], robot: 
         )
     matrix, offset = _counted(table, table.axes or tuple(coordinates), coordinates, robot)
     return ArmController(
-        table.axes or tuple(coordinates), matrix, offset, table.formats,
-        None if table.base is None else _frame(table.base), np.eye(4) if table.flange is None else _frame(table.flange),
-    )  # fmt: skip
+        table.axes or tuple(coordinates),
+        matrix,
+        offset,
+        table.formats,
+        None if table.base is None else _frame(table.base),
+        np.eye(4) if table.flange is None else _frame(table.flange),
+    )
 
 
 def shown_tool(robot: Robot) -> Array:
@@ -106,32 +110,47 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
     where = f"{robot}: [controller] axes"
     if len(names) != len(coordinates) or twice(names):
         raise InputError(
-            where, value=", ".join(names), allowed=f"{len(coordinates)} different names, one for each joint",
+            where,
+            value=", ".join(names),
+            allowed=f"{len(coordinates)} different names, one for each joint",
             remedy="name each of the controller's angles once, in the joints' order",
-        )  # fmt: skip
+        )
     matrix, offset = np.eye(len(names)), np.zeros(len(names))
     for row in table.angle:
         if row.coordinate not in coordinates:
-            raise InputError(f"{robot}: [[controller.angle]] coordinate", value=row.coordinate,
-                             allowed=", ".join(coordinates), remedy="name a joint's coordinate")  # fmt: skip
+            raise InputError(
+                f"{robot}: [[controller.angle]] coordinate",
+                value=row.coordinate,
+                allowed=", ".join(coordinates),
+                remedy="name a joint's coordinate",
+            )
         i = list(coordinates).index(row.coordinate)
         matrix[i], offset[i] = 0.0, 0.0 if row.offset is None else row.offset.si
         for term in row.terms:
             if term.axis not in names:
-                raise InputError(f"{robot}: [[controller.angle]] {row.coordinate}: axis", value=term.axis,
-                                 allowed=", ".join(names), remedy="name one of the axes")  # fmt: skip
+                raise InputError(
+                    f"{robot}: [[controller.angle]] {row.coordinate}: axis",
+                    value=term.axis,
+                    allowed=", ".join(names),
+                    remedy="name one of the axes",
+                )
             matrix[i, list(names).index(term.axis)] += term.factor
     for j, name in enumerate(names):
         if name in coordinates and not (coordinates[j] == name and _same(matrix[j], offset[j], j)):
-            raise InputError(where, value=name, allowed="the same name only where both count the same angle",
-                             remedy="give the controller's angle a name of its own, as in J3_deg")  # fmt: skip
+            raise InputError(
+                where,
+                value=name,
+                allowed="the same name only where both count the same angle",
+                remedy="give the controller's angle a name of its own, as in J3_deg",
+            )
     size = np.linalg.svd(matrix, compute_uv=False)
     if size[-1] < _SINGULAR * size[0]:
         raise InputError(
-            f"{robot}: [[controller.angle]]", value=matrix.tolist(),
+            f"{robot}: [[controller.angle]]",
+            value=matrix.tolist(),
             allowed="factors by which the controller's angles determine all coordinates",
             remedy="check the factors: two rows say the same",
-        )  # fmt: skip
+        )
     return matrix, offset
 
 

@@ -224,9 +224,14 @@ def _plain(value: Any) -> Any:
 def _arm(name: str, file: _Robot) -> Robot:
     n = len(file.coordinates)
     shapes = {
-        "T_pre": (n, 4, 4), "R_post": (n, 3, 3), "sign": (n,), "offset": (n,), "limits": (n, 2),
-        "T_last_flange": (4, 4), "T_flange_tool": (4, 4),
-    }  # fmt: skip
+        "T_pre": (n, 4, 4),
+        "R_post": (n, 3, 3),
+        "sign": (n,),
+        "offset": (n,),
+        "limits": (n, 2),
+        "T_last_flange": (4, 4),
+        "T_flange_tool": (4, 4),
+    }
     arrays = {key: np.array(getattr(file, key), dtype=np.float64) for key in shapes}
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or len(file.joint_names) != n:
         raise InputError("kinematics", allowed=f"arrays for {n} joints")

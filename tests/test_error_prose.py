@@ -14,9 +14,11 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal", "stiffarm")
 # Where a refusal is passed on as one: console, Python's face, the service, the workers of a map.
 REFUSING = {
-    "stiffarm/session/console.py", "stiffarm/face/calls.py", "machining/service/wire.py",
+    "stiffarm/session/console.py",
+    "stiffarm/face/calls.py",
+    "machining/service/wire.py",
     "stiffarm/commands/maps/request.py",
-}  # fmt: skip
+}
 
 
 def quoted(code: ast.AST) -> list[int]:

@@ -14,7 +14,7 @@ WAYS = {
     "lacks_a_library": "raise OSError('libgomp.so.1: cannot open shared object file')",
     # As openseespy does; the reason is what came first.
     "hides_it": "try:\n    raise ImportError('libquadmath')\nexcept ImportError:\n    raise RuntimeError('Failed')",
-}  # fmt: skip
+}
 REASONS = {
     "gives_up": "no display",
     "lacks_a_library": "libgomp",

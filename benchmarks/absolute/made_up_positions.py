@@ -151,7 +151,15 @@ def campaign(model: ArmModel, truth: Truth, plan: Plan, rng: np.random.Generator
         R, t = frames[session[k]]
         y[k] = R @ p + t + plan.noise * rng.normal(size=3)
     return AbsoluteReadings(
-        "made-up", "", q, y, Labels(tuple(f"s{k}" for k in range(plan.sessions)), session.astype(np.int64)),
-        Labels(tuple("abc"[: plan.targets]), target.astype(np.int64)), payload.astype(np.int64), plan.payloads, rail,
-        np.full(n, np.nan), np.arange(n, dtype=np.int64) + 2,
-    )  # fmt: skip
+        "made-up",
+        "",
+        q,
+        y,
+        Labels(tuple(f"s{k}" for k in range(plan.sessions)), session.astype(np.int64)),
+        Labels(tuple("abc"[: plan.targets]), target.astype(np.int64)),
+        payload.astype(np.int64),
+        plan.payloads,
+        rail,
+        np.full(n, np.nan),
+        np.arange(n, dtype=np.int64) + 2,
+    )

@@ -53,9 +53,19 @@ def columns(path: Path) -> dict[str, Array]:
 def readings(q: Array, y: Array, session: str) -> AbsoluteReadings:
     """Positions of one target in one session."""
     n = np.zeros(len(q), dtype=np.int64)
-    return AbsoluteReadings(session, "", q, y, Labels((session,), n), Labels((session,), n), n,
-                            (Payload(0.0, np.zeros(3)),), np.zeros(len(q)), np.full(len(q), np.nan),
-                            np.arange(len(q)) + 2)  # fmt: skip
+    return AbsoluteReadings(
+        session,
+        "",
+        q,
+        y,
+        Labels((session,), n),
+        Labels((session,), n),
+        n,
+        (Payload(0.0, np.zeros(3)),),
+        np.zeros(len(q)),
+        np.full(len(q), np.nan),
+        np.arange(len(q)) + 2,
+    )
 
 
 def ur10(data: Path, series: str) -> AbsoluteReadings:
@@ -113,8 +123,9 @@ def run(data: Path, folder: Path) -> None:
                 one["carried_over"] = figures(carried_over(found.found, other)[0])
             if words == list(STEPS)[-1]:
                 one |= {"wrong": [g.words for g in found.gross], "remarks": list(found.remarks)}
-                one["springs"] = {f.name: [f.value, *f.interval95, f.status] for f in found.findings
-                                  if "stiffness" in f.name}  # fmt: skip
+                one["springs"] = {
+                    f.name: [f.value, *f.interval95, f.status] for f in found.findings if "stiffness" in f.name
+                }
                 one["scatter_mm"], one["tail"] = 1e3 * found.found.variances.sigma, found.found.tail
                 one["curve"] = found.found.variances.laws["periodic"]
             out[name][words] = one

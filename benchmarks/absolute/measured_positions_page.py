@@ -11,12 +11,17 @@ INDEPENDENT = {
     "frames and target": {"UR10 B": (1.09, None), "UR10 C": (0.99, None), "UR5": (0.70, None)},
     "+ geometry": {"UR10 B": (0.444, 0.585), "UR10 C": (0.491, None), "UR5": (0.113, 0.104)},
     "+ joint springs under the arm's weight": {
-        "UR10 B": (0.415, 0.530), "UR10 C": (0.484, None), "UR5": (0.104, 0.098)
+        "UR10 B": (0.415, 0.530),
+        "UR10 C": (0.484, None),
+        "UR5": (0.104, 0.098),
     },
     "+ periodic errors, orders 1 to 4": {"UR10 B": (0.346, 243.0), "UR10 C": (80.0, None), "UR5": (0.0955, None)},
-}  # fmt: skip
-TITLES = {"UR10 B": "UR10, series B (1495 poses); carried over to series C (2773)", "UR10 C": "UR10, series C",
-          "UR5": "UR5, grid of 1000; carried over to 20 random poses"}  # fmt: skip
+}
+TITLES = {
+    "UR10 B": "UR10, series B (1495 poses); carried over to series C (2773)",
+    "UR10 C": "UR10, series C",
+    "UR5": "UR5, grid of 1000; carried over to 20 random poses",
+}
 # What a look at the published file shows of a reading that the program names.
 SEEN = (
     "Line 856 of series B repeats the position of line 855 to 0.02 mm, though the arm was sent to another "
@@ -27,20 +32,30 @@ FIRST_RUN = (
     "parameter 89.5 % (j1.frame.ry, on the rail; of 115 parameters there, each with a standard error of 1.5 %). "
     "Nothing was changed; 200 more of each were run to see whether that was chance."
 )
-HEADS = ("model", "ten-fold RMS (mm)", "largest (mm)", "in 95 % intervals", "carried over RMS (mm)", "largest (mm)",
-         "in 95 % intervals", "independent: ten-fold, carried over (mm)")  # fmt: skip
+HEADS = (
+    "model",
+    "ten-fold RMS (mm)",
+    "largest (mm)",
+    "in 95 % intervals",
+    "carried over RMS (mm)",
+    "largest (mm)",
+    "in 95 % intervals",
+    "independent: ten-fold, carried over (mm)",
+)
 
 
 def page(results: dict[str, Any], folder: Path) -> str:
     """The page's text; ``folder`` holds coverage.json and speed.json too."""
     last = list(results["UR10 B"])[-1]
     out = [
-        "# Measured positions", "",
+        "# Measured positions",
+        "",
         "Two campaigns that others measured and published (MIT): a UR10 with a 6-D target, of which the positions are "
         "used (ipa-robot-accuracy, Landgraf et al., CASE 2021), and a UR5 (serial_robots_datasets). "
         "`benchmarks/absolute/measured_positions.py` recomputes the tables from the files as published; nothing "
-        "is tuned on the folds.", "",
-    ]  # fmt: skip
+        "is tuned on the folds.",
+        "",
+    ]
     for name, steps in results.items():
         out += [f"## {TITLES[name]}", "", f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
         out += [_row(words, one, INDEPENDENT.get(words, {}).get(name)) for words, one in steps.items()] + [""]
@@ -81,18 +96,21 @@ def _wrong(words: list[str]) -> str:
 def _reading(results: dict[str, Any], last: str) -> list[str]:
     b, c = (results[name][last] for name in ("UR10 B", "UR10 C"))
     return [
-        "## What the residuals show", "",
+        "## What the residuals show",
+        "",
         "Most of the residual of a rigid, calibrated UR is neither scatter nor elasticity: each joint has an "
         f"error that is a smooth function of its own angle, about {1e3 * _height(b['curve']):.2f} mrad high with "
         "features of 10 to 20 degrees, that is, of orders up to 30 and more (the law found separately in series B "
         f"and C: {1e6 * b['curve'][0]:.0f} and {1e6 * c['curve'][0]:.0f} urad an order, falling off beyond orders "
         f"{b['curve'][1]:.0f} and {c['curve'][1]:.0f}). Four orders cannot follow that: they fit the angles that "
         "were read and take large wrong values beyond them, and in series C joint 1 stands at angles that B never "
-        "had. The full error curves stay at zero there, with intervals as wide as the curves are high.", "",
+        "had. The full error curves stay at zero there, with intervals as wide as the curves are high.",
+        "",
         "With the curves free as well, two campaigns without a common session give the same springs: joints 2 and "
         "3 of the UR10 agree between B and C within their intervals. The UR5's grid identifies no spring: only "
-        "lower limits are given.", "",
-    ]  # fmt: skip
+        "lower limits are given.",
+        "",
+    ]
 
 
 def _height(curve: list[float]) -> float:
@@ -105,11 +123,15 @@ def _few(folder: Path) -> list[str]:
     if not file.exists():
         return []
     rows = json.loads(file.read_text(encoding="utf-8"))
-    out = ["## How many poses it takes", "",
-           "Poses drawn at random from series B (three draws each), and 400 others predicted, mean of the draws:", "",
-           "| poses | geometry and springs, RMS (mm) | in 95 % intervals | error curves too, RMS (mm) | in 95 % "
-           "intervals |",
-           "|---|---|---|---|---|"]  # fmt: skip
+    out = [
+        "## How many poses it takes",
+        "",
+        "Poses drawn at random from series B (three draws each), and 400 others predicted, mean of the draws:",
+        "",
+        "| poses | geometry and springs, RMS (mm) | in 95 % intervals | error curves too, RMS (mm) | in 95 % "
+        "intervals |",
+        "|---|---|---|---|---|",
+    ]
     for n in dict.fromkeys(row["poses"] for row in rows):
         cells = []
         for curves in (False, True):
@@ -125,12 +147,16 @@ def _coverage(folder: Path) -> list[str]:
     if not file.exists():
         return []
     c = json.loads(file.read_text(encoding="utf-8"))
-    out = ["## Do intervals contain the true value?", "",
-           "Campaigns of a KUKA KR60-3 with known parameters were simulated by code that shares nothing with the "
-           "estimate (`benchmarks/absolute/position_coverage.py`): products of matrices, one pose at a time, with "
-           "joints that deflect by finite angles at the sagged pose. Each campaign has newly drawn parameters.", "",
-           "| campaign | repeats | intervals | contain the true value | worst parameter |",
-           "|---|---|---|---|---|"]  # fmt: skip
+    out = [
+        "## Do intervals contain the true value?",
+        "",
+        "Campaigns of a KUKA KR60-3 with known parameters were simulated by code that shares nothing with the "
+        "estimate (`benchmarks/absolute/position_coverage.py`): products of matrices, one pose at a time, with "
+        "joints that deflect by finite angles at the sagged pose. Each campaign has newly drawn parameters.",
+        "",
+        "| campaign | repeats | intervals | contain the true value | worst parameter |",
+        "|---|---|---|---|---|",
+    ]
     for name, one in c.items():
         if name != "pooled":
             worst = f"{one['worst_parameter']}, {100.0 * one['worst_coverage']:.1f} %"
@@ -147,13 +173,23 @@ def _speed(folder: Path) -> list[str]:
         return []
     s = json.loads(file.read_text(encoding="utf-8"))
     scipy = s["scipy.optimize.least_squares"]
-    out = ["## How long it takes", "", "One core, one target, a KR60-3 with geometry, springs and periodic errors to "
-           "the third order (`benchmarks/absolute/position_speed.py`):", "",
-           "| poses | parameters | time (s) | peak memory (MB) |", "|---|---|---|---|"]  # fmt: skip
+    out = [
+        "## How long it takes",
+        "",
+        "One core, one target, a KR60-3 with geometry, springs and periodic errors to "
+        "the third order (`benchmarks/absolute/position_speed.py`):",
+        "",
+        "| poses | parameters | time (s) | peak memory (MB) |",
+        "|---|---|---|---|",
+    ]
     for name, one in s.items():
         if name.endswith("poses"):
             out.append(f"| {name.split()[0]} | {one['parameters']} | {one['seconds']:.1f} | {one['peak_MB']:.0f} |")
-    out += ["", f"`scipy.optimize.least_squares` with numerical derivatives takes {scipy['seconds']:.0f} s for "
-            f"{scipy['poses']} poses, {s['ratio']:.0f} times as long, to the same residual (and no variances, weights "
-            "or intervals).", ""]  # fmt: skip
+    out += [
+        "",
+        f"`scipy.optimize.least_squares` with numerical derivatives takes {scipy['seconds']:.0f} s for "
+        f"{scipy['poses']} poses, {s['ratio']:.0f} times as long, to the same residual (and no variances, weights "
+        "or intervals).",
+        "",
+    ]
     return out

@@ -34,9 +34,10 @@ CASES = {
     "serial arm": (Plan(150), USUAL),
     "arm on a rail": (Plan(220, rail=4.0), (*USUAL, "rail")),
     "three targets, two payloads, two sessions": (
-        Plan(220, sessions=2, targets=3, payloads=(NOTHING, HUNG)), (*USUAL, "tilts")
+        Plan(220, sessions=2, targets=3, payloads=(NOTHING, HUNG)),
+        (*USUAL, "tilts"),
     ),
-}  # fmt: skip
+}
 SIZE = {"zero": 2e-3, "ratio": 1e-3, "coupling": 1e-3, "periodic": 2e-4}
 
 
@@ -60,10 +61,18 @@ def outlined(model: ArmModel, plan: Plan) -> AbsoluteReadings:
     names, n = tuple("abc"[: plan.targets]), 60
     turns = np.arange(n)
     return AbsoluteReadings(
-        "", "", np.zeros((n, model.robot.dof)), np.zeros((n, 3)), Labels(("s0",), np.zeros(n, dtype=np.int64)),
-        Labels(names, turns % plan.targets), turns % len(plan.payloads), plan.payloads,
-        np.linspace(0.0, plan.rail, n), np.full(n, np.nan), turns,
-    )  # fmt: skip
+        "",
+        "",
+        np.zeros((n, model.robot.dof)),
+        np.zeros((n, 3)),
+        Labels(("s0",), np.zeros(n, dtype=np.int64)),
+        Labels(names, turns % plan.targets),
+        turns % len(plan.payloads),
+        plan.payloads,
+        np.linspace(0.0, plan.rail, n),
+        np.full(n, np.nan),
+        turns,
+    )
 
 
 def once(model: ArmModel, case: str, seed: int) -> dict[str, object]:
@@ -123,9 +132,13 @@ def show(folder: Path) -> dict[str, object]:
         worst = min(enough, key=lambda name: np.mean(enough[name]))
         every = [x for v in held.values() for x in v]
         out[case] = {
-            "campaigns": repeats[case], "intervals": len(every), "coverage": float(np.mean(every)),
-            "worst_parameter": worst, "worst_coverage": float(np.mean(enough[worst])), "without_interval": blind[case],
-        }  # fmt: skip
+            "campaigns": repeats[case],
+            "intervals": len(every),
+            "coverage": float(np.mean(every)),
+            "worst_parameter": worst,
+            "worst_coverage": float(np.mean(enough[worst])),
+            "without_interval": blind[case],
+        }
     whole = [x for held in by.values() for v in held.values() for x in v]
     out["pooled"] = {"intervals": len(whole), "coverage": float(np.mean(whole))}
     return out

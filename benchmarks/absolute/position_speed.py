@@ -36,14 +36,24 @@ def campaign(model: ArmModel, n: int, rng: np.random.Generator) -> tuple[Absolut
     low, high = np.clip(model.robot.limits, -np.pi, np.pi).T
     nobody = np.zeros(n, dtype=np.int64)
     data = AbsoluteReadings(
-        "made-up", "", rng.uniform(low, high, (n, model.robot.dof)), np.zeros((n, 3)), Labels(("s",), nobody),
-        Labels(("a",), nobody), nobody, (Payload(0.0, np.zeros(3)),), np.zeros(n), np.full(n, np.nan), nobody,
-    )  # fmt: skip
+        "made-up",
+        "",
+        rng.uniform(low, high, (n, model.robot.dof)),
+        np.zeros((n, 3)),
+        Labels(("s",), nobody),
+        Labels(("a",), nobody),
+        nobody,
+        (Payload(0.0, np.zeros(3)),),
+        np.zeros(n),
+        np.full(n, np.nan),
+        nobody,
+    )
     layout, nominal = Layout(unknowns(model.robot, data, FREE)), Nominal(np.full((1, 3), 0.1), (0.0, 0.0))
     layout = layout.without([one.name for one in twins(model, data, layout, nominal)])
     u = np.array([SIZE[one.kind] * abs(rng.normal()) for one in layout.unknowns])
-    P = np.concatenate([evaluate(model, layout, s, u, slopes=False)[0]
-                        for s in samples(model, data, layout, nominal, u)], axis=1)  # fmt: skip
+    P = np.concatenate(
+        [evaluate(model, layout, s, u, slopes=False)[0] for s in samples(model, data, layout, nominal, u)], axis=1
+    )
     frame = Frame(rotation(rng.normal(size=3)), rng.normal(size=3))
     data.position[:] = P.T @ frame.R.T + frame.t + NOISE * rng.normal(size=(n, 3))
     return data, layout
@@ -89,9 +99,13 @@ def main() -> None:
         found, seconds = ours(model, data, layout)
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         out[f"{n} poses"] = {
-            "parameters": len(layout) + 6, "seconds": seconds, "rounds": found.rounds, "rms_mm": 1e3 * found.rms_m,
-            "peak_MB": after / 1024.0, "grew_by_MB": (after - before) / 1024.0,
-        }  # fmt: skip
+            "parameters": len(layout) + 6,
+            "seconds": seconds,
+            "rounds": found.rounds,
+            "rms_mm": 1e3 * found.rms_m,
+            "peak_MB": after / 1024.0,
+            "grew_by_MB": (after - before) / 1024.0,
+        }
         if n == given.scipy_poses:
             rms, slow = theirs(model, data, layout)
             out["scipy.optimize.least_squares"] = {"poses": n, "seconds": slow, "rms_mm": 1e3 * rms}

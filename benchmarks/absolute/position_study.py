@@ -56,11 +56,15 @@ def diagnosed(folder: Path) -> dict[str, Any]:
         return {"name": folder.name, "verdict": "refused", "reason": str(error), "named": [], "found": []}
     assert m.holdout is not None
     return {
-        "name": folder.name, "verdict": m.verdict, "reason": m.reason,
-        "named": [one.candidate.code for one in m.effects], "found": [one.candidate.code for one in m.found],
+        "name": folder.name,
+        "verdict": m.verdict,
+        "reason": m.reason,
+        "named": [one.candidate.code for one in m.effects],
+        "found": [one.candidate.code for one in m.found],
         "probability": m.found[0].probability if m.found else None,
-        "unseen_mm": [1e3 * p.rms_m for p in m.holdout[1:]], "seconds": time.process_time() - begin,
-    }  # fmt: skip
+        "unseen_mm": [1e3 * p.rms_m for p in m.holdout[1:]],
+        "seconds": time.process_time() - begin,
+    }
 
 
 def family(code: str) -> str:
@@ -90,14 +94,19 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     grew = [r for r in single if r.get("unseen_mm")]
     seconds = np.median([r["seconds"] for r in rows if "seconds" in r])
     out = [
-        "# Diagnosis by positions: how often it is right", "",
+        "# Diagnosis by positions: how often it is right",
+        "",
         f"**The right family leads in {share(single, leads)} sets with one thing hidden; a name was given in "
         f"{share(none, lambda r: bool(r['named']))} sets with nothing hidden.** The sets are from an independent "
         "simulator (`benchmarks/worlds/survey`: Pinocchio, its own laws, a tracker's noise, every arm with errors "
         "of geometry and gears). Sizes were drawn before the program was run, so that without the effect "
         "chi-square rises by 30 or more after fitting geometry, frames and declared springs. Each set was "
-        "diagnosed once, blind.", "", f"`{command}`", "",
-        "| of | share, 95 % interval |", "|---|---|",
+        "diagnosed once, blind.",
+        "",
+        f"`{command}`",
+        "",
+        "| of | share, 95 % interval |",
+        "|---|---|",
         f"| right family leads | {share(single, leads)} |",
         f"| exact code leads | {share(single, lambda r: r['found'][:1] == [r['code']])} |",
         f"| named, and nothing else | {share(single, lambda r: r['named'] and not wrong(r))} |",
@@ -105,10 +114,13 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
         f"| nothing hidden: a name | {share(none, lambda r: bool(r['named']))} |",
         f"| nothing hidden: anything but none | {share(none, lambda r: r['verdict'] != 'none')} |",
         f"| error at other poses grew | {share(grew, lambda r: r['unseen_mm'][1] > r['unseen_mm'][0])} |",
-        "", f"Errors at other poses fall to {np.median(shrunk):.2f} times those with geometry alone (median). A "
-            f"diagnosis takes {seconds:.1f} s of processor time (median).", "",
-        "| hidden | sets | right family leads | named, and nothing else |", "|---|---|---|---|",
-    ]  # fmt: skip
+        "",
+        f"Errors at other poses fall to {np.median(shrunk):.2f} times those with geometry alone (median). A "
+        f"diagnosis takes {seconds:.1f} s of processor time (median).",
+        "",
+        "| hidden | sets | right family leads | named, and nothing else |",
+        "|---|---|---|---|",
+    ]
     for kind in dict.fromkeys(family(r["code"]) for r in single):
         mine = [r for r in single if family(r["code"]) == kind]
         good = sum(bool(r["named"]) and not wrong(r) for r in mine)

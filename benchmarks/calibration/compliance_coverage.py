@@ -49,8 +49,15 @@ class Study:
     status: Counter[str]
 
 
-HEADS = ("case", "noise_um", "relative_sd_percent", "coverage_percent", "not_flagged_percent", "flagged_percent",
-         "share_flagged_percent")  # fmt: skip
+HEADS = (
+    "case",
+    "noise_um",
+    "relative_sd_percent",
+    "coverage_percent",
+    "not_flagged_percent",
+    "flagged_percent",
+    "share_flagged_percent",
+)
 
 
 def main() -> None:
@@ -124,11 +131,21 @@ def _readings(true: fem.ArmModel, q: Array, noise_m: Array) -> Measurements:
     moved = fem.deflection(true, q, LOAD) + noise_m
     unknown = np.full(n, np.nan)
     return Measurements(
-        source="made up", sha256="0" * 64, q=q, wrench=np.tile(LOAD, (n, 1)),
-        displacement=np.where(np.arange(6) < 3, moved, np.nan), sigma=unknown, step=unknown,
-        point=np.full((n, 3), np.nan), pose=tuple(f"P{i + 1}" for i in range(n)), repeat=(None,) * n,
-        phase=(None,) * n, row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
-    )  # fmt: skip
+        source="made up",
+        sha256="0" * 64,
+        q=q,
+        wrench=np.tile(LOAD, (n, 1)),
+        displacement=np.where(np.arange(6) < 3, moved, np.nan),
+        sigma=unknown,
+        step=unknown,
+        point=np.full((n, 3), np.nan),
+        pose=tuple(f"P{i + 1}" for i in range(n)),
+        repeat=(None,) * n,
+        phase=(None,) * n,
+        row_numbers=tuple(range(2, n + 2)),
+        extra={},
+        notes=(),
+    )
 
 
 def _share(mask: Bools) -> float:

@@ -71,9 +71,13 @@ def race(arm: sa.Arm, n: int, read: str, rounds: int) -> dict[str, float]:
     times = [(seconds(plain), seconds(ours), seconds(lambda: sa.read_readings(table, arm))) for _ in range(rounds)]
     slow, fast, reading = (min(each) for each in zip(*times, strict=True))
     return {
-        "scipy_s": slow, "calibrate_s": fast, "reading_s": reading, "ratio": slow / fast, "times_as_long": fast / slow,
+        "scipy_s": slow,
+        "calibrate_s": fast,
+        "reading_s": reading,
+        "ratio": slow / fast,
+        "times_as_long": fast / slow,
         "relative_difference": float(np.nanmax(np.abs(values / expected - 1.0))),
-    }  # fmt: skip
+    }
 
 
 def main() -> int:

@@ -66,14 +66,26 @@ def judged(one: StudySet, given: Arm, d: Diagnosed) -> dict[str, Any]:
     """Where a set stands after a diagnosis."""
     r = row(one, d, given.robot.joint_names[0], seconds=0.0)
     n = d.proposal
-    forecast = None if n is None else {
-        "now": n.before.belief, "after": n.after.belief, "right": n.after.right, "wrong": n.after.wrong,
-        "set_ups": len(n.labels),
-    }  # fmt: skip
+    forecast = (
+        None
+        if n is None
+        else {
+            "now": n.before.belief,
+            "after": n.after.belief,
+            "right": n.after.right,
+            "wrong": n.after.wrong,
+            "set_ups": len(n.labels),
+        }
+    )
     return {
-        "verdict": r.verdict, "named": list(r.named), "found": list(r.found), "leads_right": r.is_right,
-        "end": end_of(r), "forecast": forecast, "why_none": d.nothing_next,
-    }  # fmt: skip
+        "verdict": r.verdict,
+        "named": list(r.named),
+        "found": list(r.found),
+        "leads_right": r.is_right,
+        "end": end_of(r),
+        "forecast": forecast,
+        "why_none": d.nothing_next,
+    }
 
 
 def filled(one: StudySet, given: Arm, n: NextReadings, visit: int, path: Path) -> None:
@@ -91,9 +103,7 @@ def diagnosed(given: Arm, tables: Sequence[Path], next_poses: int) -> Diagnosed:
         return diagnose(given, table, Request(next_poses=next_poses, folds=0))
 
 
-def looped(
-    one: StudySet, given: Arm, first: Diagnosed, way: str, steps: int, folder: Path
-) -> list[dict[str, Any]]:  # fmt: skip
+def looped(one: StudySet, given: Arm, first: Diagnosed, way: str, steps: int, folder: Path) -> list[dict[str, Any]]:
     """Where a set stands after each visit, until something is named or there is nothing to measure."""
     out, d, tables = [judged(one, given, first)], first, [one.readings]
     zone = parse_zone(given.description, FLOOR, (), None)
@@ -116,9 +126,12 @@ def run_set(one: StudySet, steps: int = STEPS) -> dict[str, Any]:
     """One set, measured on in both ways; the reason where its readings were refused."""
     key = one.key
     out: dict[str, Any] = {
-        "set": one.name, "world": key.world, "hidden": [h.code for h in key.effects], "excess_chi2": key.excess_chi2,
+        "set": one.name,
+        "world": key.world,
+        "hidden": [h.code for h in key.effects],
+        "excess_chi2": key.excess_chi2,
         "tags": dict(key.tags),
-    }  # fmt: skip
+    }
     start = time.perf_counter()
     try:
         given = read_model(one.model, one.file.links, one.file.load_path)
@@ -198,18 +211,30 @@ def groups(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Everything counted."""
     ran = [r for r in rows if "proposed" in r]
-    out: dict[str, Any] = {"sets": len(rows), "refused": sum("refused" in r for r in rows),
-                           "failed": sum("failed" in r for r in rows), "groups": {}}  # fmt: skip
+    out: dict[str, Any] = {
+        "sets": len(rows),
+        "refused": sum("refused" in r for r in rows),
+        "failed": sum("failed" in r for r in rows),
+        "groups": {},
+    }
     for name, some in groups(ran).items():
         won, lost = sooner(some)
         out["groups"][name] = {
             "sets": len(some),
-            **{way: [{"set_ups": EACH * k, **{end: share(s) for end, s in ends(some, way, k).items()}}
-                     for k in range(visits(ran) + 1)] for way in WAYS},
-            "sooner_right": {"proposed": won, "random": lost,
-                             "p": binomtest(won, won + lost).pvalue if won + lost else 1.0},
+            **{
+                way: [
+                    {"set_ups": EACH * k, **{end: share(s) for end, s in ends(some, way, k).items()}}
+                    for k in range(visits(ran) + 1)
+                ]
+                for way in WAYS
+            },
+            "sooner_right": {
+                "proposed": won,
+                "random": lost,
+                "p": binomtest(won, won + lost).pvalue if won + lost else 1.0,
+            },
             "forecasts": forecasts(some),
-        }  # fmt: skip
+        }
     return out
 
 
@@ -218,15 +243,20 @@ def page(content: dict[str, Any]) -> str:
     out = [f"{content['sets']} sets, {content['refused']} refused, {content['failed']} failed.\n"]
     for name, g in content["groups"].items():
         set_ups = [step["set_ups"] for step in g["proposed"]]
-        out += [f"\n## {name}: {g['sets']} sets\n", "| | " + " | ".join(f"{n} set-ups" for n in set_ups) + " |",
-                "|---" * (len(set_ups) + 1) + "|"]  # fmt: skip
+        out += [
+            f"\n## {name}: {g['sets']} sets\n",
+            "| | " + " | ".join(f"{n} set-ups" for n in set_ups) + " |",
+            "|---" * (len(set_ups) + 1) + "|",
+        ]
         for way in WAYS:
             for end in ENDS:
                 cells = [_cell(step[end]) for step in g[way]]
                 out.append(f"| {way}: {end} | " + " | ".join(cells) + " |")
         s, f = g["sooner_right"], g["forecasts"]
-        out.append(f"\nProposed set-ups were right sooner in {s['proposed']} sets, random ones in {s['random']} "
-                   f"(sign test: p = {s['p']:.2g}).")  # fmt: skip
+        out.append(
+            f"\nProposed set-ups were right sooner in {s['proposed']} sets, random ones in {s['random']} "
+            f"(sign test: p = {s['p']:.2g})."
+        )
         if f["proposals"]:
             told = ", ".join(f"{end} {f[end]['promised']:.1f}, came {_cell(f[end])}" for end in ("right", "wrong"))
             out.append(f"Of {f['proposals']} proposals, promised by the next diagnosis: {told}.")
@@ -256,9 +286,10 @@ def main() -> int:
     done = {r["set"] for r in rows}
     kinds = {0: "none", 1: "single"}
     wanted = [
-        s for s in study_sets(a.sets)
+        s
+        for s in study_sets(a.sets)
         if kinds.get(len(s.key.effects), "pair") in a.kinds.split(",") and fnmatch(s.name, a.names)
-    ]  # fmt: skip
+    ]
     todo = [s for s in wanted if s.name not in done]
     with ProcessPoolExecutor(max(min(a.jobs, len(todo)), 1), get_context("spawn")) as pool:
         for asked in as_completed([pool.submit(partial(run_set, steps=a.steps), one) for one in todo]):
@@ -267,8 +298,10 @@ def main() -> int:
             with kept.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(r) + "\n")
             told = {way: (r[way][-1]["end"], len(r[way]) - 1) for way in WAYS if way in r}
-            print(f"{r['set']} {','.join(r['hidden'])}: {told or r.get('refused') or r.get('failed')} {r['seconds']} s",
-                  file=sys.stderr)  # fmt: skip
+            print(
+                f"{r['set']} {','.join(r['hidden'])}: {told or r.get('refused') or r.get('failed')} {r['seconds']} s",
+                file=sys.stderr,
+            )
     content = summary(rows) | {"rows": rows}
     (a.out / "loop.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     (a.out / "loop.md").write_text(page(content), encoding="utf-8")

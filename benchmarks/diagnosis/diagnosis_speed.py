@@ -77,8 +77,15 @@ def refitted(s: Setting, effect: Effect) -> float:
     f0 = s.prediction
     sd = np.sqrt((0.03 * f0) ** 2 + 1e-12)
     start = [0.5 * sum(p.size) if p.role == "amplitude" else p.grid[len(p.grid) // 2] for p in effect.parameters]
-    scale = np.concatenate([s.typical, [prior(p)[1] if p.role == "amplitude" else abs(v) + 1e-9
-                                        for p, v in zip(effect.parameters, start, strict=True)]])  # fmt: skip
+    scale = np.concatenate(
+        [
+            s.typical,
+            [
+                prior(p)[1] if p.role == "amplitude" else abs(v) + 1e-9
+                for p, v in zip(effect.parameters, start, strict=True)
+            ],
+        ]
+    )
 
     def residual(x: Array) -> Array:
         v = x * scale

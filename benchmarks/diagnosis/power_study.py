@@ -58,13 +58,15 @@ class Plan:
 PLANS = {
     "tune": Plan(
         ("backlash:j2", "friction:j3", "angle-dependent-stiffness:j3", "joint-tilt:j3", "joint-zero-offset:j2"),
-        {"kr60-3": (9, "xyz"), "xr701": (12, "z")}, 3,
+        {"kr60-3": (9, "xyz"), "xr701": (12, "z")},
+        3,
     ),
     "check": Plan(
         ("payload", "friction:j2", "hardening:j3", "gravity-compensator:j2", "load-misalignment"),
-        {"kr60-3": (12, "z"), "xr701": (9, "xyz")}, 8,
+        {"kr60-3": (12, "z"), "xr701": (9, "xyz")},
+        8,
     ),
-}  # fmt: skip
+}
 ROWS: TypeAdapter[Row] = TypeAdapter(Row)
 PAGE = ROOT / "docs" / "validation" / "power.md"
 KEPT = ROOT / "benchmarks" / "diagnosis" / "runs" / "power.json"
@@ -104,10 +106,14 @@ def make(folder: Path, plan: Plan, seed: int, each: int) -> None:
         found = power(given, None, request(plan, robot), codes=plan.effects, compare=False)
         by_code = {p.code: p for p in found.prospects}
         stated[robot] = {
-            code: {"found": asdict(by_code[code].found), "named": asdict(by_code[code].named),
-                   "chi2": by_code[code].chi2, "why_not": by_code[code].why_not}
+            code: {
+                "found": asdict(by_code[code].found),
+                "named": asdict(by_code[code].named),
+                "chi2": by_code[code].chi2,
+                "why_not": by_code[code].why_not,
+            }
             for code in plan.effects
-        }  # fmt: skip
+        }
         for code in plan.effects:
             for k in range(each):
                 one_set(folder / robot / f"{code.replace(':', '-')}-{k:03d}", given, world, sheet, code, [seed, k])
@@ -118,13 +124,18 @@ def one_set(folder: Path, given: Any, world: Any, sheet: SetUps, code: str, seed
     """A set as `stiffarm study` reads it."""
     size = arm_class(given.description, given.robot)
     own = int(np.random.default_rng([*seed, *f"{given.robot.name} {code}".encode()]).integers(2**31))
-    one = hide(world, code, sheet.readings, sheet.noise, seed=own, links="rigid", read=sheet.read,
-               ranges=(size.low, size.high))  # fmt: skip
+    one = hide(
+        world, code, sheet.readings, sheet.noise, seed=own, links="rigid", read=sheet.read, ranges=(size.low, size.high)
+    )
     folder.mkdir(parents=True)
     write_measurements(sheet.filled(one.measured()), folder / "readings.csv", given.robot)
     excess = one.excess()
-    key = {"schema": "stiffarm-study-key/1", "world": "rehearsal", "excess_chi2": excess,
-           "effects": [{"code": code, "place": code.partition(":")[2], "excess_chi2": excess}]}  # fmt: skip
+    key = {
+        "schema": "stiffarm-study-key/1",
+        "world": "rehearsal",
+        "excess_chi2": excess,
+        "effects": [{"code": code, "place": code.partition(":")[2], "excess_chi2": excess}],
+    }
     (folder / "key.json").write_text(json.dumps(key), encoding="utf-8")
     about = {"schema": "stiffarm-study-set/1", "model": given.robot.name, "links": "rigid"}
     (folder / "set.json").write_text(json.dumps(about), encoding="utf-8")
@@ -175,8 +186,9 @@ def show(folder: Path) -> None:
         text = " ".join(
             f"{w} {getattr(c, w)}/{c.sets} stated {getattr(c, f'stated_{w}').value:.2f} "
             f"({getattr(c, f'stated_{w}').low:.2f} to {getattr(c, f'stated_{w}').high:.2f}) "
-            f"{'holds' if c.holds(w) else 'OUT'};" for w in ("found", "named")
-        )  # fmt: skip
+            f"{'holds' if c.holds(w) else 'OUT'};"
+            for w in ("found", "named")
+        )
         print(f"{c.robot:8s} {c.code:30s} {text}")
 
 
@@ -240,14 +252,19 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
 
 def table(some: list[Cell]) -> list[str]:
     """Shares beside what was stated."""
-    lines = ["| robot | effect | found | stated | holds | named | stated | holds |",
-             "| --- | --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| robot | effect | found | stated | holds | named | stated | holds |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for c in some:
         row = [c.robot, f"`{c.code}`"]
         for w in ("found", "named"):
             s: Chance = getattr(c, f"stated_{w}")
-            row += [f"{getattr(c, w)} of {c.sets}", f"{100 * s.value:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})",
-                    "yes" if c.holds(w) else "no"]  # fmt: skip
+            row += [
+                f"{getattr(c, w)} of {c.sets}",
+                f"{100 * s.value:.0f} % ({100 * s.low:.0f} to {100 * s.high:.0f})",
+                "yes" if c.holds(w) else "no",
+            ]
         lines.append(f"| {' | '.join(row)} |")
     return lines
 

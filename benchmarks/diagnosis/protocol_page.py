@@ -29,20 +29,28 @@ def page(folder: Path, rows: Sequence[Row], path: Path) -> None:
         raise SystemExit(f"{path} has no line {NOTES}: what stands there would be lost")
     bins = reliability(rows)
     save_png(reliability_figure(bins), path.parent / DIAGRAM)
-    text = "\n\n".join(_wrapped(part) for part in [
-        "# How often a diagnosis is right",
-        " ".join(words.summary(rows)),
-        _how(planned, len(rows)),
-        "## Scores", _table(words.HEADS, words.lines(rows)),
-        "## Stated probability", _stated(rows),
-        f"![Stated probability beside the share right]({DIAGRAM})",
-        _table(words.RELIABILITY_HEADS, words.reliabilities(rows)),
-        "## By effect", _table(words.FAMILY_HEADS, words.families(rows)),
-        "## Outside of the catalogue", _table(("kind", "detectable", "unknown or learned", "axis and place", "a name"),
-                                              _outside(rows)),
-        "## By condition", _table(words.TAG_HEADS, [line for line in words.tags(rows) if line[0] in CONDITIONS]),
-        "## Every run", _runs(runs),
-    ])  # fmt: skip
+    text = "\n\n".join(
+        _wrapped(part)
+        for part in [
+            "# How often a diagnosis is right",
+            " ".join(words.summary(rows)),
+            _how(planned, len(rows)),
+            "## Scores",
+            _table(words.HEADS, words.lines(rows)),
+            "## Stated probability",
+            _stated(rows),
+            f"![Stated probability beside the share right]({DIAGRAM})",
+            _table(words.RELIABILITY_HEADS, words.reliabilities(rows)),
+            "## By effect",
+            _table(words.FAMILY_HEADS, words.families(rows)),
+            "## Outside of the catalogue",
+            _table(("kind", "detectable", "unknown or learned", "axis and place", "a name"), _outside(rows)),
+            "## By condition",
+            _table(words.TAG_HEADS, [line for line in words.tags(rows) if line[0] in CONDITIONS]),
+            "## Every run",
+            _runs(runs),
+        ]
+    )
     path.write_text(f"{text}\n\n{NOTES}{notes}", encoding="utf-8")
 
 
@@ -86,10 +94,15 @@ def _outside(rows: Iterable[Row]) -> list[tuple[str, ...]]:
         if r.kind == "outside" and r.is_detectable:
             groups.setdefault(r.hidden[0].removeprefix("other:").partition(":")[0], []).append(r)
     return [
-        (kind, str(len(some)), str(sum(r.verdict in ("unknown", "learned") for r in some)),
-         str(sum(r.is_placed for r in some)), str(sum(bool(r.named) for r in some)))
+        (
+            kind,
+            str(len(some)),
+            str(sum(r.verdict in ("unknown", "learned") for r in some)),
+            str(sum(r.is_placed for r in some)),
+            str(sum(bool(r.named) for r in some)),
+        )
         for kind, some in sorted(groups.items())
-    ]  # fmt: skip
+    ]
 
 
 def _runs(runs: Sequence[dict[str, str]]) -> str:

@@ -58,13 +58,15 @@ def told(d: Diagnosed) -> Outcome:
     found = {e["code"]: e["probability"] for e in (*content["effects"], *content["provisional"])}
     last = looks[-1] if looks else {}
     return {
-        "verdict": content["verdict"], "named": [e["code"] for e in content["effects"]] , "found": list(found),
+        "verdict": content["verdict"],
+        "named": [e["code"] for e in content["effects"]],
+        "found": list(found),
         "path_probability": max([found.get(PATH, 0.0), *(look.get(PATH, 0.0) for look in looks[:1])]),
         "path_in_set95": PATH in content["set95"],
         "beyond_path": sum(p for code, p in last.items() if code not in ("none", PATH)) if last else None,
         "odd_lines": sorted(r["line"] for r in content["odd_readings"]),
         "noise": content["noise"],
-    }  # fmt: skip
+    }
 
 
 def run_set(one: StudySet) -> tuple[Row, Outcome]:
@@ -121,10 +123,14 @@ def power(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 COLUMNS = (
-    ("path_named", "path named"), ("path_probable", "80 % or more"), ("path_in_set95", "in the 95 % set"),
-    ("another_name", "another name"), ("odd_both_flagged", "both odd ones hardly count"),
-    ("others_flagged", "others hardly count"), ("beyond_path_probable", "beyond the path: 80 % or more"),
-)  # fmt: skip
+    ("path_named", "path named"),
+    ("path_probable", "80 % or more"),
+    ("path_in_set95", "in the 95 % set"),
+    ("another_name", "another name"),
+    ("odd_both_flagged", "both odd ones hardly count"),
+    ("others_flagged", "others hardly count"),
+    ("beyond_path_probable", "beyond the path: 80 % or more"),
+)
 
 
 def page(cells: dict[str, Any], real: Outcome) -> str:
@@ -132,8 +138,10 @@ def page(cells: dict[str, Any], real: Outcome) -> str:
     heads = ["hidden", "tables", *(title for _, title in COLUMNS), "beyond the path, median", "verdicts"]
     out = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for name, c in cells.items():
-        counts = [f"{c[key]['count']} ({100 * c[key]['interval95'][0]:.0f} to {100 * c[key]['interval95'][1]:.0f} %)"
-                  for key, _ in COLUMNS]  # fmt: skip
+        counts = [
+            f"{c[key]['count']} ({100 * c[key]['interval95'][0]:.0f} to {100 * c[key]['interval95'][1]:.0f} %)"
+            for key, _ in COLUMNS
+        ]
         middle = "-" if c["beyond_path_median"] is None else f"{100 * c['beyond_path_median']:.0f} %"
         verdicts = ", ".join(f"{verdict} {n}" for verdict, n in c["verdicts"].items())
         out.append("| " + " | ".join([name, str(c["tables"]), *counts, middle, verdicts]) + " |")

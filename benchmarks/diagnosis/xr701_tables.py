@@ -83,10 +83,19 @@ def campaign() -> Campaign:
     force[:, 2] = [float(row["fz_N"]) for row in rows]
     time_s = np.arange(0.0, 60.0 * n, 60.0)
     return Campaign(
-        q_deg=q_deg, force=force, point=np.zeros((n, 3)), setup=setup, repeat=np.ones(n, dtype=np.int64), visit=number,
-        cycle=number, stay=setup, unloading=np.zeros(n, dtype=np.bool_), time_s=time_s,
-        session=np.zeros(n, dtype=np.int64), air_celsius=np.full(n, 20.0),
-    )  # fmt: skip
+        q_deg=q_deg,
+        force=force,
+        point=np.zeros((n, 3)),
+        setup=setup,
+        repeat=np.ones(n, dtype=np.int64),
+        visit=number,
+        cycle=number,
+        stay=setup,
+        unloading=np.zeros(n, dtype=np.bool_),
+        time_s=time_s,
+        session=np.zeros(n, dtype=np.int64),
+        air_celsius=np.full(n, 20.0),
+    )
 
 
 def table(seed: int, index: int) -> Table:
@@ -98,11 +107,13 @@ def table(seed: int, index: int) -> Table:
     shares = {link.name: float(np.exp(0.15 * rng.normal())) for link in a.links}
     plain = World(a, soft, float(path), dict.fromkeys(shares, 1.0), np.zeros(a.size))
     built = replace(
-        plain, arm=a.displaced(rng.normal(scale=1e-3, size=(a.size, 3)), rng.normal(scale=1e-3, size=3)),
-        link_share=shares, zeros=np.deg2rad(rng.normal(scale=0.03, size=a.size)),
+        plain,
+        arm=a.displaced(rng.normal(scale=1e-3, size=(a.size, 3)), rng.normal(scale=1e-3, size=3)),
+        link_share=shares,
+        zeros=np.deg2rad(rng.normal(scale=0.03, size=a.size)),
         load_scale=1.0 + 0.005 * float(rng.normal()),
         load_errors={f: 0.001 * float(rng.normal()) for f in (150.0, 375.0, 650.0)},
-    )  # fmt: skip
+    )
     noise, scatter = float(np.exp(rng.uniform(np.log(0.01), np.log(0.03)))), float(rng.uniform(0.005, 0.015))
     clean, exact = readings(built, (), c)[:, 2], readings(plain, (), c)[:, 2]
     load = np.linalg.norm(c.force, axis=1)
@@ -112,11 +123,22 @@ def table(seed: int, index: int) -> Table:
     which = _odd(rng, c, load, index // len(CELLS) % 2 == 0) if odd else ()
     y[list(which)] += ODD * (1.0 if index // len(CELLS) % 2 == 0 else float(rng.choice([-1.0, 1.0])))
     alone = [_excess(plain, c, exact + more, noise, scatter) for more in (np.zeros(len(c)), missing)]
-    serial = _excess(replace(plain, bar_path=0.0), c, readings(replace(plain, bar_path=0.0), (), c)[:, 2] + missing,
-                     noise, scatter)  # fmt: skip
+    serial = _excess(
+        replace(plain, bar_path=0.0), c, readings(replace(plain, bar_path=0.0), (), c)[:, 2] + missing, noise, scatter
+    )
     shown = np.round(y / RESOLUTION) * RESOLUTION
-    return Table(seed, index, path, short, which, noise, scatter, tuple((1.0 / soft).tolist()),
-                 (alone[0], serial, alone[1]), shown)  # fmt: skip
+    return Table(
+        seed,
+        index,
+        path,
+        short,
+        which,
+        noise,
+        scatter,
+        tuple((1.0 / soft).tolist()),
+        (alone[0], serial, alone[1]),
+        shown,
+    )
 
 
 def _odd(rng: np.random.Generator, c: Campaign, load: Array, real: bool) -> tuple[int, ...]:
@@ -142,15 +164,28 @@ def key(t: Table) -> dict[str, Any]:
     if t.path:
         effects.append({"code": "load-path", "axis": ["pose"], "place": "link", "excess_chi2": round(t.excess[0], 3)})
     if t.short:
-        effects.append({"code": "other:shortfall:load", "axis": ["load"], "place": "load",
-                        "excess_chi2": round(t.excess[1], 3)})  # fmt: skip
+        effects.append(
+            {"code": "other:shortfall:load", "axis": ["load"], "place": "load", "excess_chi2": round(t.excess[1], 3)}
+        )
     return {
-        "schema": "stiffarm-study-key/1", "world": "xr701-tables", "seed": t.seed, "index": t.index, "effects": effects,
-        "excess_chi2": round(t.excess[2], 3), "springs_Nm_per_rad": [float(f"{k:.6g}") for k in t.springs],
+        "schema": "stiffarm-study-key/1",
+        "world": "xr701-tables",
+        "seed": t.seed,
+        "index": t.index,
+        "effects": effects,
+        "excess_chi2": round(t.excess[2], 3),
+        "springs_Nm_per_rad": [float(f"{k:.6g}") for k in t.springs],
         "odd_lines": [i + 2 for i in t.odd],
-        "tags": {"path": t.path, "odd": bool(t.odd), "shortfall": t.short, "noise": round(t.noise, 4),
-                 "scatter": round(t.scatter, 4), "reads": "z", "poses": 9},
-    }  # fmt: skip
+        "tags": {
+            "path": t.path,
+            "odd": bool(t.odd),
+            "shortfall": t.short,
+            "noise": round(t.noise, 4),
+            "scatter": round(t.scatter, 4),
+            "reads": "z",
+            "poses": 9,
+        },
+    }
 
 
 def write(folder: Path, t: Table) -> None:
@@ -164,8 +199,11 @@ def write(folder: Path, t: Table) -> None:
     writer.writeheader()
     writer.writerows(rows)
     asked = {"schema": "stiffarm-study-set/1", "model": "xr701", "links": "beam", "load_path": "serial"}
-    texts = {"readings.csv": out.getvalue(), "set.json": json.dumps(asked) + "\n",
-             "key.json": json.dumps(key(t), indent=1) + "\n"}  # fmt: skip
+    texts = {
+        "readings.csv": out.getvalue(),
+        "set.json": json.dumps(asked) + "\n",
+        "key.json": json.dumps(key(t), indent=1) + "\n",
+    }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
 

@@ -166,8 +166,12 @@ def main() -> None:
     print(f"mean {held:.3f} {volume:.2f}; {good} of {len(rows)} both")
     if asked.write:
         head = HEAD.format(
-            held=held, volume=volume, count=len(rows), packages=len(packages), good=good,
-        )  # fmt: skip
+            held=held,
+            volume=volume,
+            count=len(rows),
+            packages=len(packages),
+            good=good,
+        )
         lines = [f"| {name} | {length:.0f} | {share:.1%} | {ratio:.2f} |" for name, length, share, ratio in rows]
         PAGE.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
 

@@ -106,9 +106,13 @@ def lowest(model: dict[str, Any], poses: np.ndarray, thick: float) -> tuple[floa
 def run(*words: str) -> tuple[int, dict[str, Any], str]:
     """A command's exit code, its JSON, and what it said."""
     done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, "-m", "stiffarm", *words, "--json"], capture_output=True, text=True, check=False,
-        env=os.environ | {"OMP_NUM_THREADS": "1"}, cwd=ROOT,
-    )  # fmt: skip
+        [sys.executable, "-m", "stiffarm", *words, "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        cwd=ROOT,
+    )
     lines = done.stdout.strip()
     return done.returncode, json.loads(lines) if lines.startswith("{") else {}, done.stderr.strip()
 

@@ -80,8 +80,11 @@ def curved(n: int = 1000) -> Case:
     tool, part = np.eye(4), np.eye(4)
     tool[:3, :3], tool[:3, 3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]], (0.2, 0.0, 0.08)
     part[:3, 3] = 1.2, 0.2, 0.6
-    return Case(f"curved, {n} points", "3-D, normals tilt by up to 23 deg, 3 m/min", Task(
-        tool_path(points, normals, feed=0.05), tool, part))  # fmt: skip
+    return Case(
+        f"curved, {n} points",
+        "3-D, normals tilt by up to 23 deg, 3 m/min",
+        Task(tool_path(points, normals, feed=0.05), tool, part),
+    )
 
 
 def check(model: fem.ArmModel, case: Case, course: Course, drive: Drive) -> tuple[float, float]:
@@ -147,8 +150,10 @@ def section(model: fem.ArmModel, case: Case, picture: Path | None) -> list[str]:
     knots = optimise_long_path(model, case.task, Objective(), GammaRange(), drive)
     took_long = time.perf_counter() - started
     lines = [f"## {case.name}", "", f"{case.says[0].upper()}{case.says[1:]}.", ""]
-    lines += ["| course | mean k_fs, N/mm | worst | largest step, deg | of joint speeds | to a limit, deg | drivable |",
-              "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines += [
+        "| course | mean k_fs, N/mm | worst | largest step, deg | of joint speeds | to a limit, deg | drivable |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     courses = {
         "best that can be driven": found.course,
         f"the same, gamma at {len(knots.knots)} knots": knots.course,

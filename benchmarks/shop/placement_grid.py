@@ -143,14 +143,30 @@ def cases(step: float) -> list[Case]:
     long_part = at(1.1, 1.3, 0.6)
     long_part[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     return [
-        Case("flat pocket", pocket(), Cell("rail", T_world_part0=at(1.2, 0.2, 0.6), tool=tool, linear_axes=(rail,)),
-             0.05 * step),
-        Case("free-form surface", free_form(),
-             Cell("rail and cross", T_world_part0=at(1.2, 0.2, 0.6), tool=tool, linear_axes=(rail, cross)), step),
-        Case("wing-like part", wing(),
-             Cell("rail along the part", T_world_part0=long_part, tool=tool,
-                  linear_axes=(along, axis("lift", [0, 0, 1], -0.6, 0.6))), step),
-    ]  # fmt: skip
+        Case(
+            "flat pocket",
+            pocket(),
+            Cell("rail", T_world_part0=at(1.2, 0.2, 0.6), tool=tool, linear_axes=(rail,)),
+            0.05 * step,
+        ),
+        Case(
+            "free-form surface",
+            free_form(),
+            Cell("rail and cross", T_world_part0=at(1.2, 0.2, 0.6), tool=tool, linear_axes=(rail, cross)),
+            step,
+        ),
+        Case(
+            "wing-like part",
+            wing(),
+            Cell(
+                "rail along the part",
+                T_world_part0=long_part,
+                tool=tool,
+                linear_axes=(along, axis("lift", [0, 0, 1], -0.6, 0.6)),
+            ),
+            step,
+        ),
+    ]
 
 
 def problem_of(case: Case, model: fem.ArmModel) -> Problem:
@@ -235,9 +251,17 @@ def measure(case: Case, model: fem.ArmModel) -> Result:
     size = problem.space.upper - problem.space.lower
     names = ", ".join(f"{name} {length:g} m" for name, length in zip(problem.space.names, size, strict=True))
     return Result(
-        case.name, problem.path.n, names, count, best.merit, grid_seconds, placed.evaluations, placed.after.merit,
-        seconds, rows_of(placed, others),
-    )  # fmt: skip
+        case.name,
+        problem.path.n,
+        names,
+        count,
+        best.merit,
+        grid_seconds,
+        placed.evaluations,
+        placed.after.merit,
+        seconds,
+        rows_of(placed, others),
+    )
 
 
 def page(results: list[Result]) -> str:

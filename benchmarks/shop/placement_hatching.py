@@ -114,9 +114,16 @@ def _down() -> Array:
 def _problem(model: fem.ArmModel, robot: str, cell: Cell, path: object, goal: Goal, free: Bools | None) -> Problem:
     scene, _ = scene_for(cell, robot)
     return Problem(
-        model, space_of(cell), path, goal, GammaRange(count=36), Setup(cell).drive(Drive()), scene=scene,  # type: ignore[arg-type]
-        clearance=cell.safety, free=free,
-    )  # fmt: skip
+        model,
+        space_of(cell),
+        path,
+        goal,
+        GammaRange(count=36),
+        Setup(cell).drive(Drive()),
+        scene=scene,  # type: ignore[arg-type]
+        clearance=cell.safety,
+        free=free,
+    )
 
 
 def runs_of(problem: Problem) -> list[Integers]:

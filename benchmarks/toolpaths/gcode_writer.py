@@ -64,9 +64,15 @@ class Writer:
     def parts(self) -> list[tuple[Callable[[], None], int]]:
         """Constructs, and how often each comes."""
         return [
-            (self.line, 10), (self.arc, 5), (self.circle, 1), (self.plane, 1), (self.mode, 2), (self.still, 2),
-            (self.rapid, 1), (self.by_turn, 1),
-        ]  # fmt: skip
+            (self.line, 10),
+            (self.arc, 5),
+            (self.circle, 1),
+            (self.plane, 1),
+            (self.mode, 2),
+            (self.still, 2),
+            (self.rapid, 1),
+            (self.by_turn, 1),
+        ]
 
     # Numbers and words
 

@@ -22,10 +22,21 @@ class Siemens(Fanuc):
     def parts(self) -> list[tuple[Callable[[], None], int]]:
         """Constructs, and how often each comes."""
         return [
-            *Writer.parts(self), (self.cornered, 3), (self.modal, 1), (self.polar, 2), (self.angle, 1), (self.own, 2),
-            (self.programmable, 2), (self.diameters, 1), (self.call, 1), (self.blending, 1),
-            (self.through, 1), (self.tangent, 1), (self.opening, 1), (self.drilled, 1),
-        ]  # fmt: skip
+            *Writer.parts(self),
+            (self.cornered, 3),
+            (self.modal, 1),
+            (self.polar, 2),
+            (self.angle, 1),
+            (self.own, 2),
+            (self.programmable, 2),
+            (self.diameters, 1),
+            (self.call, 1),
+            (self.blending, 1),
+            (self.through, 1),
+            (self.tangent, 1),
+            (self.opening, 1),
+            (self.drilled, 1),
+        ]
 
     def remarks(self) -> list[str]:
         """Comments that may stand behind a block."""
@@ -108,8 +119,13 @@ class Siemens(Fanuc):
             self.emit("F150")
         safe, depth = self.chance.choice([0.5, 1, 2]), self.chance.choice([3, 7.5])
         bottom = top - 3 - depth
-        heights = self.chance.choice([f"81({top},{top - 3},{safe},{bottom})", f"81({top},{top - 3},{safe},,{depth})",
-                                      f"82({top},{top - 3},{safe},{bottom},,1)"])  # fmt: skip
+        heights = self.chance.choice(
+            [
+                f"81({top},{top - 3},{safe},{bottom})",
+                f"81({top},{top - 3},{safe},,{depth})",
+                f"82({top},{top - 3},{safe},{bottom},,1)",
+            ]
+        )
         cycle = f"CYCLE{heights}"
         if self.chance.random() < 0.3:
             self.emit(cycle)
@@ -153,8 +169,17 @@ class Siemens(Fanuc):
         )
         for _ in range(self.chance.randint(0, 3)):
             ap = f"AP=IC({self.chance.choice([15, -40, 90])})"
-            self.emit(self.chance.choice([f"G1 {ap}", f"G1 RP={self.chance.choice([5, 30])}", f"G3 {ap}", f"G2 {ap}",
-                                          f"G1 AP={self.chance.randint(-90, 200)} RP=20"]))  # fmt: skip
+            self.emit(
+                self.chance.choice(
+                    [
+                        f"G1 {ap}",
+                        f"G1 RP={self.chance.choice([5, 30])}",
+                        f"G3 {ap}",
+                        f"G2 {ap}",
+                        f"G1 AP={self.chance.randint(-90, 200)} RP=20",
+                    ]
+                )
+            )
 
     def angle(self) -> None:
         """A move by its angle and one coordinate."""
@@ -168,20 +193,37 @@ class Siemens(Fanuc):
     def own(self) -> None:
         """Coordinates that say themselves how they are meant."""
         x, y = self.place()
-        self.emit(self.code("G1") + self.chance.choice([
-            f"X=IC({self.exact(x)}) Y=AC({self.exact(y)})", f"X=AC({self.exact(x)})", f"Y=IC({self.exact(y)})",
-            f"X={self.exact(x)} Y={self.exact(y)}",
-        ]) + self.feed())  # fmt: skip
+        self.emit(
+            self.code("G1")
+            + self.chance.choice(
+                [
+                    f"X=IC({self.exact(x)}) Y=AC({self.exact(y)})",
+                    f"X=AC({self.exact(x)})",
+                    f"Y=IC({self.exact(y)})",
+                    f"X={self.exact(x)} Y={self.exact(y)}",
+                ]
+            )
+            + self.feed()
+        )
 
     def programmable(self) -> None:
         """Another frame."""
         self.flat()
         x, y = self.place()
         a = self.chance.choice([30, 90, -45])
-        self.emit(self.chance.choice([
-            f"TRANS X{self.exact(x)} Y{self.exact(y)}", f"ATRANS X{self.exact(x)}", f"TRANS Z{x / 10:g}",
-            f"ROT RPL={a}", f"AROT RPL={a}", "TRANS", "ROT",
-        ]))  # fmt: skip
+        self.emit(
+            self.chance.choice(
+                [
+                    f"TRANS X{self.exact(x)} Y{self.exact(y)}",
+                    f"ATRANS X{self.exact(x)}",
+                    f"TRANS Z{x / 10:g}",
+                    f"ROT RPL={a}",
+                    f"AROT RPL={a}",
+                    "TRANS",
+                    "ROT",
+                ]
+            )
+        )
         x, y = self.place()
         self.emit(f"G1 X=AC({self.exact(x)}) Y=AC({self.exact(y)}){self.feed()}")
 

@@ -416,8 +416,10 @@ class Interpreter:
                 (2 * (p[0] - a[0]), 2 * (p[1] - a[1]), p[0] ** 2 + p[1] ** 2 - a[0] ** 2 - a[1] ** 2) for p in (b, c)
             ]
             det = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
-            centre = ((rows[0][2] * rows[1][1] - rows[1][2] * rows[0][1]) / det,
-                      (rows[0][0] * rows[1][2] - rows[1][0] * rows[0][2]) / det)  # fmt: skip
+            centre = (
+                (rows[0][2] * rows[1][1] - rows[1][2] * rows[0][1]) / det,
+                (rows[0][0] * rows[1][2] - rows[1][0] * rows[0][2]) / det,
+            )
         else:
             before = self.made[-2].end
             if self.made[-1].rapid or abs(before[2] - self.made[-1].end[2]) > 1e-9:

@@ -344,12 +344,21 @@ def page(rows: Sequence[tuple[str, Compared]], sources: str) -> str:
     lines = ["| repository | commit | licence |", "|---|---|---|"]
     lines += [f"| {' | '.join(line.split(','))} |" for line in sources.splitlines() if line.strip()]
     return Template((Path(__file__).with_name("tool_path_corpus_page.md")).read_text(encoding="utf-8")).substitute(
-        table=table(rows), sources="\n".join(lines), files=len(rows), macros=count["macro"],
-        empty=count["no motion"], bad=count["refused by both"], moves=sum(r.moves for r in equal),
-        largest=f"{1e3 * max((r.largest_mm for r in equal), default=0.0):.2g}", refused=refusals(rows),
-        differ=count["differs"] or "none", apt=share["APT and CLS"], heidenhain=share["Heidenhain"],
-        gcode=share["G-code"], gcode_all=f"{100 * done['G-code'] / max(everything, 1):.0f} %",
-    )  # fmt: skip
+        table=table(rows),
+        sources="\n".join(lines),
+        files=len(rows),
+        macros=count["macro"],
+        empty=count["no motion"],
+        bad=count["refused by both"],
+        moves=sum(r.moves for r in equal),
+        largest=f"{1e3 * max((r.largest_mm for r in equal), default=0.0):.2g}",
+        refused=refusals(rows),
+        differ=count["differs"] or "none",
+        apt=share["APT and CLS"],
+        heidenhain=share["Heidenhain"],
+        gcode=share["G-code"],
+        gcode_all=f"{100 * done['G-code'] / max(everything, 1):.0f} %",
+    )
 
 
 def main() -> int:
@@ -363,8 +372,10 @@ def main() -> int:
     (a.folder / "corpus.json").write_text(json.dumps([[repo, vars(r)] for repo, r in rows], indent=1), encoding="utf-8")
     print(table(rows))
     print(Counter(r.outcome for _, r in rows))
-    print(f"{sum(r.moves for _, r in rows if r.outcome == 'read')} moves, largest difference "
-          f"{1e3 * max((r.largest_mm for _, r in rows if r.outcome == 'read'), default=0.0):.2g} um")  # fmt: skip
+    print(
+        f"{sum(r.moves for _, r in rows if r.outcome == 'read')} moves, largest difference "
+        f"{1e3 * max((r.largest_mm for _, r in rows if r.outcome == 'read'), default=0.0):.2g} um"
+    )
     if a.page:
         sources = a.folder / "sources.csv"
         PAGE.write_text(page(rows, sources.read_text(encoding="utf-8") if sources.exists() else ""), encoding="utf-8")

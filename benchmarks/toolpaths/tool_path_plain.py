@@ -124,8 +124,10 @@ def klartext(file: Path, start: tuple[float, float, float]) -> Iterator[End]:
         if word in ("C", "CP"):
             centre = list(here)
             centre[plane[0]], centre[plane[1]] = pole[plane[0]], pole[plane[1]]
-            circle = (tuple(c + s for c, s in zip(centre, shift, strict=True)), math.hypot(
-                *(before[k] - pole[k] for k in plane)))  # fmt: skip
+            circle = (
+                tuple(c + s for c, s in zip(centre, shift, strict=True)),
+                math.hypot(*(before[k] - pole[k] for k in plane)),
+            )
         modal = (modal or 89 in codes) and 99 not in codes
         if not lost and (xyz or word in ("LP", "CP", "C")):
             out = tuple(h + s for h, s in zip(here, shift, strict=True))

@@ -52,18 +52,69 @@ _STRAY = (
     "M138 A",
     "IPA+5",
 )
-_BAD = ("CYCL DEF 8.1 X", "APPR LT X+1 Y+1 LEN5 F100", "CALL PGM ABC", "FN 14: ERROR= 5", "FN 18: SYSREAD Q5 = ID50",
-        "FN 9: IF +Q1 EQU +2 GOTO LBL 3", "CYCL DEF 251 POCKET ~ Q215=+0", "PLANE AXIAL A+30 STAY",
-        "FUNCTION TCPM F CONT AXIS POS", "TCH PROBE 413 X", "CYCL DEF 7.1 #5", "CYCL CALL PAT", "FPOL X+0 Y+0",
-        "CTP PR", "TOOL CALL 7 Z S500 DL+0.1", "G1 X5")  # fmt: skip
-_QUIET = ("* - HEADING", "BLK FORM 0.1 Z X-10 Y-10 Z-20", "M126", "M127", "M8", "M9", "TOOL DEF 4",
-          "CYCL DEF 32.0 TOLERANCE", "CYCL DEF 32.1 T0.05", "CYCL DEF 13.0 ORIENTATION")  # fmt: skip
-_BAD_APT = ("WIBBLE/3", "ROTABL/CLW,90", "GOTO/1,2", "GOTO/1,2,3,X", "TRACUT/LAST", "COPY/1,MODIFY,3", "RAPID/ZAXIS",
-            "AUXFUN/77", "PREFUN/54", "INSERT/G0 G53 Z0", "SPINDL/500,ROUND", "LOADTL/3,MODIFY", "FEDRAT/INVERS,3",
-            "CYCLE/DRILL,FEDTO,5,SLOWFD,3", "CUTCOM/NORMDS", "OPSKIP/ON", "X = 5", "CLEARP/XYPLAN,50")  # fmt: skip
-_QUIET_APT = ("PPRINT/TEXT, WITH GOTO/1,2,3", "INTOL/0.01", "TPRINT/TOOL", "SELECT/TOOL,4", "COOLNT/FLOOD",
-              "MULTAX/ON", "CUTCOM/LEFT", "CUTCOM/OFF", "LOADTL/3,ADJUST,3,MILL", "PAINT/COLOR,3",
-              "SEQNO/ON")  # fmt: skip
+_BAD = (
+    "CYCL DEF 8.1 X",
+    "APPR LT X+1 Y+1 LEN5 F100",
+    "CALL PGM ABC",
+    "FN 14: ERROR= 5",
+    "FN 18: SYSREAD Q5 = ID50",
+    "FN 9: IF +Q1 EQU +2 GOTO LBL 3",
+    "CYCL DEF 251 POCKET ~ Q215=+0",
+    "PLANE AXIAL A+30 STAY",
+    "FUNCTION TCPM F CONT AXIS POS",
+    "TCH PROBE 413 X",
+    "CYCL DEF 7.1 #5",
+    "CYCL CALL PAT",
+    "FPOL X+0 Y+0",
+    "CTP PR",
+    "TOOL CALL 7 Z S500 DL+0.1",
+    "G1 X5",
+)
+_QUIET = (
+    "* - HEADING",
+    "BLK FORM 0.1 Z X-10 Y-10 Z-20",
+    "M126",
+    "M127",
+    "M8",
+    "M9",
+    "TOOL DEF 4",
+    "CYCL DEF 32.0 TOLERANCE",
+    "CYCL DEF 32.1 T0.05",
+    "CYCL DEF 13.0 ORIENTATION",
+)
+_BAD_APT = (
+    "WIBBLE/3",
+    "ROTABL/CLW,90",
+    "GOTO/1,2",
+    "GOTO/1,2,3,X",
+    "TRACUT/LAST",
+    "COPY/1,MODIFY,3",
+    "RAPID/ZAXIS",
+    "AUXFUN/77",
+    "PREFUN/54",
+    "INSERT/G0 G53 Z0",
+    "SPINDL/500,ROUND",
+    "LOADTL/3,MODIFY",
+    "FEDRAT/INVERS,3",
+    "CYCLE/DRILL,FEDTO,5,SLOWFD,3",
+    "CUTCOM/NORMDS",
+    "OPSKIP/ON",
+    "X = 5",
+    "CLEARP/XYPLAN,50",
+)
+_QUIET_APT = (
+    "PPRINT/TEXT, WITH GOTO/1,2,3",
+    "INTOL/0.01",
+    "TPRINT/TOOL",
+    "SELECT/TOOL,4",
+    "COOLNT/FLOOD",
+    "MULTAX/ON",
+    "CUTCOM/LEFT",
+    "CUTCOM/OFF",
+    "LOADTL/3,ADJUST,3,MILL",
+    "PAINT/COLOR,3",
+    "SEQNO/ON",
+)
 
 
 @dataclass
@@ -168,9 +219,26 @@ class Writer:
 
     def one(self) -> None:
         """One more thing."""
-        kinds = [self.line, self.line, self.circle, self.by_radius, self.tangent, self.polar, self.helix, self.corner,
-                 self.quiet, self.parameter, self.shift, self.rotate, self.drill, self.loop, self.call, self.plane,
-                 self.vector, self.dwell]  # fmt: skip
+        kinds = [
+            self.line,
+            self.line,
+            self.circle,
+            self.by_radius,
+            self.tangent,
+            self.polar,
+            self.helix,
+            self.corner,
+            self.quiet,
+            self.parameter,
+            self.shift,
+            self.rotate,
+            self.drill,
+            self.loop,
+            self.call,
+            self.plane,
+            self.vector,
+            self.dwell,
+        ]
         self.r.choice(kinds)()
 
     def ending(self) -> str:
@@ -284,12 +352,22 @@ class Writer:
         k = self.r.randint(1, 9)
         old = self.r.choice(sorted(n for n in self.control.q if n < 100) or [0])
         a = f"Q{old}" if old else f"{self.r.randint(1, 30)}"
-        self.put(self.r.choice([
-            f"Q{k} = {a} + {self.r.randint(1, 9)} * 2", f"Q{k} = ( {a} - 3 ) / 4",
-            f"FN 0: Q{k} = {number(self.r, -20, 20)}", f"Q{k} = ATAN 1 / 9",
-            f"FN 1: Q{k} = {a} + +5", f"FN 2: Q{k} = {a} - -2,5", f"FN 3: Q{k} = {a} * {number(self.r, -1, 1)}",
-            f"FN 4: Q{k} = {a} DIV +8", f"Q{k} = 10 * SIN 30 + COS 60", f"Q{k} = SQRT 16 + 2 ^ 2 - ABS -3",
-        ]))  # fmt: skip
+        self.put(
+            self.r.choice(
+                [
+                    f"Q{k} = {a} + {self.r.randint(1, 9)} * 2",
+                    f"Q{k} = ( {a} - 3 ) / 4",
+                    f"FN 0: Q{k} = {number(self.r, -20, 20)}",
+                    f"Q{k} = ATAN 1 / 9",
+                    f"FN 1: Q{k} = {a} + +5",
+                    f"FN 2: Q{k} = {a} - -2,5",
+                    f"FN 3: Q{k} = {a} * {number(self.r, -1, 1)}",
+                    f"FN 4: Q{k} = {a} DIV +8",
+                    f"Q{k} = 10 * SIN 30 + COS 60",
+                    f"Q{k} = SQRT 16 + 2 ^ 2 - ABS -3",
+                ]
+            )
+        )
         if abs(self.control.q[k]) < 200:
             self.put(f"L {self.r.choice(['X', 'IX', 'Y'])}{self.r.choice(['+', '-', ''])}Q{k}{self.ending()}")
 

@@ -49,8 +49,11 @@ def times(rows: list[Triple], v: Triple) -> Triple:
 def about(axis: int, deg: float) -> list[Triple]:
     """Rotation about a coordinate axis, as rows."""
     c, s = math.cos(math.radians(deg)), math.sin(math.radians(deg))
-    rows = ([(1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)], [(c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)],
-            [(c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)])  # fmt: skip
+    rows = (
+        [(1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)],
+        [(c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)],
+        [(c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)],
+    )
     return list(rows[axis])
 
 
@@ -179,8 +182,13 @@ class Klartext:
         """Sums, products, functions and brackets."""
         text = re.sub(r"Q(\d+)", lambda m: f"({self.q[int(m[1])]!r})", text.replace(",", "."))
         text = re.sub(r"\b(SIN|COS|SQRT|ABS|ATAN) (\(?[-+.\de]+\)?)", r"\1(\2)", text).replace("^", "**")
-        names = {"SIN": lambda v: math.sin(math.radians(v)), "COS": lambda v: math.cos(math.radians(v)),
-                 "SQRT": math.sqrt, "ABS": abs, "ATAN": lambda v: math.degrees(math.atan(v))}  # fmt: skip
+        names = {
+            "SIN": lambda v: math.sin(math.radians(v)),
+            "COS": lambda v: math.cos(math.radians(v)),
+            "SQRT": math.sqrt,
+            "ABS": abs,
+            "ATAN": lambda v: math.degrees(math.atan(v)),
+        }
         return float(arithmetic.value(text, names))
 
     def function(self, text: str) -> None:
@@ -216,9 +224,17 @@ class Klartext:
                     feed = self.rate(match[2])
                 else:
                     v[match[1]] = self.value(match[2])
-        allowed = {"L": "X Y Z IX IY IZ", "LP": "PR PA IPR IPA X Y Z IX IY IZ", "LN": "X Y Z TX TY TZ NX NY NZ",
-                   "C": "X Y Z IX IY IZ DR", "CP": "PA IPA X Y Z IX IY IZ DR", "CR": "X Y Z IX IY IZ R DR",
-                   "CT": "X Y Z IX IY IZ", "CTP": "PR PA IPR IPA Z IZ", "CC": "X Y Z IX IY IZ"}[head]  # fmt: skip
+        allowed = {
+            "L": "X Y Z IX IY IZ",
+            "LP": "PR PA IPR IPA X Y Z IX IY IZ",
+            "LN": "X Y Z TX TY TZ NX NY NZ",
+            "C": "X Y Z IX IY IZ DR",
+            "CP": "PA IPA X Y Z IX IY IZ DR",
+            "CR": "X Y Z IX IY IZ R DR",
+            "CT": "X Y Z IX IY IZ",
+            "CTP": "PR PA IPR IPA Z IZ",
+            "CC": "X Y Z IX IY IZ",
+        }[head]
         if (
             not v.keys() <= set(allowed.split())
             or set(misc) - {3, 5, 8, 9, 89, 99, 126, 127}
@@ -305,8 +321,14 @@ class Klartext:
             self.move(line, to, own or feed)
             return
         c = p + into * 1j * math.copysign(size, turn)
-        self.move(line, to, own or feed, centre=self.part([c.real, c.imag, mid[2]]), sweep=turn,
-                  about=times(self.rows(), (0.0, 0.0, 1.0)))  # fmt: skip
+        self.move(
+            line,
+            to,
+            own or feed,
+            centre=self.part([c.real, c.imag, mid[2]]),
+            sweep=turn,
+            about=times(self.rows(), (0.0, 0.0, 1.0)),
+        )
 
     def centre(self, v: dict[str, float], start: list[float]) -> None:
         """CC."""
@@ -391,8 +413,14 @@ class Klartext:
         middle[a], middle[b], middle[3 - a - b] = c.real, c.imag, start[3 - a - b]
         normal[3 - a - b] = 1.0
         self.way = 1j * (e - c) * (1.0 if sweep > 0.0 else -1.0) if (a, b) == (0, 1) else self.flat((e - c), a, b)
-        self.move(line, end, self.feed, centre=self.part(middle), sweep=sweep,
-                  about=times(self.rows(), (normal[0], normal[1], normal[2])))  # fmt: skip
+        self.move(
+            line,
+            end,
+            self.feed,
+            centre=self.part(middle),
+            sweep=sweep,
+            about=times(self.rows(), (normal[0], normal[1], normal[2])),
+        )
 
     def flat(self, lever: complex, a: int, b: int) -> complex | None:
         """Arcs of other planes end in no direction that CT of this grammar goes on from."""

@@ -174,9 +174,7 @@ def bent(model: ArmModel, found: Identified, force_N: float = 600.0) -> Bent:
     w[0, 1] = w[1, 2] = force_N
     s = np.abs(carried(model, q, w, np.zeros((2, 3)))[:, 1])
     c = found.compliances(q)[0][0, 1]
-    return Bent(
-        float(s[0, 3]), float(np.degrees(c[3] * s[0, 3])), float(s[1, 5]), float(np.degrees(c[5] * s[1, 5]))
-    )  # fmt: skip
+    return Bent(float(s[0, 3]), float(np.degrees(c[3] * s[0, 3])), float(s[1, 5]), float(np.degrees(c[5] * s[1, 5])))
 
 
 def first(model: ArmModel) -> Identified:
@@ -199,8 +197,16 @@ def with_coupling(model: ArmModel, share: float) -> tuple[bool, float]:
 def page(model: ArmModel, tallies: list[tuple[Case, Tally]], repeats: int) -> str:
     """The page as Markdown."""
     found = first(model)
-    out = [words.HEADING.format(repeats=repeats, c=CAMPAIGN, um=1e6 * CAMPAIGN.noise_m, urad=1e6 * CAMPAIGN.noise_rad,
-                          percent=100.0 * CAMPAIGN.scatter, **_lead(tallies))]  # fmt: skip
+    out = [
+        words.HEADING.format(
+            repeats=repeats,
+            c=CAMPAIGN,
+            um=1e6 * CAMPAIGN.noise_m,
+            urad=1e6 * CAMPAIGN.noise_rad,
+            percent=100.0 * CAMPAIGN.scatter,
+            **_lead(tallies),
+        )
+    ]
     out += _coverage_part(tallies)
     out += _finding_part(model, found)
     out += _usual_part(model, found)
@@ -237,8 +243,12 @@ def _coverage_part(tallies: list[tuple[Case, Tally]]) -> list[str]:
     out.append(f"\nThey lie between {shares.min():.1f} and {shares.max():.1f} %.\n")
     r = t.row()
     paper = "".join(f"| {n} | {f} | {m:.2f} | {k:.2f} | {100.0 * (k / m - 1.0):+.2f} |\n" for n, f, m, k in PAPER)
-    out.append(words.PREDICTION.format(n=UNSEEN, within=100.0 * r["unseen_within_3"], p95=100.0 * r["unseen_p95"],
-                                 worst=100.0 * r["unseen_worst"]) + paper)  # fmt: skip
+    out.append(
+        words.PREDICTION.format(
+            n=UNSEEN, within=100.0 * r["unseen_within_3"], p95=100.0 * r["unseen_p95"], worst=100.0 * r["unseen_worst"]
+        )
+        + paper
+    )
     return out
 
 
@@ -257,9 +267,11 @@ def _finding_part(model: ArmModel, found: Identified) -> list[str]:
         for s, no, e in seen
     )
     return [
-        words.FINDING.format(b=b, r=ratio, q=", ".join(f"{v:g}" for v in BENT_DEG)), words.HYSTERESIS, rows,
+        words.FINDING.format(b=b, r=ratio, q=", ".join(f"{v:g}" for v in BENT_DEG)),
+        words.HYSTERESIS,
+        rows,
         words.DIAGONAL.format(cross=cross),
-    ]  # fmt: skip
+    ]
 
 
 def _usual_part(model: ArmModel, found: Identified) -> list[str]:
@@ -270,10 +282,11 @@ def _usual_part(model: ArmModel, found: Identified) -> list[str]:
     rows = "".join(
         _error_rows(name, e)
         for name, e in (
-            ("gears alone, same torsional stiffness", same), ("gears alone, refitted to the flange", refitted),
+            ("gears alone, same torsional stiffness", same),
+            ("gears alone, refitted to the flange", refitted),
             ("six stiffnesses as model.toml holds them", of_file),
         )
-    )  # fmt: skip
+    )
     springs = ", ".join(
         f"{d.joint} {'not seen' if c == 0.0 else f'{1e-6 / c:.2f}'} (gear {1e-6 / d.mean:.2f})"
         for d, c in zip((d for d in found.directions.values() if d.row == "rz"), effective.tolist(), strict=True)

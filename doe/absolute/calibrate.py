@@ -91,10 +91,16 @@ class Positions:
 
 
 def calibrate_positions(
-    model: ArmModel, data: AbsoluteReadings, free: Sequence[str] | None = None, *,
-    holdout: AbsoluteReadings | None = None, robust: bool = True, parts: int = FOLDS, seed: int = 0,
+    model: ArmModel,
+    data: AbsoluteReadings,
+    free: Sequence[str] | None = None,
+    *,
+    holdout: AbsoluteReadings | None = None,
+    robust: bool = True,
+    parts: int = FOLDS,
+    seed: int = 0,
     progress: Progress | None = None,
-) -> Positions:  # fmt: skip
+) -> Positions:
     """Estimate frames and what is ``free`` (:mod:`doe.absolute.unknowns`; usual: geometry, springs, periodic, rail).
 
     Springs need masses: where the model declares none and no payload hangs, they are left out of the usual ones.
@@ -125,10 +131,18 @@ def calibrate_positions(
     predicted = left_out(found, folds(data, parts, seed))
     kept = None if holdout is None else (holdout, *carried_over(found, holdout, robust=robust))
     return Positions(
-        before, found, same, findings(found), left_open(found), curves(found), wrong, predicted,
-        sessions_left_out(found, parts, seed, robust=robust) if len(data.session.names) > 1 else None, kept,
+        before,
+        found,
+        same,
+        findings(found),
+        left_open(found),
+        curves(found),
+        wrong,
+        predicted,
+        sessions_left_out(found, parts, seed, robust=robust) if len(data.session.names) > 1 else None,
+        kept,
         free is None and not weighs,
-    )  # fmt: skip
+    )
 
 
 def spring_words(c: Positions) -> Iterator[str]:
@@ -179,10 +193,11 @@ def check_no_worse(before: Fit, after: Fit, wrong: Sequence[Gross]) -> None:
     first, last = (1e3 * float(np.sqrt(np.mean(np.delete(_square(f), rows)))) for f in (before, after))
     if last > (1.0 + ROUNDING) * first:
         raise InputError(
-            "calibration: RMS of the readings", value=f"{last:.6g} mm",
+            "calibration: RMS of the readings",
+            value=f"{last:.6g} mm",
             allowed=f"{first:.6g} mm at most, as before: nothing is written",
             remedy="keep the model as it is, or free less (--free geometry) and add readings",
-        )  # fmt: skip
+        )
 
 
 def _square(f: Fit) -> Array:
@@ -190,9 +205,15 @@ def _square(f: Fit) -> Array:
 
 
 def fitted(
-    model: ArmModel, data: AbsoluteReadings, layout: Layout, begin: Start, same: Sequence[Twin] = (), *, robust: bool,
+    model: ArmModel,
+    data: AbsoluteReadings,
+    layout: Layout,
+    begin: Start,
+    same: Sequence[Twin] = (),
+    *,
+    robust: bool,
     progress: Progress | None = None,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """The estimate, with what the model knows and what is not free held at what it is.
 
     Twins, of ``same``, are not free: they are held where the model has them, or where the start has found them.

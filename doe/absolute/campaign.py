@@ -128,9 +128,11 @@ def plan_campaign(model: ArmModel, wanted: Wanted, progress: Progress | None = N
         data = replace(data, approach=np.zeros((len(data), 0)))
     if laws := [one.name for one in layout.unknowns if one.law]:
         raise InputError(
-            "parameters of a plan", value=", ".join(laws[:3]), allowed="parameters without a law of their size",
+            "parameters of a plan",
+            value=", ".join(laws[:3]),
+            allowed="parameters without a law of their size",
             remedy="leave periodic and rail out: what tells error curves is angles that are spread, as these are",
-        )  # fmt: skip
+        )
     nominal = Nominal(np.array([t.point for t in wanted.targets]), (0.0, 0.0))
     same = twins(model, data, layout, nominal, wanted.seed)
     layout = layout.without([one.name for one in same])
@@ -184,10 +186,11 @@ def _candidates(model: ArmModel, wanted: Wanted, rng: np.random.Generator) -> tu
             break
     if there < max(2 * wanted.poses, 10):
         raise InputError(
-            "poses whose targets the tracker sees", value=f"{there} of {TRIED * count} drawn",
+            "poses whose targets the tracker sees",
+            value=f"{there} of {TRIED * count} drawn",
             allowed=f"{max(2 * wanted.poses, 10)} or more, twice as many as are chosen",
             remedy="check --tracker (mm, the arm's base frame) and the targets' directions, or ask for fewer poses",
-        )  # fmt: skip
+        )
     q, seen = np.concatenate(found), np.concatenate(looks)
     return q[:count], seen[:count]
 
@@ -224,10 +227,19 @@ def _data(model: ArmModel, wanted: Wanted, q: Array, way: Array) -> AbsoluteRead
     none = np.zeros(n * t, dtype=np.int64)
     payload = wanted.payload or Payload(0.0, np.zeros(3))
     return AbsoluteReadings(
-        "plan", "", np.tile(q, (t, 1)), np.zeros((n * t, 3)), Labels(("",), none),
-        Labels(tuple(one.name for one in wanted.targets), np.repeat(np.arange(t), n)), none, (payload,),
-        np.zeros(n * t), np.full(n * t, np.nan), none, approach=np.tile(way, (t, 1)),
-    )  # fmt: skip
+        "plan",
+        "",
+        np.tile(q, (t, 1)),
+        np.zeros((n * t, 3)),
+        Labels(("",), none),
+        Labels(tuple(one.name for one in wanted.targets), np.repeat(np.arange(t), n)),
+        none,
+        (payload,),
+        np.zeros(n * t),
+        np.full(n * t, np.nan),
+        none,
+        approach=np.tile(way, (t, 1)),
+    )
 
 
 def _rows(

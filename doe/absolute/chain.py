@@ -66,7 +66,7 @@ class Sample:
 
 def samples(
     model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal, u: Array | None = None
-) -> list[Sample]:  # fmt: skip
+) -> list[Sample]:
     """The readings in blocks; ``u`` (p,): variables with which the joints' real angles are worked out."""
     (low, high), out = nominal.rail, []
     for rows in in_blocks(len(data), BLOCK):
@@ -74,10 +74,16 @@ def samples(
         scaled = (2.0 * rail - low - high) / max(high - low, 1e-12)
         (begin, end), time = nominal.time, data.time[rows]
         s = Sample(
-            np.ascontiguousarray(data.q[rows].T), rail, scaled, data.target.number[rows], data.payload[rows], None,
-            data.temperature[rows] - nominal.temperature, (time - begin) / max(end - begin, 1e-300),
+            np.ascontiguousarray(data.q[rows].T),
+            rail,
+            scaled,
+            data.target.number[rows],
+            data.payload[rows],
+            None,
+            data.temperature[rows] - nominal.temperature,
+            (time - begin) / max(end - begin, 1e-300),
             np.ascontiguousarray(data.approach[rows].T),
-        )  # fmt: skip
+        )
         s = loaded(model, s, data, layout, nominal)
         out.append(s if u is None else loaded(model, s, data, layout, nominal, u))
     return out
@@ -85,7 +91,7 @@ def samples(
 
 def loaded(
     model: ArmModel, s: Sample, data: AbsoluteReadings, layout: Layout, nominal: Nominal, u: Array | None = None
-) -> Sample:  # fmt: skip
+) -> Sample:
     """The block with what gives way at the joints' real angles with variables u; without them, at what joints say."""
     q = s.q if u is None else turning(layout, s, u).angle
     target = nominal.targets[s.target]

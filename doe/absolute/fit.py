@@ -107,9 +107,16 @@ class Fit:
 
 
 def fit(
-    model: ArmModel, data: AbsoluteReadings, layout: Layout, start: Start, *, held: Array | None = None,
-    robust: bool = True, variances: Variances | None = None, progress: Progress | None = None,
-) -> Fit:  # fmt: skip
+    model: ArmModel,
+    data: AbsoluteReadings,
+    layout: Layout,
+    start: Start,
+    *,
+    held: Array | None = None,
+    robust: bool = True,
+    variances: Variances | None = None,
+    progress: Progress | None = None,
+) -> Fit:
     """Estimate the unknowns of ``layout``, which has the targets of ``data``.
 
     ``held`` (p,): values of variables that stay as they are, NaN for those that are free; ``variances``: kept if given.
@@ -151,9 +158,22 @@ def fit(
             weight, tail = _weights(ahead, data, found.sigma, TAILS if asking else (state.tail,))
             state = replace(state, weight=weight, tail=tail)
     return Fit(
-        model, layout, data, state.u, state.frames, residual, state.weight, found, state.tail, free, reduced, open_,
-        start, turn + 1, settled,
-    )  # fmt: skip
+        model,
+        layout,
+        data,
+        state.u,
+        state.frames,
+        residual,
+        state.weight,
+        found,
+        state.tail,
+        free,
+        reduced,
+        open_,
+        start,
+        turn + 1,
+        settled,
+    )
 
 
 @dataclass(frozen=True)
@@ -276,9 +296,7 @@ def bounded_mode(free: Posterior, u: Array, layout: Layout) -> Array:
     return step_with(free, limited, inside)
 
 
-def _weights(
-    residual: Array, data: AbsoluteReadings, sigma: float, tails: Sequence[float]
-) -> tuple[Array, float]:  # fmt: skip
+def _weights(residual: Array, data: AbsoluteReadings, sigma: float, tails: Sequence[float]) -> tuple[Array, float]:
     """Weights (n,) of Student's distribution in three directions with the likeliest tail, and that."""
     square = np.sum(residual**2, axis=1) * given_weight(data, sigma) / sigma**2
     best, chosen = -np.inf, tails[0]

@@ -46,10 +46,14 @@ def gross(found: Fit) -> tuple[Gross, ...]:
     far = np.flatnonzero(square > limit)
     far = far[np.argsort(-square[far])]
     return tuple(
-        Gross(int(data.line[k]), int(k), float(np.linalg.norm(found.residual[k])),
-              _cause(found, int(k), float(np.sqrt(own[k])), searched=i < LISTED))
+        Gross(
+            int(data.line[k]),
+            int(k),
+            float(np.linalg.norm(found.residual[k])),
+            _cause(found, int(k), float(np.sqrt(own[k])), searched=i < LISTED),
+        )
         for i, k in enumerate(far)
-    )  # fmt: skip
+    )
 
 
 def _cause(found: Fit, row: int, sigma: float, *, searched: bool) -> str:
@@ -71,16 +75,17 @@ def _tried(found: Fit, row: int) -> Iterator[tuple[str, float]]:
         for turn in TURNS:
             q = one.q.copy()
             q[0, j] += turn
-            yield (f"{name} turned by {np.degrees(turn):+.0f} deg would put it there",
-                   _distance(found, data, row, q=q))  # fmt: skip
+            yield (f"{name} turned by {np.degrees(turn):+.0f} deg would put it there", _distance(found, data, row, q=q))
     for t, name in enumerate(data.target.names):
         if t != data.target.number[row]:
             yield f"target {name} was there: the label is wrong", _distance(found, data, row, target=t)
     for step in (-1, 1):
         k = row + step
         if 0 <= k < len(data) and data.session.number[k] == session:
-            yield (f"line {data.line[k]} has the angles that belong to it: the arm had not moved, or rows are shifted",
-                   _distance(found, data, row, q=data.q[k : k + 1]))  # fmt: skip
+            yield (
+                f"line {data.line[k]} has the angles that belong to it: the arm had not moved, or rows are shifted",
+                _distance(found, data, row, q=data.q[k : k + 1]),
+            )
     for a in range(3):
         flipped = data.position[row].copy()
         flipped[a] = -flipped[a]
@@ -88,14 +93,18 @@ def _tried(found: Fit, row: int) -> Iterator[tuple[str, float]]:
 
 
 def _distance(
-    found: Fit, data: AbsoluteReadings, row: int, q: Array | None = None, target: int | None = None,
+    found: Fit,
+    data: AbsoluteReadings,
+    row: int,
+    q: Array | None = None,
+    target: int | None = None,
     position: Array | None = None,
-) -> float:  # fmt: skip
+) -> float:
     part = data.take(np.array([row]))
     number = data.target.number[row] if target is None else target
     changed = replace(
         part, q=part.q if q is None else q, target=replace(data.target, number=np.array([number], dtype=np.int64))
-    )  # fmt: skip
+    )
     sample = samples(found.model, changed, found.layout, found.start.nominal, found.u)[0]
     P, _ = evaluate(found.model, found.layout, sample, found.u, slopes=False)
     y = data.position[row] if position is None else position

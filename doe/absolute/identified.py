@@ -100,8 +100,9 @@ def left_open(found: Fit) -> tuple[Open, ...]:
     names = [found.moving.unknowns[i].name for i in mine]
     joined: Bools = (there.T.astype(int) @ there.astype(int)) > 0
     sets = [*groups(joined), *(np.array([k]) for k in range(len(names)) if joined[k].sum() == 1 and joined[k, k])]
-    return tuple(Open(tuple(names[k] for k in sorted(members)), int(there[:, members].any(axis=1).sum()))
-                 for members in sets)  # fmt: skip
+    return tuple(
+        Open(tuple(names[k] for k in sorted(members)), int(there[:, members].any(axis=1).sum())) for members in sets
+    )
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,4 @@ def known_errors(robot: Robot, free: Sequence[Unknown]) -> dict[Unknown, float]:
             for order, value in enumerate(waves[j].tolist(), start=1):
                 found[periodic_error(robot, j, order, phase)] = value
     # Held numbers are no draws from a law whose size readings tell.
-    return {
-        replace(one, law="", sd=math.inf): v for one, v in found.items() if v != 0.0 and one.name not in taken
-    }  # fmt: skip
+    return {replace(one, law="", sd=math.inf): v for one, v in found.items() if v != 0.0 and one.name not in taken}

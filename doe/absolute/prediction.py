@@ -199,9 +199,7 @@ def _placed(found: Fit, data: AbsoluteReadings, robust: bool) -> Fit:
     layout = found.layout.with_targets(data)
     values = {one.name: float(v) for one, v in zip(found.layout.unknowns, found.u, strict=True)}
     held = np.array([values.get(one.name, np.nan) for one in layout.unknowns])
-    begin = replace(
-        started(found.model.robot, data), rail=found.start.rail, temperature=found.start.temperature
-    )  # fmt: skip
+    begin = replace(started(found.model.robot, data), rail=found.start.rail, temperature=found.start.temperature)
     return fit(found.model, data, layout, begin, held=held, robust=robust)
 
 

@@ -76,7 +76,17 @@ class AbsoluteReadings:
         """Some of the readings, in that order."""
         k: Indices = np.arange(len(self))[rows]
         return AbsoluteReadings(
-            self.source, self.sha256, self.q[k], self.position[k], self.session.take(k), self.target.take(k),
-            self.payload[k], self.payloads, self.rail[k], self.sigma[k], self.line[k], self.notes,
+            self.source,
+            self.sha256,
+            self.q[k],
+            self.position[k],
+            self.session.take(k),
+            self.target.take(k),
+            self.payload[k],
+            self.payloads,
+            self.rail[k],
+            self.sigma[k],
+            self.line[k],
+            self.notes,
             *(x[k] if len(x) else x for x in (self.time, self.temperature, self.approach)),
-        )  # fmt: skip
+        )

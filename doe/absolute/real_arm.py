@@ -44,9 +44,8 @@ class RealArm:
     def left_out(self) -> tuple[str, ...]:
         """Joints whose springs vary with the pose: their sag is not in it."""
         return tuple(
-            joint.name for joint in self.model.joints
-            if joint.laws or not isinstance(joint.axial, ConstantSpring)
-        )  # fmt: skip
+            joint.name for joint in self.model.joints if joint.laws or not isinstance(joint.axial, ConstantSpring)
+        )
 
     def frames(self, q: Array, T_flange_tool: Array) -> tuple[Array, Array]:
         """Axes (n, 3, 3) and origin (n, 3) m of the tool in the base frame at coordinates q (n, dof) rad.
@@ -130,8 +129,13 @@ class RealArm:
 
     def _samples(self, q: Array, points: Array, layout: Layout, u: Array) -> Iterator[Sample]:
         k, n = len(points), len(q)
-        yield from samples(self.model, self._readings(np.tile(q, (k, 1)), np.repeat(np.arange(k), n)), layout,
-                           Nominal(points, (0.0, 0.0)), u)  # fmt: skip
+        yield from samples(
+            self.model,
+            self._readings(np.tile(q, (k, 1)), np.repeat(np.arange(k), n)),
+            layout,
+            Nominal(points, (0.0, 0.0)),
+            u,
+        )
 
     def _layout(self, points: Array) -> tuple[Layout, Array]:
         data = self._readings(np.zeros((len(points), self.model.robot.dof)), np.arange(len(points)))
@@ -146,9 +150,18 @@ class RealArm:
         n, none = len(q), np.zeros(len(q), dtype=np.int64)
         labels = Labels(tuple(map(str, range(int(point.max(initial=0)) + 1))), point.astype(np.int64))
         return AbsoluteReadings(
-            "", "", q, np.zeros((n, 3)), Labels(("",), none), labels, none, (self.payload,), np.zeros(n),
-            np.full(n, np.nan), none,
-        )  # fmt: skip
+            "",
+            "",
+            q,
+            np.zeros((n, 3)),
+            Labels(("",), none),
+            labels,
+            none,
+            (self.payload,),
+            np.zeros(n),
+            np.full(n, np.nan),
+            none,
+        )
 
 
 def _tool_by_tool(of: Callable[[Array, Array], tuple[Array, Array]], q: Array, T: Array) -> tuple[Array, Array]:

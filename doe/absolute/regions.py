@@ -119,10 +119,17 @@ def accuracy_regions(c: Positions, *, edge: float | None = None, seed: int = 0) 
     made = []
     for k, corner in enumerate(cell):
         mine = which == k
-        made.append(Region(
-            corner * edge, (corner + 1) * edge, int(mine.sum()), Accuracy.of(before[mine]), Accuracy.of(after[mine]),
-            Accuracy.of(out[mine]), verdicts[k],
-        ))  # fmt: skip
+        made.append(
+            Region(
+                corner * edge,
+                (corner + 1) * edge,
+                int(mine.sum()),
+                Accuracy.of(before[mine]),
+                Accuracy.of(after[mine]),
+                Accuracy.of(out[mine]),
+                verdicts[k],
+            )
+        )
     return Regions(edge, tuple(made), place, before, out)
 
 

@@ -110,15 +110,17 @@ def likeliest(of: Reduced, u: Array, unknowns: Sequence[Unknown], start: Varianc
 
     bounds = [(np.log(1e-7), np.log(1.0))] + [tuple(np.log(b)) for _ in names for b in (SIZES, ORDERS)]
     found = minimize(
-        loss, _logarithms(start, names), jac=True, method="L-BFGS-B", bounds=bounds,
+        loss,
+        _logarithms(start, names),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
         options={"maxiter": MOST_STEPS, "ftol": 1e-9},
-    )  # fmt: skip
+    )
     return _variances(np.asarray(found.x), names)
 
 
-def minus_log(
-    of: Reduced, u: Array, unknowns: Sequence[Unknown], v: Variances, readings: int
-) -> tuple[float, Array]:  # fmt: skip
+def minus_log(of: Reduced, u: Array, unknowns: Sequence[Unknown], v: Variances, readings: int) -> tuple[float, Array]:
     """Minus the logarithm of the marginal likelihood, but for a constant, and its slopes (1 + 2 laws,).
 
     Slopes are by the logarithms of the scatter, and of each law's size and order.

@@ -125,9 +125,11 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
     far, most = float(np.linalg.norm(targets, axis=1).max(initial=0.0)), FARTHEST * stretched_length(robot)
     if far > most:
         raise InputError(
-            "targets: farthest from the flange", value=f"{1e3 * far:.3g} mm", allowed=f"{1e3 * most:.3g} mm at most",
+            "targets: farthest from the flange",
+            value=f"{1e3 * far:.3g} mm",
+            allowed=f"{1e3 * most:.3g} mm at most",
             remedy="check that positions are in mm, and that the model is the robot that was measured",
-        )  # fmt: skip
+        )
     way = np.mean(ways, axis=0) if ways else np.zeros(3)
     P = at.p_flange + np.einsum("nij,nj->ni", at.R_flange, targets[data.target.number]) + data.rail[:, None] * way
     return _settled(data, frames, targets, way, P)
@@ -137,9 +139,11 @@ def _no_frame(session: str, readings: int, needed: int) -> InputError:
     """What to raise where a session's frame stays open."""
     if readings < needed:
         return InputError(
-            f"readings of session {session}", value=readings, allowed=f"{needed} or more for its frame",
+            f"readings of session {session}",
+            value=readings,
+            allowed=f"{needed} or more for its frame",
             remedy="add readings, or join sessions in which tracker and robot stayed in place",
-        )  # fmt: skip
+        )
     return InputError(
         f"session {session}: no frame of the tracker brings its positions and the arm's together",
         allowed="targets that do not all lie on a line, at angles as the model counts them",

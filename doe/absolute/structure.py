@@ -29,9 +29,20 @@ POSES = 150
 # Poses are drawn so many times, for couplings of joints allow some of them alone.
 TRIED = 10
 ORDER = (
-    "target", "zero", "frame", "rail", "ratio", "coupling", "spring", "mass", "payload", "periodic", "growth", "drift",
+    "target",
+    "zero",
+    "frame",
+    "rail",
+    "ratio",
+    "coupling",
+    "spring",
+    "mass",
+    "payload",
+    "periodic",
+    "growth",
+    "drift",
     "reversal",
-)  # fmt: skip
+)
 # Components of a rail's way below this share of the largest are none.
 OBLIQUE = 0.1
 # What the start finds and no model has.
@@ -61,9 +72,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def twins(model: ArmModel, data: AbsoluteReadings, layout: Layout, nominal: Nominal, seed: int = 0) -> tuple[Twin, ...]:
     """Unknowns that no poses within the joints' ranges tell apart, with the targets where they are."""
-    looked = tuple(
-        one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT
-    )  # fmt: skip
+    looked = tuple(one for one in layout.unknowns if one.kind != "periodic" or one.index[1] <= LOOKED_AT)
     way = np.array(nominal.way) / np.abs(nominal.way).max()
     # Turns about a rail along an axis move nothing: that it was found to lie slightly off tells nothing of them.
     way = np.where(np.abs(way) < OBLIQUE, 0.0, way)
@@ -111,15 +120,19 @@ def _random(model: ArmModel, data: AbsoluteReadings, rng: np.random.Generator) -
     pick = rng.integers(0, len(data), n)
     span = float(data.rail.min(initial=0.0)), float(data.rail.max(initial=0.0))
     return replace(
-        data, q=q, position=np.zeros((n, 3)),
+        data,
+        q=q,
+        position=np.zeros((n, 3)),
         session=Labels(("",), np.zeros(n, dtype=np.int64)),
         target=Labels(data.target.names, np.arange(n) % len(data.target.names)),
-        payload=data.payload[pick], rail=rng.uniform(*span, n), sigma=np.full(n, np.nan),
+        payload=data.payload[pick],
+        rail=rng.uniform(*span, n),
+        sigma=np.full(n, np.nan),
         line=np.zeros(n, dtype=np.int64),
         time=rng.uniform(data.time.min(), data.time.max(), n) if len(data.time) else data.time,
         temperature=data.temperature[pick] if len(data.temperature) else data.temperature,
         approach=data.approach[pick] if data.approach.size else np.zeros((n, 0)),
-    )  # fmt: skip
+    )
 
 
 def _dependent(columns: Array, names: Sequence[str]) -> list[Twin]:

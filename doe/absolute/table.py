@@ -64,8 +64,12 @@ def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> A
     columns = mc.find_columns(table, robot, faults, (*POSITION, *NUMBERS, *WHEN, *WORDS, *KEPT), needed)
     for name in POSITION:
         if name not in columns.known and not faults.count:
-            faults.add(1, f"no column {name}", allowed=f"all of {', '.join(POSITION)}",
-                       remedy="give all three coordinates of the target in the tracker's frame")  # fmt: skip
+            faults.add(
+                1,
+                f"no column {name}",
+                allowed=f"all of {', '.join(POSITION)}",
+                remedy="give all three coordinates of the target in the tracker's frame",
+            )
     fits = not faults.count
     data = _assembled(mc.drop_ragged(table, faults), columns, robot, faults)
     if fits and len(data):
@@ -97,11 +101,22 @@ def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) 
     held = np.nan_to_num(np.column_stack([kg, *centre]))[good]
     different, payload = np.unique(held, axis=0, return_inverse=True) if len(held) else (held, np.zeros(0, dtype=int))
     return AbsoluteReadings(
-        table.name, table.sha256, q[good], position[good], Labels.of(session), Labels.of(target),
-        payload.reshape(-1).astype(np.int64), tuple(Payload(float(row[0]), row[1:]) for row in different), rail[good],
-        sigma[good], np.array(table.lines, dtype=np.int64)[good], tuple(_notes(table, columns, robot)),
-        _complete(seconds[good], step[good]), _complete(temperature[good]), approach[good],
-    )  # fmt: skip
+        table.name,
+        table.sha256,
+        q[good],
+        position[good],
+        Labels.of(session),
+        Labels.of(target),
+        payload.reshape(-1).astype(np.int64),
+        tuple(Payload(float(row[0]), row[1:]) for row in different),
+        rail[good],
+        sigma[good],
+        np.array(table.lines, dtype=np.int64)[good],
+        tuple(_notes(table, columns, robot)),
+        _complete(seconds[good], step[good]),
+        _complete(temperature[good]),
+        approach[good],
+    )
 
 
 def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
@@ -113,9 +128,12 @@ def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults)
         ways = ways_of(text.strip(), robot.dof) if text.strip() else np.zeros(robot.dof)
         if ways is None:
             faults.add(
-                line, "column approach", value=text, allowed=f"a +, - or 0 for each of {robot.dof} joints",
+                line,
+                "column approach",
+                value=text,
+                allowed=f"a +, - or 0 for each of {robot.dof} joints",
                 remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
-            )  # fmt: skip
+            )
             continue
         out[k] = ways
     return out
@@ -148,13 +166,22 @@ def _notes(table: RawTable, columns: Columns, robot: Robot) -> list[str]:
 def _check(data: AbsoluteReadings, robot: Robot, faults: Faults, check_reach: bool) -> None:
     far = np.abs(data.position).max(axis=1) > FARTHEST_m
     for k in np.flatnonzero(far):
-        faults.add(int(data.line[k]), "position", value=f"{1e3 * np.abs(data.position[k]).max():g} mm",
-                   allowed=f"up to {FARTHEST_m:g} m from the tracker",
-                   remedy="check the unit: columns are mm")  # fmt: skip
+        faults.add(
+            int(data.line[k]),
+            "position",
+            value=f"{1e3 * np.abs(data.position[k]).max():g} mm",
+            allowed=f"up to {FARTHEST_m:g} m from the tracker",
+            remedy="check the unit: columns are mm",
+        )
     for k in np.flatnonzero([p.kg < 0.0 for p in data.payloads]):
         row = int(np.flatnonzero(data.payload == k)[0])
-        faults.add(int(data.line[row]), "column payload_kg", value=f"{data.payloads[k].kg:g}", allowed="0 or more",
-                   remedy="give the mass that the flange carries beside the target")  # fmt: skip
+        faults.add(
+            int(data.line[row]),
+            "column payload_kg",
+            value=f"{data.payloads[k].kg:g}",
+            allowed="0 or more",
+            remedy="give the mass that the flange carries beside the target",
+        )
     if check_reach:
         names = tuple(f"line {line}" for line in data.line)
         check_limits(data.q, names, data.line.tolist(), robot, faults)
@@ -184,10 +211,19 @@ def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:
 
     payload = np.concatenate([place.reshape(-1)[s + t.payload] for s, t in zip(starts[:-1], tables, strict=True)])
     return AbsoluteReadings(
-        ", ".join(t.source for t in tables), "+".join(t.sha256 for t in tables), stacked("q"), stacked("position"),
-        labels("session"), labels("target"), payload.astype(np.int64),
-        tuple(Payload(float(row[0]), row[1:]) for row in different), stacked("rail"), stacked("sigma"),
-        np.concatenate([t.line for t in tables]), tuple(dict.fromkeys(n for t in tables for n in t.notes)),
-        np.zeros(0), stacked("temperature") if all(len(t.temperature) for t in tables) else np.zeros(0),
+        ", ".join(t.source for t in tables),
+        "+".join(t.sha256 for t in tables),
+        stacked("q"),
+        stacked("position"),
+        labels("session"),
+        labels("target"),
+        payload.astype(np.int64),
+        tuple(Payload(float(row[0]), row[1:]) for row in different),
+        stacked("rail"),
+        stacked("sigma"),
+        np.concatenate([t.line for t in tables]),
+        tuple(dict.fromkeys(n for t in tables for n in t.notes)),
+        np.zeros(0),
+        stacked("temperature") if all(len(t.temperature) for t in tables) else np.zeros(0),
         stacked("approach") if all(t.approach.size for t in tables) else np.zeros((sum(map(len, tables)), 0)),
-    )  # fmt: skip
+    )

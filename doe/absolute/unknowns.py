@@ -36,9 +36,20 @@ from robots import InputError, Robot
 from robots.arrays import Indices
 
 Kind = Literal[
-    "frame", "zero", "ratio", "coupling", "periodic", "spring", "payload", "rail", "target", "growth", "drift",
-    "reversal", "mass",
-]  # fmt: skip
+    "frame",
+    "zero",
+    "ratio",
+    "coupling",
+    "periodic",
+    "spring",
+    "payload",
+    "rail",
+    "target",
+    "growth",
+    "drift",
+    "reversal",
+    "mass",
+]
 Group = Callable[[Robot, AbsoluteReadings], "Iterator[Unknown]"]
 
 AXES = ("x", "y", "z")
@@ -234,10 +245,21 @@ def moved(data: AbsoluteReadings, way: int) -> Iterator[Unknown]:
 
 
 GROUPS: dict[str, Group] = {
-    "geometry": geometry, "zeros": zeros, "ratios": ratios, "coupling": coupling, "periodic": periodic(CURVE_ORDER),
-    "springs": springs, "tilts": tilts, "base": base, "rail": rail, "masses": masses, "payload": payload,
-    "growth": growth, "drift": drift, "reversal": reversals,
-}  # fmt: skip
+    "geometry": geometry,
+    "zeros": zeros,
+    "ratios": ratios,
+    "coupling": coupling,
+    "periodic": periodic(CURVE_ORDER),
+    "springs": springs,
+    "tilts": tilts,
+    "base": base,
+    "rail": rail,
+    "masses": masses,
+    "payload": payload,
+    "growth": growth,
+    "drift": drift,
+    "reversal": reversals,
+}
 USUAL = ("geometry", "springs", "periodic", "rail")
 
 

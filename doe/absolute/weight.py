@@ -127,8 +127,10 @@ def weight(
         {k: lever[index][:3] * own[index] for k, index in moved.items()},
         {k: lever[index][:3] * parts[index][:, None] for k, index in moved.items()},
         {k: (j, sign[j] * np.vstack([own[j, row], parts[j, row]])) for k, (j, row) in spun.items()},
-        held, which.astype(np.int64), heavier,
-    )  # fmt: skip
+        held,
+        which.astype(np.int64),
+        heavier,
+    )
 
 
 def _rows(

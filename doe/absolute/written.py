@@ -148,11 +148,15 @@ def _description(c: Positions, before: ModelDescription, made: Written) -> Model
     sure = [k for k, one in enumerate(freed) if one.kind in IN_MODEL and one.name not in made.silent]
     half = c.found.half[sure]
     data["positions"] = PositionsTable(
-        parameters=tuple(freed[k].name for k in sure), covariance=tuple(map(tuple, (half @ half.T).tolist())),
-        data=c.found.data.source, data_sha256=c.found.data.sha256, before_rms_mm=_rms_mm(c.distances()["before"]),
+        parameters=tuple(freed[k].name for k in sure),
+        covariance=tuple(map(tuple, (half @ half.T).tolist())),
+        data=c.found.data.source,
+        data_sha256=c.found.data.sha256,
+        before_rms_mm=_rms_mm(c.distances()["before"]),
         rms_mm=_rms_mm(np.linalg.norm(made.fit.residual[c.right], axis=1)),
-        left_out_rms_mm=_rms_mm(c.distances()["left out"]), notes=made.notes,
-    ).model_dump()  # fmt: skip
+        left_out_rms_mm=_rms_mm(c.distances()["left out"]),
+        notes=made.notes,
+    ).model_dump()
     # Through the validator once more: a written file must be one that can be read.
     description = validated(ModelDescription, data, "calibrated model", remedy=NOT_AN_ARM)
     if any(one.kind == "spring" and one.name not in made.silent for one in freed):
@@ -212,9 +216,12 @@ def _put_curve(joint: dict[str, Any], fit: Fit, j: int, curve: Curve, source: st
         waves[phase, order - 1] = 1e3 * u
     error = joint["error"] = joint.get("error") or {"turns_with": ()}
     error["curve"] = {
-        "sin_mrad": tuple(waves[0].tolist()), "cos_mrad": tuple(waves[1].tolist()),
-        "identified_deg": curve.ranges_deg, "height_mrad": 1e3 * curve.height, "source": source,
-    }  # fmt: skip
+        "sin_mrad": tuple(waves[0].tolist()),
+        "cos_mrad": tuple(waves[1].tolist()),
+        "identified_deg": curve.ranges_deg,
+        "height_mrad": 1e3 * curve.height,
+        "source": source,
+    }
 
 
 def _origin(c: Positions, made: Written) -> Origin:
@@ -226,11 +233,19 @@ def _origin(c: Positions, made: Written) -> Origin:
     for k in places:
         one, f = fit.moving.unknowns[k], by_name[fit.moving.unknowns[k].name]
         has = f.value is not None
-        numbers.append(FoundNumber(
-            one.name, one.unit, "compliance", float(fit.u[fit.free[k]]), f.interval95,
-            "determined" if has else "not identified", math.inf, has,
-            None if has else "the readings give a lower limit at most; the model keeps what it had",
-        ))  # fmt: skip
+        numbers.append(
+            FoundNumber(
+                one.name,
+                one.unit,
+                "compliance",
+                float(fit.u[fit.free[k]]),
+                f.interval95,
+                "determined" if has else "not identified",
+                math.inf,
+                has,
+                None if has else "the readings give a lower limit at most; the model keeps what it had",
+            )
+        )
     half = c.found.half[places]
     sure = uncertainty_table(
         numbers,
@@ -239,7 +254,13 @@ def _origin(c: Positions, made: Written) -> Origin:
         "positions of targets under the weight of links and payloads",
     )
     return Origin(
-        scheme="positions", load_path=fit.model.load_path, links="rigid", data=data.source, data_sha256=data.sha256,
-        rms_mm=_rms_mm(np.linalg.norm(fit.residual[c.right], axis=1)), loads_N=(), notes=(RIGID_LINKS, *made.notes),
+        scheme="positions",
+        load_path=fit.model.load_path,
+        links="rigid",
+        data=data.source,
+        data_sha256=data.sha256,
+        rms_mm=_rms_mm(np.linalg.norm(fit.residual[c.right], axis=1)),
+        loads_N=(),
+        notes=(RIGID_LINKS, *made.notes),
         uncertainty=sure,
-    )  # fmt: skip
+    )

@@ -103,9 +103,11 @@ class Calibration:
         return Count(
             len(status) + sum(s.free for s in self.studies),
             status.count("at bound") + sum(s.at_bound for s in self.studies),
-            len(status) - status.count("at bound") - status.count("not identified")
+            len(status)
+            - status.count("at bound")
+            - status.count("not identified")
             + sum(s.identified for s in self.studies),
-        )  # fmt: skip
+        )
 
 
 def run_campaign(

@@ -162,9 +162,15 @@ def _reading_keys(p: Problem) -> set[tuple[str, bytes]]:
 def _carried(before: CarriedOn, k: int, p: Parameter, own: float) -> FoundNumber:
     nan = math.nan
     return FoundNumber(
-        before.names[k], p.unit, p.scale, own, (nan, nan), before.status[k], before.degrees_of_freedom[k],
+        before.names[k],
+        p.unit,
+        p.scale,
+        own,
+        (nan, nan),
+        before.status[k],
+        before.degrees_of_freedom[k],
         has_variance=True,
-    )  # fmt: skip
+    )
 
 
 def _number(e: ParameterEstimate, own: float, variance: float) -> FoundNumber:

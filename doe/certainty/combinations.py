@@ -164,8 +164,11 @@ def group_words(
     some = (
         f"{len(given)} of them, for instance {listed(list(given))}," if len(given) > 1 else f"one of them, {given[0]},"
     )
-    out.append(f"with {some} given (a prior, or held) the others follow" if len(given) <= FEW else
-               f"{len(given)} of them must be given (a prior, or held) before the others follow")  # fmt: skip
+    out.append(
+        f"with {some} given (a prior, or held) the others follow"
+        if len(given) <= FEW
+        else f"{len(given)} of them must be given (a prior, or held) before the others follow"
+    )
     return "; ".join(out)
 
 

@@ -186,9 +186,13 @@ def tried(
 
 
 def _finer(
-    s: Setting, base: Base, weight: Array, candidates: dict[str, list[Signature]], best: dict[str, float],
+    s: Setting,
+    base: Base,
+    weight: Array,
+    candidates: dict[str, list[Signature]],
+    best: dict[str, float],
     at: dict[str, tuple[Noise, int]],
-) -> dict[str, tuple[Signature, Array]]:  # fmt: skip
+) -> dict[str, tuple[Signature, Array]]:
     """Better shapes of the laws that lead, each at the noise that it leaves, with their amplitudes.
 
     ``best``: gain in log evidence of each law's best shape so far; raised where a finer one is better.

@@ -333,10 +333,15 @@ def without_harm(d: Diagnosis, before_mm: float, after_mm: float) -> Diagnosis:
         return d
     codes = tuple(f.code for f in d.found)
     return replace(
-        d, verdict="unknown" if d.verdict == "unknown" else "ambiguous",
-        reason=f"with {' and '.join(codes)} poses not seen are predicted worse", effects=(), provisional=(),
-        learned=(), after=d.before, rejected=Rejected(codes, before_mm, after_mm),
-    )  # fmt: skip
+        d,
+        verdict="unknown" if d.verdict == "unknown" else "ambiguous",
+        reason=f"with {' and '.join(codes)} poses not seen are predicted worse",
+        effects=(),
+        provisional=(),
+        learned=(),
+        after=d.before,
+        rejected=Rejected(codes, before_mm, after_mm),
+    )
 
 
 def _doubted(d: Diagnosis) -> Diagnosis:
@@ -347,9 +352,12 @@ def _doubted(d: Diagnosis) -> Diagnosis:
     code, why = next(iter(against.items()))
     out = d.effects if code == d.effects[0].code else tuple(f for f in d.effects if f.code in against)
     return replace(
-        d, verdict="ambiguous", reason=f"{code} is not sure: {why}",
-        effects=tuple(f for f in d.effects if f not in out), provisional=(*out, *d.provisional),
-    )  # fmt: skip
+        d,
+        verdict="ambiguous",
+        reason=f"{code} is not sure: {why}",
+        effects=tuple(f for f in d.effects if f not in out),
+        provisional=(*out, *d.provisional),
+    )
 
 
 def _doubt(d: Diagnosis, f: Found, *, first: bool) -> str:

@@ -42,9 +42,11 @@ class Base:
         k = columns.shape[1]
         mean, sd, floor = (np.broadcast_to(x, k) for x in (mean, sd, floor))
         return Base(
-            np.hstack([self.columns, columns]), self.residual - columns @ mean,
-            np.concatenate([self.precision, sd**-2.0]), np.concatenate([self.floor, floor]),
-        )  # fmt: skip
+            np.hstack([self.columns, columns]),
+            self.residual - columns @ mean,
+            np.concatenate([self.precision, sd**-2.0]),
+            np.concatenate([self.floor, floor]),
+        )
 
 
 class Whitened:

@@ -226,9 +226,12 @@ class Fits:
         part, w = self._parts[k], self._w
         base = w.u - w.root.T @ (part.half[place] @ part.mean[place])
         return Fitted(
-            float(part.log_evidence[place]), part.mean[place].copy(), part.covariance[place].copy(),
-            float(part.excess[place]), np.asarray(base),
-        )  # fmt: skip
+            float(part.log_evidence[place]),
+            part.mean[place].copy(),
+            part.covariance[place].copy(),
+            float(part.excess[place]),
+            np.asarray(base),
+        )
 
 
 class Kept:

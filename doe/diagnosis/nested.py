@@ -127,9 +127,14 @@ def _one(
     """What the poses seen ask for, and the errors of springs alone and of the diagnosed model at the others."""
     seen = data.select(~unseen)
     there = setting_of(
-        s.description, s.model, seen, accepted=s.accepted, free=s.free, history=_part(s.history, ~unseen),
+        s.description,
+        s.model,
+        seen,
+        accepted=s.accepted,
+        free=s.free,
+        history=_part(s.history, ~unseen),
         known=s.known,
-    )  # fmt: skip
+    )
     # What is not known of the order of all readings is not known of a part of them either.
     there = replace(there, history=replace(there.history, is_known=s.history.is_known))
     p = problem(s.model, data.select(unseen), ())

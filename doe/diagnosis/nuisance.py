@@ -41,9 +41,13 @@ def nuisance(
     """Columns (m, e): change of the readings by one standard deviation of each; ``walls``: links with assumed ones."""
     here = read(model, ())
     columns = [
-        *_sessions(p, history), *_usual(read, model, known), *_lengths(read, model, here), *_loads(p, here),
-        *_links(read, model, here, known), *_walls(read, model, here, walls),
-    ]  # fmt: skip
+        *_sessions(p, history),
+        *_usual(read, model, known),
+        *_lengths(read, model, here),
+        *_loads(p, here),
+        *_links(read, model, here, known),
+        *_walls(read, model, here, walls),
+    ]
     columns = [c for c in columns if np.abs(c).max(initial=0.0) > 0.0]
     return np.stack(columns, axis=1) if columns else np.zeros((len(p), 0))
 

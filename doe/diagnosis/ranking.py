@@ -77,9 +77,13 @@ class _Ground:
 
 
 def rank(
-    s: Setting, weight: Array, options: Options = Options(), *, further: bool = False,  # noqa: B008 - frozen
+    s: Setting,
+    weight: Array,
+    options: Options = Options(),  # noqa: B008 - frozen
+    *,
+    further: bool = False,
     progress: Progress | None = None,
-) -> Ranking:  # fmt: skip
+) -> Ranking:
     """Weigh all hypotheses; ``weight`` (m,): of readings, less than 1 for outliers; ``further``: not the first look."""
     base = base_of(s)
     if not options.priors:
@@ -238,9 +242,7 @@ def _line_of_unknown(g: _Ground, smooth: list[tuple[Noise, Array]], by_process: 
     w = Whitened(wide(), V)
     numbers = float(np.trace(w.inverse @ (w.W.T @ w.W))) - len(g.s.free)
     bic = -0.5 * (V.log_det + w.square) - 0.5 * numbers * math.log(len(g.s.data))
-    return Hypothesis(
-        UNKNOWN, worth, -2.0 * bic, math.nan, noise, _judged(g, wide, noise), axis=g.unknown[top].axis
-    )  # fmt: skip
+    return Hypothesis(UNKNOWN, worth, -2.0 * bic, math.nan, noise, _judged(g, wide, noise), axis=g.unknown[top].axis)
 
 
 def _mean(z: Sequence[float], count: int) -> float:

@@ -19,7 +19,7 @@ from doe.estimation.noise import (
     own_terms,
     rms_by_kind,
     terms_of,
-)  # fmt: skip
+)
 from doe.estimation.repeats import costs, repeated, structures
 from robots.arrays import Array
 
@@ -117,8 +117,9 @@ def around(noise: Noise, by: float = 1.25) -> list[Noise]:
     """A noise with more and less scatter (``by`` a factor), and with less between set-ups."""
     out = []
     for common in (1.0, 0.5, 0.2, 0.0) if noise.has_common else (1.0,):
-        calmer = replace(noise, pose=(common * noise.pose[0], common * noise.pose[1]),
-                         pose_share=common * noise.pose_share)  # fmt: skip
+        calmer = replace(
+            noise, pose=(common * noise.pose[0], common * noise.pose[1]), pose_share=common * noise.pose_share
+        )
         out += [calmer.times(scale, OWN, FLOOR) for scale in (1.0 / by, 1.0, by)]
     return out
 

@@ -206,9 +206,17 @@ def setting_of(
     usual = np.array([ARM if k < 3 else WRIST for k in index])
     typical = np.where(declared > 0.0, np.maximum(declared, found.u), np.maximum(usual, found.u))
     s = Setting(
-        description, model, _by_visit(problem(model, data, ())), _history(data, history), joints, found.u, typical,
-        np.zeros((len(p), 0)), {}, tuple(accepted),
-    )  # fmt: skip
+        description,
+        model,
+        _by_visit(problem(model, data, ())),
+        _history(data, history),
+        joints,
+        found.u,
+        typical,
+        np.zeros((len(p), 0)),
+        {},
+        tuple(accepted),
+    )
     every = known or catalogue(model, description, own) | _learned(s)
     if not s.history.outlasts_cycles:
         every = {code: effect.without_stays() for code, effect in every.items()}
@@ -224,9 +232,13 @@ def _learned(s: Setting) -> dict[str, Effect]:
     moment = np.abs(s.situation.places["base"].carried[3:5]).max()
     linear = np.abs(p.value[p.component < 3])
     reach = Reach(
-        torque, np.stack([at.q.min(axis=0), at.q.max(axis=0)], axis=1), float(moment), float(force.max(initial=0.0)),
-        float(linear.max(initial=0.0)), int(s.history.session.max(initial=0)) + 1,
-    )  # fmt: skip
+        torque,
+        np.stack([at.q.min(axis=0), at.q.max(axis=0)], axis=1),
+        float(moment),
+        float(force.max(initial=0.0)),
+        float(linear.max(initial=0.0)),
+        int(s.history.session.max(initial=0)) + 1,
+    )
     return {effect.code: effect for effect in learned_laws(s.model, reach)}
 
 

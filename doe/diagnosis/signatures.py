@@ -93,9 +93,16 @@ def signature(s: Setting, effect: Effect, values: Array) -> Signature:
         changed = s.moved(s.springs, (*s.accepted, PlacedEffect(effect, values)))
         none = np.zeros(0)
         return Signature(
-            effect, values, np.zeros((len(s.data), 0)), None, none, none, none.astype(bool),
-            changed.prediction - s.prediction, changed.spring_columns,
-        )  # fmt: skip
+            effect,
+            values,
+            np.zeros((len(s.data), 0)),
+            None,
+            none,
+            none,
+            none.astype(bool),
+            changed.prediction - s.prediction,
+            changed.spring_columns,
+        )
     chosen = [effect.parameters[k] for k in amplitudes]
     zero = values.copy()
     zero[amplitudes] = 0.0

@@ -62,9 +62,14 @@ class Row:
 
 
 def at_noise(
-    s: Setting, base: Base, weight: Array, noise: Noise, candidates: Stack, options: Options,
+    s: Setting,
+    base: Base,
+    weight: Array,
+    noise: Noise,
+    candidates: Stack,
+    options: Options,
     plain: Mapping[int, Signature],
-) -> Row:  # fmt: skip
+) -> Row:
     """Evidence of nothing missing and of every candidate, averaged over its shapes, with its best shape.
 
     ``plain``: of candidates that are bent, by identity, what they are without.
@@ -112,9 +117,13 @@ def bent(s: Setting, c: Signature, amplitude: Array) -> Signature:
     k = more.shape[1]
     rows, alike = once(s, np.hstack([columns, more]))
     return replace(
-        c, rows=rows, alike=alike, mean=np.concatenate([c.mean, np.zeros(k)]),
-        sd=np.concatenate([c.sd, np.ones(k)]), positive=np.concatenate([c.positive, np.zeros(k, dtype=bool)]),
-    )  # fmt: skip
+        c,
+        rows=rows,
+        alike=alike,
+        mean=np.concatenate([c.mean, np.zeros(k)]),
+        sd=np.concatenate([c.sd, np.ones(k)]),
+        positive=np.concatenate([c.positive, np.zeros(k, dtype=bool)]),
+    )
 
 
 def as_if(s: Setting, base: Base, c: Signature, V: Covariance) -> Array:
@@ -166,9 +175,14 @@ class Sets:
 
 
 def sets_at(
-    s: Setting, base: Base, weight: Array, row: Row, bent_candidates: Stack, log_prior: Mapping[str, float],
+    s: Setting,
+    base: Base,
+    weight: Array,
+    row: Row,
+    bent_candidates: Stack,
+    log_prior: Mapping[str, float],
     unknown: Sequence[Process],
-) -> Sets:  # fmt: skip
+) -> Sets:
     """Log evidence of pairs and triples of effects, and of effects beside something unknown, at one noise.
 
     Beside the leading effects at their best shapes all others are weighed in all their shapes, then beside the leading
@@ -198,9 +212,13 @@ def sets_at(
 
 
 def _beside(
-    s: Setting, row: Row, members: list[tuple[str, Signature, float]], kept: Kept,
-    out: dict[frozenset[str], float], chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
-) -> None:  # fmt: skip
+    s: Setting,
+    row: Row,
+    members: list[tuple[str, Signature, float]],
+    kept: Kept,
+    out: dict[frozenset[str], float],
+    chosen: dict[frozenset[str], list[tuple[str, Signature, float]]],
+) -> None:
     """Weigh everything beside some effects, into ``out`` (log evidence) and ``chosen`` (the best shapes)."""
     taken, offset, wide = {code for code, _, _ in members}, 0.0, kept.w.base
     # One without amplitudes changes the springs' own columns: it goes first.

@@ -193,8 +193,9 @@ class Campaign(Strict):
             joints += [*self.compare.sensitivity.joints, *self.compare.constant.joints]
             coordinates += () if self.compare.factorial is None else self.compare.factorial.inputs
         for what, names, known in (
-            ("joint", joints, robot.joint_names), ("joint coordinate", coordinates, robot.coordinates)
-        ):  # fmt: skip
+            ("joint", joints, robot.joint_names),
+            ("joint coordinate", coordinates, robot.coordinates),
+        ):
             for name in names:
                 if name not in known:
                     where = f"calibration file {self.title!r}: {what} of {robot.name}"

@@ -90,9 +90,15 @@ def _square(S: Array, b: Array) -> tuple[Array, Array]:
 
 
 def minimise(
-    p: Problem, V: Covariance, start: Array, held: int | None = None, *, still: float = STILL, fresh: float = FRESH,
+    p: Problem,
+    V: Covariance,
+    start: Array,
+    held: int | None = None,
+    *,
+    still: float = STILL,
+    fresh: float = FRESH,
     known: tuple[Array, Array] | None = None,
-) -> tuple[Array, float]:  # fmt: skip
+) -> tuple[Array, float]:
     """Variables (p,) with the least sum of squares |V^(-1/2) (y - f(u))|^2 plus the priors', and that sum.
 
     Linear variables go first, then all together. ``held``: a variable that stays where it is. ``still``, ``fresh``:

@@ -80,8 +80,9 @@ class Noise:
     @cached_property
     def numbers(self) -> Array:
         """Standard deviations and shares in the order of :data:`NAMES`, then ``tail`` (16,)."""
-        out = np.array([*self.white, self.share, *self.pose, self.pose_share, self.vector, *self.load, *self.axes,
-                        self.tail])  # fmt: skip
+        out = np.array(
+            [*self.white, self.share, *self.pose, self.pose_share, self.vector, *self.load, *self.axes, self.tail]
+        )
         out.setflags(write=False)
         return out
 
@@ -312,9 +313,17 @@ def likelihood(
 
 
 def fit_noise(
-    p: Problem, f: Array, J: Array, error: Array, start: Noise, floor: tuple[float, float], weight: Array,
-    *, names: tuple[str, ...] | None = None, known: dict[tuple[str, ...], Known | None] | None = None,
-) -> Noise:  # fmt: skip
+    p: Problem,
+    f: Array,
+    J: Array,
+    error: Array,
+    start: Noise,
+    floor: tuple[float, float],
+    weight: Array,
+    *,
+    names: tuple[str, ...] | None = None,
+    known: dict[tuple[str, ...], Known | None] | None = None,
+) -> Noise:
     """Variances by restricted likelihood from residuals ``error`` (m,) = read - f, with derivatives J (m, k).
 
     All terms that the readings can tell are estimated together (``names``: only these); what the likelihood does not

@@ -32,7 +32,7 @@ from doe.estimation.noise import (
     own_terms,
     pattern,
     terms_of,
-)  # fmt: skip
+)
 from doe.estimation.problem import Problem
 from doe.estimation.restricted_likelihood import Likelihood, Term, maximise
 from doe.estimation.robust import robust_sd
@@ -137,10 +137,13 @@ def _contrasts(p: Problem) -> _Contrasts:
         group = group[np.isnan(p.sigma[group]).all(axis=1)]
         H = _helmert(n)
         lines = at + np.arange(len(group) * (n - 1)).reshape(len(group), n - 1)
-        entry.append((
-            np.tile(H, (len(group), 1, 1)).reshape(-1), np.repeat(lines.reshape(-1), n),
-            np.repeat(group, n - 1, axis=0).reshape(-1),
-        ))  # fmt: skip
+        entry.append(
+            (
+                np.tile(H, (len(group), 1, 1)).reshape(-1),
+                np.repeat(lines.reshape(-1), n),
+                np.repeat(group, n - 1, axis=0).reshape(-1),
+            )
+        )
         at += lines.size
         row.append(np.repeat(group[:, 0], n - 1))
         number.append(np.tile(np.arange(n - 1), len(group)))

@@ -37,8 +37,15 @@ class Axes:
     joint_columns: Mapping[str, str]
 
 
-def turned(along: Mapping[str, Array], axes: Axes, reference: Read, when: str, rows: Bools, session: tuple[str, ...],
-           where: str) -> tuple[dict[str, Array], tuple[str, ...]]:  # fmt: skip
+def turned(
+    along: Mapping[str, Array],
+    axes: Axes,
+    reference: Read,
+    when: str,
+    rows: Bools,
+    session: tuple[str, ...],
+    where: str,
+) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Differences of positions in base axes, and remarks.
 
     Parameters
@@ -56,23 +63,31 @@ def turned(along: Mapping[str, Array], axes: Axes, reference: Read, when: str, r
     if not along:
         return {}, ()
     if axes.said is None:
-        raise InputError(f"{where}: deflections from positions need the axes of the instrument",
-                         allowed="--axes base (those of the robot's base), --axes A,B,C (their orientation in the base "
-                         "frame, deg about fixed x, then y, then z), or --axes found with --model",
-                         remedy="state them with --axes")  # fmt: skip
+        raise InputError(
+            f"{where}: deflections from positions need the axes of the instrument",
+            allowed="--axes base (those of the robot's base), --axes A,B,C (their orientation in the base "
+            "frame, deg about fixed x, then y, then z), or --axes found with --model",
+            remedy="state them with --axes",
+        )
     if axes.said == "base":
         return {f"d{axis}": values for axis, values in along.items()}, ()
     turns, notes = None, tuple[str, ...]()
     if axes.said != FOUND:
         turns = {name: _said(axes.said) for name in session}
     if missing := [axis for axis in AXES if axis not in along]:
-        raise InputError(f"--axes {axes.said}: no {listed(missing)} was read", allowed="all of x, y, z",
-                         remedy="only with --axes base can axes be missing")  # fmt: skip
+        raise InputError(
+            f"--axes {axes.said}: no {listed(missing)} was read",
+            allowed="all of x, y, z",
+            remedy="only with --axes base can axes be missing",
+        )
     if turns is None:
         turns, notes = _found(axes, reference, when, rows, where)
     if unknown := sorted(set(session) - set(turns)):
-        raise InputError(f"{where}: sessions {listed(unknown)} have no positions without a load",
-                         allowed="some in each session", remedy="state their axes with --axes A,B,C")  # fmt: skip
+        raise InputError(
+            f"{where}: sessions {listed(unknown)} have no positions without a load",
+            allowed="some in each session",
+            remedy="state their axes with --axes A,B,C",
+        )
     R = np.array([turns[name] for name in session]).reshape(-1, 3, 3)
     base = np.einsum("nij,nj->ni", R, np.column_stack([along[axis] for axis in AXES]))
     return {f"d{axis}": base[:, k] for k, axis in enumerate(AXES)}, notes
@@ -85,16 +100,18 @@ def _said(text: str) -> Array:
     except ValueError:
         turn = np.full(3, np.nan)
     if turn.shape != (3,) or not np.isfinite(turn).all():
-        raise InputError("--axes", value=text, allowed="base, found, or three angles A,B,C in deg",
-                         remedy="give one of these")  # fmt: skip
+        raise InputError(
+            "--axes", value=text, allowed="base, found, or three angles A,B,C in deg", remedy="give one of these"
+        )
     return rotation_rpy(np.radians(turn))
 
 
 def _found(axes: Axes, read: Read, when: str, rows: Bools, where: str) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Rotations (3, 3) to base axes by session, from positions without a load and the arm's kinematics."""
     if axes.robot is None:
-        raise InputError("--axes found: the arm is not known", allowed="--model MODEL with it",
-                         remedy="name the arm with --model")  # fmt: skip
+        raise InputError(
+            "--axes found: the arm is not known", allowed="--model MODEL with it", remedy="name the arm with --model"
+        )
     position = np.column_stack([read.numbers[axis, when, ""] for axis in AXES])
     at = np.flatnonzero(rows & np.isfinite(position).all(axis=1))
     cells = joint_cells(read, axes.joint_columns) | {f"{a}_mm": as_text(position[:, k]) for k, a in enumerate(AXES)}

@@ -168,14 +168,20 @@ def _separator(lines: Sequence[str], where: str) -> str:
         scores["blank"] = scores["blanks"] = 0.0  # these are inside of its cells
     best = max(scores, key=lambda name: scores[name])
     if scores[best] == 0.0:
-        raise InputError(f"{where}: no separator makes a table of it", allowed=", ".join(SEPARATORS),
-                         remedy="name it with --separator, or export the file as CSV")  # fmt: skip
+        raise InputError(
+            f"{where}: no separator makes a table of it",
+            allowed=", ".join(SEPARATORS),
+            remedy="name it with --separator, or export the file as CSV",
+        )
     rivals = [name for name in scores if name != best and scores[name] >= scores[best]]
     same = _rows(looked, SEPARATORS[best], where)
     rivals = [name for name in rivals if _rows(looked, SEPARATORS[name], where) != same]
     if rivals:
-        raise InputError(f"{where}: the separator may be {best} or {' or '.join(rivals)}",
-                         allowed=", ".join(SEPARATORS), remedy=f"say which, as in --separator {best}")  # fmt: skip
+        raise InputError(
+            f"{where}: the separator may be {best} or {' or '.join(rivals)}",
+            allowed=", ".join(SEPARATORS),
+            remedy=f"say which, as in --separator {best}",
+        )
     return best
 
 

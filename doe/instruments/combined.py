@@ -28,9 +28,11 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
     angles = [part for part in parts if part.joints and not part.reads]
     readings = [part for part in parts if part.reads]
     if other := [part for part in parts if not part.joints and not part.reads]:
-        raise InputError(f"{other[0].name}: no joint angles and no readings among its columns",
-                         allowed=_columns_of(other[0]),
-                         remedy='say what they hold, as in --column "NAME=q1 deg"')  # fmt: skip
+        raise InputError(
+            f"{other[0].name}: no joint angles and no readings among its columns",
+            allowed=_columns_of(other[0]),
+            remedy='say what they hold, as in --column "NAME=q1 deg"',
+        )
     if not readings:
         raise InputError(
             f"{parts[0].name}: no readings among its columns",
@@ -51,11 +53,18 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
             remedy="convert these files one by one",
         )
     if len(angles) > 1:
-        raise InputError("files with joint angles alone", value=", ".join(part.name for part in angles),
-                         allowed="one", remedy="convert the campaigns one by one")  # fmt: skip
+        raise InputError(
+            "files with joint angles alone",
+            value=", ".join(part.name for part in angles),
+            allowed="one",
+            remedy="convert the campaigns one by one",
+        )
     if len(parts) > 1 and any(not part.dated for part in parts):
-        raise InputError("several files have clock times without a date", allowed="times with a date",
-                         remedy="keep these columns without using them, as in --column \"Time=keep\"")  # fmt: skip
+        raise InputError(
+            "several files have clock times without a date",
+            allowed="times with a date",
+            remedy='keep these columns without using them, as in --column "Time=keep"',
+        )
     notes = list[str]()
     whole = _stacked(readings, notes)
     if angles:
@@ -90,8 +99,11 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
 
     without = [part.name for part in parts if "target" not in part.words]
     if without and len(without) < len(parts):
-        raise InputError(f"{without[0]} has no column of targets, other files have", allowed="targets in all, or none",
-                         remedy="convert it by itself, with --fill target=NAME")  # fmt: skip
+        raise InputError(
+            f"{without[0]} has no column of targets, other files have",
+            allowed="targets in all, or none",
+            remedy="convert it by itself, with --fill target=NAME",
+        )
     words = texts("words")
     named = [part.words.get("session", (_session(part.name),) * part.n) for part in parts]
     if bare := [part.name for part in parts if "session" not in part.words]:
@@ -112,29 +124,40 @@ def _joined(angles: Read, readings: Read, join: str | None, notes: list[str]) ->
         raise InputError("--join", value=join, allowed="pose, order", remedy="choose one of them")
     both = "pose" in angles.words and "pose" in readings.words
     if join == "pose" and not both:
-        raise InputError("--join pose", allowed="a pose column in both files",
-                         remedy='say which it is, as in --column "NAME=pose"')  # fmt: skip
+        raise InputError(
+            "--join pose", allowed="a pose column in both files", remedy='say which it is, as in --column "NAME=pose"'
+        )
     if join is None and not both:
-        raise InputError(f"{angles.name} and {readings.name}: it is not known which rows belong together",
-                         allowed="--join order, or --join pose with a pose column in both",
-                         remedy="give --join order if both are in the same order, row by row")  # fmt: skip
+        raise InputError(
+            f"{angles.name} and {readings.name}: it is not known which rows belong together",
+            allowed="--join order, or --join pose with a pose column in both",
+            remedy="give --join order if both are in the same order, row by row",
+        )
     rows = _by_pose(angles, readings) if join != "order" else _by_order(angles, readings)
-    notes.append(f"angles of {angles.name} joined to {readings.name} "
-                 f"{'in order, row by row' if join == 'order' else 'by pose'}")  # fmt: skip
+    notes.append(
+        f"angles of {angles.name} joined to {readings.name} {'in order, row by row' if join == 'order' else 'by pose'}"
+    )
     if idle := sorted(set(range(angles.n)) - set(rows.tolist())):
         notes.append(f"{len(idle)} rows of {angles.name} have no reading")
     taken = {key: values[rows] for key, values in angles.numbers.items() if key not in readings.numbers}
     words = {w: tuple(cells[k] for k in rows) for w, cells in angles.words.items() if w not in readings.words}
     kept = {w: tuple(cells[k] for k in rows) for w, cells in angles.kept.items() if w not in readings.kept}
-    return replace(readings, numbers={**taken, **readings.numbers}, words={**words, **readings.words},
-                   kept={**readings.kept, **kept}, columns=(*angles.columns, *readings.columns))  # fmt: skip
+    return replace(
+        readings,
+        numbers={**taken, **readings.numbers},
+        words={**words, **readings.words},
+        kept={**readings.kept, **kept},
+        columns=(*angles.columns, *readings.columns),
+    )
 
 
 def _by_order(angles: Read, readings: Read) -> Indices:
     if angles.n != readings.n:
-        raise InputError(f"--join order: {angles.name} has {angles.n} rows, {readings.name} {readings.n}",
-                         allowed="as many rows in both",
-                         remedy="leave out rows that are not readings with --rows, or join by pose")  # fmt: skip
+        raise InputError(
+            f"--join order: {angles.name} has {angles.n} rows, {readings.name} {readings.n}",
+            allowed="as many rows in both",
+            remedy="leave out rows that are not readings with --rows, or join by pose",
+        )
     return np.arange(angles.n, dtype=np.intp)
 
 
@@ -142,11 +165,19 @@ def _by_pose(angles: Read, readings: Read) -> Indices:
     faults = Faults(readings.name)
     known = {label: k for k, label in enumerate(angles.words["pose"])}
     if twice := [label for label, count in Counter(angles.words["pose"]).items() if count > 1]:
-        raise InputError(f"{angles.name}: poses {listed(twice)} stand there twice", allowed="each pose once",
-                         remedy="remove one of each, or join with --join order")  # fmt: skip
+        raise InputError(
+            f"{angles.name}: poses {listed(twice)} stand there twice",
+            allowed="each pose once",
+            remedy="remove one of each, or join with --join order",
+        )
     for (_, line), label in zip(readings.places, readings.words["pose"], strict=True):
         if label not in known:
-            faults.add(line, "column of the pose", value=label, allowed=f"a pose of {angles.name}",
-                       remedy="correct the label, or add the pose's angles there")  # fmt: skip
+            faults.add(
+                line,
+                "column of the pose",
+                value=label,
+                allowed=f"a pose of {angles.name}",
+                remedy="correct the label, or add the pose's angles there",
+            )
     faults.raise_if_any("readings")
     return np.array([known[label] for label in readings.words["pose"]], dtype=np.intp)

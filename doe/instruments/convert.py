@@ -118,8 +118,10 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     faults += _of_other_joints(found, robot)
     raise_any("ambiguous columns", faults)
     marks = [_mark(table, one, asked) for table, one in zip(tables, found, strict=True)]
-    reads = [read_values(table, one.meanings, one.why, mark, _fill_of(table, one, asked, tables), joints)
-             for table, one, (mark, _) in zip(tables, found, marks, strict=True)]  # fmt: skip
+    reads = [
+        read_values(table, one.meanings, one.why, mark, _fill_of(table, one, asked, tables), joints)
+        for table, one, (mark, _) in zip(tables, found, marks, strict=True)
+    ]
     whole, notes = combined(reads, asked.join)
     kind = kind_of(whole, asked.kind)
     cells, more, places = table_of(whole, kind, asked, robot)
@@ -133,8 +135,12 @@ def _units(asked: Settings) -> tuple[str, ...]:
     for word in asked.units:
         unit = unit_of(word)
         if unit is None:
-            raise InputError("--units", value=word, allowed="units such as mm, inch, deg, rad, N, Nm, C",
-                             remedy="write them separated by commas, as in --units mm,deg")  # fmt: skip
+            raise InputError(
+                "--units",
+                value=word,
+                allowed="units such as mm, inch, deg, rad, N, Nm, C",
+                remedy="write them separated by commas, as in --units mm,deg",
+            )
         out.append(unit)
     return tuple(out)
 
@@ -150,19 +156,28 @@ def _tables(file: Path, asked: Settings, *, several: bool) -> list[Table]:
         found = [of(grid) for grid in grids]
         for grid, table in zip(grids, found, strict=True):
             if table is None or not table.rows:
-                raise InputError(f"{grid.name} has no table of readings", allowed="rows with two numbers or more",
-                                 remedy="say where its names stand with --header LINE, or how its cells are separated "
-                                 "with --separator")  # fmt: skip
+                raise InputError(
+                    f"{grid.name} has no table of readings",
+                    allowed="rows with two numbers or more",
+                    remedy="say where its names stand with --header LINE, or how its cells are separated "
+                    "with --separator",
+                )
         return [table for table in found if table is not None]
     holding = [grid for grid in grids if _holds(grid)]
     if len(holding) != 1:
         every = " ".join(f'--sheet "{grid.how[0].removeprefix("sheet ")}"' for grid in holding or grids)
-        raise InputError(f"readings file {file} has {len(holding)} sheets that look like readings",
-                         allowed=every, remedy="say which to read: one, or several by repeating --sheet")  # fmt: skip
+        raise InputError(
+            f"readings file {file} has {len(holding)} sheets that look like readings",
+            allowed=every,
+            remedy="say which to read: one, or several by repeating --sheet",
+        )
     table = of(holding[0])
     if table is None:
-        raise InputError(f"{holding[0].name} has no table of readings", allowed="rows with two numbers or more",
-                         remedy="check --header and --rows")  # fmt: skip
+        raise InputError(
+            f"{holding[0].name} has no table of readings",
+            allowed="rows with two numbers or more",
+            remedy="check --header and --rows",
+        )
     left = listed(grid.how[0].removeprefix("sheet ") for grid in grids if grid is not holding[0])
     return [replace(table, how=(*table.how, f"no readings on sheet {left}"))]
 
@@ -219,9 +234,16 @@ def _fill_of(table: Table, found: Recognised, asked: Settings, tables: Sequence[
 
 
 def _made(
-    kind: str, cells: Cells, read: Read, asked: Settings, tables: Sequence[Table], found: Sequence[Recognised],
-    marks: Sequence[tuple[Mark, str]], notes: Sequence[str], places: tuple[tuple[str, int], ...],
-) -> Converted:  # fmt: skip
+    kind: str,
+    cells: Cells,
+    read: Read,
+    asked: Settings,
+    tables: Sequence[Table],
+    found: Sequence[Recognised],
+    marks: Sequence[tuple[Mark, str]],
+    notes: Sequence[str],
+    places: tuple[tuple[str, int], ...],
+) -> Converted:
     out = dict(cells)
     more = list(notes)
     for name in list(out):
@@ -258,8 +280,13 @@ def _check_words(made: Converted) -> None:
         k = made.header.index(name)
         for (file, line), row in zip(made.places, made.rows, strict=True):
             if not good.fullmatch(row[k]):
-                faults.say(line, f"{file}, row {line}, column {name}", value=row[k], allowed=allowed,
-                           remedy='correct it in the file, or keep the column: --column "NAME=keep"')  # fmt: skip
+                faults.say(
+                    line,
+                    f"{file}, row {line}, column {name}",
+                    value=row[k],
+                    allowed=allowed,
+                    remedy='correct it in the file, or keep the column: --column "NAME=keep"',
+                )
     faults.raise_if_any("readings")
 
 

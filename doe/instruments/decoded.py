@@ -10,10 +10,17 @@ from robots import InputError
 
 # Encodings that can be asked for, by the name that users type.
 ENCODINGS: Final = {
-    "utf-8": "utf-8-sig", "utf-16": "utf-16", "utf-16-le": "utf-16-le", "utf-16-be": "utf-16-be", "latin-1": "latin-1",
-    "windows-1252": "cp1252", "windows-1250": "cp1250", "windows-1251": "cp1251", "shift-jis": "cp932",
+    "utf-8": "utf-8-sig",
+    "utf-16": "utf-16",
+    "utf-16-le": "utf-16-le",
+    "utf-16-be": "utf-16-be",
+    "latin-1": "latin-1",
+    "windows-1252": "cp1252",
+    "windows-1250": "cp1250",
+    "windows-1251": "cp1251",
+    "shift-jis": "cp932",
     "gb18030": "gb18030",
-}  # fmt: skip
+}
 _MARKS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 # Text of Western letters in UTF-16 has a zero in nearly every second byte; a third of these is no accident.
 _ZEROS = 1 / 3
@@ -31,12 +38,18 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
         It is a workbook or another binary file, or not text in the encoding asked for.
     """
     if data.startswith(b"PK\x03\x04") and _OPEN_DOCUMENT in data[:200]:
-        raise InputError(f"{where} is an OpenDocument file (ODS)", allowed="text, or a workbook (XLSX)",
-                         remedy="save it as XLSX, or as CSV (UTF-8)")  # fmt: skip
+        raise InputError(
+            f"{where} is an OpenDocument file (ODS)",
+            allowed="text, or a workbook (XLSX)",
+            remedy="save it as XLSX, or as CSV (UTF-8)",
+        )
     for mark, what in _WORKBOOKS.items():
         if data.startswith(mark):
-            raise InputError(f"{where} is {what} under another name", allowed="text, or a workbook named .xlsx",
-                             remedy="save it as XLSX, or as CSV (UTF-8)")  # fmt: skip
+            raise InputError(
+                f"{where} is {what} under another name",
+                allowed="text, or a workbook named .xlsx",
+                remedy="save it as XLSX, or as CSV (UTF-8)",
+            )
     if encoding is not None and encoding not in ENCODINGS:
         raise InputError("--encoding", value=encoding, allowed=", ".join(ENCODINGS), remedy="choose one of them")
     name = encoding or _found(data)
@@ -44,15 +57,23 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
         text = data.decode(ENCODINGS[name]).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         if encoding is None:
-            raise InputError(f"{where} is not text (byte {error.start})", allowed="text, or a workbook (XLSX)",
-                             remedy="export it from the instrument's program as text or CSV") from error  # fmt: skip
-        raise InputError(f"{where} is not text in {name} (byte {error.start})", allowed=", ".join(ENCODINGS),
-                         remedy="name its encoding with --encoding, or save it as CSV (UTF-8)") from error  # fmt: skip
+            raise InputError(
+                f"{where} is not text (byte {error.start})",
+                allowed="text, or a workbook (XLSX)",
+                remedy="export it from the instrument's program as text or CSV",
+            ) from error
+        raise InputError(
+            f"{where} is not text in {name} (byte {error.start})",
+            allowed=", ".join(ENCODINGS),
+            remedy="name its encoding with --encoding, or save it as CSV (UTF-8)",
+        ) from error
     if found := _CONTROL.search(text):
         line = text.count("\n", 0, found.start()) + 1
-        raise InputError(f"{where} is not text (control character in line {line})",
-                         allowed="text, or a workbook (XLSX)",
-                         remedy="export it from the instrument's program as text or CSV")  # fmt: skip
+        raise InputError(
+            f"{where} is not text (control character in line {line})",
+            allowed="text, or a workbook (XLSX)",
+            remedy="export it from the instrument's program as text or CSV",
+        )
     return text, name
 
 

@@ -67,8 +67,11 @@ def deflections(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
         )
     _check_pairs(read)
     if axes.said is not None and not any(key[0] in AXES for key in read.numbers):
-        raise InputError(f"--axes {axes.said}: no positions are subtracted here", allowed="with columns x, y and z",
-                         remedy="leave it out: gauges read along axes of the base")  # fmt: skip
+        raise InputError(
+            f"--axes {axes.said}: no positions are subtracted here",
+            allowed="with columns x, y and z",
+            remedy="leave it out: gauges read along axes of the base",
+        )
     if any(key[1] == "before" and key[0] in (*AXES, *MOVED) for key in read.numbers):
         _refuse_unloaded(read)
         _check_turns(read, axes)
@@ -94,9 +97,12 @@ def _check_turns(read: Read, axes: Axes) -> None:
             )
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         if largest > LARGEST_TURN_mrad:
-            raise InputError(f"{read.name}: {what} {when}".rstrip(), value=f"{largest:g} mrad",
-                             allowed=f"up to {LARGEST_TURN_mrad:g} mrad: differences of larger angles are no rotation",
-                             remedy='keep it, as in --column "NAME=keep"')  # fmt: skip
+            raise InputError(
+                f"{read.name}: {what} {when}".rstrip(),
+                value=f"{largest:g} mrad",
+                allowed=f"up to {LARGEST_TURN_mrad:g} mrad: differences of larger angles are no rotation",
+                remedy='keep it, as in --column "NAME=keep"',
+            )
 
 
 def _refuse_unloaded(read: Read) -> None:
@@ -117,9 +123,11 @@ def _check_pairs(read: Read) -> None:
         if when and what in (*AXES, *MOVED):
             other = "after" if when == "before" else "before"
             if (what, other, target) not in read.numbers:
-                raise InputError(f"{read.name}: {what} was read {when} the load, and no column holds it {other}",
-                                 allowed="both, or one column of deflections",
-                                 remedy=f'say which it is, as in --column "NAME={what} mm {other}"')  # fmt: skip
+                raise InputError(
+                    f"{read.name}: {what} was read {when} the load, and no column holds it {other}",
+                    allowed="both, or one column of deflections",
+                    remedy=f'say which it is, as in --column "NAME={what} mm {other}"',
+                )
             if (what, "", target) in read.numbers:
                 raise InputError(
                     f"{read.name}: {what} {when} the load, and {what} without before or after",
@@ -128,8 +136,11 @@ def _check_pairs(read: Read) -> None:
                 )
         double = f"d{what}" if what in AXES else ""
         if any(key[0] == double for key in read.numbers):
-            raise InputError(f"{read.name}: positions {what} and deflections {double} both",
-                             allowed="one of them", remedy='keep the other, as in --column "NAME=keep"')  # fmt: skip
+            raise InputError(
+                f"{read.name}: positions {what} and deflections {double} both",
+                allowed="one of them",
+                remedy='keep the other, as in --column "NAME=keep"',
+            )
 
 
 def _sigma(read: Read, sigma_mm: float | None, when: str = "") -> Array:
@@ -208,9 +219,12 @@ def _cycles(read: Read, unloaded: Bools) -> list[tuple[Indices, Indices]]:
             continue
         for k in loaded:
             file, line = read.places[k]
-            faults.say(line, f"{file}, row {line}: this set-up has no row without a load",
-                       allowed="a row with load 0 at each pose (same label, target, session, repeat)",
-                       remedy="add it, or label the rows of one set-up alike (pose)")  # fmt: skip
+            faults.say(
+                line,
+                f"{file}, row {line}: this set-up has no row without a load",
+                allowed="a row with load 0 at each pose (same label, target, session, repeat)",
+                remedy="add it, or label the rows of one set-up alike (pose)",
+            )
     faults.raise_if_any("readings")
     return out
 

@@ -98,9 +98,11 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
     found = evidence(cells)
     if "point" in found and "comma" in found:
         (a, point), (b, comma) = found["point"], found["comma"]
-        raise InputError(f"{where}: {point} in line {a} has a decimal point, {comma} in line {b} a decimal comma",
-                         allowed="one decimal mark in a file",
-                         remedy="correct one of them, or leave its lines out with --rows")  # fmt: skip
+        raise InputError(
+            f"{where}: {point} in line {a} has a decimal point, {comma} in line {b} a decimal comma",
+            allowed="one decimal mark in a file",
+            remedy="correct one of them, or leave its lines out with --rows",
+        )
     mark: Mark = "comma" if "comma" in found else "point"
     other = "1.234" if mark == "comma" else "1,234"
     # One point alone is a decimal point, as everywhere in this program: 1.234 is in doubt only beside decimal commas.
@@ -109,8 +111,9 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
         raise InputError(
             f"{where}: {text} in line {line} may be {text.replace(',', '.')} or "
             f"{text.replace(',', '').replace('.', '')} (thousands), and no other number settles it",
-            allowed="--decimal comma or --decimal point", remedy="say which with --decimal, or correct the cell",
-        )  # fmt: skip
+            allowed="--decimal comma or --decimal point",
+            remedy="say which with --decimal, or correct the cell",
+        )
     if mark in found:
         line, text = found[mark]
         return mark, f"{text} in line {line}"

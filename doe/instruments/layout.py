@@ -45,9 +45,13 @@ class Table:
 
 
 def find_table(
-    grid: Grid, *, columns: Sequence[str] = (), if_bare: bool = False, header: int | None = None,
+    grid: Grid,
+    *,
+    columns: Sequence[str] = (),
+    if_bare: bool = False,
+    header: int | None = None,
     rows: tuple[int, int] | None = None,
-) -> Table | None:  # fmt: skip
+) -> Table | None:
     """The table of a grid; None where it holds none (a cover sheet).
 
     ``columns``: names to take (``if_bare``: only where the file has none itself); ``header``: the line of the names;
@@ -68,9 +72,12 @@ def find_table(
     start = inside.lines[first] if header is None and rows is None else _below(inside)
     body = inside.between(start, inside.lines[-1])
     if merged := [area for line, area in grid.merged if body.lines[0] <= line <= body.lines[-1]]:
-        raise InputError(f"{grid.name}: merged cells {listed(merged)} among the readings: all but the first of each "
-                         "would count as empty", allowed="one value in each cell",
-                         remedy="unmerge them and write the value into each cell")  # fmt: skip
+        raise InputError(
+            f"{grid.name}: merged cells {listed(merged)} among the readings: all but the first of each "
+            "would count as empty",
+            allowed="one value in each cell",
+            remedy="unmerge them and write the value into each cell",
+        )
     above = [(k, row) for k, row in zip(grid.lines, grid.rows, strict=True) if k < start and any(row)]
     width = max(len(_trimmed(row)) for row in body.rows[:1])
     units: tuple[str, ...] = ()
@@ -127,8 +134,12 @@ def _names(
     if header is not None:
         found = [(k, row) for k, row in zip(grid.lines, grid.rows, strict=True) if k == header]
         if not found:
-            raise InputError("--header", value=header, allowed="a line of the file above the readings",
-                             remedy="count its lines from 1")  # fmt: skip
+            raise InputError(
+                "--header",
+                value=header,
+                allowed="a line of the file above the readings",
+                remedy="count its lines from 1",
+            )
         return _trimmed(found[0][1]), header
     if above:
         line, row = above[-1]
@@ -165,28 +176,41 @@ def _checked(grid: Grid, body: Grid, names: tuple[str, ...], units: tuple[str, .
         if cells == names:
             again.append(line)
         elif len(cells) > len(names) or (grid.split is not None and len(row) < len(names)):
-            faults.add(line, "the row does not fit the names of the columns", value=f"{len(row)} cells",
-                       allowed=f"{len(names)} cells",
-                       remedy="if it is no reading leave it out with --rows FIRST-LAST; else look for a missing or "
-                       "extra separator, or for commas that are both separator and decimal mark")  # fmt: skip
+            faults.add(
+                line,
+                "the row does not fit the names of the columns",
+                value=f"{len(row)} cells",
+                allowed=f"{len(names)} cells",
+                remedy="if it is no reading leave it out with --rows FIRST-LAST; else look for a missing or "
+                "extra separator, or for commas that are both separator and decimal mark",
+            )
         else:
             kept.append(row[: len(names)] + ("",) * (len(names) - len(row)))
             lines.append(line)
     if twice := [name for name, count in Counter(name for name in names if name).items() if count > 1]:
-        faults.add(0, f"columns {listed(twice)} stand there twice", allowed="a name for each column",
-                   remedy="name all columns with --names, or the line of the names with --header")  # fmt: skip
+        faults.add(
+            0,
+            f"columns {listed(twice)} stand there twice",
+            allowed="a name for each column",
+            remedy="name all columns with --names, or the line of the names with --header",
+        )
     for k, name in enumerate(names):
         if not name and any(row[k].strip() for row in kept):
-            faults.add(0, f"column number {k + 1} has cells but no name", allowed="a name for each column",
-                       remedy="name all columns with --names, or the line of the names with --header")  # fmt: skip
+            faults.add(
+                0,
+                f"column number {k + 1} has cells but no name",
+                allowed="a name for each column",
+                remedy="name all columns with --names, or the line of the names with --header",
+            )
     faults.raise_if_any("readings")
     if again:
         how.append(f"names of the columns again in line {line_ranges(again)}, left out")
     used = [k for k, name in enumerate(names) if name]
     padded = (*units, *("",) * (len(names) - len(units)))
     rows = tuple(tuple(row[k] for k in used) for row in kept)
-    return Table(grid.name, tuple(names[k] for k in used), tuple(padded[k] for k in used), rows, tuple(lines), (),
-                 tuple(how))  # fmt: skip
+    return Table(
+        grid.name, tuple(names[k] for k in used), tuple(padded[k] for k in used), rows, tuple(lines), (), tuple(how)
+    )
 
 
 def by_joint(table: Table) -> Table:
@@ -211,19 +235,30 @@ def by_joint(table: Table) -> Table:
     for line, row in zip(table.lines, table.rows, strict=True):
         cells = {row[n]: row[p] for n, p in both}
         if len(cells) < len(both) or set(cells) != set(joints) or "" in cells:
-            faults.add(line, "names of joints", value=", ".join(row[k] for k in label), allowed=", ".join(joints),
-                       remedy="leave out rows of other arms with --rows FIRST-LAST")  # fmt: skip
+            faults.add(
+                line,
+                "names of joints",
+                value=", ".join(row[k] for k in label),
+                allowed=", ".join(joints),
+                remedy="leave out rows of other arms with --rows FIRST-LAST",
+            )
         else:
             rows.append((*(cells[name] for name in joints), *(row[k] for k in rest)))
     if twice := sorted({*joints} & {table.header[k] for k in rest}):
-        faults.add(0, f"columns {listed(twice)} are in the array of joints too", allowed="a name for each column",
-                   remedy="name all columns with --names")  # fmt: skip
+        faults.add(
+            0,
+            f"columns {listed(twice)} are in the array of joints too",
+            allowed="a name for each column",
+            remedy="name all columns with --names",
+        )
     faults.raise_if_any("readings")
     return replace(
-        table, header=(*joints, *(table.header[k] for k in rest)), rows=tuple(rows),
+        table,
+        header=(*joints, *(table.header[k] for k in rest)),
+        rows=tuple(rows),
         units=(*(table.units[k] for k in value), *(table.units[k] for k in rest)),
         how=(*table.how, "joints as the array of names calls them"),
-    )  # fmt: skip
+    )
 
 
 def without_units(table: Table, given: Mapping[str, Meaning]) -> Table:
@@ -248,13 +283,19 @@ def without_units(table: Table, given: Mapping[str, Meaning]) -> Table:
         for line, row in zip(table.lines, table.rows, strict=True):
             number, unit = bare_and_unit(row[k]) or (row[k], None)
             if row[k].strip().lower() not in NOT_READ and unit != (meant := meant or unit):
-                faults.add(line, f"column {name}", value=row[k], allowed=f"numbers in {meant}, as its others",
-                           remedy="write all cells of a column in one unit")  # fmt: skip
+                faults.add(
+                    line,
+                    f"column {name}",
+                    value=row[k],
+                    allowed=f"numbers in {meant}, as its others",
+                    remedy="write all cells of a column in one unit",
+                )
             bare[k].append(number)
         units[k] = meant or ""
     faults.raise_if_any("readings")
-    rows = tuple(tuple(bare[k][i] if k in bare else cell for k, cell in enumerate(row))
-                 for i, row in enumerate(table.rows))  # fmt: skip
+    rows = tuple(
+        tuple(bare[k][i] if k in bare else cell for k, cell in enumerate(row)) for i, row in enumerate(table.rows)
+    )
     return replace(table, rows=rows, units=tuple(units)) if bare else table
 
 

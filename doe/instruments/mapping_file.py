@@ -65,11 +65,20 @@ def read_mapping(path: Path, joints: Sequence[str] = ()) -> Settings:
     """
     where = f"mapping file {path}"
     data = parse_toml(read_text(path, "mapping file"), where)
-    faults = [InputError(f"{where}: key", value=key, allowed=", ".join(_KNOWN), remedy="remove it")
-              for key in data if key not in _KNOWN]  # fmt: skip
+    faults = [
+        InputError(f"{where}: key", value=key, allowed=", ".join(_KNOWN), remedy="remove it")
+        for key in data
+        if key not in _KNOWN
+    ]
     if data.get("schema") != SCHEMA:
-        faults.append(InputError(f"{where}: schema", value=data.get("schema"), allowed=SCHEMA,
-                                 remedy="give a file that `stiffarm readings` has written"))  # fmt: skip
+        faults.append(
+            InputError(
+                f"{where}: schema",
+                value=data.get("schema"),
+                allowed=SCHEMA,
+                remedy="give a file that `stiffarm readings` has written",
+            )
+        )
     made: dict[str, Any] = {}
     for key in _TEXTS:
         _take(made, data, key, str, "text", faults, where)

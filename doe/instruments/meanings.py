@@ -24,16 +24,21 @@ QUANTITIES: Final = {
     **{f"m{axis}": ("moment", f"m{axis}_Nm") for axis in AXES},
     **{f"p{axis}": ("length", f"p{axis}_mm") for axis in AXES},
     **{f"payload_{axis}": ("length", f"payload_{axis}_mm") for axis in AXES},
-    "hung": ("hung", "fz_N"), "payload": ("mass", "payload_kg"), "rail": ("length", "rail_mm"),
-    "sigma": ("length", "sigma_mm"), "temperature": ("temperature", "temperature_C"), "time": ("time", "time_s"),
+    "hung": ("hung", "fz_N"),
+    "payload": ("mass", "payload_kg"),
+    "rail": ("length", "rail_mm"),
+    "sigma": ("length", "sigma_mm"),
+    "temperature": ("temperature", "temperature_C"),
+    "time": ("time", "time_s"),
     "date": ("time", "time_s"),
-}  # fmt: skip
+}
 WORDS: Final = ("pose", "repeat", "phase", "step", "session", "target", "operator", "instrument", "approach")
 # Columns that go into the table as they are, and columns that are left out.
 LEFT: Final = ("keep", "ignore")
 # Meanings that a reading has twice where it was taken before and after the load.
-TWICE: Final = frozenset((*AXES, *(f"d{axis}" for axis in AXES), *(f"r{axis}" for axis in AXES), "sigma", "temperature",
-                          "time"))  # fmt: skip
+TWICE: Final = frozenset(
+    (*AXES, *(f"d{axis}" for axis in AXES), *(f"r{axis}" for axis in AXES), "sigma", "temperature", "time")
+)
 # Of what a load is hung: a mass, or the force that a scale shows.
 _DIMENSIONS: Final = {"hung": ("mass", "force"), "turn": ("angle",), "joint": ("angle",)}
 _JOINT: Final = re.compile(r"q[1-9]\d*[a-z]*")
@@ -106,9 +111,12 @@ def meaning_of(text: str, where: str, joints: Sequence[str] = ()) -> Meaning:
             made = with_unit(made, unit, where)
         else:
             allowed = ", ".join((*units_for(made), *(("before", "after") if what in TWICE else ()), "negated"))
-            raise InputError(f"{where}: word after {what}", value=word,
-                             allowed=allowed if made.kind else "none: it has no unit",
-                             remedy=f"write {FORM}")  # fmt: skip
+            raise InputError(
+                f"{where}: word after {what}",
+                value=word,
+                allowed=allowed if made.kind else "none: it has no unit",
+                remedy=f"write {FORM}",
+            )
     if made.target and what not in (*AXES, "sigma"):
         raise InputError(
             f"{where}: of {made.target}", allowed="of TARGET behind x, y, z and sigma", remedy="leave it out"

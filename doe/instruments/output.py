@@ -40,13 +40,19 @@ def kind_of(read: Read, asked: str | None) -> str:
     moved = any(key[0] in ("dx", "dy", "dz") or (key[1] and key[0] in AXES) for key in read.numbers)
     placed = any(key[0] in AXES and not key[1] for key in read.numbers)
     if asked == POSITIONS and not placed:
-        raise InputError(f"{read.name}: no positions among its columns", allowed="x, y and z",
-                         remedy='say which they are, as in --column "NAME=x mm"')  # fmt: skip
+        raise InputError(
+            f"{read.name}: no positions among its columns",
+            allowed="x, y and z",
+            remedy='say which they are, as in --column "NAME=x mm"',
+        )
     if asked is not None:
         return asked
     if moved and placed:
-        raise InputError(f"{read.name} has positions and deflections", allowed="--kind deflections or positions",
-                         remedy="say which with --kind, and keep the other columns")  # fmt: skip
+        raise InputError(
+            f"{read.name} has positions and deflections",
+            allowed="--kind deflections or positions",
+            remedy="say which with --kind, and keep the other columns",
+        )
     if placed and not loads_of(read).any():
         return POSITIONS
     return DEFLECTIONS
@@ -140,8 +146,11 @@ def _with_kept(cells: Cells, read: Read, notes: list[str], joints: Collection[st
 def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str]) -> Made:
     notes = list[str]()
     if any(key[1] and key[0] in AXES for key in read.numbers):
-        raise InputError(f"{read.name}: positions before and after a load", allowed="--kind deflections",
-                         remedy="leave --kind out, or keep one of the two")  # fmt: skip
+        raise InputError(
+            f"{read.name}: positions before and after a load",
+            allowed="--kind deflections",
+            remedy="leave --kind out, or keep one of the two",
+        )
     if loads_of(read).any():
         raise InputError(
             f"{read.name}: positions under a load that is hung, which a table of positions cannot hold",
@@ -150,15 +159,22 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
         )
     read = _one_row_a_target(read, notes)
     if missing := [axis for axis in AXES if (axis, "", "") not in read.numbers]:
-        raise InputError(f"{read.name}: no {listed(missing)} among its columns", allowed="x, y and z of a target",
-                         remedy='say which it is, as in --column "NAME=z mm"')  # fmt: skip
+        raise InputError(
+            f"{read.name}: no {listed(missing)} among its columns",
+            allowed="x, y and z of a target",
+            remedy='say which it is, as in --column "NAME=z mm"',
+        )
     position = np.column_stack([read.numbers[axis, "", ""] for axis in AXES])
     there = np.isfinite(position)
     faults = Faults(read.name)
     for k in np.flatnonzero(there.any(axis=1) & ~there.all(axis=1)):
         file, line = read.places[k]
-        faults.say(line, f"{file}, row {line}: a coordinate is missing", allowed="x, y and z, or none of them",
-                   remedy="fill it in, or clear the others")  # fmt: skip
+        faults.say(
+            line,
+            f"{file}, row {line}: a coordinate is missing",
+            allowed="x, y and z, or none of them",
+            remedy="fill it in, or clear the others",
+        )
     faults.raise_if_any("readings")
     unread = np.asarray(~there.any(axis=1), dtype=np.bool_)
     if unread.any():
@@ -192,8 +208,11 @@ def _one_row_a_target(read: Read, notes: list[str]) -> Read:
     if not targets:
         return read
     if any(not key[2] and key[0] in AXES for key in read.numbers):
-        raise InputError(f"{read.name}: coordinates with a target and without one", allowed="a target for each",
-                         remedy='name it, as in --column "X=x mm of ball"')  # fmt: skip
+        raise InputError(
+            f"{read.name}: coordinates with a target and without one",
+            allowed="a target for each",
+            remedy='name it, as in --column "X=x mm of ball"',
+        )
     parts = [replace(_of_target(read, target)) for target in targets]
     notes.append(f"{len(targets)} targets of a row become rows of their own: {listed(targets)}")
     keys = list(dict.fromkeys(key for part in parts for key in part.numbers))
@@ -267,8 +286,12 @@ def _same_angles(read: Read, notes: list[str]) -> Read:
 
 def _repeats(cells: Cells, read: Read) -> tuple[str, ...]:
     names = [name for name in (*cells, "phase", "step") if name in cells or name in read.words]
-    told = [name for name in names if name not in ("sigma_mm", "time_s", "temperature_C", "session")
-            and not name.startswith(("d", "rx_", "ry_", "rz_"))]  # fmt: skip
+    told = [
+        name
+        for name in names
+        if name not in ("sigma_mm", "time_s", "temperature_C", "session")
+        and not name.startswith(("d", "rx_", "ry_", "rz_"))
+    ]
     columns = [cells.get(name, read.words.get(name, ())) for name in told]
     seen: Counter[tuple[str, ...]] = Counter()
     out = []

@@ -59,8 +59,11 @@ class Question:
 
     def error(self, file: str) -> InputError:
         """As an error with the exact options."""
-        return InputError(f"{file}, column {self.column!r}: {self.problem}", allowed=" or ".join(self.options),
-                          remedy="give the option that is true, or write it into the mapping file")  # fmt: skip
+        return InputError(
+            f"{file}, column {self.column!r}: {self.problem}",
+            allowed=" or ".join(self.options),
+            remedy="give the option that is true, or write it into the mapping file",
+        )
 
 
 @dataclass(frozen=True)
@@ -73,9 +76,15 @@ class Recognised:
 
 
 def recognise(
-    header: Sequence[str], units: Sequence[str], kinds: Sequence[str], *,
-    given: Mapping[str, Meaning], stated: Sequence[str] = (), said: Sequence[str] = (), joints: Sequence[str] = (),
-) -> Recognised:  # fmt: skip
+    header: Sequence[str],
+    units: Sequence[str],
+    kinds: Sequence[str],
+    *,
+    given: Mapping[str, Meaning],
+    stated: Sequence[str] = (),
+    said: Sequence[str] = (),
+    joints: Sequence[str] = (),
+) -> Recognised:
     """What each column holds.
 
     Parameters
@@ -114,9 +123,14 @@ def recognise(
 
 
 def _recognised(
-    name: str, below: str, kind: str, run: Mapping[str, str], targets: Mapping[str, tuple[str, str] | None],
-    nominal: bool, joints: Sequence[str],
-) -> Meaning | Question:  # fmt: skip
+    name: str,
+    below: str,
+    kind: str,
+    run: Mapping[str, str],
+    targets: Mapping[str, tuple[str, str] | None],
+    nominal: bool,
+    joints: Sequence[str],
+) -> Meaning | Question:
     if exact := _exact(name, joints):
         return exact
     stem, unit = split_unit(name)
@@ -126,16 +140,22 @@ def _recognised(
     if joint := _of_model(stem, joints):
         return _with(Meaning(joint), unit, name)
     if kind == "number" and _ARRAY.fullmatch(name):
-        return _ask(name, "no column names the joint of this place in the array",
-                    *_joint_options("", joints, unit or "rad"), "keep")  # fmt: skip
+        return _ask(
+            name,
+            "no column names the joint of this place in the array",
+            *_joint_options("", joints, unit or "rad"),
+            "keep",
+        )
     if name in run:
         return _with(Meaning(run[name]), unit, name)
     if name in targets:
         found = targets[name]
         if found is None:
-            return _ask(name, "it may belong to a second target, or to a position before or after the load",
-                        *(f"{stem[0].lower()} mm of {stem[-1]}", f"{stem[0].lower()} mm before",
-                          f"{stem[0].lower()} mm after"))  # fmt: skip
+            return _ask(
+                name,
+                "it may belong to a second target, or to a position before or after the load",
+                *(f"{stem[0].lower()} mm of {stem[-1]}", f"{stem[0].lower()} mm before", f"{stem[0].lower()} mm after"),
+            )
         return _with(Meaning(found[0], target=found[1], when=when), unit, name)
     if set(words.split()) & NOMINAL and any(axis in words.split() for axis in AXES):
         return Meaning("keep")
@@ -180,16 +200,28 @@ def _open(
     tail = f" {when}" if when else ""
     plain = " ".join(word for word in rest.split() if word not in LOCAL)
     if plain != rest and (what := MEANINGS.get(plain, ""))[:1] in ("f", "m", "d", "r") and what[1:] in AXES:
-        return _ask(name, "its axes may be those of the sensor, the tool or the flange: convert its values to base "
-                    "axes first, or say that they are in base axes",
-                    f"{what} {unit or _TABLE_UNIT[what[0]]}{tail}", "keep")  # fmt: skip
+        return _ask(
+            name,
+            "its axes may be those of the sensor, the tool or the flange: convert its values to base "
+            "axes first, or say that they are in base axes",
+            f"{what} {unit or _TABLE_UNIT[what[0]]}{tail}",
+            "keep",
+        )
     if rest in GAUGES:
-        return _ask(name, "the direction that the gauge reads is not said",
-                    *(f"d{axis} {unit or 'mm'}{tail}" for axis in "zyx"), "keep")  # fmt: skip
+        return _ask(
+            name,
+            "the direction that the gauge reads is not said",
+            *(f"d{axis} {unit or 'mm'}{tail}" for axis in "zyx"),
+            "keep",
+        )
     if rest in UNDIRECTED or (unit and dimension(unit) == "force"):
         if unit and dimension(unit) == "mass":
-            return _ask(name, "it may be a mass hung on the tool, or a payload that the flange carries",
-                        f"hung {unit}", f"payload {unit}")  # fmt: skip
+            return _ask(
+                name,
+                "it may be a mass hung on the tool, or a payload that the flange carries",
+                f"hung {unit}",
+                f"payload {unit}",
+            )
         return _ask(
             name,
             "the direction of the load, in base axes, is not said",
@@ -327,8 +359,12 @@ def _with(meaning: Meaning, unit: str | None, name: str) -> Meaning | Question:
 
 
 def _time(name: str, what: str = "time") -> Question:
-    return _ask(name, "how dates and times are written is not said",
-                *(f"{what} {form}" for form in ("dmy", "mdy", "iso", "clock")), "keep")  # fmt: skip
+    return _ask(
+        name,
+        "how dates and times are written is not said",
+        *(f"{what} {form}" for form in ("dmy", "mdy", "iso", "clock")),
+        "keep",
+    )
 
 
 def _unit_question(name: str, meaning: Meaning) -> Question:
@@ -340,8 +376,11 @@ def _unit_question(name: str, meaning: Meaning) -> Question:
     usual, *others = _USUAL.get(meaning.kind, units)
     options = tuple(f'--column "{name}={replace(meaning, unit=unit)}"' for unit in (usual, *others))
     whole = f"--units {usual}, for all columns without one"
-    return Question(name, f"it is taken as {meaning}, and its unit is not said", (
-        *((whole,) if takes(meaning, usual) else ()), *dict.fromkeys(options)))  # fmt: skip
+    return Question(
+        name,
+        f"it is taken as {meaning}, and its unit is not said",
+        (*((whole,) if takes(meaning, usual) else ()), *dict.fromkeys(options)),
+    )
 
 
 def _ask(name: str, problem: str, *meanings: str) -> Question:

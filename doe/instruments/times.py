@@ -65,8 +65,12 @@ def seconds(cell: str, form: str) -> float:
     return 86400.0 * days + (_since_midnight(clock, wrong) if clock[0] else 0.0)
 
 
-_EXAMPLES: Final = {"iso": "2026-05-31 14:05:00", "dmy": "31.05.2026 14:05:00", "mdy": "05/31/2026 14:05:00",
-                    "clock": "14:05:00"}  # fmt: skip
+_EXAMPLES: Final = {
+    "iso": "2026-05-31 14:05:00",
+    "dmy": "31.05.2026 14:05:00",
+    "mdy": "05/31/2026 14:05:00",
+    "clock": "14:05:00",
+}
 
 
 def _since_midnight(parts: Sequence[str | None], wrong: str) -> float:

@@ -24,8 +24,28 @@ Key = tuple[str, str, str]
 # No joint turns farther: such an angle is in another unit.
 WIDEST_deg: Final = 3600.0
 # What may be missing in a row: readings, and what is known of them.
-_MAY_BE_EMPTY: Final = ("x", "y", "z", "dx", "dy", "dz", "rx", "ry", "rz", "sigma", "temperature", "time", "date", "px",
-                        "py", "pz", "payload", "payload_x", "payload_y", "payload_z")  # fmt: skip
+_MAY_BE_EMPTY: Final = (
+    "x",
+    "y",
+    "z",
+    "dx",
+    "dy",
+    "dz",
+    "rx",
+    "ry",
+    "rz",
+    "sigma",
+    "temperature",
+    "time",
+    "date",
+    "px",
+    "py",
+    "pz",
+    "payload",
+    "payload_x",
+    "payload_y",
+    "payload_z",
+)
 
 
 @dataclass(frozen=True)
@@ -74,8 +94,14 @@ class Read:
         return any(key[0] in ("x", "y", "z", "dx", "dy", "dz", "rx", "ry", "rz") for key in self.numbers)
 
 
-def read_values(table: Table, meanings: Mapping[str, Meaning], why: Mapping[str, str], mark: Mark,
-                fill: Mapping[str, str], joints: Sequence[str] = ()) -> Read:  # fmt: skip
+def read_values(
+    table: Table,
+    meanings: Mapping[str, Meaning],
+    why: Mapping[str, str],
+    mark: Mark,
+    fill: Mapping[str, str],
+    joints: Sequence[str] = (),
+) -> Read:
     """The values of a table; ``joints``: columns of the model's joints.
 
     Raises
@@ -98,8 +124,12 @@ def read_values(table: Table, meanings: Mapping[str, Meaning], why: Mapping[str,
             if meaning.what in ("session", "target") and any(words[meaning.what]):
                 for line, cell in zip(table.lines, words[meaning.what], strict=True):
                     if not cell:
-                        faults.add(line, f"column {name} is empty", allowed=f"a {meaning.what} in each row, or in none",
-                                   remedy="fill it in, or leave the line out with --rows FIRST-LAST")  # fmt: skip
+                        faults.add(
+                            line,
+                            f"column {name} is empty",
+                            allowed=f"a {meaning.what} in each row, or in none",
+                            remedy="fill it in, or leave the line out with --rows FIRST-LAST",
+                        )
         elif meaning.what == "keep":
             kept[name] = tuple(cell.strip() for cell in cells)
         there = values[np.isfinite(values)]
@@ -122,8 +152,13 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
     for i, cell in enumerate(cells):
         if cell.strip().lower() in NOT_READ:
             if not optional:
-                faults.add(table.lines[i], f"column {name} is empty", value=cell.strip() or None, allowed=allowed,
-                           remedy="fill in the value, 0 too; or leave the line out with --rows FIRST-LAST")  # fmt: skip
+                faults.add(
+                    table.lines[i],
+                    f"column {name} is empty",
+                    value=cell.strip() or None,
+                    allowed=allowed,
+                    remedy="fill in the value, 0 too; or leave the line out with --rows FIRST-LAST",
+                )
             continue
         try:
             value = seconds(cell, unit) if unit in FORMS else figure(cell, mark)
@@ -132,14 +167,29 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
             continue
         out[i] = in_table_unit(value, meaning)
         if meaning.kind == "joint" and abs(out[i]) > WIDEST_deg:
-            faults.add(table.lines[i], f"column {name}", value=cell, allowed=f"up to ten turns, {WIDEST_deg:g} deg",
-                       remedy=f"check its unit, which is {unit}")  # fmt: skip
+            faults.add(
+                table.lines[i],
+                f"column {name}",
+                value=cell,
+                allowed=f"up to ten turns, {WIDEST_deg:g} deg",
+                remedy=f"check its unit, which is {unit}",
+            )
         if meaning.kind == "hung" and value < 0.0:
-            faults.add(table.lines[i], f"column {name}", value=cell, allowed="0 or more: what hangs pulls down",
-                       remedy="correct it, or give the load as a force (fz)")  # fmt: skip
+            faults.add(
+                table.lines[i],
+                f"column {name}",
+                value=cell,
+                allowed="0 or more: what hangs pulls down",
+                remedy="correct it, or give the load as a force (fz)",
+            )
         if meaning.what == "sigma" and not out[i] > 0.0:
-            faults.add(table.lines[i], f"column {name}", value=cell, allowed="a number above 0, or an empty cell",
-                       remedy="a standard deviation of 0 is none: clear the cell")  # fmt: skip
+            faults.add(
+                table.lines[i],
+                f"column {name}",
+                value=cell,
+                allowed="a number above 0, or an empty cell",
+                remedy="a standard deviation of 0 is none: clear the cell",
+            )
     return out
 
 
@@ -174,9 +224,13 @@ def _with_dates(numbers: dict[Key, Array], meanings: Mapping[str, Meaning]) -> b
 
 
 def _fill(
-    name: str, text: str, numbers: dict[Key, Array], words: dict[str, tuple[str, ...]], table: Table,
+    name: str,
+    text: str,
+    numbers: dict[Key, Array],
+    words: dict[str, tuple[str, ...]],
+    table: Table,
     joints: Sequence[str],
-) -> Column:  # fmt: skip
+) -> Column:
     """A value that stands in no file, in every row."""
     where = f"--fill {name}={text}"
     n = len(table.rows)
@@ -189,8 +243,11 @@ def _fill(
     meaning = meaning_of(f"{name} {unit}", where, joints)
     key = (meaning.what, "", "")
     if not meaning.kind or meaning.needs_unit:
-        raise InputError(where, allowed="a word such as session=day1, or a number with its unit as fz=-650 N",
-                         remedy="give the unit too")  # fmt: skip
+        raise InputError(
+            where,
+            allowed="a word such as session=day1, or a number with its unit as fz=-650 N",
+            remedy="give the unit too",
+        )
     if any(known[0] == meaning.what for known in numbers):
         raise InputError(f"{where}: {table.name} has a column of it", remedy="leave the option out")
     try:

@@ -124,9 +124,22 @@ def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean")
     for k, rows in enumerate((slice(0, 3), slice(3, 6))):
         np.logical_or.at(untold[:, k], joint, (~own[:, rows] & np.isfinite(slope[:, rows])).any(axis=1))
     return Cycles(
-        q, data.joint[first], *_setups(data, first), top, force, carried, slope, variance * scale,
-        up.solved()[0], half, half_variance * scale, noise, dof, ~untold | (dof > 0), number,
-    )  # fmt: skip
+        q,
+        data.joint[first],
+        *_setups(data, first),
+        top,
+        force,
+        carried,
+        slope,
+        variance * scale,
+        up.solved()[0],
+        half,
+        half_variance * scale,
+        noise,
+        dof,
+        ~untold | (dof > 0),
+        number,
+    )
 
 
 def _numbers(data: TwistReadings) -> Indices:
@@ -170,8 +183,10 @@ def _check_branches(data: TwistReadings, number: Indices, branches: Branches) ->
                 value=", ".join(labels[:6]) + (" ..." if len(labels) > 6 else ""),
                 allowed="each load step on the way up and on the way down",
                 remedy="measure the way down too, or use the way up alone (--branches loading): then friction stays "
-                "in the stiffnesses" if name == "unloading" else "mark the readings of rising loads as loading",
-            )  # fmt: skip
+                "in the stiffnesses"
+                if name == "unloading"
+                else "mark the readings of rising loads as loading",
+            )
 
 
 def _summed(x: Array, number: Indices, m: int) -> Array:

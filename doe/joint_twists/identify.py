@@ -172,9 +172,7 @@ def _scatter(setups: list[_SetUps], kind: int) -> tuple[float, int]:
     return float(minimize_scalar(minus_twice_log, bounds=ends, method="bounded").x), spare
 
 
-def _direction(
-    name: str, s: _SetUps, scatter: float, dof: int, asked: LawKind | None, cycles: Cycles
-) -> Direction:  # fmt: skip
+def _direction(name: str, s: _SetUps, scatter: float, dof: int, asked: LawKind | None, cycles: Cycles) -> Direction:
     row, none, kind = ROWS[s.row], np.zeros(0), s.row // 3
     is_judged = bool(cycles.noise_known[s.joint, kind]) or dof > 0
     # Where nothing was estimated there are no freedoms to run short of.
@@ -213,9 +211,7 @@ def _mean(c: Array, variance: Array, scatter: float) -> tuple[float, float]:
     return float(np.sum(w * c) / np.sum(w)), float(1.0 / np.sqrt(np.sum(w)))
 
 
-def _notes(
-    directions: Mapping[tuple[str, str], Direction], cycles: Cycles, names: tuple[str, ...]
-) -> tuple[str, ...]:  # fmt: skip
+def _notes(directions: Mapping[tuple[str, str], Direction], cycles: Cycles, names: tuple[str, ...]) -> tuple[str, ...]:
     out = []
     unwatched = [name for j, name in enumerate(names) if not (cycles.joint == j).any()]
     if unwatched:
@@ -271,8 +267,12 @@ def unjudged(
             add(what, f"{joint}.{row}", reason)
     for words, freedoms in zip(KINDS, scatter_dof, strict=True):
         if freedoms < FEWEST_SPARE:
-            add("the scatter between set-ups", words, f"fewer than {FEWEST_SPARE} set-ups beyond the first at an "
-                "angle; intervals hold for the noise of the readings alone")  # fmt: skip
+            add(
+                "the scatter between set-ups",
+                words,
+                f"fewer than {FEWEST_SPARE} set-ups beyond the first at an "
+                "angle; intervals hold for the noise of the readings alone",
+            )
     return tuple(Unjudged(what, tuple(of), reason) for (what, reason), of in found.items())
 
 
@@ -300,6 +300,7 @@ def _of_law(d: Direction, asked: LawKind | None) -> list[tuple[str, str]]:
         out.append(("the law's lack of fit", f"{size} numbers through {count} angles leave none to check the law by"))
     lost = [kind for kind, score in d.scores.items() if not np.isfinite(score)]
     if lost:
-        out.append((f"how well {' and '.join(lost)} predicts angles left out",
-                    "without one of the angles it does not settle"))  # fmt: skip
+        out.append(
+            (f"how well {' and '.join(lost)} predicts angles left out", "without one of the angles it does not settle")
+        )
     return out

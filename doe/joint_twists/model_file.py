@@ -67,8 +67,11 @@ def held_law(d: Direction) -> Law | None:
 
 def held_constant(found: Identified) -> tuple[str, ...]:
     """What the model file does not hold as identified: tables of stiffnesses across the axis."""
-    varying = [f"{d.joint}.{d.row}" for d in found.directions.values()
-               if d.law is not None and d.law.kind != "constant" and held_law(d) is None]  # fmt: skip
+    varying = [
+        f"{d.joint}.{d.row}"
+        for d in found.directions.values()
+        if d.law is not None and d.law.kind != "constant" and held_law(d) is None
+    ]
     if not varying:
         return ()
     which = f"all {len(varying)} across the axes" if len(varying) > 8 else ", ".join(varying)
@@ -153,10 +156,19 @@ def _numbers(d: Direction) -> tuple[list[FoundNumber], Array]:
     if (law := held_law(d)) is not None:
         whole = f"{d.joint}.law" if axial else f"{d.joint}.{d.row}.law"
         numbers = [
-            FoundNumber(f"{whole}[{i}]", f"ln({d.unit})", "linear", c, (np.nan, np.nan), status,
-                        d.degrees_of_freedom, judged, note)
+            FoundNumber(
+                f"{whole}[{i}]",
+                f"ln({d.unit})",
+                "linear",
+                c,
+                (np.nan, np.nan),
+                status,
+                d.degrees_of_freedom,
+                judged,
+                note,
+            )
             for i, c in enumerate(law.coefficients.tolist())
-        ]  # fmt: skip
+        ]
         return numbers, law.covariance if judged else np.zeros_like(law.covariance)
     low = high = np.nan
     value = variance = 0.0

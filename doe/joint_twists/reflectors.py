@@ -109,9 +109,7 @@ class _Fit:
     spare: int
 
 
-def assemble_reflectors(
-    table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults
-) -> TwistReadings:  # fmt: skip
+def assemble_reflectors(table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults) -> TwistReadings:
     """Readings from a table of reflectors; what is wrong with it goes to ``faults``."""
     both = (table, columns)
     unloaded = mc.numbers(*both, UNLOADED, faults)
@@ -122,17 +120,25 @@ def assemble_reflectors(
     remedy = "say whether the reflector sits on the arm before or behind the joint"
     check_among(table, arm, ARMS, ", ".join(ARMS), "arm", remedy, faults)
     for i in np.flatnonzero(np.linalg.norm(loaded - unloaded, axis=1) > FARTHEST_M):
-        faults.add(table.lines[i], "columns x_mm y_mm z_mm, the reflector moved by more than "
-                   f"{1e3 * FARTHEST_M:g} mm", value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
-                   allowed="displacements under load", remedy="check units and the reflector's label")  # fmt: skip
+        faults.add(
+            table.lines[i],
+            f"columns x_mm y_mm z_mm, the reflector moved by more than {1e3 * FARTHEST_M:g} mm",
+            value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
+            allowed="displacements under load",
+            remedy="check units and the reflector's label",
+        )
     faults.raise_if_any("measurements")
     frames = forward_kinematics(robot, cells.q)
     fits = []
     for rows in rows_of(label).values():
         j = int(cells.joint[rows[0]])
         if not _agree(rows, cells):
-            faults.add(table.lines[rows[0]], f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
-                       allowed="one of each a reading", remedy="give each reading a label of its own")  # fmt: skip
+            faults.add(
+                table.lines[rows[0]],
+                f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
+                allowed="one of each a reading",
+                remedy="give each reading a label of its own",
+            )
             continue
         R = frames.R[rows[0], j + 1] @ robot.R_post[j].T
         try:
@@ -144,11 +150,20 @@ def assemble_reflectors(
     noise, note = _noise(fits, sigma[first])
     covariance = np.array([np.diag(fit.covariance) for fit in fits])
     return TwistReadings(
-        table.name, table.sha256, cells.q[first], cells.joint[first], cells.wrench[first],
-        cells.point[first], np.array([fit.twist for fit in fits]), noise[:, None] * np.sqrt(covariance),
-        tuple(cells.phase[i] for i in first), tuple(cells.setup[i] for i in first),
-        tuple(table.lines[i] for i in first), cells.synthetic, (note,),
-    )  # fmt: skip
+        table.name,
+        table.sha256,
+        cells.q[first],
+        cells.joint[first],
+        cells.wrench[first],
+        cells.point[first],
+        np.array([fit.twist for fit in fits]),
+        noise[:, None] * np.sqrt(covariance),
+        tuple(cells.phase[i] for i in first),
+        tuple(cells.setup[i] for i in first),
+        tuple(table.lines[i] for i in first),
+        cells.synthetic,
+        (note,),
+    )
 
 
 def _agree(rows: Indices, cells: Cells) -> bool:

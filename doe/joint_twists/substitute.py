@@ -176,7 +176,7 @@ def errors_of(k: Array, reference: Array) -> Errors:
 
 def usual_models(
     model: ArmModel, six: Compliances, *, poses: int, rng: np.random.Generator
-) -> tuple[Errors, Errors, Array]:  # fmt: skip
+) -> tuple[Errors, Errors, Array]:
     """How wrong models of the gears alone are against six stiffnesses a joint, over random reachable poses.
 
     The usual model (eq. 3 of the paper) has stiffness about the gear axes only, all else is rigid.
@@ -219,9 +219,14 @@ class Window:
 
 
 def stiffness_window(
-    model: ArmModel, six: Compliances, *, orientation: Orientation = "forward",
-    origin_m: tuple[float, float] = ORIGIN_M, size_m: tuple[float, float] = SIZE_M, points: tuple[int, int] = (31, 31),
-) -> Window:  # fmt: skip
+    model: ArmModel,
+    six: Compliances,
+    *,
+    orientation: Orientation = "forward",
+    origin_m: tuple[float, float] = ORIGIN_M,
+    size_m: tuple[float, float] = SIZE_M,
+    points: tuple[int, int] = (31, 31),
+) -> Window:
     """Directional stiffnesses over a window of the plane Y = 0, each under a unit force of its own.
 
     The paper gives the window's origin (X 1344 mm, Z 550 mm from the base), not its size.

@@ -98,9 +98,14 @@ def draw_truth(model: ArmModel, rng: np.random.Generator, *, swing: float = 0.12
 
 
 def make_readings(
-    model: ArmModel, truth: Truth, campaign: Campaign, rng: np.random.Generator, *,
-    poses: Array | None = None, source: str = "synthetic_joint_twists.csv",
-) -> TwistReadings:  # fmt: skip
+    model: ArmModel,
+    truth: Truth,
+    campaign: Campaign,
+    rng: np.random.Generator,
+    *,
+    poses: Array | None = None,
+    source: str = "synthetic_joint_twists.csv",
+) -> TwistReadings:
     """Readings of every joint at its angles: 0 to the top step and back in flange X, Y and Z.
 
     ``poses`` (joints, angles, poses, dof) rad: drawn where not given (:func:`draw_poses`).
@@ -123,10 +128,20 @@ def make_readings(
     setup = [f"S{i + 1}/{j + 1}" for i, j in enumerate(joint.tolist())]
     wrench = np.repeat(unit, n, axis=0) * np.tile(load, 3 * k)[:, None]
     return TwistReadings(
-        source, "0" * 64, np.repeat(q, 3 * n, axis=0), np.repeat(joint, 3 * n).astype(np.intp), wrench,
-        np.repeat(point, 3 * n, axis=0), y.reshape(-1, 6), np.full((3 * k * n, 6), np.nan), tuple(phase * (3 * k)),
-        tuple(np.repeat(setup, 3 * n).tolist()), tuple(range(2, 3 * k * n + 2)), True, (),
-    )  # fmt: skip
+        source,
+        "0" * 64,
+        np.repeat(q, 3 * n, axis=0),
+        np.repeat(joint, 3 * n).astype(np.intp),
+        wrench,
+        np.repeat(point, 3 * n, axis=0),
+        y.reshape(-1, 6),
+        np.full((3 * k * n, 6), np.nan),
+        tuple(phase * (3 * k)),
+        tuple(np.repeat(setup, 3 * n).tolist()),
+        tuple(range(2, 3 * k * n + 2)),
+        True,
+        (),
+    )
 
 
 def _responses(

@@ -59,8 +59,12 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     else:
         readings = _assemble(table, columns, cells, faults)
     if readings.n and not readings.wrench.any():
-        faults.add(readings.row_numbers[0], "the load is zero in every component, here and in every row",
-                   allowed="loads other than 0", remedy="give the forces: fx_N, fy_N, fz_N")  # fmt: skip
+        faults.add(
+            readings.row_numbers[0],
+            "the load is zero in every component, here and in every row",
+            allowed="loads other than 0",
+            remedy="give the forces: fx_N, fy_N, fz_N",
+        )
     if readings.n and check_reach:
         check_limits(readings.q, readings.setup, readings.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
@@ -74,14 +78,28 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, faults: Faults) -
     sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
     for line, row in zip(table.lines, twist, strict=True):
         if np.isnan(row).all() and line not in faults.lines:
-            faults.add(line, "nothing was read", allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
-                       remedy="fill in the readings, or remove the row")  # fmt: skip
+            faults.add(
+                line,
+                "nothing was read",
+                allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
+                remedy="fill in the readings, or remove the row",
+            )
     good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
     return TwistReadings(
-        table.name, table.sha256, cells.q[good], cells.joint[good], cells.wrench[good],
-        cells.point[good], twist[good], sigma[good], tuple(compress(cells.phase, good)),
-        tuple(compress(cells.setup, good)), tuple(compress(table.lines, good)), cells.synthetic, (),
-    )  # fmt: skip
+        table.name,
+        table.sha256,
+        cells.q[good],
+        cells.joint[good],
+        cells.wrench[good],
+        cells.point[good],
+        twist[good],
+        sigma[good],
+        tuple(compress(cells.phase, good)),
+        tuple(compress(cells.setup, good)),
+        tuple(compress(table.lines, good)),
+        cells.synthetic,
+        (),
+    )
 
 
 def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:

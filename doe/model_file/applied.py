@@ -66,9 +66,10 @@ def with_springs(
     """The description with other springs of some joints, from ``source``."""
     joints = tuple(
         joint.model_copy(update={"stiffness": springs[joint.name].model_copy(update={"source": source})})
-        if joint.name in springs else joint
+        if joint.name in springs
+        else joint
         for joint in description.joint
-    )  # fmt: skip
+    )
     update = {"joint": joints, "sources": {source: "calibration", **description.sources}}
     return description.model_copy(update=update)
 

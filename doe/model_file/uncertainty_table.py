@@ -67,9 +67,10 @@ def carried_on(
     new = [_key(model, name, effects) for name in found]
     alike = (origin.links, origin.load_path) == (model.link_kind, model.load_path)
     kept = [
-        k for k, name in enumerate(old.parameters)
+        k
+        for k, name in enumerate(old.parameters)
         if alike and _is_held(model, name, effects, new) and _is_same(before, model, effects, old, k)
-    ]  # fmt: skip
+    ]
     open_then = tuple(u for u in old.undetermined if alike and _is_held(model, u.name, effects, new))
     gone = [n for k, n in enumerate(old.parameters) if k not in kept and _is_held(model, n, effects, new)]
     directions = np.array(old.undetermined_directions).reshape(-1, len(old.parameters))[:, kept]

@@ -58,8 +58,9 @@ def shown(e: Estimate) -> Shown | None:
     n = _with_lack_of_fit(e)
     pose, share = _common(e, n)
     lack = pose + share
-    return Shown(lack, _own(e, n), max(float(blocks(e.problem) - p), 1.0), pose / lack if lack else 0.0,
-                 Noise(n.white, n.share))  # fmt: skip
+    return Shown(
+        lack, _own(e, n), max(float(blocks(e.problem) - p), 1.0), pose / lack if lack else 0.0, Noise(n.white, n.share)
+    )
 
 
 def counted(e: Estimate) -> float:

@@ -89,9 +89,13 @@ def choose(
 
 
 def exchange(
-    score: Callable[[list[int]], Array], n: int, first: Sequence[int] = (), *,
-    least_gain: float = LEAST_GAIN, sweeps: int = MOST_SWEEPS,
-) -> tuple[list[int], float]:  # fmt: skip
+    score: Callable[[list[int]], Array],
+    n: int,
+    first: Sequence[int] = (),
+    *,
+    least_gain: float = LEAST_GAIN,
+    sweeps: int = MOST_SWEEPS,
+) -> tuple[list[int], float]:
     """Choose n candidates: greedily beyond ``first``, then swap one for a better one until nothing gains.
 
     ``score``: value (N,) of each candidate together with those taken, larger is better; -inf for one that may not join.

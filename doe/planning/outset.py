@@ -104,9 +104,19 @@ def _own(q: Parameter, usual: float | None = None) -> float:
 def outset(e: Estimate, c: Certainty) -> Outset:
     """After readings that were estimated from; their noise is expected of the new ones too."""
     u, noise = design_point(e, c), _expected(e)
-    return Outset(e.problem.free, u, known_information(e, u), noise, c.estimates, len(e.problem), e.u,
-                  origin(e.problem, given=not e.estimated), shown(replace(e, noise=noise)), counted(e),
-                  blocks(e.problem))  # fmt: skip
+    return Outset(
+        e.problem.free,
+        u,
+        known_information(e, u),
+        noise,
+        c.estimates,
+        len(e.problem),
+        e.u,
+        origin(e.problem, given=not e.estimated),
+        shown(replace(e, noise=noise)),
+        counted(e),
+        blocks(e.problem),
+    )
 
 
 def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
@@ -114,8 +124,9 @@ def helped_outset(p: Problem, gauge: tuple[float, float]) -> Outset:
     priors = [_with_prior(q, sd) for q, sd in zip(p.parameters, vague_sd(p.parameters), strict=True)]
     helped = replace(p, free=replace(p.free, parameters=tuple(priors)))
     e = estimate(helped, gauge, fixed_noise=Noise(white=gauge), robust=False)
-    return Outset(helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u,
-                  counted=counted(e), blocks=blocks(p))  # fmt: skip
+    return Outset(
+        helped.free, e.u, known_information(e, e.u), _expected(e), (), len(p), e.u, counted=counted(e), blocks=blocks(p)
+    )
 
 
 def _with_prior(q: Parameter, sd: float) -> Parameter:

@@ -135,9 +135,14 @@ def plan(
     random = random_values(start.known, candidates, most, criterion, weight, rng)
     pose, direction = np.divmod(found.chosen, len(protocol.directions))
     return MeasurementPlan(
-        poses[pose], protocol.directions[direction], protocol, _foresight(start, candidates, found), criterion,
-        found.value, np.quantile(random, QUANTILES, axis=0).T,
-    )  # fmt: skip
+        poses[pose],
+        protocol.directions[direction],
+        protocol,
+        _foresight(start, candidates, found),
+        criterion,
+        found.value,
+        np.quantile(random, QUANTILES, axis=0).T,
+    )
 
 
 def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterion = "D") -> MeasurementPlan:
@@ -147,9 +152,14 @@ def foresee(start: Outset, poses: Array, protocol: Protocol, criterion: Criterio
     found = judge(start.known, candidates, np.arange(len(candidates)), criterion, weight)
     d = len(protocol.directions)
     return MeasurementPlan(
-        np.repeat(poses, d, axis=0), np.tile(protocol.directions, (len(poses), 1)), protocol,
-        _foresight(start, candidates, found), criterion, found.value, np.zeros((0, 3)),
-    )  # fmt: skip
+        np.repeat(poses, d, axis=0),
+        np.tile(protocol.directions, (len(poses), 1)),
+        protocol,
+        _foresight(start, candidates, found),
+        criterion,
+        found.value,
+        np.zeros((0, 3)),
+    )
 
 
 def _all(start: Outset, poses: Array, protocol: Protocol) -> LoadedPoses:

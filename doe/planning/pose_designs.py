@@ -60,9 +60,16 @@ def pose_design(
 
 
 def _drawn(
-    robot: Robot, n: int, method: Method, base: Array, columns: list[int], low: Array, high: Array,
-    zone: Zone | None, rng: np.random.Generator,
-) -> Array:  # fmt: skip
+    robot: Robot,
+    n: int,
+    method: Method,
+    base: Array,
+    columns: list[int],
+    low: Array,
+    high: Array,
+    zone: Zone | None,
+    rng: np.random.Generator,
+) -> Array:
     sampler: qmc.QMCEngine = (
         qmc.Sobol(len(columns), rng=rng) if method == "sobol" else qmc.LatinHypercube(len(columns), rng=rng)
     )

@@ -138,10 +138,18 @@ def table_to_fill(
     wrench[:, :3] = direction[each] * np.tile(course, sets * repeats)[:, None]
     number = np.tile(np.repeat(np.arange(1, repeats + 1), len(course)), sets).tolist()
     return Measurements(
-        source=source, sha256="", q=q[each], wrench=wrench + 0.0,
-        displacement=np.full((total, len(DISPLACEMENTS)), np.nan), point=np.tile(protocol.point or nowhere, (total, 1)),
-        sigma=np.full(total, np.nan), pose=tuple(np.array(labels, dtype=object)[each]),
-        repeat=tuple(number) if repeats > 1 else (None,) * total, phase=protocol.phases * (sets * repeats),
-        step=first_step + np.arange(total, dtype=np.float64), row_numbers=tuple(range(2, total + 2)),
-        extra={}, notes=(),
-    )  # fmt: skip
+        source=source,
+        sha256="",
+        q=q[each],
+        wrench=wrench + 0.0,
+        displacement=np.full((total, len(DISPLACEMENTS)), np.nan),
+        point=np.tile(protocol.point or nowhere, (total, 1)),
+        sigma=np.full(total, np.nan),
+        pose=tuple(np.array(labels, dtype=object)[each]),
+        repeat=tuple(number) if repeats > 1 else (None,) * total,
+        phase=protocol.phases * (sets * repeats),
+        step=first_step + np.arange(total, dtype=np.float64),
+        row_numbers=tuple(range(2, total + 2)),
+        extra={},
+        notes=(),
+    )

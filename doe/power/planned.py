@@ -144,9 +144,11 @@ class Planned:
             size[mine] = _sizes(some, G, g)
         evidence, left, sizes = {}, {}, {}
         for code, own in self.candidates.items():
-            z, q = (gain[self.stack.place[code]], told[self.stack.place[code]]) if own[0].shift is None else (
-                self._of_shifts(own, W)
-            )  # fmt: skip
+            z, q = (
+                (gain[self.stack.place[code]], told[self.stack.place[code]])
+                if own[0].shift is None
+                else (self._of_shifts(own, W))
+            )
             evidence[code] = logsumexp(z, axis=0) - np.log(max(shape_count(own[0].effect), 1))
             left[code] = np.maximum(total - q.max(axis=0), 0.0)
             best = size[self.stack.place[code]] if own[0].shift is None else np.zeros_like(q)
@@ -173,8 +175,10 @@ class Planned:
         precision[:n] = 1e-9 * precision[:n]
         variance = np.diag(np.linalg.inv(w.W.T @ w.W + np.diag(precision)))[:n]
         sd = np.sqrt(np.maximum(variance, 0.0)) / np.maximum(self.s.springs, 1e-300)
-        return [(name, float(1.0 / c) if c > 0.0 else np.inf, float(r))
-                for name, c, r in zip(self.s.free, self.s.springs, sd, strict=True)]  # fmt: skip
+        return [
+            (name, float(1.0 / c) if c > 0.0 else np.inf, float(r))
+            for name, c, r in zip(self.s.free, self.s.springs, sd, strict=True)
+        ]
 
 
 def _fitted(some: Sequence[Signature], G: Array, g: Array) -> tuple[Array, Array]:

@@ -120,9 +120,14 @@ class PoseStudies:
 
 
 def study_poses(
-    model: ArmModel, data: Measurements, campaign: Campaign, stage: Stage, earlier: Sequence[str],
-    spacing: str = "log", progress: Messages | None = None,
-) -> PoseStudies:  # fmt: skip
+    model: ArmModel,
+    data: Measurements,
+    campaign: Campaign,
+    stage: Stage,
+    earlier: Sequence[str],
+    spacing: str = "log",
+    progress: Messages | None = None,
+) -> PoseStudies:
     """Match each pose of a stage by levels of its springs, then put a law through them.
 
     ``model``: springs of earlier stages follow their laws, which pass through their points, and those that no stage
@@ -170,9 +175,14 @@ def _held(model: ArmModel, earlier: Measurements, column: int, gauge_m: float, s
 
 
 def _points(
-    model: ArmModel, data: Measurements, law: RegressionChoice, fits: Sequence[PoseFit], spring: int, held: Array,
+    model: ArmModel,
+    data: Measurements,
+    law: RegressionChoice,
+    fits: Sequence[PoseFit],
+    spring: int,
+    held: Array,
     start: float,
-) -> SpringPoints:  # fmt: skip
+) -> SpringPoints:
     columns = [model.robot.coordinate_index(name) for name in law.inputs]
     calibrated = np.array([data.q[data.pose.index(fit.pose), columns] for fit in fits])
     angles, stiffness = [calibrated], [np.array([fit.stiffness[spring] for fit in fits])]

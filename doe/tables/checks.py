@@ -24,8 +24,12 @@ def joint_keys(q: Array) -> list[tuple[float, ...]]:
 def check_read(m: Measurements, faults: Faults) -> None:
     """Record that nothing was read."""
     if not m.used.any():
-        faults.add(m.row_numbers[0], "no deflection was read, here or in any row",
-                   allowed=f"at least one of {', '.join(DISPLACEMENTS)}", remedy="fill in the readings")  # fmt: skip
+        faults.add(
+            m.row_numbers[0],
+            "no deflection was read, here or in any row",
+            allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
+            remedy="fill in the readings",
+        )
 
 
 def check_loads(m: Measurements, faults: Faults) -> None:
@@ -33,16 +37,27 @@ def check_loads(m: Measurements, faults: Faults) -> None:
     given = ~np.isnan(m.point)
     unloaded = np.asarray(~m.wrench.any(axis=1), dtype=np.bool_)
     if unloaded.all():
-        faults.add(m.row_numbers[0], "the load is zero in every component, here and in every row",
-                   allowed="loads other than 0",
-                   remedy="give them, or remove the rows: deflections are relative to the unloaded arm")  # fmt: skip
+        faults.add(
+            m.row_numbers[0],
+            "the load is zero in every component, here and in every row",
+            allowed="loads other than 0",
+            remedy="give them, or remove the rows: deflections are relative to the unloaded arm",
+        )
         unloaded = np.zeros(m.n, dtype=np.bool_)
     for wrong, problem, allowed, remedy in (
-        (unloaded, "the load is zero in every component", "a load other than 0",
-         "give the load, or remove the row: deflections are relative to the unloaded arm"),
-        (given.any(axis=1) & ~given.all(axis=1), f"columns {', '.join(POINT)}: the point is incomplete",
-         "three numbers, or three empty cells (the tool point)", "fill in the missing coordinate, 0 too"),
-    ):  # fmt: skip
+        (
+            unloaded,
+            "the load is zero in every component",
+            "a load other than 0",
+            "give the load, or remove the row: deflections are relative to the unloaded arm",
+        ),
+        (
+            given.any(axis=1) & ~given.all(axis=1),
+            f"columns {', '.join(POINT)}: the point is incomplete",
+            "three numbers, or three empty cells (the tool point)",
+            "fill in the missing coordinate, 0 too",
+        ),
+    ):
         parts = {"problem": problem, "allowed": allowed, "remedy": remedy}
         faults.each([m.row_numbers[i] for i in np.flatnonzero(wrong)], lambda _, parts=parts: parts)  # type: ignore[misc]
 
@@ -52,10 +67,15 @@ def check_labels(m: Measurements, faults: Faults) -> None:
     _, first, which = np.unique(_numbered(m.pose), return_index=True, return_inverse=True)
     known = first[which]
     other = np.flatnonzero((np.round(m.q, 9) != np.round(m.q[known], 9)).any(axis=1))
-    faults.each([m.row_numbers[i] for i in other], lambda n: {
-        "problem": "column pose, the label stands for other joint angles before", "value": m.pose[other[n]],
-        "allowed": f"the angles of row {m.row_numbers[known[other[n]]]}",
-        "remedy": "correct the angles, or give this pose a label of its own"})  # fmt: skip
+    faults.each(
+        [m.row_numbers[i] for i in other],
+        lambda n: {
+            "problem": "column pose, the label stands for other joint angles before",
+            "value": m.pose[other[n]],
+            "allowed": f"the angles of row {m.row_numbers[known[other[n]]]}",
+            "remedy": "correct the angles, or give this pose a label of its own",
+        },
+    )
 
 
 def _numbered(words: Sequence[object]) -> Array:
@@ -93,9 +113,12 @@ def check_duplicates(m: Measurements, faults: Faults, files: Sequence[str] | Non
         i, j = int(at[n]), int(earlier[n])
         row = f"row {m.row_numbers[j]}" + (f" of {files[j]}" if files else "")
         problem = f"the reading {'repeats' if same[n] else 'contradicts'} that of {row}"
-        return {"problem": f"{problem} (same joints, load, point, repeat, phase and step)",
-                "allowed": "each reading once", "file": files[i] if files else None,
-                "remedy": "give each a number in the column repeat, or remove one"}  # fmt: skip
+        return {
+            "problem": f"{problem} (same joints, load, point, repeat, phase and step)",
+            "allowed": "each reading once",
+            "file": files[i] if files else None,
+            "remedy": "give each a number in the column repeat, or remove one",
+        }
 
     faults.each([m.row_numbers[i] for i in at], fault)
 
@@ -105,8 +128,12 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
     outside = np.flatnonzero(~robot.reachable(q))
     if outside.size and robot.reachable(np.degrees(q)).all():
         problem = f"{outside.size} of {len(q)} poses cannot be taken as typed, all of them with angles read as radians"
-        faults.add(lines[int(outside[0])], problem, allowed="joint angles in degrees",
-                   remedy="convert the joint columns to degrees")  # fmt: skip
+        faults.add(
+            lines[int(outside[0])],
+            problem,
+            allowed="joint angles in degrees",
+            remedy="convert the joint columns to degrees",
+        )
         return
     _, first, rows = np.unique(np.round(q[outside], 9), axis=0, return_index=True, return_counts=True)
     order = np.argsort(first)
@@ -119,8 +146,11 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
         k, problem = shown[n]
         i, more = int(poses[k]), f", and {times[k] - 1} more of this pose" if times[k] > 1 else ""
         problem = problem or "; ".join(robot.violations(q[i]))
-        return {"problem": f"pose {pose[i]}{more} cannot be taken: {problem}",
-                "allowed": f"the limits of {robot.name}", "remedy": "correct the pose or model"}  # fmt: skip
+        return {
+            "problem": f"pose {pose[i]}{more} cannot be taken: {problem}",
+            "allowed": f"the limits of {robot.name}",
+            "remedy": "correct the pose or model",
+        }
 
     faults.each([lines[int(poses[k])] for k, _ in shown], fault)
 
@@ -134,8 +164,10 @@ def plausibility_notes(m: Measurements) -> Iterator[str]:
     known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
     against = int((work[known] < 0.0).sum())
     if 2 * against > int(known.sum()):
-        yield (f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "
-               "(a downward load has fz_N < 0 and gives dz_mm < 0)")  # fmt: skip
+        yield (
+            f"{against} of {int(known.sum())} readings move against the load: the sign looks wrong "
+            "(a downward load has fz_N < 0 and gives dz_mm < 0)"
+        )
 
 
 def refuse_seen(seen: Measurements, held_out: Measurements, by: str = "the diagnosis") -> None:

@@ -173,8 +173,12 @@ def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[st
 def check_width(where: str, line: int, columns: int) -> None:
     """Refuse a row of more columns than any table of readings has; a text has no limit of cells."""
     if columns > MOST_COLUMNS:
-        raise InputError(f"{where}, row {line}: columns", value=columns, allowed=f"up to {MOST_COLUMNS} columns",
-                         remedy="split the table, or leave out what is no reading")  # fmt: skip
+        raise InputError(
+            f"{where}, row {line}: columns",
+            value=columns,
+            allowed=f"up to {MOST_COLUMNS} columns",
+            remedy="split the table, or leave out what is no reading",
+        )
 
 
 @dataclass(frozen=True)
@@ -186,9 +190,12 @@ class Columns:
 
 
 def find_columns(
-    table: RawTable, robot: Robot, faults: Faults, own: Sequence[str] = (*DISPLACEMENTS, *OPTIONAL),
+    table: RawTable,
+    robot: Robot,
+    faults: Faults,
+    own: Sequence[str] = (*DISPLACEMENTS, *OPTIONAL),
     needed: Mapping[str, Sequence[str]] = MappingProxyType({"deflection column": DISPLACEMENTS}),
-) -> Columns:  # fmt: skip
+) -> Columns:
     """Sort the header into columns of the contract and unknown ones; faults go to ``faults``.
 
     The contract has joint coordinates, loads and ``own`` columns; of each group ``needed`` (by what it is called), as
@@ -199,9 +206,13 @@ def find_columns(
     for name in [name for name in columns.unknown if _JOINT_LIKE.fullmatch(name)]:
         del columns.unknown[name]
         meant.update(robot.coordinates)
-        faults.add(1, f"column {name} is not a joint coordinate of {robot.name}", value=name,
-                   allowed=", ".join(angles),
-                   remedy="choose the robot that was measured, or convert the angles")  # fmt: skip
+        faults.add(
+            1,
+            f"column {name} is not a joint coordinate of {robot.name}",
+            value=name,
+            allowed=", ".join(angles),
+            remedy="choose the robot that was measured, or convert the angles",
+        )
     groups = {f"joint column of {robot.name}": angles, "load column": LOADS, **needed}
     _check_groups(groups, {*columns.known, *meant}, faults, table.hint)
     return columns
@@ -218,17 +229,31 @@ def sorted_columns(table: RawTable, names: Sequence[str], faults: Faults) -> tup
         if not name and not any(row[i] for row in table.rows if len(row) > i):
             continue  # spreadsheets leave empty columns behind
         if not name:
-            faults.add(1, f"{column} has cells but no name", allowed="a name for each column",
-                       remedy="name the column, or clear its cells")  # fmt: skip
+            faults.add(
+                1,
+                f"{column} has cells but no name",
+                allowed="a name for each column",
+                remedy="name the column, or clear its cells",
+            )
         elif name in known or name in unknown or _DOUBLED.sub("", name) in known:
-            faults.add(1, f"{column} stands there twice", value=name, allowed="each name once",
-                       remedy="rename or remove one of the two")  # fmt: skip
+            faults.add(
+                1,
+                f"{column} stands there twice",
+                value=name,
+                allowed="each name once",
+                remedy="rename or remove one of the two",
+            )
         elif name in names:
             known[name] = i
         elif right := _right_name(name, names):
             meant.add(right)
-            faults.add(1, f"{column} has a wrong or missing unit", value=name, allowed=right,
-                       remedy=f"convert the values if need be and name the column {right}")  # fmt: skip
+            faults.add(
+                1,
+                f"{column} has a wrong or missing unit",
+                value=name,
+                allowed=right,
+                remedy=f"convert the values if need be and name the column {right}",
+            )
         else:
             unknown[name] = i
     return Columns(known, unknown), meant
@@ -254,12 +279,20 @@ def likely_ours(name: str, joints: Collection[str] = ()) -> bool:
 def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults: Faults, hint: str) -> None:
     for kind, group in needed.items():
         if not present.intersection(group):
-            faults.add(1, f"the header has no {kind}", allowed=f"at least one of {', '.join(group)}",
-                       remedy=f"add those that are not zero throughout, named exactly so{hint}")  # fmt: skip
+            faults.add(
+                1,
+                f"the header has no {kind}",
+                allowed=f"at least one of {', '.join(group)}",
+                remedy=f"add those that are not zero throughout, named exactly so{hint}",
+            )
     missing = [name for name in POINT if name not in present]
     if 0 < len(missing) < len(POINT):
-        faults.add(1, f"no column {', '.join(missing)}", allowed=f"all of {', '.join(POINT)}, or none",
-                   remedy="give all three coordinates of the loaded point in the flange frame")  # fmt: skip
+        faults.add(
+            1,
+            f"no column {', '.join(missing)}",
+            allowed=f"all of {', '.join(POINT)}, or none",
+            remedy="give all three coordinates of the loaded point in the flange frame",
+        )
 
 
 # What a sheet rounds angles of two conventions to; beyond it they contradict one another.
@@ -299,9 +332,16 @@ def parse_number(text: str, *, positive: bool = False) -> float:
 
 
 def numbers(
-    table: RawTable, columns: Columns, names: Sequence[str], faults: Faults, *,
-    empty: str | None = None, missing: float = np.nan, positive: bool = False, si: bool = True,
-) -> Array:  # fmt: skip
+    table: RawTable,
+    columns: Columns,
+    names: Sequence[str],
+    faults: Faults,
+    *,
+    empty: str | None = None,
+    missing: float = np.nan,
+    positive: bool = False,
+    si: bool = True,
+) -> Array:
     """Columns (n, len(names)), in SI units if ``si``; NaN where empty or faulty, ``missing`` without a column.
 
     ``empty`` says what an empty cell means ("not read"); None makes an empty cell a fault.
@@ -317,13 +357,22 @@ def numbers(
         out[:, k] = factor * np.array([read[text][0] for text in cells]).reshape(-1)
         bad = [i for i, text in enumerate(cells) if read[text][1]]
 
-        def fault(n: int, name: str = name, cells: Sequence[str] = cells, bad: Sequence[int] = bad,
-                  read: Mapping[str, tuple[float, str]] = read) -> dict[str, str | None]:  # fmt: skip
+        def fault(
+            n: int,
+            name: str = name,
+            cells: Sequence[str] = cells,
+            bad: Sequence[int] = bad,
+            read: Mapping[str, tuple[float, str]] = read,
+        ) -> dict[str, str | None]:
             text = cells[bad[n]]
             why = read[text][1]
             hint = table.hint if "decimal comma" in why or "unit" in why else ""
-            return {"problem": f"column {name}" + ("" if text else " is empty"), "value": text or None,
-                    "allowed": allowed, "remedy": why + hint}  # fmt: skip
+            return {
+                "problem": f"column {name}" + ("" if text else " is empty"),
+                "value": text or None,
+                "allowed": allowed,
+                "remedy": why + hint,
+            }
 
         faults.each([table.lines[i] for i in bad], fault)
     return out
@@ -354,9 +403,13 @@ def joint_angles(table: RawTable, columns: Columns, robot: Robot, faults: Faults
         return read
     for row in np.flatnonzero(np.abs(read - q).max(axis=1) > SAME_ANGLE_rad):
         k = int(np.argmax(np.abs(read[row] - q[row])))
-        faults.add(table.lines[row], f"column {robot.coordinates[k]}", value=f"{np.degrees(q[row, k]):g}",
-                   allowed=f"{np.degrees(read[row, k]):g}, as the controller's angles of this row say",
-                   remedy=f"correct one of them, or keep only the columns {', '.join(shown)}")  # fmt: skip
+        faults.add(
+            table.lines[row],
+            f"column {robot.coordinates[k]}",
+            value=f"{np.degrees(q[row, k]):g}",
+            allowed=f"{np.degrees(read[row, k]):g}, as the controller's angles of this row say",
+            remedy=f"correct one of them, or keep only the columns {', '.join(shown)}",
+        )
     return q
 
 
@@ -369,18 +422,28 @@ def check_words(table: RawTable, columns: Columns, faults: Faults) -> None:
     """Check the cells of ``pose``, ``repeat`` and ``phase``."""
     for name, good, allowed, remedy in (
         ("pose", re.compile(r"(?s).+"), "a label in each row", "name the pose, or leave the column out"),
-        ("repeat", re.compile(r"\d{0,9}", re.ASCII), "a whole number, or an empty cell",
-         "count the repeats 1, 2, 3 ..."),
-        ("phase", re.compile(f"(?:{'|'.join(PHASES)})?"), f"{', '.join(PHASES)}, or an empty cell",
-         "use one of these words"),
-    ):  # fmt: skip
+        (
+            "repeat",
+            re.compile(r"\d{0,9}", re.ASCII),
+            "a whole number, or an empty cell",
+            "count the repeats 1, 2, 3 ...",
+        ),
+        (
+            "phase",
+            re.compile(f"(?:{'|'.join(PHASES)})?"),
+            f"{', '.join(PHASES)}, or an empty cell",
+            "use one of these words",
+        ),
+    ):
         if name in columns.known:
             cells = texts(table, columns.known[name])
             words = {text for text in set(cells) if not good.fullmatch(text)}
             bad = [i for i, text in enumerate(cells) if text in words] if words else []
             parts = {"problem": f"column {name}", "allowed": allowed, "remedy": remedy}
-            faults.each([table.lines[i] for i in bad],
-                        lambda n, cells=cells, bad=bad, parts=parts: parts | {"value": cells[bad[n]]})  # type: ignore[misc]  # fmt: skip
+            faults.each(
+                [table.lines[i] for i in bad],
+                lambda n, cells=cells, bad=bad, parts=parts: parts | {"value": cells[bad[n]]},  # type: ignore[misc]
+            )
 
 
 def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
@@ -388,8 +451,13 @@ def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
     width = len(table.header)
     whole = tuple(len(row) == width for row in table.rows)
     bad = [i for i, fits in enumerate(whole) if not fits]
-    faults.each([table.lines[i] for i in bad], lambda n: {
-        "problem": "the row does not fit the header", "value": f"{len(table.rows[bad[n]])} cells",
-        "allowed": f"{width} cells",
-        "remedy": f"look for a missing or extra separator, or a decimal comma{table.hint}"})  # fmt: skip
+    faults.each(
+        [table.lines[i] for i in bad],
+        lambda n: {
+            "problem": "the row does not fit the header",
+            "value": f"{len(table.rows[bad[n]])} cells",
+            "allowed": f"{width} cells",
+            "remedy": f"look for a missing or extra separator, or a decimal comma{table.hint}",
+        },
+    )
     return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))

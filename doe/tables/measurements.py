@@ -50,8 +50,11 @@ class Measurements:
     session: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, nothing in (("time", np.full(len(self.q), np.nan)), ("temperature", np.full(len(self.q), np.nan)),
-                              ("session", ("",) * len(self.q))):  # fmt: skip
+        for name, nothing in (
+            ("time", np.full(len(self.q), np.nan)),
+            ("temperature", np.full(len(self.q), np.nan)),
+            ("session", ("",) * len(self.q)),
+        ):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, nothing)
         if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):

@@ -104,15 +104,24 @@ def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -
 
     known = columns.known
     return Measurements(
-        source=table.name, sha256=table.sha256, q=q[good], wrench=wrench[good],
-        displacement=displacement[good], point=point[good], sigma=sigma[good], step=step[good],
+        source=table.name,
+        sha256=table.sha256,
+        q=q[good],
+        wrench=wrench[good],
+        displacement=displacement[good],
+        point=point[good],
+        sigma=sigma[good],
+        step=step[good],
         pose=words(known["pose"]) if "pose" in known else _labels(q[good]),
         repeat=tuple(int(text) if text else None for text in words(known.get("repeat"))),
         phase=tuple(text or None for text in words(known.get("phase"))),
         row_numbers=tuple(compress(table.lines, good)),
-        extra={name: words(index) for name, index in columns.unknown.items()}, notes=(), time=time[good],
-        temperature=temperature[good], session=words(known.get("session")),
-    )  # fmt: skip
+        extra={name: words(index) for name, index in columns.unknown.items()},
+        notes=(),
+        time=time[good],
+        temperature=temperature[good],
+        session=words(known.get("session")),
+    )
 
 
 def _labels(q: Array) -> tuple[str, ...]:

@@ -229,10 +229,13 @@ class _Scan:
     def raise_if_faulty(self) -> None:
         """Raise InputErrors where cells within the table do not hold what they show."""
         kinds = (
-            (self._formulas, "a formula without a stored value",
-             f"{_SAVE}; or copy the cells and paste them as values"),
+            (
+                self._formulas,
+                "a formula without a stored value",
+                f"{_SAVE}; or copy the cells and paste them as values",
+            ),
             (self._errors, "an error in place of a value", "correct it, or clear the cell"),
-        )  # fmt: skip
+        )
         faults = [
             InputError(f"{self.where}: {what} in {listed(cells)}", allowed="numbers and text", remedy=remedy)
             for cells, what, remedy in kinds

@@ -34,7 +34,7 @@ from fem.compiled.flat_arm import (
     Loop,
     P,
     Work,
-)  # fmt: skip
+)
 from robots.arrays import Array
 
 # Tuples, because numba counts references of arrays.
@@ -186,9 +186,9 @@ def _quarter_full(m: Full, s: float) -> Full:
 
 
 @compiled
-def _seen(p: Vector, a: Symmetric, b: Full, d: Symmetric, k: Symmetric, kb: Full, kd: Symmetric) -> tuple[
-    Symmetric, Full, Symmetric
-]:  # fmt: skip
+def _seen(
+    p: Vector, a: Symmetric, b: Full, d: Symmetric, k: Symmetric, kb: Full, kd: Symmetric
+) -> tuple[Symmetric, Full, Symmetric]:
     """a, b, d with K added, its point p away from the tool: with S v = v x p, b + K_b + S K_d, and so on."""
     x, y, z = p
     # S K_d, then K_b with it.

@@ -37,13 +37,31 @@ def _turned_frame() -> Effect:
         return rotation_rpy(v[:3] * np.array([v[3], v[3], 1.0]))
 
     turns = (
-        EffectParameter(f"r{axis}", "angle", "deg", 0.1 * most, most, ASSUMED, signed=True, default=0.0,
-                        meaning=f"turn of the table's frame about the base's {axis}")
+        EffectParameter(
+            f"r{axis}",
+            "angle",
+            "deg",
+            0.1 * most,
+            most,
+            ASSUMED,
+            signed=True,
+            default=0.0,
+            meaning=f"turn of the table's frame about the base's {axis}",
+        )
         for axis, most in zip("xyz", (TILT, TILT, AZIMUTH), strict=True)
-    )  # fmt: skip
+    )
     words = "the frame of forces and displacements is turned against the robot's base"
-    share = EffectParameter("levelled", "ratio", "1", *LEVELLED, ASSUMED, role="shape", grid=LEVELLED, default=1.0,
-                            meaning="share of the rotations about x and y that is present")  # fmt: skip
+    share = EffectParameter(
+        "levelled",
+        "ratio",
+        "1",
+        *LEVELLED,
+        ASSUMED,
+        role="shape",
+        grid=LEVELLED,
+        default=1.0,
+        meaning="share of the rotations about x and y that is present",
+    )
     return Effect("turned-frame", words, "frame", (*turns, share), law, "turned-frame")
 
 
@@ -67,25 +85,36 @@ def frame_effects(model: ArmModel) -> Iterator[Effect]:
         for a in "xyz"
     ]
     yield Effect(
-        "tool-point-offset", "the measured and loaded point is elsewhere on the flange", "load", tuple(point), _point,
-        "load-point-offset", chance=0.3,
-    )  # fmt: skip
+        "tool-point-offset",
+        "the measured and loaded point is elsewhere on the flange",
+        "load",
+        tuple(point),
+        _point,
+        "load-point-offset",
+        chance=0.3,
+    )
     axes = forward_kinematics(model.robot, np.zeros((1, model.robot.dof))).axis[0]
     for index, name in enumerate(model.robot.joint_names):
         yield _convention("sign", index, name, f"the sign of {name}'s angle is flipped", (), lambda q, v, k: -q[:, k])
         yield _convention(
-            "offset", index, name, f"{name}'s angle counts from another zero, an eighth of a turn away or more",
+            "offset",
+            index,
+            name,
+            f"{name}'s angle counts from another zero, an eighth of a turn away or more",
             (_choice("offset", "angle", "deg", OFFSETS, "error of the angle"),),
             lambda q, v, k: q[:, k] + v[0],
-        )  # fmt: skip
+        )
         parallel = bool(index and abs(axes[index] @ axes[index - 1]) > 1.0 - PARALLEL)
         yield from _uncoupled(model, index, name, parallel)
         if parallel:
             yield _convention(
-                "coupling", index, name, f"{name}'s angle counts from the horizontal, not from the part before it",
+                "coupling",
+                index,
+                name,
+                f"{name}'s angle counts from the horizontal, not from the part before it",
                 (_choice("share", "ratio", "1", (-1.0, 1.0), "share of the previous joint's angle that is added"),),
                 lambda q, v, k: q[:, k] + v[0] * q[:, k - 1],
-            )  # fmt: skip
+            )
 
 
 def _uncoupled(model: ArmModel, index: int, name: str, parallel: bool) -> Iterator[Effect]:

@@ -67,9 +67,15 @@ def _angle_dependent(joint: JointPart) -> Effect:
         share("sin2", 0.02, 0.15, "share that goes with the sine of twice the angle"),
     )
     return Effect(
-        f"angle-dependent-stiffness:{joint.name}", f"joint {joint.name}'s stiffness varies with its angle", "model",
-        shares, law, "angle-dependent-stiffness", depends_on="angle", doubt=ASSUMED_LAW,
-    )  # fmt: skip
+        f"angle-dependent-stiffness:{joint.name}",
+        f"joint {joint.name}'s stiffness varies with its angle",
+        "model",
+        shares,
+        law,
+        "angle-dependent-stiffness",
+        depends_on="angle",
+        doubt=ASSUMED_LAW,
+    )
 
 
 def _gravity_compensator(model: ArmModel) -> Effect:
@@ -93,14 +99,27 @@ def _gravity_compensator(model: ArmModel) -> Effect:
         return changed.with_joint(second.name, axial=VaryingSpring(old.axial, varied))
 
     phase = EffectParameter(
-        "phase", "angle", "deg", -np.pi, np.pi, ASSUMED, role="shape", grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi),
+        "phase",
+        "angle",
+        "deg",
+        -np.pi,
+        np.pi,
+        ASSUMED,
+        role="shape",
+        grid=(-np.pi / 2.0, 0.0, np.pi / 2.0, np.pi),
         meaning="angle at which it does",
-    )  # fmt: skip
+    )
     stiffer = share("share", 0.1, 0.4, "share by which it stiffens the joint at most", signed=False)
     return Effect(
-        f"gravity-compensator:{second.name}", f"a gravity compensator stiffens joint {second.name}", "model",
-        (stiffer, phase), law, "angle-dependent-stiffness", depends_on="angle", doubt=ASSUMED_LAW,
-    )  # fmt: skip
+        f"gravity-compensator:{second.name}",
+        f"a gravity compensator stiffens joint {second.name}",
+        "model",
+        (stiffer, phase),
+        law,
+        "angle-dependent-stiffness",
+        depends_on="angle",
+        doubt=ASSUMED_LAW,
+    )
 
 
 def _forward(axis: Array, arm: Array) -> Array:
@@ -123,9 +142,15 @@ def _gear_ripple(joint: JointPart) -> Effect:
     in_phase = share("cos", 0.03, 0.3, "share of the ripple in phase")
     across = share("sin", 0.03, 0.3, "share of the ripple across it")
     return Effect(
-        f"gear-ripple:{joint.name}", f"the mesh of joint {joint.name}'s gear makes its stiffness ripple", "arm",
-        (in_phase, across, teeth), law, "gear-ripple", depends_on="angle", chance=RARE,
-    )  # fmt: skip
+        f"gear-ripple:{joint.name}",
+        f"the mesh of joint {joint.name}'s gear makes its stiffness ripple",
+        "arm",
+        (in_phase, across, teeth),
+        law,
+        "gear-ripple",
+        depends_on="angle",
+        chance=RARE,
+    )
 
 
 # Of laws that bend one joint's turn over the torque, a second one only corrects the first; so with those that lag.
@@ -142,8 +167,9 @@ def torque_shape(
     lower, upper = (float(share * usual) for share in shares)
     tried = np.geomspace(lower, upper, points) if points > 1 else [np.sqrt(lower * upper)]
     grid = tuple(float(x) for x in tried)
-    return EffectParameter(name, "torque", "N m", lower, upper, source, role="shape", grid=grid, meaning=meaning,
-                           fine=points > 1)  # fmt: skip
+    return EffectParameter(
+        name, "torque", "N m", lower, upper, source, role="shape", grid=grid, meaning=meaning, fine=points > 1
+    )
 
 
 def _preload(*, weighs: bool) -> EffectParameter:
@@ -152,10 +178,18 @@ def _preload(*, weighs: bool) -> EffectParameter:
     What is read is the turn from weight alone to weight and load. A balancer takes a part of the weight off.
     """
     return EffectParameter(
-        "preload", "ratio", "1", 0.0, 1.5, ASSUMED, role="shape", grid=(0.0, 1.0) if weighs else (0.0,), default=0.0,
+        "preload",
+        "ratio",
+        "1",
+        0.0,
+        1.5,
+        ASSUMED,
+        role="shape",
+        grid=(0.0, 1.0) if weighs else (0.0,),
+        default=0.0,
         meaning="share of the links' weight that loads the joint; 0: the law depends on the torque of the load alone",
         fine=True,
-    )  # fmt: skip
+    )
 
 
 def _hardening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
@@ -176,16 +210,31 @@ def _hardening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
         weight = v[3] * s.preload[:, joint.joint]
         return s.turned(joint.name, -v[0] * s.compliance(joint.name) * (tau - bent(tau + weight) + bent(weight)))
 
-    power = EffectParameter("power", "ratio", "1", 0.5, 1.0, ASSUMED, role="shape", grid=(1.0, 0.8, 0.65), default=1.0,
-                            meaning="1: changes at one torque; below 1: changes gradually")  # fmt: skip
+    power = EffectParameter(
+        "power",
+        "ratio",
+        "1",
+        0.5,
+        1.0,
+        ASSUMED,
+        role="shape",
+        grid=(1.0, 0.8, 0.65),
+        default=1.0,
+        meaning="1: changes at one torque; below 1: changes gradually",
+    )
     lost = share("share", 0.1, 0.9, "share of the compliance that is lost at large torques", signed=False)
     knee = torque_shape("knee", torque, (0.06, 1.2), 5, "torque at which the stiffness changes")
     middle = knee.grid[len(knee.grid) // 2]
     return Effect(
-        f"hardening:{joint.name}", f"joint {joint.name} gets stiffer with the torque", "arm",
-        (lost, knee, power, _preload(weighs=weighs)), law, "hardening", slot=SLOT,
+        f"hardening:{joint.name}",
+        f"joint {joint.name} gets stiffer with the torque",
+        "arm",
+        (lost, knee, power, _preload(weighs=weighs)),
+        law,
+        "hardening",
+        slot=SLOT,
         differs=lambda v: bool(v[2] >= 1.0 or v[1] == middle),
-    )  # fmt: skip
+    )
 
 
 def _softening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
@@ -202,14 +251,29 @@ def _softening(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
         turn = more(s.torque(joint.name) + weight) - more(weight)
         return s.turned(joint.name, v[0] * s.compliance(joint.name) * turn)
 
-    power = EffectParameter("power", "ratio", "1", 0.5, 3.0, ASSUMED, role="shape", grid=(0.5, 1.0, 2.0, 3.0),
-                            meaning="how steeply it grows", fine=True)  # fmt: skip
+    power = EffectParameter(
+        "power",
+        "ratio",
+        "1",
+        0.5,
+        3.0,
+        ASSUMED,
+        role="shape",
+        grid=(0.5, 1.0, 2.0, 3.0),
+        meaning="how steeply it grows",
+        fine=True,
+    )
     added = share("share", 0.05, 0.7, "share of the compliance that is added at the torque named", signed=False)
     at = torque_shape("torque", torque, (0.1, 1.5), 1, "torque at which the share is reached")
     return Effect(
-        f"softening:{joint.name}", f"joint {joint.name} gets softer with the torque", "arm",
-        (added, at, power, _preload(weighs=weighs)), law, "softening", slot=SLOT,
-    )  # fmt: skip
+        f"softening:{joint.name}",
+        f"joint {joint.name} gets softer with the torque",
+        "arm",
+        (added, at, power, _preload(weighs=weighs)),
+        law,
+        "softening",
+        slot=SLOT,
+    )
 
 
 def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
@@ -228,32 +292,63 @@ def _backlash(joint: JointPart, torque: float, *, weighs: bool) -> Effect:
 
     gap = EffectParameter("gap", "angle", "mrad", 0.2e-3, 1.8e-3, CLASS, meaning="play between the flanks")
     pressed = EffectParameter(
-        "pressed", "ratio", "1", -1.5, 1.5, ASSUMED, role="shape", grid=(0.0, -0.8, 0.8), default=0.0,
+        "pressed",
+        "ratio",
+        "1",
+        -1.5,
+        1.5,
+        ASSUMED,
+        role="shape",
+        grid=(0.0, -0.8, 0.8),
+        default=0.0,
         meaning="torque that presses the flanks together in every pose, in shares of the crossing torque",
-    )  # fmt: skip
+    )
     crossing = torque_shape("crossing", torque, (0.005, 0.25), 4, "torque that it takes to cross the gap")
     return Effect(
-        f"backlash:{joint.name}", f"the gear of joint {joint.name} has backlash", "arm",
-        (gap, crossing, _preload(weighs=weighs), pressed), law, "backlash", slot=SLOT,
+        f"backlash:{joint.name}",
+        f"the gear of joint {joint.name} has backlash",
+        "arm",
+        (gap, crossing, _preload(weighs=weighs), pressed),
+        law,
+        "backlash",
+        slot=SLOT,
         differs=lambda v: v[2] == 0.0 or v[3] == 0.0,
-    )  # fmt: skip
+    )
 
 
 def carried() -> EffectParameter:
     """The shape that says whether what sticks under no load is still there when the next load cycle begins."""
     return EffectParameter(
-        "carried", "ratio", "1", 0.0, 2.0, "definition", role="shape", grid=(0.0, 1.0, 2.0), default=0.0,
+        "carried",
+        "ratio",
+        "1",
+        0.0,
+        2.0,
+        "definition",
+        role="shape",
+        grid=(0.0, 1.0, 2.0),
+        default=0.0,
         meaning="0: each load cycle starts released; 1: a stuck joint stays stuck until the arm moves on; 2: the "
-                "same, and the gauge is zeroed only then", of_stays=True,
-    )  # fmt: skip
+        "same, and the gauge is zeroed only then",
+        of_stays=True,
+    )
 
 
 def zeroed() -> EffectParameter:
     """The shape that says when the gauge was zeroed, for laws that remember by themselves."""
     return EffectParameter(
-        "zeroed", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=0.0,
-        meaning="0: the gauge is zeroed before each load cycle; 1: only before the first one at a pose", of_stays=True,
-    )  # fmt: skip
+        "zeroed",
+        "ratio",
+        "1",
+        0.0,
+        1.0,
+        "definition",
+        role="shape",
+        grid=(0.0, 1.0),
+        default=0.0,
+        meaning="0: the gauge is zeroed before each load cycle; 1: only before the first one at a pose",
+        of_stays=True,
+    )
 
 
 def carried_over(value: float) -> Carried:
@@ -275,6 +370,12 @@ def _friction(joint: JointPart, torque: float) -> Effect:
     held = share("share", 0.4, 1.2, "share of the spring that the friction holds back", signed=False)
     slips = torque_shape("friction", torque, (0.015, 0.8), 8, "torque at which it slips", CLASS)
     return Effect(
-        f"friction:{joint.name}", f"dry friction in joint {joint.name}", "arm",
-        (held, slips, carried()), law, "friction", needs_history=True, slot=LAG,
-    )  # fmt: skip
+        f"friction:{joint.name}",
+        f"dry friction in joint {joint.name}",
+        "arm",
+        (held, slips, carried()),
+        law,
+        "friction",
+        needs_history=True,
+        slot=LAG,
+    )

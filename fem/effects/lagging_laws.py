@@ -54,16 +54,41 @@ def _creep(joint: JointPart) -> Effect:
         return s.turned(joint.name, v[0] * s.compliance(joint.name) * late)
 
     tried = tuple(float(x) for x in np.geomspace(60.0, 1800.0, 4))
-    time = EffectParameter("time", "time", "min", *CREEPS, ASSUMED, role="shape", grid=tried,
-                           meaning="time after which 63 % of the creep has developed", fine=True)  # fmt: skip
-    spread = EffectParameter("spread", "ratio", "1", 0.0, 2.0, ASSUMED, role="shape", grid=(0.0, SPECTRUM), default=0.0,
-                             meaning="decades to either side of that time over which it spreads; 0: none")  # fmt: skip
+    time = EffectParameter(
+        "time",
+        "time",
+        "min",
+        *CREEPS,
+        ASSUMED,
+        role="shape",
+        grid=tried,
+        meaning="time after which 63 % of the creep has developed",
+        fine=True,
+    )
+    spread = EffectParameter(
+        "spread",
+        "ratio",
+        "1",
+        0.0,
+        2.0,
+        ASSUMED,
+        role="shape",
+        grid=(0.0, SPECTRUM),
+        default=0.0,
+        meaning="decades to either side of that time over which it spreads; 0: none",
+    )
     crept = share("share", 0.03, 0.4, "share of the spring's rotation that develops with time", signed=False)
     return Effect(
-        f"creep:{joint.name}", f"joint {joint.name} creeps under load", "arm",
-        (crept, time, spread, zeroed()), law, "creep", needs_history=True, slot=LAG,
+        f"creep:{joint.name}",
+        f"joint {joint.name} creeps under load",
+        "arm",
+        (crept, time, spread, zeroed()),
+        law,
+        "creep",
+        needs_history=True,
+        slot=LAG,
         differs=lambda v: v[2] == 0.0 or v[1] == tried[1],
-    )  # fmt: skip
+    )
 
 
 def _warming(joint: JointPart) -> Effect:
@@ -79,14 +104,27 @@ def _warming(joint: JointPart) -> Effect:
         return s.turned(joint.name, v[0] * s.compliance(joint.name) * s.torque(joint.name) * warm)
 
     settling = EffectParameter(
-        "settling", "ratio", "1", 0.0, 10.0, ASSUMED, role="shape", grid=SETTLES,
+        "settling",
+        "ratio",
+        "1",
+        0.0,
+        10.0,
+        ASSUMED,
+        role="shape",
+        grid=SETTLES,
         meaning="time to warm up, as a share of the campaign; 0: follows the measured temperature, per 10 K",
-    )  # fmt: skip
+    )
     more = share("share", 0.03, 0.4, "share of the compliance that is added when warm; negative: it gets stiffer")
     return Effect(
-        f"warming:{joint.name}", f"joint {joint.name}'s stiffness changes as it warms up", "arm", (more, settling), law,
-        "warming", depends_on="clock", doubt=ASSUMED_LAW,
-    )  # fmt: skip
+        f"warming:{joint.name}",
+        f"joint {joint.name}'s stiffness changes as it warms up",
+        "arm",
+        (more, settling),
+        law,
+        "warming",
+        depends_on="clock",
+        doubt=ASSUMED_LAW,
+    )
 
 
 def _stick_slip(joint: JointPart, torque: float) -> Effect:
@@ -103,20 +141,46 @@ def _stick_slip(joint: JointPart, torque: float) -> Effect:
 
     stuck = share("share", 0.4, 1.2, "share of the spring that sticks", signed=False)
     lets_go = torque_shape("torque", torque, (0.03, 0.8), 8, "torque at which it lets go")
-    kept = EffectParameter("kept", "ratio", "1", 0.2, 0.7, ASSUMED, role="shape", grid=(0.35, 0.65), default=0.5,
-                           meaning="share of that torque that is still held after a jump", fine=True)  # fmt: skip
+    kept = EffectParameter(
+        "kept",
+        "ratio",
+        "1",
+        0.2,
+        0.7,
+        ASSUMED,
+        role="shape",
+        grid=(0.35, 0.65),
+        default=0.5,
+        meaning="share of that torque that is still held after a jump",
+        fine=True,
+    )
     return Effect(
-        f"stick-slip:{joint.name}", f"joint {joint.name} sticks and lets go in jumps", "arm",
-        (stuck, lets_go, kept, carried()), law, "stick-slip", needs_history=True, slot=LAG, chance=SELDOM,
-    )  # fmt: skip
+        f"stick-slip:{joint.name}",
+        f"joint {joint.name} sticks and lets go in jumps",
+        "arm",
+        (stuck, lets_go, kept, carried()),
+        law,
+        "stick-slip",
+        needs_history=True,
+        slot=LAG,
+        chance=SELDOM,
+    )
 
 
 def stays_slipped(tried: tuple[float, ...] = (0.0, 1.0)) -> EffectParameter:
     """The shape that says for how long something stays where it has slipped to."""
     return EffectParameter(
-        "lasting", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=tried, default=0.0,
+        "lasting",
+        "ratio",
+        "1",
+        0.0,
+        1.0,
+        "definition",
+        role="shape",
+        grid=tried,
+        default=0.0,
         meaning="1: it lasts through all later cycles, 0: only until the end of its cycle",
-    )  # fmt: skip
+    )
 
 
 def _slip(joint: JointPart, torque: float) -> Effect:
@@ -135,6 +199,13 @@ def _slip(joint: JointPart, torque: float) -> Effect:
     angle = EffectParameter("angle", "angle", "mrad", 0.03e-3, 1e-3, ASSUMED, meaning="slip at twice the torque named")
     limit = torque_shape("torque", torque, (0.1, 0.8), 4, "torque beyond which it slips")
     return Effect(
-        f"slip:{joint.name}", f"joint {joint.name} slips and stays there", "arm",
-        (angle, limit, stays_slipped(), zeroed()), law, "slip", needs_history=True, slot=LAG, chance=SELDOM,
-    )  # fmt: skip
+        f"slip:{joint.name}",
+        f"joint {joint.name} slips and stays there",
+        "arm",
+        (angle, limit, stays_slipped(), zeroed()),
+        law,
+        "slip",
+        needs_history=True,
+        slot=LAG,
+        chance=SELDOM,
+    )

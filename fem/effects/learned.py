@@ -106,10 +106,15 @@ def _torque(name: str, top: EffectParameter) -> Effect:
         return s.turned(name, s.compliance(name) * v[-1] * turn)
 
     return Effect(
-        f"learned-torque:{name}", f"joint {name} turns with its torque by a learned law", "arm",
-        (*pieces(UP, "share of the turn that the largest torque gives"), top), law, FAMILY, doubt=0.0,
+        f"learned-torque:{name}",
+        f"joint {name} turns with its torque by a learned law",
+        "arm",
+        (*pieces(UP, "share of the turn that the largest torque gives"), top),
+        law,
+        FAMILY,
+        doubt=0.0,
         slot=SLOT,
-    )  # fmt: skip
+    )
 
 
 def _history(name: str, top: EffectParameter) -> Effect:
@@ -121,10 +126,16 @@ def _history(name: str, top: EffectParameter) -> Effect:
         return s.turned(name, s.compliance(name) * v[-1] * turn)
 
     return Effect(
-        f"learned-history:{name}", f"joint {name} turns with its torque by a learned law, another in unloading", "arm",
-        (*pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top), law, FAMILY,
-        needs_history=True, doubt=0.0, slot=SLOT,
-    )  # fmt: skip
+        f"learned-history:{name}",
+        f"joint {name} turns with its torque by a learned law, another in unloading",
+        "arm",
+        (*pieces((*UP, *BACK), "share of the turn that the largest torque gives"), top),
+        law,
+        FAMILY,
+        needs_history=True,
+        doubt=0.0,
+        slot=SLOT,
+    )
 
 
 def _angle(index: int, name: str, travel: Array) -> Effect:
@@ -142,9 +153,15 @@ def _angle(index: int, name: str, travel: Array) -> Effect:
     )
     waves = pieces([f"wave{k}" for k in range(1, WAVES + 1)], "share of the compliance")
     return Effect(
-        f"learned-angle:{name}", f"joint {name}'s stiffness varies with its angle by a learned law", "arm",
-        (*waves, *ends), law, FAMILY, depends_on="angle", doubt=0.0,
-    )  # fmt: skip
+        f"learned-angle:{name}",
+        f"joint {name}'s stiffness varies with its angle by a learned law",
+        "arm",
+        (*waves, *ends),
+        law,
+        FAMILY,
+        depends_on="angle",
+        doubt=0.0,
+    )
 
 
 def _clock(name: str) -> Effect:
@@ -155,14 +172,30 @@ def _clock(name: str) -> Effect:
         return s.turned(name, s.compliance(name) * s.torque(name) * share)
 
     return Effect(
-        f"learned-clock:{name}", f"joint {name}'s stiffness changes over the campaign", "arm",
-        pieces(TIMES, "share of the compliance that is added by then"), law, FAMILY, depends_on="clock", doubt=0.0,
-    )  # fmt: skip
+        f"learned-clock:{name}",
+        f"joint {name}'s stiffness changes over the campaign",
+        "arm",
+        pieces(TIMES, "share of the compliance that is added by then"),
+        law,
+        FAMILY,
+        depends_on="clock",
+        doubt=0.0,
+    )
 
 
 def _when() -> EffectParameter:
-    return EffectParameter("when", "ratio", "1", 0.0, 1.0, SOURCE, role="shape", grid=MOMENTS,
-                           meaning="when it happened, in shares of the campaign", fine=True)  # fmt: skip
+    return EffectParameter(
+        "when",
+        "ratio",
+        "1",
+        0.0,
+        1.0,
+        SOURCE,
+        role="shape",
+        grid=MOMENTS,
+        meaning="when it happened, in shares of the campaign",
+        fine=True,
+    )
 
 
 def _step(name: str) -> Effect:
@@ -173,10 +206,15 @@ def _step(name: str) -> Effect:
         return s.turned(name, v[0] * s.compliance(name) * s.torque(name) * after)
 
     return Effect(
-        f"learned-step:{name}", f"joint {name}'s stiffness changed at one moment of the campaign", "arm",
-        (*pieces(["share"], "share of the compliance that is added from then on"), _when()), law, FAMILY,
-        depends_on="clock", doubt=0.0,
-    )  # fmt: skip
+        f"learned-step:{name}",
+        f"joint {name}'s stiffness changed at one moment of the campaign",
+        "arm",
+        (*pieces(["share"], "share of the compliance that is added from then on"), _when()),
+        law,
+        FAMILY,
+        depends_on="clock",
+        doubt=0.0,
+    )
 
 
 def _coupling(name: str, others: Sequence[str]) -> Effect:
@@ -187,8 +225,9 @@ def _coupling(name: str, others: Sequence[str]) -> Effect:
         return s.turned(name, s.compliance(name) * felt)
 
     shares = pieces([f"by_{other}" for other in others], "share of the compliance by which a torque there turns it")
-    return Effect(f"learned-coupling:{name}", f"torques at other joints turn joint {name}", "arm", shares, law, FAMILY,
-                  doubt=0.0)  # fmt: skip
+    return Effect(
+        f"learned-coupling:{name}", f"torques at other joints turn joint {name}", "arm", shares, law, FAMILY, doubt=0.0
+    )
 
 
 def _base(reach: Reach) -> Effect:
@@ -213,8 +252,9 @@ def _base(reach: Reach) -> Effect:
             "rotation to which the shares refer",
         ),
     )
-    return Effect("learned-load:base", "the base deflects by a learned law", "arm", (*own, *ends), law, FAMILY,
-                  doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-load:base", "the base deflects by a learned law", "arm", (*own, *ends), law, FAMILY, doubt=0.0
+    )
 
 
 def _gauge_clock(reach: Reach) -> Effect:
@@ -229,8 +269,16 @@ def _gauge_clock(reach: Reach) -> Effect:
 
     own = pieces([f"{axis}_{name}" for axis in "xyz" for name in TIMES], "share of the size named")
     size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
-    return Effect("learned-clock:gauge", "readings drift over the campaign by a learned law", "gauge",
-                  (*own, size), law, FAMILY, depends_on="clock", doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-clock:gauge",
+        "readings drift over the campaign by a learned law",
+        "gauge",
+        (*own, size),
+        law,
+        FAMILY,
+        depends_on="clock",
+        doubt=0.0,
+    )
 
 
 def _gauge_step(reach: Reach) -> Effect:
@@ -242,9 +290,16 @@ def _gauge_step(reach: Reach) -> Effect:
         return out
 
     size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
-    return Effect("learned-step:gauge", "readings shifted at one moment of the campaign", "gauge",
-                  (*pieces("xyz", "share of the size named"), _when(), size), law, FAMILY, depends_on="clock",
-                  doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-step:gauge",
+        "readings shifted at one moment of the campaign",
+        "gauge",
+        (*pieces("xyz", "share of the size named"), _when(), size),
+        law,
+        FAMILY,
+        depends_on="clock",
+        doubt=0.0,
+    )
 
 
 def _gauge_history(reach: Reach) -> Effect:
@@ -262,9 +317,16 @@ def _gauge_history(reach: Reach) -> Effect:
 
     names = [f"{axis}_{part}" for axis in "xyz" for part in ("always", "back", "back_with_load")]
     size = held("size", "length", "mm", max(0.2 * reach.size, 1e-9), "size to which the shares refer")
-    return Effect("learned-history:gauge", "readings lag behind the load", "gauge",
-                  (*pieces(names, "share of the size named"), size), law, FAMILY, needs_history=True,
-                  doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-history:gauge",
+        "readings lag behind the load",
+        "gauge",
+        (*pieces(names, "share of the size named"), size),
+        law,
+        FAMILY,
+        needs_history=True,
+        doubt=0.0,
+    )
 
 
 def _load(top: EffectParameter) -> Effect:
@@ -275,8 +337,15 @@ def _load(top: EffectParameter) -> Effect:
         return replace(at, wrench=at.wrench * (1.0 + share)[:, None])
 
     own = pieces([f"share{k}" for k in range(1, len(KNOTS) + 1)], "share of the force that is added")
-    return Effect("learned-load:load", "forces differ from the table by a learned law", "load",
-                  (*own, top), law, FAMILY, doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-load:load",
+        "forces differ from the table by a learned law",
+        "load",
+        (*own, top),
+        law,
+        FAMILY,
+        doubt=0.0,
+    )
 
 
 def _load_history(top: EffectParameter) -> Effect:
@@ -288,5 +357,13 @@ def _load_history(top: EffectParameter) -> Effect:
 
     names = [f"share{k}" for k in range(1, len(KNOTS) + 1)]
     own = pieces([*names, *(f"{name}_down" for name in names)], "share of the deflection that is added")
-    return Effect("learned-history:load", "forces differ from the table by a learned law, another in unloading",
-                  "gauge", (*own, top), law, FAMILY, needs_history=True, doubt=0.0)  # fmt: skip
+    return Effect(
+        "learned-history:load",
+        "forces differ from the table by a learned law, another in unloading",
+        "gauge",
+        (*own, top),
+        law,
+        FAMILY,
+        needs_history=True,
+        doubt=0.0,
+    )

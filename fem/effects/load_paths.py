@@ -72,9 +72,17 @@ def partial_load_path(path: LoadPath, bar: Bar) -> Effect:
         "down the parallelogram's bar" if path == "parallelogram" else "through joint 2, past the parallelogram's bar"
     )
     return Effect(
-        "partial-load-path", words, "arm", (share,), law, "load-path", depends_on="pose", doubt=NEARLY_STRAIGHT,
-        slot=SLOT, chance=2.0 - WHOLLY,
-    )  # fmt: skip
+        "partial-load-path",
+        words,
+        "arm",
+        (share,),
+        law,
+        "load-path",
+        depends_on="pose",
+        doubt=NEARLY_STRAIGHT,
+        slot=SLOT,
+        chance=2.0 - WHOLLY,
+    )
 
 
 def _parts(model: ArmModel, s: Situation) -> dict[str, Transfer]:

@@ -72,18 +72,33 @@ def _slip_of(place: str, rows: slice, words: str, size: float, usual: Usual) -> 
         )
         tried = np.geomspace(0.15 * size, 0.8 * size, 5)
         limit = EffectParameter(
-            "force", "force", "N", float(tried[0]), float(tried[-1]), ASSUMED, role="shape",
-            grid=tuple(float(x) for x in tried), meaning="force beyond which it slips", fine=True,
-        )  # fmt: skip
+            "force",
+            "force",
+            "N",
+            float(tried[0]),
+            float(tried[-1]),
+            ASSUMED,
+            role="shape",
+            grid=tuple(float(x) for x in tried),
+            meaning="force beyond which it slips",
+            fine=True,
+        )
     else:
         amount = EffectParameter(
             "angle", "angle", "mrad", 0.03e-3, 1e-3, ASSUMED, meaning="slip at twice the moment named"
         )
         limit = torque_shape("moment", size, (0.15, 0.8), 4, "moment beyond which it slips")
     return Effect(
-        f"slip:{place}", words, "arm", (amount, limit, stays_slipped(), zeroed()), law, "slip",
-        needs_history=True, depends_on="load", chance=SELDOM,
-    )  # fmt: skip
+        f"slip:{place}",
+        words,
+        "arm",
+        (amount, limit, stays_slipped(), zeroed()),
+        law,
+        "slip",
+        needs_history=True,
+        depends_on="load",
+        chance=SELDOM,
+    )
 
 
 def _cable_package(model: ArmModel) -> Effect:
@@ -106,9 +121,25 @@ def _cable_package(model: ArmModel) -> Effect:
     stiffer = share(
         "share", 0.1, 0.8, "share of the joints' stiffness that the cables add, wound up fully", signed=False
     )
-    power = EffectParameter("power", "ratio", "1", 1.0, 5.0, ASSUMED, role="shape", grid=WOUND, default=2.0,
-                            meaning="how steeply it grows with the angle")  # fmt: skip
+    power = EffectParameter(
+        "power",
+        "ratio",
+        "1",
+        1.0,
+        5.0,
+        ASSUMED,
+        role="shape",
+        grid=WOUND,
+        default=2.0,
+        meaning="how steeply it grows with the angle",
+    )
     return Effect(
-        "cable-package", f"cables stiffen joints {names[k]} and {names[k + 1]} where they are wound up", "arm",
-        (stiffer, power), law, "cable-package", depends_on="pose", doubt=ASSUMED_LAW,
-    )  # fmt: skip
+        "cable-package",
+        f"cables stiffen joints {names[k]} and {names[k + 1]} where they are wound up",
+        "arm",
+        (stiffer, power),
+        law,
+        "cable-package",
+        depends_on="pose",
+        doubt=ASSUMED_LAW,
+    )

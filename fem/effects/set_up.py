@@ -26,24 +26,52 @@ BEYOND_MASTERING = 0.3
 def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
     """Effects of this kind that the model can have."""
     # A hanger that nobody counted, or a load cell or weight that shows too much.
-    force = EffectParameter("force", "force", "N", 0.015 * usual.force, 0.12 * usual.force, ASSUMED, signed=True,
-                            meaning="force that acts with every load; negative: the loads in the table are too "
-                                    "large")  # fmt: skip
-    yield Effect("payload", "a force that is not in the table acts with every load", "load", (force,), _payload,
-                 "payload", depends_on="load", doubt=NEARLY_STRAIGHT)  # fmt: skip
+    force = EffectParameter(
+        "force",
+        "force",
+        "N",
+        0.015 * usual.force,
+        0.12 * usual.force,
+        ASSUMED,
+        signed=True,
+        meaning="force that acts with every load; negative: the loads in the table are too large",
+    )
+    yield Effect(
+        "payload",
+        "a force that is not in the table acts with every load",
+        "load",
+        (force,),
+        _payload,
+        "payload",
+        depends_on="load",
+        doubt=NEARLY_STRAIGHT,
+    )
     offset = [
         EffectParameter(a, "length", "mm", 0.005, 0.05, ASSUMED, signed=True, meaning=f"along the flange's {a}")
         for a in "xyz"
     ]
     yield Effect(
-        "load-point-offset", "the load does not act at the point that the table names", "load", tuple(offset), _offset,
         "load-point-offset",
-    )  # fmt: skip
+        "the load does not act at the point that the table names",
+        "load",
+        tuple(offset),
+        _offset,
+        "load-point-offset",
+    )
     tilt = [
-        EffectParameter(f"tilt_{a}", "angle", "deg", np.radians(0.5), np.radians(5.0), ASSUMED, signed=True,
-                        default=0.0, meaning=f"turned about the base's {a}")
+        EffectParameter(
+            f"tilt_{a}",
+            "angle",
+            "deg",
+            np.radians(0.5),
+            np.radians(5.0),
+            ASSUMED,
+            signed=True,
+            default=0.0,
+            meaning=f"turned about the base's {a}",
+        )
         for a in "xyz"
-    ]  # fmt: skip
+    ]
     yield Effect("load-misalignment", "the load's direction is off", "load", tuple(tilt), _tilt, "load-misalignment")
     for index, name in enumerate(model.robot.joint_names):
         yield _joint_zero(index, name)
@@ -51,8 +79,15 @@ def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         EffectParameter(a, "length", "um", 5e-6, 60e-6, ASSUMED, signed=True, meaning=f"reading along {a} without load")
         for a in AXES
     )
-    yield Effect("gauge-zero", "the gauge does not read zero without load", "gauge", zeros, _gauge_zero, "gauge-zero",
-                 depends_on="load")  # fmt: skip
+    yield Effect(
+        "gauge-zero",
+        "the gauge does not read zero without load",
+        "gauge",
+        zeros,
+        _gauge_zero,
+        "gauge-zero",
+        depends_on="load",
+    )
     scale = EffectParameter(
         "share", "ratio", "%", 0.005, 0.1, ASSUMED, signed=True, meaning="share by which it reads too much"
     )
@@ -63,10 +98,27 @@ def set_up_effects(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         )
         for a in AXES
     )
-    settling = EffectParameter("settling", "ratio", "1", 0.05, 10.0, ASSUMED, role="shape", grid=(0.1, 0.3, 10.0),
-                               meaning="time to settle, as a share of the campaign; large: nearly linear")  # fmt: skip
-    yield Effect("drift", "readings drift with time", "gauge", (*drifts, settling), _drift, "drift",
-                 depends_on="clock", doubt=ASSUMED_LAW)  # fmt: skip
+    settling = EffectParameter(
+        "settling",
+        "ratio",
+        "1",
+        0.05,
+        10.0,
+        ASSUMED,
+        role="shape",
+        grid=(0.1, 0.3, 10.0),
+        meaning="time to settle, as a share of the campaign; large: nearly linear",
+    )
+    yield Effect(
+        "drift",
+        "readings drift with time",
+        "gauge",
+        (*drifts, settling),
+        _drift,
+        "drift",
+        depends_on="clock",
+        doubt=ASSUMED_LAW,
+    )
 
 
 def _payload(at: LoadedPoses, s: Situation, v: Array) -> LoadedPoses:
@@ -91,12 +143,27 @@ def _joint_zero(index: int, name: str) -> Effect:
         q[:, index] += v[0]
         return replace(at, q=q)
 
-    angle = EffectParameter("angle", "angle", "deg", np.radians(0.1), np.radians(3.0), ASSUMED, signed=True,
-                            meaning="real angle less the one that the controller says")  # fmt: skip
+    angle = EffectParameter(
+        "angle",
+        "angle",
+        "deg",
+        np.radians(0.1),
+        np.radians(3.0),
+        ASSUMED,
+        signed=True,
+        meaning="real angle less the one that the controller says",
+    )
     return Effect(
-        f"joint-zero-offset:{name}", f"joint {name} is at another angle than the controller says", "load", (angle,),
-        law, "joint-zero-offset", usual=ZERO_OFF_BY, chance=BEYOND_MASTERING, lasting=True,
-    )  # fmt: skip
+        f"joint-zero-offset:{name}",
+        f"joint {name} is at another angle than the controller says",
+        "load",
+        (angle,),
+        law,
+        "joint-zero-offset",
+        usual=ZERO_OFF_BY,
+        chance=BEYOND_MASTERING,
+        lasting=True,
+    )
 
 
 AXES = ("x", "y", "z")

@@ -47,32 +47,50 @@ def structure(model: ArmModel, usual: Usual) -> Iterator[Effect]:
         for a, which in zip("xy", ("first", "second"), strict=True)
     ]
     yield Effect(
-        "base-tilt", "the base or floor tilts", "model", (*tilts, _heading("base's x")),
-        _across("base", slice(3, 5)), "base-tilt",
-    )  # fmt: skip
+        "base-tilt",
+        "the base or floor tilts",
+        "model",
+        (*tilts, _heading("base's x")),
+        _across("base", slice(3, 5)),
+        "base-tilt",
+    )
     yield Effect(
-        "base-vertical", "the base or rail deflects vertically", "model",
+        "base-vertical",
+        "the base or rail deflects vertically",
+        "model",
         (stiffness("stiffness", "N/m", 3e6 * soft, 5e8 * stiff, ASSUMED, "vertical stiffness"),),
-        _vertical, "base-vertical",
-    )  # fmt: skip
+        _vertical,
+        "base-vertical",
+    )
     across = [
         stiffness(
-            f"stiffness_{axis}", "N/m", soft / 6e-7, stiff / 1.5e-7, CLASS,
+            f"stiffness_{axis}",
+            "N/m",
+            soft / 6e-7,
+            stiff / 1.5e-7,
+            CLASS,
             f"stiffness along the {which} of two axes across the tool",
         )
         for axis, which in zip("xy", ("first", "second"), strict=True)
-    ]  # fmt: skip
+    ]
     own_axis = stiffness("stiffness_z", "N/m", soft / 1.5e-7, stiff / 2e-8, ASSUMED, "stiffness along the tool")
     yield Effect(
-        "tool-compliance", "the tool or sensor deflects, mostly across its axis", "model",
-        (*across, own_axis, _heading("flange's x")), _across("tool", slice(0, 2)), "tool-compliance",
-    )  # fmt: skip
+        "tool-compliance",
+        "the tool or sensor deflects, mostly across its axis",
+        "model",
+        (*across, own_axis, _heading("flange's x")),
+        _across("tool", slice(0, 2)),
+        "tool-compliance",
+    )
     if model.bar is not None:
         yield Effect(
-            "parallelogram-bar", "the parallelogram's bar stretches along its length", "model",
-            (stiffness("stiffness", "N/m", 2e7 * along, 1e9 * along, ASSUMED, "stiffness along the bar"),), _bar,
             "parallelogram-bar",
-        )  # fmt: skip
+            "the parallelogram's bar stretches along its length",
+            "model",
+            (stiffness("stiffness", "N/m", 2e7 * along, 1e9 * along, ASSUMED, "stiffness along the bar"),),
+            _bar,
+            "parallelogram-bar",
+        )
 
 
 def joint_is_rigid(joint: JointPart, dof: int) -> bool:
@@ -88,10 +106,14 @@ def _joint_compliance(joint: JointPart, usual: Usual) -> Effect:
     lower, upper = float(usual.low[joint.joint]), float(usual.high[joint.joint])
     meaning = "stiffness about the axis, in series with the spring"
     return Effect(
-        f"joint-compliance:{joint.name}", f"joint {joint.name} deflects about its axis", "model",
+        f"joint-compliance:{joint.name}",
+        f"joint {joint.name} deflects about its axis",
+        "model",
         (stiffness("stiffness", "N m/rad", lower, upper, CLASS, meaning),),
-        law, "joint-compliance", spring=joint.name,
-    )  # fmt: skip
+        law,
+        "joint-compliance",
+        spring=joint.name,
+    )
 
 
 def _joint_tilt(joint: JointPart, usual: Usual) -> Effect:
@@ -110,20 +132,36 @@ def _joint_tilt(joint: JointPart, usual: Usual) -> Effect:
     # Behind a vertical first axis the base's tilt and the joint's are one.
     family = "base-tilt" if joint.joint == 0 else "joint-tilt"
     behind = EffectParameter(
-        "turning", "ratio", "1", 0.0, 1.0, "definition", role="shape", grid=(0.0, 1.0), default=1.0,
+        "turning",
+        "ratio",
+        "1",
+        0.0,
+        1.0,
+        "definition",
+        role="shape",
+        grid=(0.0, 1.0),
+        default=1.0,
         meaning="1: the part behind the joint tilts, 0: the housing before it",
-    )  # fmt: skip
+    )
     across = (
         stiffness(
-            f"stiffness_{axis}", "N m/rad", 5e5 * usual.stiff, 5e6 * usual.stiff, CLASS,
+            f"stiffness_{axis}",
+            "N m/rad",
+            5e5 * usual.stiff,
+            5e6 * usual.stiff,
+            CLASS,
             f"stiffness against tilting about the {which} of two axes across the joint's",
         )
         for axis, which in zip("xy", ("first", "second"), strict=True)
-    )  # fmt: skip
+    )
     return Effect(
-        f"joint-tilt:{joint.name}", f"joint {joint.name} tilts across its axis", "model",
-        (*across, behind, _heading("joint's x")), law, family,
-    )  # fmt: skip
+        f"joint-tilt:{joint.name}",
+        f"joint {joint.name} tilts across its axis",
+        "model",
+        (*across, behind, _heading("joint's x")),
+        law,
+        family,
+    )
 
 
 def turned(first: float, second: float, heading: float) -> Array:
@@ -135,8 +173,18 @@ def turned(first: float, second: float, heading: float) -> Array:
 
 def _heading(start: str) -> EffectParameter:
     """Direction of the first of two axes; a right angle on they have changed places."""
-    return EffectParameter("heading", "angle", "deg", 0.0, np.pi / 2, "definition", role="shape", grid=HEADINGS,
-                           default=0.0, meaning=f"direction of the first axis, from the {start} axis")  # fmt: skip
+    return EffectParameter(
+        "heading",
+        "angle",
+        "deg",
+        0.0,
+        np.pi / 2,
+        "definition",
+        role="shape",
+        grid=HEADINGS,
+        default=0.0,
+        meaning=f"direction of the first axis, from the {start} axis",
+    )
 
 
 def _across(place: str, rows: slice) -> Law:
@@ -185,9 +233,15 @@ def link_flexibility(link: LinkPart, is_there: bool) -> Effect:
     words = f"link {link.name} is softer or stiffer than described" if is_there else f"link {link.name} is flexible"
     usual = OFF_BY if is_there else 0.0
     return Effect(
-        f"link-flexibility:{link.name}", words, "model", (share,), law, "link-flexibility", usual=usual,
+        f"link-flexibility:{link.name}",
+        words,
+        "model",
+        (share,),
+        law,
+        "link-flexibility",
+        usual=usual,
         held_rigid=not is_there,
-    )  # fmt: skip
+    )
 
 
 def softer(part: LinkPart, factor: float) -> LinkPart:
@@ -216,7 +270,15 @@ def wrist_coupling(model: ArmModel, usual: Usual) -> Iterator[Effect]:
 
     # Of the order of the two joints' own compliances; no coupling is above their geometric mean.
     mean = float(np.sqrt(usual.softness[k] * usual.softness[k + 1]))
-    entry = EffectParameter("coupling", "compliance", "rad/(N m)", 0.05 * mean, 0.7 * mean, CLASS, signed=True,
-                            meaning="rotation of one wrist axis for a torque about the other")  # fmt: skip
+    entry = EffectParameter(
+        "coupling",
+        "compliance",
+        "rad/(N m)",
+        0.05 * mean,
+        0.7 * mean,
+        CLASS,
+        signed=True,
+        meaning="rotation of one wrist axis for a torque about the other",
+    )
     words = f"torque about {first} turns {second}, and back"
     yield Effect("wrist-coupling", words, "arm", (entry,), law, "wrist-coupling", depends_on="pose")

@@ -40,9 +40,15 @@ def _gauge_temperature(reach: Reach) -> Effect:
     shares = pieces([f"share_{axis}" for axis in "xyz"], "share of the deflection that is added by ten kelvins")
     size = held("size", "length", "mm", max(reach.size, 1e-9), "size to which the shares refer")
     return Effect(
-        "learned-temperature:gauge", "readings move with the temperature", "gauge", (*own, *shares, size), law, FAMILY,
-        depends_on="temperature", doubt=0.0,
-    )  # fmt: skip
+        "learned-temperature:gauge",
+        "readings move with the temperature",
+        "gauge",
+        (*own, *shares, size),
+        law,
+        FAMILY,
+        depends_on="temperature",
+        doubt=0.0,
+    )
 
 
 def _session(reach: Reach) -> Effect:
@@ -64,6 +70,12 @@ def _session(reach: Reach) -> Effect:
     # A file holds those of the sessions that there were.
     numbers = tuple(replace(p, default=0.0) for p in (*scales, *zeros))
     return Effect(
-        "learned-session:gauge", "each session reads with a scale and a zero of its own", "gauge", (*numbers, size),
-        law, FAMILY, depends_on="session", doubt=0.0,
-    )  # fmt: skip
+        "learned-session:gauge",
+        "each session reads with a scale and a zero of its own",
+        "gauge",
+        (*numbers, size),
+        law,
+        FAMILY,
+        depends_on="session",
+        doubt=0.0,
+    )

@@ -313,19 +313,32 @@ KINDS: tuple[Kind, ...] = (
     # Where the load acts, from the read point, in flange axes; by what its direction is off, about the base's axes.
     _Shift("load", shifts="load", place="load", most=0.2, usual=0.03, triples=(("load", "offset"),)),
     _Shift(
-        "tilt", shifts="tilt", place="load", names=("tilt_x", "tilt_y", "tilt_z"), unit="rad", most=math.radians(10.0),
-        usual=math.radians(3.0), triples=(("load", "tilt"),),
+        "tilt",
+        shifts="tilt",
+        place="load",
+        names=("tilt_x", "tilt_y", "tilt_z"),
+        unit="rad",
+        most=math.radians(10.0),
+        usual=math.radians(3.0),
+        triples=(("load", "tilt"),),
     ),
     # Where the read and loaded point is, in flange axes.
     _Shift("point", shifts="point", place="point", most=0.5, usual=0.03),
     # By what the table's axes are turned, about the base's.
-    _Frame("frame", shifts="frame", place="frame", names=("rx", "ry", "rz"), unit="rad", most=math.radians(30.0),
-           usual=math.radians(3.0)),
+    _Frame(
+        "frame",
+        shifts="frame",
+        place="frame",
+        names=("rx", "ry", "rz"),
+        unit="rad",
+        most=math.radians(30.0),
+        usual=math.radians(3.0),
+    ),
     _Modulus("modulus", is_linear=True),
     _Wall("wall", has_sections=True),
     LAW,
     OF_EFFECT,
-)  # fmt: skip
+)
 
 
 def of_effect(effects: Sequence[PlacedEffect], name: str) -> Parameter | None:

@@ -119,9 +119,10 @@ def _changed(key: str, table: ChangedToolTable, folder: Path) -> Tool:
     milling = None if table.milling is None else folder / table.milling
     if milling is not None and not milling.is_file():
         raise InputError(
-            f"milling file of tool {key} not found", value=table.milling,
+            f"milling file of tool {key} not found",
+            value=table.milling,
             remedy="give its path relative to the cell file",
-        )  # fmt: skip
+        )
     return replace(_tool(table, folder), number=int(key) if numbered else None, name=name, milling=milling)
 
 

@@ -171,9 +171,20 @@ def scene_of(cell: Cell, arm: ArmBodies) -> Scene:
         and not may_touch(m.body.name, FLOOR)
     )
     scene = Scene(
-        arm, cell, members, tuple(wanted), floored, tuple(solids), stacked([bounds_of(s.solid) for s in solids]), owner,
-        _solid_pairs(wanted, owner), pose, (), (*arm.notes, *_floor_note(cell, arm, on_base=on_base)), on_base,
-    )  # fmt: skip
+        arm,
+        cell,
+        members,
+        tuple(wanted),
+        floored,
+        tuple(solids),
+        stacked([bounds_of(s.solid) for s in solids]),
+        owner,
+        _solid_pairs(wanted, owner),
+        pose,
+        (),
+        (*arm.notes, *_floor_note(cell, arm, on_base=on_base)),
+        on_base,
+    )
     return _without_overlaps(scene)
 
 

@@ -25,8 +25,13 @@ THINNEST, WIDEST = 1e-3, 1e7
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 MOST_TERMINALS = 8192
 DIGITAL_OUTPUTS = (
-    "spindle_clockwise", "spindle_counterclockwise", "coolant_flood", "coolant_mist", "coolant_through", "probe",
-)  # fmt: skip
+    "spindle_clockwise",
+    "spindle_counterclockwise",
+    "coolant_flood",
+    "coolant_mist",
+    "coolant_through",
+    "probe",
+)
 
 Positive = Annotated[float, Field(ge=SMALLEST, le=LARGEST)]
 Size = Annotated[float, Field(ge=THINNEST, le=WIDEST)]

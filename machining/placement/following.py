@@ -251,9 +251,13 @@ def along(problem: Problem, e: Array, table: float, course: Course, criterion: C
     share = problem.share if not problem.goal.minimised else np.full(len(e), 1.0 / len(e))
     error = surface_error(problem.arm, task, course.q, problem.force, stiffness=problem.uncertainty)
     drawn = drawn_stiffness(
-        problem.arm, task, course.q, problem.uncertainty, lambda C, point: directional_stiffness(C, force[point]),
+        problem.arm,
+        task,
+        course.q,
+        problem.uncertainty,
+        lambda C, point: directional_stiffness(C, force[point]),
         np.random.default_rng(SEED),
-    )  # fmt: skip
+    )
     value = np.abs(error.normal) if problem.goal.minimised else stiffness
     return Along(
         e=e,

@@ -88,9 +88,12 @@ def _sweep(problem: Problem, e: Array, table: float, rows: Integers, gamma: Arra
         tool = task.tool_at(np.tile(np.arange(m), k))
         there = replace(task, path=path, T_flange_tool=tool)
         found = sweep_gamma(
-            problem.arm, there, replace(objective, force=force), np.repeat(gamma[piece], m, axis=0),
+            problem.arm,
+            there,
+            replace(objective, force=force),
+            np.repeat(gamma[piece], m, axis=0),
             generator=np.random.default_rng(0),
-        )  # fmt: skip
+        )
         if found.names != BRANCH_NAMES:
             found = _best_of_each_point(found)
         q, valid, value, reason = (_of_sites(a, k) for a in (found.q, found.valid, found.value, found.reason))

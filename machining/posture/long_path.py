@@ -85,9 +85,16 @@ def optimise_long_path(
     objective, gammas, drive = objective or Objective(), gammas or GammaRange(), drive or Drive()
     if drive.turn_gain > 0.0 and drive.gamma_step > 0.0 and constant_axis(task):
         again = partial(
-            optimise_long_path, model, task, objective, gammas, free=free, knots=knots, passes=passes,
+            optimise_long_path,
+            model,
+            task,
+            objective,
+            gammas,
+            free=free,
+            knots=knots,
+            passes=passes,
             generator=generator,
-        )  # fmt: skip
+        )
         turning = again(drive=replace(drive, turn_gain=0.0), progress=progress)
         try:
             constant = again(drive=replace(drive, turn_gain=0.0, gamma_step=0.0)).course

@@ -117,9 +117,15 @@ def pose_along(model: fem.ArmModel, request: PostureRequest, progress: Progress 
     """
     seeds = np.random.default_rng(request.seed).spawn(2)
     found = optimise_path(
-        model, request.task, request.objective, request.gammas, request.drive,
-        passes=PASSES, generator=seeds[0], progress=progress,
-    )  # fmt: skip
+        model,
+        request.task,
+        request.objective,
+        request.gammas,
+        request.drive,
+        passes=PASSES,
+        generator=seeds[0],
+        progress=progress,
+    )
     before, why = None, None
     try:
         before = course_at(model, request.task, request.before, request.objective, request.drive, generator=seeds[1])

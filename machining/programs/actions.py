@@ -139,10 +139,11 @@ def _spindle(event: Event, table: CommandsTable, scaled: bool) -> tuple[tuple[Ac
     rpm = abs(event.value) / RPM
     if rpm > table.spindle_full_rpm * (1.0 + ROUNDING):
         raise InputError(
-            f"spindle speed of line {event.line}", value=f"{rpm:g} rpm",
+            f"spindle speed of line {event.line}",
+            value=f"{rpm:g} rpm",
             allowed=f"up to {table.spindle_full_rpm:g} rpm, spindle_full_rpm of the cell file",
             remedy="post the tool path with another speed, or correct the cell file",
-        )  # fmt: skip
+        )
     value = digits("analog", rpm / table.spindle_full_rpm if scaled else rpm)
     return (*off, Action("analog", _name(table.spindle_speed), value), on, *ready), ""
 

@@ -55,10 +55,11 @@ class Approach:
             )
         if not 0.0 < self.angle <= LARGEST * (1.0 + 1e-12):
             raise InputError(
-                "angle of the approach", value=f"{np.degrees(self.angle):g} deg",
+                "angle of the approach",
+                value=f"{np.degrees(self.angle):g} deg",
                 allowed=f"above 0, up to {np.degrees(LARGEST):g} deg",
                 remedy="give several times the lost motion of the joints, as 0.5 deg",
-            )  # fmt: skip
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +154,30 @@ def _with_points(program: JointProgram, ends: Integers, q: Array) -> tuple[Joint
         rapid[moves], feed[moves] = True, np.nan
     events = tuple(replace(event, move=event.move + int(np.searchsorted(ends, event.move))) for event in m.events)
     motions = replace(
-        m, points=points, axes=axes, rapid=rapid, feed=feed, dwell=dwell, events=events,
-        line=m.line[row], tool=m.tool[row], spindle=m.spindle[row], operation=m.operation[row],
-    )  # fmt: skip
+        m,
+        points=points,
+        axes=axes,
+        rapid=rapid,
+        feed=feed,
+        dwell=dwell,
+        events=events,
+        line=m.line[row],
+        tool=m.tool[row],
+        spindle=m.spindle[row],
+        operation=m.operation[row],
+    )
     whole = replace(
-        program, motions=motions, T_part_tool=T, q=joints, travel=program.travel[row], table=program.table[row],
-        gamma=program.gamma[row], branch=program.branch[row], inserted=inserted, file_lines=None,
-    )  # fmt: skip
+        program,
+        motions=motions,
+        T_part_tool=T,
+        q=joints,
+        travel=program.travel[row],
+        table=program.table[row],
+        gamma=program.gamma[row],
+        branch=program.branch[row],
+        inserted=inserted,
+        file_lines=None,
+    )
     return whole, via
 
 
@@ -172,9 +190,10 @@ def _refuse_turning_back(program: JointProgram, moves: Integers, step: Array) ->
         k, joint = (int(i) for i in np.argwhere(back)[0])
         raise InputError(
             f"line {int(program.motions.line[moves[k]])}: {program.robot.joint_names[joint]} turns back on the "
-            "straight way to its target", allowed="all joints turning one way",
+            "straight way to its target",
+            allowed="all joints turning one way",
             remedy="make rapid moves joint moves (--rapid joint), or come by a smaller angle",
-        )  # fmt: skip
+        )
 
 
 def with_leads(motions: Motions, moves: MovesTable) -> tuple[Motions, Integers, Bools]:
@@ -202,9 +221,18 @@ def with_leads(motions: Motions, moves: MovesTable) -> tuple[Motions, Integers, 
     # What was said before a move is said before its approach, and behind the retract of the operation before.
     events = tuple(replace(event, move=int(first[event.move])) for event in motions.events)
     led = replace(
-        motions, points=points, axes=motions.axes[row], rapid=rapid, feed=feed, dwell=dwell, line=motions.line[row],
-        tool=motions.tool[row], spindle=motions.spindle[row], operation=motions.operation[row], events=events,
-    )  # fmt: skip
+        motions,
+        points=points,
+        axes=motions.axes[row],
+        rapid=rapid,
+        feed=feed,
+        dwell=dwell,
+        line=motions.line[row],
+        tool=motions.tool[row],
+        spindle=motions.spindle[row],
+        operation=motions.operation[row],
+        events=events,
+    )
     return led, row, np.isin(np.arange(len(row)), np.concatenate([heads, tails]))
 
 
@@ -228,11 +256,27 @@ def with_home(program: JointProgram) -> JointProgram:
     stops = [event.value for event in m.events if event.kind == "spindle" and event.move == n]
     spindle[ends], inserted[ends] = (0.0, stops[-1] if stops else m.spindle[-1]), True
     motions = replace(
-        m, points=points, axes=axes, rapid=rapid, feed=feed, dwell=dwell, spindle=spindle, line=m.line[row],
-        tool=m.tool[row], operation=m.operation[row],
+        m,
+        points=points,
+        axes=axes,
+        rapid=rapid,
+        feed=feed,
+        dwell=dwell,
+        spindle=spindle,
+        line=m.line[row],
+        tool=m.tool[row],
+        operation=m.operation[row],
         events=tuple(replace(event, move=event.move + 1) for event in m.events),
-    )  # fmt: skip
+    )
     return replace(
-        program, motions=motions, T_part_tool=T, q=q, travel=program.travel[row], table=program.table[row],
-        gamma=program.gamma[row], branch=program.branch[row], inserted=inserted, file_lines=None,
-    )  # fmt: skip
+        program,
+        motions=motions,
+        T_part_tool=T,
+        q=q,
+        travel=program.travel[row],
+        table=program.table[row],
+        gamma=program.gamma[row],
+        branch=program.branch[row],
+        inserted=inserted,
+        file_lines=None,
+    )

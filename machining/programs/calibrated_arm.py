@@ -98,9 +98,15 @@ class _Loaded:
 
 
 def correct(
-    model: fem.ArmModel, arm: RealArm, nominal: Posted, *, cut: Cut | None = None,
-    stiffness: StiffnessUncertainty | None = None, cap: float = CAP, ramp: float = 0.0,
-) -> Corrected:  # fmt: skip
+    model: fem.ArmModel,
+    arm: RealArm,
+    nominal: Posted,
+    *,
+    cut: Cut | None = None,
+    stiffness: StiffnessUncertainty | None = None,
+    cap: float = CAP,
+    ramp: float = 0.0,
+) -> Corrected:
     """Move a program's targets so that the calibrated arm reaches what was programmed.
 
     Parameters
@@ -128,10 +134,11 @@ def correct(
     if length.max(initial=0.0) > cap:
         worst = int(np.argmax(length))
         raise InputError(
-            f"line {int(program.motions.line[worst])}: correction", value=f"{length[worst] * 1e6:.0f} um",
+            f"line {int(program.motions.line[worst])}: correction",
+            value=f"{length[worst] * 1e6:.0f} um",
             allowed=f"up to {cap * 1e6:.0f} um (--cap-um)",
             remedy="check the calibrated model, tool and part frame and the force, or raise --cap-um",
-        )  # fmt: skip
+        )
     place_sd, turn_sd = _doubt(arm, program, float(length.max(initial=0.0)))
     turns = not SURE * turn_sd > float(first[3].max(initial=0.0))
     if not turns:
@@ -141,9 +148,10 @@ def correct(
     task = nominal.state.task
     kept = nominal.state.places[0]
     error = (
-        None if acting is None or cut is None
+        None
+        if acting is None or cut is None
         else surface_error(model, task, program.q[kept], acting, stiffness=stiffness, tool=cut.tool)
-    )  # fmt: skip
+    )
     between = _between(loaded, moved, wanted)
     return Corrected(moved, *first, left, turns, place_sd, turn_sd, between, _unread(arm, q), error, rounds)
 
@@ -168,7 +176,7 @@ def _doubt(arm: RealArm, program: JointProgram, largest: float) -> tuple[float, 
             value=f"known to {SURE * worst * 1e6:.0f} um (95 %), for a correction of up to {largest * 1e6:.0f} um",
             allowed="a correction that is larger than its doubt",
             remedy="calibrate on readings of a target near the tool point, or of several targets that are far apart",
-        )  # fmt: skip
+        )
     return worst, float(turn.max(initial=0.0))
 
 
@@ -185,11 +193,12 @@ def _unread(arm: RealArm, q: Array) -> dict[str, int]:
     unread = {} if errors is None else where_unread(errors, robot.joint_names, q)
     if errors is not None and unread and errors.sin.shape[1] < CURVE_ORDER:
         raise InputError(
-            "targets at angles that were not read", value=", ".join(f"{n} of {j}" for j, n in unread.items()),
+            "targets at angles that were not read",
+            value=", ".join(f"{n} of {j}" for j, n in unread.items()),
             allowed=f"none, for error curves of {errors.sin.shape[1]} orders: what these say there is not identified",
             remedy=f"calibrate with --free periodic (its curves of {CURVE_ORDER} orders stay at zero there), measure "
             "there, or choose another gamma",
-        )  # fmt: skip
+        )
     return unread
 
 
@@ -231,9 +240,10 @@ def _reached(loaded: _Loaded, program: JointProgram, wanted: Array) -> tuple[Arr
     worst = int(np.argmax(away))
     raise InputError(
         f"line {int(program.motions.line[worst])}: compensation does not come to rest",
-        value=f"still {away[worst] * 1e6:.3g} um away after {ROUNDS} rounds", allowed=f"{THERE_m * 1e6:g} um",
+        value=f"still {away[worst] * 1e6:.3g} um away after {ROUNDS} rounds",
+        allowed=f"{THERE_m * 1e6:g} um",
         remedy="keep the path away from singularities (another gamma), check the calibrated model and the force",
-    )  # fmt: skip
+    )
 
 
 def _step(program: JointProgram, q: Array, off: Array, T_flange_tool: Array) -> Array:
@@ -246,9 +256,10 @@ def _step(program: JointProgram, q: Array, off: Array, T_flange_tool: Array) -> 
         raise InputError(
             f"line {int(program.motions.line[worst])}: posture next to a singularity",
             value=f"a correction of {np.linalg.norm(off[worst, :3]) * 1e6:.3g} um turns a joint by "
-            f"{np.degrees(far[worst]):.3g} deg", allowed=f"up to {np.degrees(LARGEST_STEP):.3g} deg",
+            f"{np.degrees(far[worst]):.3g} deg",
+            allowed=f"up to {np.degrees(LARGEST_STEP):.3g} deg",
             remedy="choose another gamma or place the part elsewhere",
-        )  # fmt: skip
+        )
     return step
 
 

@@ -185,10 +185,12 @@ class Controller(Format):
         if self.tool_frame == "name":
             return tuple((Action("tool_frame", tool.name),) for tool in tools)
         pairs = (
-            (Action("tool_frame", value=self.tool_value(tool.T, options)),
-             Action("payload", value=self.load_value(tool, options)))
+            (
+                Action("tool_frame", value=self.tool_value(tool.T, options)),
+                Action("payload", value=self.load_value(tool, options)),
+            )
             for tool in tools
-        )  # fmt: skip
+        )
         return tuple(tuple(action for action in pair if action.value) for pair in pairs)
 
     def tools(self, program: JointProgram, options: WriteOptions) -> tuple[ToolData, ...]:
@@ -382,9 +384,21 @@ class Controller(Format):
                 here = job.between.happenings.get(i, ())
                 named = pattern % (*words, *sides, *axes) if pattern else ""
                 yield Move(
-                    i + 1, i, line, new, rapid, jointly, stop, words, axes, sides, changed, here, job.tools[tool].name,
+                    i + 1,
+                    i,
+                    line,
+                    new,
+                    rapid,
+                    jointly,
+                    stop,
+                    words,
+                    axes,
+                    sides,
+                    changed,
+                    here,
+                    job.tools[tool].name,
                     named,
-                )  # fmt: skip
+                )
 
     def _precision_notes(self, job: Job) -> list[str]:
         """Say where the decimals alone move the tool by more than ``WANTED``."""

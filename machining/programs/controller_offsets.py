@@ -61,10 +61,16 @@ def controller_offsets(
         zeros = np.where(unknown != at_zero, np.nan, moved - at_zero)
         T_base = np.eye(4) if convention.T_base is None else convention.T_base
         back = inverse(convention.T_flange)
-        out.append(ControllerOffsets(
-            formats, axes, zeros, {s: T @ T_base for s, T in sessions.items()},
-            convention.T_base is not None, {t: back[:3, :3] @ p + back[:3, 3] for t, p in targets.items()},
-        ))  # fmt: skip
+        out.append(
+            ControllerOffsets(
+                formats,
+                axes,
+                zeros,
+                {s: T @ T_base for s, T in sessions.items()},
+                convention.T_base is not None,
+                {t: back[:3, :3] @ p + back[:3, 3] for t, p in targets.items()},
+            )
+        )
     return tuple(out)
 
 

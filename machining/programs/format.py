@@ -149,8 +149,12 @@ class Format(ABC):
         """Refuse, before any work, an arm or options that it cannot write."""
         for key in ("name", "tool_name", "frame_name"):
             if getattr(options, key).lower() in self.words:
-                raise InputError(f"{key} of a {self.name} program", value=getattr(options, key),
-                                 allowed="no word of the language", remedy="choose another name")  # fmt: skip
+                raise InputError(
+                    f"{key} of a {self.name} program",
+                    value=getattr(options, key),
+                    allowed="no word of the language",
+                    remedy="choose another name",
+                )
 
     def check_commands(self, table: CommandsTable) -> None:
         """Refuse outputs, inputs and routines of a cell file that this controller does not have."""
@@ -163,14 +167,18 @@ class Format(ABC):
                 fits, allowed = isinstance(given, int) and first <= given <= last, f"a number from {first} to {last}"
             if not fits:
                 raise InputError(
-                    f"cell file, [commands] {key} for {self.title}", value=given, allowed=allowed,
+                    f"cell file, [commands] {key} for {self.title}",
+                    value=given,
+                    allowed=allowed,
                     remedy="correct it, or leave it out",
-                )  # fmt: skip
+                )
         if table.tool_change is not None and table.tool_change.lower() in self.words:
             raise InputError(
-                f"cell file, [commands] tool_change for {self.title}", value=table.tool_change,
-                allowed="no word of the language", remedy="choose another name",
-            )  # fmt: skip
+                f"cell file, [commands] tool_change for {self.title}",
+                value=table.tool_change,
+                allowed="no word of the language",
+                remedy="choose another name",
+            )
 
     @abstractmethod
     def write(self, program: JointProgram, kind: Kind, options: WriteOptions, templates: Path | None) -> Written:

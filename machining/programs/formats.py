@@ -147,9 +147,10 @@ def changed_since(record: Path, program: Path) -> tuple[str, ...]:
         return ()
     files = {name: program.parent / Path(str(name)).name for name in said}
     return tuple(
-        name for name, file in files.items()
+        name
+        for name, file in files.items()
         if not file.is_file() or digest(read_text(file, "program", most=LARGEST)) != said[name]
-    )  # fmt: skip
+    )
 
 
 def read_options(path: str | Path) -> WriteOptions:
@@ -179,7 +180,9 @@ def parse_options(data: object, where: str) -> WriteOptions:
     for key in NAME_KEYS:
         if getattr(options, key).lower() in words:
             raise InputError(
-                f"{where}, {key}", value=getattr(options, key), allowed="no word of a language",
+                f"{where}, {key}",
+                value=getattr(options, key),
+                allowed="no word of a language",
                 remedy="correct it in the file",
-            )  # fmt: skip
+            )
     return options.with_tables(tables)

@@ -267,8 +267,10 @@ class Job:
             f"robot {program.robot.name}, cell {program.cell.name}, {self.kind} coordinates, {self.n} moves",
         ]
         lines += [f"E{i}: {name}" for i, name in enumerate(axes, 1)]
-        lines += [f"payload {tool.name} {tool.weight}" if tool.weight else f"payload of {tool.name} is not known"
-                  for tool in self.used]  # fmt: skip
+        lines += [
+            f"payload {tool.name} {tool.weight}" if tool.weight else f"payload of {tool.name} is not known"
+            for tool in self.used
+        ]
         return lines
 
     @property

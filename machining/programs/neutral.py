@@ -28,8 +28,17 @@ SCHEMA = "stiffarm-program/2"
 BLOCK = 2000
 # Columns between the fixed ones in front and the frame behind: q1_deg ..., e1_mm ..., table_deg.
 FRONT = (
-    "line", "inserted", "rapid", "feed_mm_min", "tool", "spindle_rpm", "dwell_s", "operation", "branch", "gamma_deg",
-)  # fmt: skip
+    "line",
+    "inserted",
+    "rapid",
+    "feed_mm_min",
+    "tool",
+    "spindle_rpm",
+    "dwell_s",
+    "operation",
+    "branch",
+    "gamma_deg",
+)
 FRAME = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 # Degrees, and mm of external axes.
 LARGEST_ANGLE = limits.FARTHEST * 1e3

@@ -78,9 +78,19 @@ def replayed(
     events, spindle = _events(found, cell.commands, tools)
     zeros = np.zeros(n, dtype=np.int64)
     motions = Motions(
-        np.ascontiguousarray(T[:, :3, 3]), -T[:, :3, 2], rapid, np.where(rapid, np.nan, speed), np.arange(1, n + 1),
-        tool, spindle, np.zeros(n), zeros, tools=tools, events=events, source=source,
-    )  # fmt: skip
+        np.ascontiguousarray(T[:, :3, 3]),
+        -T[:, :3, 2],
+        rapid,
+        np.where(rapid, np.nan, speed),
+        np.arange(1, n + 1),
+        tool,
+        spindle,
+        np.zeros(n),
+        zeros,
+        tools=tools,
+        events=events,
+        source=source,
+    )
     faults = tuple(
         Fault(move, "a cut begins and nothing waits for the spindle's speed")
         for move in _not_waited(found.actions, cell.commands, motions.cutting)
@@ -102,9 +112,11 @@ def held_against(
     """
     if program.n != written.n:
         raise InputError(
-            f"{program.motions.source} beside {written.motions.source}", value=f"{program.n} moves",
-            allowed=f"{written.n}, as in the neutral program", remedy="give the neutral program of the same run",
-        )  # fmt: skip
+            f"{program.motions.source} beside {written.motions.source}",
+            value=f"{program.n} moves",
+            allowed=f"{written.n}, as in the neutral program",
+            remedy="give the neutral program of the same run",
+        )
     found = collected(language.read(files, written.cell, options))
     kind: Kind = "joint" if found.kind == "joint" else "cartesian"
     wrong = language.round_trip(written, files, kind, options).difference(SAME_PLACE)
@@ -138,9 +150,13 @@ def _tools(found: ReadMoves, cell: Cell) -> tuple[Integers, tuple[Tool, ...]]:
 
 
 def _joints(
-    language: Controller, found: ReadMoves, robot: Robot, T_base_tool: Array, T_flange_tool: Array,
+    language: Controller,
+    found: ReadMoves,
+    robot: Robot,
+    T_base_tool: Array,
+    T_flange_tool: Array,
     convention: Convention,
-) -> Array:  # fmt: skip
+) -> Array:
     """Joint angles (n, dof) rad of frames: the configuration says them at joint moves, between them the nearest are."""
     why = why_not_spherical(robot)
     if why is not None:
@@ -157,8 +173,11 @@ def _joints(
             turned = (candidates[:, None] + _every_turn(robot.dof)).reshape(-1, robot.dof)
             candidates = turned[_configured(language, robot, turned, convention.controller_deg(turned), said)]
         if not len(candidates):
-            raise InputError(f"{found.where[i]}: frame", value=", ".join(map(str, said)) or "no configuration",
-                             allowed="one that the arm reaches in that configuration")  # fmt: skip
+            raise InputError(
+                f"{found.where[i]}: frame",
+                value=", ".join(map(str, said)) or "no configuration",
+                allowed="one that the arm reaches in that configuration",
+            )
         before = candidates[int(np.argmin(np.abs(candidates - before).max(axis=1)))]
         out.append(before)
     return np.array(out)
@@ -170,8 +189,10 @@ def _configured(language: Controller, robot: Robot, q: Array, deg: Array, said: 
     even = np.round(deg, BORDER_DIGITS) + 0.0
     for near in (deg, even, even - 10.0**-BORDER_DIGITS, even + 10.0**-BORDER_DIGITS):
         words = language.configuration(robot, q, near)
-        out |= np.array([words is None or list(map(str, row)) == wanted
-                         for row in (q if words is None else words).tolist()], dtype=np.bool_)  # fmt: skip
+        out |= np.array(
+            [words is None or list(map(str, row)) == wanted for row in (q if words is None else words).tolist()],
+            dtype=np.bool_,
+        )
     return out
 
 

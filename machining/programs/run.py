@@ -144,14 +144,12 @@ def run_post(
     if request.payload is not None:
         cap = ARM_CAP if request.cap is None else request.cap
         arm = RealArm(real, request.payload)
-        corrected = correct(
-            model, arm, posted, cut=cut, stiffness=request.stiffness, cap=cap, ramp=request.ramp
-        )  # fmt: skip
+        corrected = correct(model, arm, posted, cut=cut, stiffness=request.stiffness, cap=cap, ramp=request.ramp)
     elif cut is not None:
         cap = CAP if request.cap is None else request.cap
         found = compensate(
             model, posted, cut.force, tool=cut.tool, stiffness=request.stiffness, cap=cap, ramp=request.ramp
-        )  # fmt: skip
+        )
     stiffness = (request.stiffness or assumed_uncertainty(model)) if flexible else None
     drawn = None if stiffness is None else _drawn(model, posted, stiffness)
     run = PostRun(request, model, posted, found, stiffness=stiffness, drawn=drawn, corrected=corrected)

@@ -163,8 +163,13 @@ class Sandbox(ImmutableSandboxedEnvironment):
         super().__init__(optimized=False, finalize=_printed, **options)
         self.budget = Budget.of("", 0)
         self.globals = {
-            "range": safe_range, "zip": zip, "dict": dict, "namespace": Namespace, "cycler": Cycler, "joiner": Joiner,
-        }  # fmt: skip
+            "range": safe_range,
+            "zip": zip,
+            "dict": dict,
+            "namespace": Namespace,
+            "cycler": Cycler,
+            "joiner": Joiner,
+        }
         self.filters = {name: self._charged(name, self.filters[name]) for name in _FILTERS.split()}
         self.filters |= {"_steps": self._steps, "_joined": self._joined, "_sized": self._sized}
 

@@ -265,9 +265,18 @@ def _elbows(f: Figures, W: Array, back: int) -> None:
 
 @compiled
 def _one_elbow(
-    f: Figures, W: Array, row: int, i: int, bent: float, towards: Pair, inner: Pair, bend: Pair, r: Pair, load: Vector,
-    by_2: Vector
-) -> None:  # fmt: skip
+    f: Figures,
+    W: Array,
+    row: int,
+    i: int,
+    bent: float,
+    towards: Pair,
+    inner: Pair,
+    bend: Pair,
+    r: Pair,
+    load: Vector,
+    by_2: Vector,
+) -> None:
     c2, s2 = _difference(towards, inner, bent)
     ex, ey = r[0] - f.upper * c2, r[1] - f.upper * s2
     t3 = f.compliance[2] * (ex * load[1] - ey * load[0])

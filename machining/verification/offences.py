@@ -189,9 +189,23 @@ class Reported:
         if program.file_lines is not None:
             nc_line = int(program.file_lines[move])
         return Offence(
-            kind, severity, int(move), int(move), line, nc_line, float(at), float(value), float(limit), unit, bodies,
-            axis, text, values[0], int(move), values[0],
-        )  # fmt: skip
+            kind,
+            severity,
+            int(move),
+            int(move),
+            line,
+            nc_line,
+            float(at),
+            float(value),
+            float(limit),
+            unit,
+            bodies,
+            axis,
+            text,
+            values[0],
+            int(move),
+            values[0],
+        )
 
     def each(
         self, kind: Kind, moves: Bools, at: Array | float, value: Array, limit: float, unit: str, *, text: str = ""
@@ -286,14 +300,24 @@ def axis_offences(reported: Reported, timing: Timing) -> Iterator[Offence]:
         fast = np.argwhere(timing.speed > axes.speed * (1.0 + RATE_TOLERANCE))
     for move, axis in fast.tolist():
         yield reported.offence(
-            Kind.SPEED, move, 0.5, timing.speed[move, axis], axes.speed[axis], axes.unit(axis, "/s"),
+            Kind.SPEED,
+            move,
+            0.5,
+            timing.speed[move, axis],
+            axes.speed[axis],
+            axes.unit(axis, "/s"),
             axis=axes.names[axis],
-        )  # fmt: skip
+        )
     for move, axis, rate in zip(timing.corners, timing.corner_axis, timing.corner_rate, strict=True):
         yield reported.offence(
-            Kind.ACCELERATION, int(move), 0.0, rate, axes.acceleration[axis], axes.unit(int(axis), "/s^2"),
+            Kind.ACCELERATION,
+            int(move),
+            0.0,
+            rate,
+            axes.acceleration[axis],
+            axes.unit(int(axis), "/s^2"),
             axis=axes.names[axis],
-        )  # fmt: skip
+        )
 
 
 def _looked_at(courses: Courses) -> Iterator[tuple[int, float, Array]]:

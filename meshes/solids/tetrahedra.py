@@ -116,9 +116,11 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
     content = read_bytes(path, "STEP file")
     if not content.lstrip().startswith(b"ISO-10303-21"):
         raise InputError(
-            f"STEP file {path.name} is none", value=content[:20].decode("latin-1"), allowed="ISO-10303-21 first",
+            f"STEP file {path.name} is none",
+            value=content[:20].decode("latin-1"),
+            allowed="ISO-10303-21 first",
             remedy="export it as STEP (AP203, AP214 or AP242)",
-        )  # fmt: skip
+        )
     try:
         found = run_apart(_STEP, (str(path.absolute()),), {}, TIMEOUT_S)
     except ApartError as error:
@@ -138,9 +140,11 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
     extent = metre * found["extent"].astype(np.float64)
     if not (np.isfinite([area, volume]).all() and area > 0.0 and volume > 0.0 and np.isfinite(extent).all()):
         raise InputError(
-            f"STEP file {path.name}: its solid's volume (mm3) and area (mm2)", value=f"{volume:.4g} and {area:.4g}",
-            allowed="above 0", remedy="heal it in the program it came from, and export it again",
-        )  # fmt: skip
+            f"STEP file {path.name}: its solid's volume (mm3) and area (mm2)",
+            value=f"{volume:.4g} and {area:.4g}",
+            allowed="above 0",
+            remedy="heal it in the program it came from, and export it again",
+        )
     return StepSolid(path, metre, area * metre**2, volume * metre**3, extent)
 
 

@@ -11,10 +11,17 @@ from robots.schema.key_words import KEY_WORDS
 SCHEMA_FILE = "stiffarm-model.schema.json"
 # Tables of the file by the class that they are.
 _CLASSES = {
-    "joint": "Joint", "flange": "Flange", "tool": "Tool", "base": "PlaceStiffness", "load": "LoadPlacement",
-    "link": "Link", "parallelogram": "ParallelogramBar", "coupling": "Coupling", "controller": "Controller",
+    "joint": "Joint",
+    "flange": "Flange",
+    "tool": "Tool",
+    "base": "PlaceStiffness",
+    "load": "LoadPlacement",
+    "link": "Link",
+    "parallelogram": "ParallelogramBar",
+    "coupling": "Coupling",
+    "controller": "Controller",
     "effect": "EffectTable",
-}  # fmt: skip
+}
 _LISTS = ("joint", "link", "coupling", "effect")
 _K = '{ value = 1.4e6, unit = "N m/rad", source = "assumed" }'
 _FIGURE = '{{ value = {}, unit = "{}", source = "assumed" }}'

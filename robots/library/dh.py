@@ -32,9 +32,17 @@ class DHLine:
 
 
 def description_from_dh(
-    lines: Sequence[DHLine], flange: DHLine | None, form: Form, *, name: str, title: str, where: str, sha256: str,
-    payload_kg: float | None = None, mass_kg: float | None = None,
-) -> ModelDescription:  # fmt: skip
+    lines: Sequence[DHLine],
+    flange: DHLine | None,
+    form: Form,
+    *,
+    name: str,
+    title: str,
+    where: str,
+    sha256: str,
+    payload_kg: float | None = None,
+    mass_kg: float | None = None,
+) -> ModelDescription:
     """The description of an arm.
 
     Parameters
@@ -64,21 +72,29 @@ def description_from_dh(
         end = end @ (_before(flange) @ _turned(flange) if form == "modified" else _turned(flange) @ _before(flange))
     joints = [
         Joint(
-            name=line.name, coordinate=f"q{i}_deg", dh=DHRow(alpha=_angle(alpha), a=_length(a), d=_length(line.d)),
-            sign=line.sign, offset=_angle(line.theta) if line.theta else None,
+            name=line.name,
+            coordinate=f"q{i}_deg",
+            dh=DHRow(alpha=_angle(alpha), a=_length(a), d=_length(line.d)),
+            sign=line.sign,
+            offset=_angle(line.theta) if line.theta else None,
             limits=AngleRange(value=line.limits or (), unit="deg", source=SOURCE),
         )
         for i, (line, (alpha, a)) in enumerate(zip(lines, before, strict=True), start=1)
-    ]  # fmt: skip
+    ]
     kind = "modified Denavit-Hartenberg parameters (Craig)" if form == "modified" else "Denavit-Hartenberg parameters"
     sources = {SOURCE: f"{kind} of {where}, SHA-256 {sha256}"}
     if payload_kg is not None or mass_kg is not None:
         sources["given"] = "given when this file was made"
     return ModelDescription(
-        schema="stiffarm-model/1", name=name, title=title, sources=sources, joint=tuple(joints), flange=_flange(end),
+        schema="stiffarm-model/1",
+        name=name,
+        title=title,
+        sources=sources,
+        joint=tuple(joints),
+        flange=_flange(end),
         mass=None if mass_kg is None else Mass(value=mass_kg, unit="kg", source="given"),
         payload=None if payload_kg is None else Mass(value=payload_kg, unit="kg", source="given"),
-    )  # fmt: skip
+    )
 
 
 def _angle(degrees: float) -> Angle:

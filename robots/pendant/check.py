@@ -77,10 +77,11 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
     n = len(readings.q)
     if n < FEWEST_POSES or np.ptp(readings.q, axis=0).max() < STILL_rad:
         raise InputError(
-            "pendant table: poses", value=n if n < FEWEST_POSES else "all the same",
+            "pendant table: poses",
+            value=n if n < FEWEST_POSES else "all the same",
             allowed=f"{FEWEST_POSES} or more that differ; ten that move every joint tell most",
             remedy="drive to more poses and note angles and position",
-        )  # fmt: skip
+        )
     _refuse_other_units(robot, readings)
     bases = _bases(robot)
     places = [(known, _seen(T, readings.position)) for known, T in bases]
@@ -121,8 +122,9 @@ def _refuse_other_units(robot: Robot, readings: PendantReadings) -> None:
             raise InputError(
                 "pendant table: columns x_mm, y_mm, z_mm",
                 value=f"positions that span {1e3 * read:.3g} mm, where the model's tool spans {1e3 * moved:.4g} mm",
-                allowed="mm", remedy=f"multiply them by {size:g}: they look like {unit}",
-            )  # fmt: skip
+                allowed="mm",
+                remedy=f"multiply them by {size:g}: they look like {unit}",
+            )
 
 
 def _bases(robot: Robot) -> list[tuple[bool, Array]]:

@@ -42,9 +42,13 @@ class Turned:
 
 
 def orientations_explained(
-    robot: Robot, readings: PendantReadings, rotation: Array, explained: list[Explanation], bases: dict[bool, Array],
+    robot: Robot,
+    readings: PendantReadings,
+    rotation: Array,
+    explained: list[Explanation],
+    bases: dict[bool, Array],
     tolerance: float,
-) -> list[tuple[Explanation, Turned]]:  # fmt: skip
+) -> list[tuple[Explanation, Turned]]:
     """Those explanations of the positions that explain the orientations best, each with how these compare.
 
     In the convention that the columns are named after; where that explains nothing, in another, or with one more slip

@@ -50,20 +50,33 @@ def slips(robot: Robot) -> tuple[Slip, ...]:
 
 
 def _of_all_angles(robot: Robot) -> Iterator[Slip]:
-    yield Slip("radians", "angles", "the table's angles are radians, not degrees",
-               "convert them to degrees", apply=np.degrees)  # fmt: skip
+    yield Slip(
+        "radians", "angles", "the table's angles are radians, not degrees", "convert them to degrees", apply=np.degrees
+    )
     controller = robot.controller
     if controller is not None and (controller.coupled or controller.offset.any()):
         words = "the angles are the model's coordinates already, not the controller's"
-        yield Slip("controller", "angles", words, "remove [controller] axes and angle from the model file, or name the "
-                   f"table's columns {', '.join(robot.coordinates)}", apply=controller.controller)  # fmt: skip
+        yield Slip(
+            "controller",
+            "angles",
+            words,
+            "remove [controller] axes and angle from the model file, or name the "
+            f"table's columns {', '.join(robot.coordinates)}",
+            apply=controller.controller,
+        )
 
 
 def _of_joints(robot: Robot) -> Iterator[Slip]:
     for k, (name, coordinate) in enumerate(zip(robot.joint_names, robot.coordinates, strict=True)):
         flipped = -1 if robot.sign[k] > 0 else 1
-        yield Slip(f"sign:{name}", "angles", f"{name} turns the other way",
-                   f"in [[joint]] {name}: sign = {flipped}", k, _changed(k, k, -2.0))  # fmt: skip
+        yield Slip(
+            f"sign:{name}",
+            "angles",
+            f"{name} turns the other way",
+            f"in [[joint]] {name}: sign = {flipped}",
+            k,
+            _changed(k, k, -2.0),
+        )
         yield Slip(f"offset:{name}", "offset", f"{name} counts from another zero", "", k)
         before = [j for j in (k - 1, k - 2) if j >= 0]
         for j in [*before, *([k + 1] if k + 1 < robot.dof else [])]:
@@ -71,11 +84,14 @@ def _of_joints(robot: Robot) -> Iterator[Slip]:
                 other = robot.joint_names[j]
                 sum_ = "plus" if factor > 0 else "minus"
                 yield Slip(
-                    f"coupled:{name}:{other}", "angles",
+                    f"coupled:{name}:{other}",
+                    "angles",
                     f"the controller's angle of {name} is coupled to {other}: {coordinate} of the model is the "
                     f"controller's {name} {sum_} {other}",
-                    _coupled_remedy(robot, k, j, factor), k, _changed(k, j, factor),
-                )  # fmt: skip
+                    _coupled_remedy(robot, k, j, factor),
+                    k,
+                    _changed(k, j, factor),
+                )
 
 
 def _coupled_remedy(robot: Robot, k: int, j: int, factor: float) -> str:
@@ -135,9 +151,11 @@ def fitted(robot: Robot, q: Array, position: Array, chosen: tuple[Slip, ...], fr
         q[:, slip.joint] += size
     left, found, shift = _linear(_Placed.of(robot, q, lengths), position, frames)
     return Fitted(
-        left[0], sizes | {slip.code: float(v) for slip, v in zip(lengths, found[0], strict=True)},
-        {frame: value[0] for frame, value in shift.items()}, q,
-    )  # fmt: skip
+        left[0],
+        sizes | {slip.code: float(v) for slip, v in zip(lengths, found[0], strict=True)},
+        {frame: value[0] for frame, value in shift.items()},
+        q,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +172,10 @@ class _Placed:
         at = forward_kinematics(robot, q)
         moved = [at.R[:, slip.joint, :, slip.along] for slip in lengths]
         return cls(
-            (at.p_flange + at.R_flange @ shown_tool(robot)[:3, 3])[None], at.R_flange[None],
+            (at.p_flange + at.R_flange @ shown_tool(robot)[:3, 3])[None],
+            at.R_flange[None],
             np.stack(moved, axis=2)[None] if moved else np.zeros((1, len(q), 3, 0)),
-        )  # fmt: skip
+        )
 
 
 def _offset(
@@ -171,8 +190,9 @@ def _offset(
     def turned(parts: list[Array], angle: Array) -> Array:
         middle, half = 0.5 * (parts[0] + parts[2]), 0.5 * (parts[0] - parts[2])
         shape = (-1,) + (1,) * (parts[0].ndim - 1)
-        return np.asarray(middle + np.cos(angle).reshape(shape) * half
-                          + np.sin(angle).reshape(shape) * (parts[1] - middle))  # fmt: skip
+        return np.asarray(
+            middle + np.cos(angle).reshape(shape) * half + np.sin(angle).reshape(shape) * (parts[1] - middle)
+        )
 
     tried, width = STARTS_rad, float(np.radians(15.0))
     best = 0.0

@@ -33,7 +33,9 @@ def expanded(path: Path) -> str:
             return str(xacro.process_file(str(path)).toxml())
     except Exception as error:
         if "$(find" in str(error) or "ament_index" in str(error) or "rospkg" in str(error):
-            raise InputError(f"{path.name} takes in files of a ROS package ($(find ...)), and ROS is not here",
-                             remedy=by_hand) from error  # fmt: skip
-        raise InputError(f"{path.name} cannot be expanded by xacro ({type(error).__name__}: {error})",
-                         remedy=by_hand) from error  # fmt: skip
+            raise InputError(
+                f"{path.name} takes in files of a ROS package ($(find ...)), and ROS is not here", remedy=by_hand
+            ) from error
+        raise InputError(
+            f"{path.name} cannot be expanded by xacro ({type(error).__name__}: {error})", remedy=by_hand
+        ) from error

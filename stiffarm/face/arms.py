@@ -70,8 +70,13 @@ class Arm(fem.arm.Arm):
         save_description(self.description, path)
         return path
 
-    def plot(self, file: str | Path | None = None, *, q_deg: Mapping[str, float] | None = None,
-             direction: Sequence[float] = DOWN) -> Picture:  # fmt: skip
+    def plot(
+        self,
+        file: str | Path | None = None,
+        *,
+        q_deg: Mapping[str, float] | None = None,
+        direction: Sequence[float] = DOWN,
+    ) -> Picture:
         """Draw the arm in a pose with the load's direction as an arrow; ``file``: a PNG to write.
 
         ``q_deg``: joint coordinates in degrees by name; one that is not named is 0, where the arm can take that.

@@ -190,9 +190,14 @@ def calibrate(
     estimates = [e for s in found.found.stages for e in s.certainty.estimates]
     parameters = (*_at_poses(found), *map(_identified, estimates))
     return Calibration(
-        as_face(made), parameters, found.found.rms_mm, found.left_out_rms_mm,
-        None if found.holdout is None else found.holdout.rms_mm, found.remarks, found,
-    )  # fmt: skip
+        as_face(made),
+        parameters,
+        found.found.rms_mm,
+        found.left_out_rms_mm,
+        None if found.holdout is None else found.holdout.rms_mm,
+        found.remarks,
+        found,
+    )
 
 
 def _identified(e: ParameterEstimate) -> Identified:

@@ -50,8 +50,10 @@ def in_order(values: ByName, names: Sequence[str], argument: str, unit: str = "n
         row = numbers(values, argument) or ()
         if len(row) != len(names):
             raise InputError(
-                argument, value=f"{len(row)} numbers", allowed=f"{len(names)}, those of {', '.join(names)}, or by name",
-            )  # fmt: skip
+                argument,
+                value=f"{len(row)} numbers",
+                allowed=f"{len(names)}, those of {', '.join(names)}, or by name",
+            )
         values = dict(zip(names, row, strict=True))
     for name, value in values.items():
         require_one_of(f"{argument}: name", name, names, remedy="use these names")

@@ -45,19 +45,26 @@ def _rows(c: Compared) -> list[dict[str, object]]:
     if c.maps is not None:
         return [
             {
-                "second": c.b.name, "quantity": q.name, "unit": q.unit, "first_median": _median(q.a),
-                "second_median": _median(q.b), "change": _median(q.change), "is_share": q.is_share,
+                "second": c.b.name,
+                "quantity": q.name,
+                "unit": q.unit,
+                "first_median": _median(q.a),
+                "second_median": _median(q.b),
+                "change": _median(q.change),
+                "is_share": q.is_share,
                 "share_beyond": float("nan") if q.beyond is None else float(q.beyond.mean()),
             }
             for q in c.maps.quantities
-        ]  # fmt: skip
+        ]
     out: list[dict[str, object]] = []
     for p in c.pairs:
         row: dict[str, object] = {"second": c.b.name, "parameter": p.name, "unit": p.unit}
         for name, one in (("first", p.a), ("second", p.b)):
             ends = (None, None, None) if one is None else (one.value, one.low, one.high)
-            row |= {f"{name}_{part}": float("nan") if v is None else v
-                    for part, v in zip(("value", "low", "high"), ends, strict=True)}  # fmt: skip
+            row |= {
+                f"{name}_{part}": float("nan") if v is None else v
+                for part, v in zip(("value", "low", "high"), ends, strict=True)
+            }
         out.append(row | {"change": p.change, "is_share": p.is_share, "p": p.p, "verdict": p.verdict})
     return out
 

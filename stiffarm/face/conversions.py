@@ -44,10 +44,12 @@ class ConvertedReadings(Shown):
         """The table, one row a reading; NaN where a number was not read."""
         ranges = self.converted.ranges()
         cells = zip(*self.converted.rows, strict=True)
-        return frame({
-            name: np.array([float(cell) if cell else np.nan for cell in column]) if name in ranges else list(column)
-            for name, column in zip(self.converted.header, cells, strict=True)
-        })  # fmt: skip
+        return frame(
+            {
+                name: np.array([float(cell) if cell else np.nan for cell in column]) if name in ranges else list(column)
+                for name, column in zip(self.converted.header, cells, strict=True)
+            }
+        )
 
     def save(self, file: str | Path, *, replace: bool = False) -> Path:
         """Write the table (CSV), and beside it FILE.mapping.toml; returns the table's path.

@@ -135,8 +135,9 @@ def diagnose(
 
     with called():
         given = arm if load_path is None else arm.with_load_path(as_load_path(load_path))
-        request = Request(numbers(loads_N, "loads_N") or (), words_of(free, "free"), next_poses, seed,
-                          setup_percent / 100.0, folds)  # fmt: skip
+        request = Request(
+            numbers(loads_N, "loads_N") or (), words_of(free, "free"), next_poses, seed, setup_percent / 100.0, folds
+        )
         found = ask(
             given, table_of(readings, arm), request, holdout=None if holdout is None else table_of(holdout, arm)
         )

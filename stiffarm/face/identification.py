@@ -121,9 +121,11 @@ def identify(
         refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")
         data = _made_up(given, seed) if tables is None else _read(given, tables)
         found = run(
-            given, data, Request(law, branches, flange, (x, z), (width, height), seed),
+            given,
+            data,
+            Request(law, branches, flange, (x, z), (width, height), seed),
             holdout=None if holdout is None else holdout.table,
-        )  # fmt: skip
+        )
         made = as_face(Arm.of(found.description, "rigid", arm.model.load_path, arm.own))
     return Identification(made, tuple(summary(found)), found)
 

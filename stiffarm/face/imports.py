@@ -43,9 +43,15 @@ class Imported(Shown):
     def to_frame(self) -> pd.DataFrame:
         """One row a link: wall, element size, triangles, least angle, tip compliance as a shell over that as a beam."""
         columns = (
-            "link", "wall_mm", "wall_basis", "verdict", "size_mm", "triangles", "minimum_angle_deg",
+            "link",
+            "wall_mm",
+            "wall_basis",
+            "verdict",
+            "size_mm",
+            "triangles",
+            "minimum_angle_deg",
             "tip_compliance_shell_over_beam",
-        )  # fmt: skip
+        )
         return frame([{name: link[name] for name in columns} for link in self._links()])
 
     def plot(self, file: str | Path | None = None) -> Picture:

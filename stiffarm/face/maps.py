@@ -93,8 +93,12 @@ class Map(Shown):
 
 
 def map_joints(
-    arm: Arm, *, points: int = 21, direction: Sequence[float] = DOWN, at_load_N: float | None = None,
-) -> Map:  # fmt: skip
+    arm: Arm,
+    *,
+    points: int = 21,
+    direction: Sequence[float] = DOWN,
+    at_load_N: float | None = None,
+) -> Map:
     """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers.
 
     Parameters
@@ -119,10 +123,16 @@ def map_joints(
 
 
 def map_slice(
-    arm: Arm, *, plane: Literal["xz", "yz", "xy"] = "xz", at_mm: float | None = None, step_mm: float | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    arm: Arm,
+    *,
+    plane: Literal["xz", "yz", "xy"] = "xz",
+    at_mm: float | None = None,
+    step_mm: float | None = None,
+    pose: Pose = "stiffest",
+    direction: Sequence[float] = DOWN,
+    at_load_N: float | None = None,
     seed: int = 0,
-) -> Map:  # fmt: skip
+) -> Map:
     """Map the arm over tool points in a plane of the base frame.
 
     Parameters
@@ -155,10 +165,16 @@ def map_slice(
 
 
 def map_box(
-    arm: Arm, *, x_mm: Range | None = None, y_mm: Range | None = None, z_mm: Range | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    arm: Arm,
+    *,
+    x_mm: Range | None = None,
+    y_mm: Range | None = None,
+    z_mm: Range | None = None,
+    pose: Pose = "stiffest",
+    direction: Sequence[float] = DOWN,
+    at_load_N: float | None = None,
     seed: int = 0,
-) -> Map:  # fmt: skip
+) -> Map:
     """Map the arm over tool points in a box along the base's axes.
 
     Parameters
@@ -183,10 +199,16 @@ def map_box(
 
 
 def map_cylinder(
-    arm: Arm, *, r_mm: Range | None = None, phi_deg: Range | None = None, z_mm: Range | None = None,
-    pose: Pose = "stiffest", direction: Sequence[float] = DOWN, at_load_N: float | None = None,
+    arm: Arm,
+    *,
+    r_mm: Range | None = None,
+    phi_deg: Range | None = None,
+    z_mm: Range | None = None,
+    pose: Pose = "stiffest",
+    direction: Sequence[float] = DOWN,
+    at_load_N: float | None = None,
     seed: int = 0,
-) -> Map:  # fmt: skip
+) -> Map:
     """Map the arm over tool points in a cylinder about the base's z axis.
 
     Parameters
@@ -213,9 +235,13 @@ def map_cylinder(
 
 
 def _mapped(
-    arm: Arm, kind: str, direction: Sequence[float], options: Mapping[str, Range | str | None], seed: int = 0,
+    arm: Arm,
+    kind: str,
+    direction: Sequence[float],
+    options: Mapping[str, Range | str | None],
+    seed: int = 0,
     at_load_N: float | None = None,
-) -> Map:  # fmt: skip
+) -> Map:
     from stiffarm.commands.maps.options import read_map_options
     from stiffarm.commands.maps.request import engine_of, stated
     from stiffarm.commands.maps.step import metadata

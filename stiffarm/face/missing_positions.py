@@ -90,7 +90,12 @@ def diagnose_positions(
     before, after = (1e3 * x for x in found.left_out_rms())
     names = free(found)
     return PositionDiagnosis(
-        arm.name, found.verdict, found.reason, tuple(one.candidate.code for one in found.effects),
-        tuple(one.candidate.code for one in found.provisional), (before, after),
-        () if names is None else tuple(names.split(",")), found,
-    )  # fmt: skip
+        arm.name,
+        found.verdict,
+        found.reason,
+        tuple(one.candidate.code for one in found.effects),
+        tuple(one.candidate.code for one in found.provisional),
+        (before, after),
+        () if names is None else tuple(names.split(",")),
+        found,
+    )

@@ -171,6 +171,11 @@ def check_kinematics(arm: Arm, pendant: str | Path, *, tolerance_mm: float = 1.0
     first = (content["explanations"] or [content["closest"]])[0]
     named = [] if first is None else first["changes"]
     return KinematicsCheck(
-        content["verdict"], content["largest_mm"], {one["words"]: one["remedy"] for one in named}, content, arm.robot,
-        found, arm.description,
-    )  # fmt: skip
+        content["verdict"],
+        content["largest_mm"],
+        {one["words"]: one["remedy"] for one in named},
+        content,
+        arm.robot,
+        found,
+        arm.description,
+    )

@@ -92,9 +92,12 @@ def plan(
     from stiffarm.commands.plan.step import Request, make_plan
 
     request = Request(
-        poses, free=words_of(free, "free"), forces=numbers(forces_N, "forces_N"),
-        repeats=repeats, seed=seed,
-    )  # fmt: skip
+        poses,
+        free=words_of(free, "free"),
+        forces=numbers(forces_N, "forces_N"),
+        repeats=repeats,
+        seed=seed,
+    )
     with called():
         found = make_plan(arm, None if readings is None else table_of(readings, arm), request)
     return Plan(arm, tuple(found.sentences), found)

@@ -145,18 +145,25 @@ def calibrate_positions(
         made = arm.of(model.description, links, arm.model.load_path, arm.own)
     before, after, out = (_rms_mm(d) for d in found.distances().values())
     return PositionCalibration(
-        arm.name, as_face(made),
+        arm.name,
+        as_face(made),
         tuple(Identified(f.name, f.value, f.unit, f.interval95, f.status) for f in found.findings),
-        before, after, out, None if (apart := found.sessions_out) is None else _rms_mm(apart.distance[found.right]),
+        before,
+        after,
+        out,
+        None if (apart := found.sessions_out) is None else _rms_mm(apart.distance[found.right]),
         None if found.holdout is None else 1e3 * found.holdout[1].rms_m,
-        tuple(one.words for one in found.gross), found.remarks, found,
-    )  # fmt: skip
+        tuple(one.words for one in found.gross),
+        found.remarks,
+        found,
+    )
 
 
 def read_positions(
-    source: str | Path | pd.DataFrame | Sequence[str | Path | pd.DataFrame], holdout: str | Path | pd.DataFrame | None,
+    source: str | Path | pd.DataFrame | Sequence[str | Path | pd.DataFrame],
+    holdout: str | Path | pd.DataFrame | None,
     arm: Arm,
-) -> tuple[AbsoluteReadings, AbsoluteReadings | None]:  # fmt: skip
+) -> tuple[AbsoluteReadings, AbsoluteReadings | None]:
     """Tables of positions as one, and what is held out."""
     from doe.absolute.table import joined
 

@@ -119,6 +119,8 @@ def power(
         found = analysed(arm, given, request, codes=None if effects is None else tuple(effects), compare=one_more)
     some = found.prospects
     return PowerAnalysis(
-        {p.code: p.found.value for p in some}, {p.code: p.named.value for p in some},
-        {p.code: p.smallest for p in some}, found,
-    )  # fmt: skip
+        {p.code: p.found.value for p in some},
+        {p.code: p.named.value for p in some},
+        {p.code: p.smallest for p in some},
+        found,
+    )

@@ -107,5 +107,6 @@ def rehearse(
         request = Request(hide, draws, seed, poses, Gauge(noise_percent, noise_um, setup_percent, reads))
         with places(draws) as folders:
             done = tuple(rehearsals(arm, None if sheet is None else Path(sheet), request, folders))
-    return Rehearsal(tuple(r.world.code for r in done), tuple(r.outcome for r in done),
-                     tuple(r.gap_mm for r in done), done)  # fmt: skip
+    return Rehearsal(
+        tuple(r.world.code for r in done), tuple(r.outcome for r in done), tuple(r.gap_mm for r in done), done
+    )

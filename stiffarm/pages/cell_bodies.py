@@ -80,9 +80,11 @@ def cell_data(scene: Scene, most: int, others: Sequence[Scene] = ()) -> dict[str
     cell, every = scene.cell, (scene, *others)
     share = most // max(1, sum(len(one.members) for one in every))
     drawn = [
-        (body, place) for place, one in enumerate(every) for body in body_surfaces(one, share)
+        (body, place)
+        for place, one in enumerate(every)
+        for body in body_surfaces(one, share)
         if place == 0 or body.kind in TOOL_KINDS
-    ]  # fmt: skip
+    ]
     return {
         "chain": chain_data(scene.arm.robot),
         "cell": {

@@ -18,12 +18,18 @@ from stiffarm.pages.style import INK, OKABE_ITO
 
 # Looks of the two ends: by shape and filling, not by colour alone.
 BEFORE: Final[dict[str, Any]] = {
-    "marker": "o", "markersize": 8.0, "markerfacecolor": "white", "markeredgecolor": OKABE_ITO["vermillion"],
+    "marker": "o",
+    "markersize": 8.0,
+    "markerfacecolor": "white",
+    "markeredgecolor": OKABE_ITO["vermillion"],
     "markeredgewidth": 2.0,
-}  # fmt: skip
+}
 AFTER: Final[dict[str, Any]] = {
-    "marker": "D", "markersize": 7.0, "markerfacecolor": OKABE_ITO["blue"], "markeredgecolor": OKABE_ITO["blue"],
-}  # fmt: skip
+    "marker": "D",
+    "markersize": 7.0,
+    "markerfacecolor": OKABE_ITO["blue"],
+    "markeredgecolor": OKABE_ITO["blue"],
+}
 _BAR: Final = "#C9CDD2"
 # More rows than this stand side by side, without their numbers.
 _MOST_ROWS: Final = 12

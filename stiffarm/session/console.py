@@ -122,8 +122,9 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     # A name that is broken in the middle is hard to read: the other columns give way first.
     whole = _name_width(lines) is not None
     for i, (column, width) in enumerate(zip(lines[0], _widths(lines), strict=True)):
-        table.add_column(Text(column), justify="left" if i == 0 else "right", overflow="fold", width=width,
-                         no_wrap=i == 0 and whole)  # fmt: skip
+        table.add_column(
+            Text(column), justify="left" if i == 0 else "right", overflow="fold", width=width, no_wrap=i == 0 and whole
+        )
     for line in lines[1:]:
         table.add_row(*map(Text, line))
     _print(table)

@@ -85,9 +85,12 @@ class Frame:
         return given
 
     def at_load(
-        self, given: Given, size_N: float | None, direction: Sequence[float] | Array = DOWN,
+        self,
+        given: Given,
+        size_N: float | None,
+        direction: Sequence[float] | Array = DOWN,
         point: Array | None = None,
-    ) -> Given:  # fmt: skip
+    ) -> Given:
         """The arm with its effects in its compliance, as :func:`stiffarm.session.stated.at_load`; said and shown."""
         from stiffarm.session.caution import caveats
         from stiffarm.session.stated import at_load, stated_words

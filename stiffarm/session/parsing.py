@@ -307,7 +307,9 @@ def parse_payload(text: str) -> Payload:
     kg, *centre = (*values, 0.0, 0.0, 0.0) if len(values) == 1 else values or (-1.0,)
     if len(centre) != 3 or not 0.0 <= kg <= HEAVIEST_kg or max(map(abs, centre)) > WIDEST_mm:
         raise InputError(
-            "--payload", value=text, allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within "
-            f"{WIDEST_mm:g} mm of the flange", remedy="give the mass of spindle and tool, as in 25,0,0,120",
-        )  # fmt: skip
+            "--payload",
+            value=text,
+            allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within {WIDEST_mm:g} mm of the flange",
+            remedy="give the mass of spindle and tool, as in 25,0,0,120",
+        )
     return Payload(float(kg), np.array(centre) * 1e-3)

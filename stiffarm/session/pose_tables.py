@@ -44,9 +44,13 @@ def read_pose_table(
     for name, column in zip(fixed_deg, values[:, len(names) :].T, strict=True):
         other = np.flatnonzero(np.abs(column - fixed_deg[name]) > 1e-9)
         if other.size and name in columns.known:
-            faults.add(table.lines[other[0]], f"column {name}", value=f"{column[other[0]]:g}",
-                       allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
-                       remedy=f"fit a surrogate with {name} among its inputs, or leave the column out")  # fmt: skip
+            faults.add(
+                table.lines[other[0]],
+                f"column {name}",
+                value=f"{column[other[0]]:g}",
+                allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
+                remedy=f"fit a surrogate with {name} among its inputs, or leave the column out",
+            )
     faults.raise_if_any("pose table")
     remarks = [f"{file}: column {name} is missing and taken as 0" for name in missing]
     remarks += [f"{file}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []

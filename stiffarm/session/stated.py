@@ -71,11 +71,15 @@ def stated_words(model: ArmModel) -> str:
         return ""
     out = []
     if s.bent:
-        out.append(f"Stiffness at a load of {_load_words(s.load)} (secant): {_codes(s.bent)} "
-                   f"{'is' if len(s.bent) == 1 else 'are'} not linear in the load.")  # fmt: skip
+        out.append(
+            f"Stiffness at a load of {_load_words(s.load)} (secant): {_codes(s.bent)} "
+            f"{'is' if len(s.bent) == 1 else 'are'} not linear in the load."
+        )
     if s.left_out:
-        out.append(f"Left out of every stiffness: {_codes(s.left_out)}, worth {_worth(model):+.3g} N/mm (median of "
-                   "poses), which depends on more than pose and load.")  # fmt: skip
+        out.append(
+            f"Left out of every stiffness: {_codes(s.left_out)}, worth {_worth(model):+.3g} N/mm (median of "
+            "poses), which depends on more than pose and load."
+        )
     return " ".join(out)
 
 

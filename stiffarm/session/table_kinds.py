@@ -24,29 +24,34 @@ class Kind(NamedTuple):
 
 
 DEFLECTIONS: Final = Kind(
-    "a table of tool deflections", "joint angles, loads as fz_N and readings as dz_mm",
+    "a table of tool deflections",
+    "joint angles, loads as fz_N and readings as dz_mm",
     "`stiffarm calibrate MODEL FILE` (or diagnose, run, rehearse)",
-)  # fmt: skip
+)
 TWISTS: Final = Kind(
-    "a table of joint twists", "joint angles, joint, phase, loads as fz_N and readings as rz_mrad or reflectors",
+    "a table of joint twists",
+    "joint angles, joint, phase, loads as fz_N and readings as rz_mrad or reflectors",
     "`stiffarm identify MODEL FILE`",
-)  # fmt: skip
+)
 PENDANT: Final = Kind(
-    "a table of positions", "joint angles, x_mm, y_mm and z_mm",
+    "a table of positions",
+    "joint angles, x_mm, y_mm and z_mm",
     "`stiffarm robots check MODEL FILE` if they were read at the controller, `stiffarm calibrate MODEL FILE` if by a "
     "tracker",
-)  # fmt: skip
+)
 DH: Final = Kind(
-    "a table of Denavit-Hartenberg parameters", "joint, alpha_deg, a_mm, d_mm and limits",
+    "a table of Denavit-Hartenberg parameters",
+    "joint, alpha_deg, a_mm, d_mm and limits",
     "`stiffarm new NAME --mdh FILE` (or --dh)",
-)  # fmt: skip
+)
 POSES: Final = Kind(
     "a table of poses without loads and readings", "joint angles", "`stiffarm index MODEL FILE` (or query)"
 )
 PATH: Final = Kind(
-    "a tool path", "x_mm, y_mm, z_mm, nx, ny and nz, or APT or G-code",
+    "a tool path",
+    "x_mm, y_mm, z_mm, nx, ny and nz, or APT or G-code",
     "`stiffarm posture MODEL FILE` (or place, post)",
-)  # fmt: skip
+)
 PROGRAM: Final = Kind(
     "a robot program", "as `stiffarm post` writes it", "`stiffarm verify MODEL FILE --cell cell.toml`"
 )
@@ -175,9 +180,11 @@ def are_positions(data: Sequence[Path] | None) -> bool:
     if any(found) and not all(found):
         other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
         raise InputError(
-            "measurement tables", value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
-            allowed="tables of positions, or tables of deflections", remedy="calibrate them one after the other",
-        )  # fmt: skip
+            "measurement tables",
+            value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
+            allowed="tables of positions, or tables of deflections",
+            remedy="calibrate them one after the other",
+        )
     return any(found)
 
 

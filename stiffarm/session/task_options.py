@@ -109,7 +109,9 @@ def parse_gammas(text: str) -> GammaRange | float:
         )
     if (high - low) / step > MOST_ANGLES:
         raise InputError(
-            "--gamma: step", value=step, allowed=f"{(high - low) / MOST_ANGLES:.3g} deg or more: {MOST_ANGLES} angles",
+            "--gamma: step",
+            value=step,
+            allowed=f"{(high - low) / MOST_ANGLES:.3g} deg or more: {MOST_ANGLES} angles",
             remedy="finer angles are found about the best ones by themselves",
-        )  # fmt: skip
+        )
     return GammaRange.of_degrees(low, high, step)

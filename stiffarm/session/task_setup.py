@@ -187,9 +187,13 @@ def parse_speed(robot: Robot, text: str | None) -> Array | None:
 
 
 def cut_of(
-    cell: cells.Cell, motions: Motions | None, force: str | None, axes: str, milling: Path | None,
+    cell: cells.Cell,
+    motions: Motions | None,
+    force: str | None,
+    axes: str,
+    milling: Path | None,
     measured: float | None = None,
-) -> Cut | None:  # fmt: skip
+) -> Cut | None:
     """The cutting force of ``--force`` or ``--milling``, else that of the cell's milling files; None: there is none.
 
     Raises

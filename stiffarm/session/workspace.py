@@ -152,10 +152,16 @@ def workspace_stiffness(description: ModelDescription, model: ArmModel) -> Works
         ends = stiffness_interval(value, e)
         spots.append(
             Spot(
-                name, tuple(np.degrees(at[k]).tolist()), tuple(tool[k].tolist()), value, *ends,
-                budget.parts[most], float(budget.share[k, most]), left_open[k],
+                name,
+                tuple(np.degrees(at[k]).tolist()),
+                tuple(tool[k].tolist()),
+                value,
+                *ends,
+                budget.parts[most],
+                float(budget.share[k, most]),
+                left_open[k],
             )
-        )  # fmt: skip
+        )
     return WorkspaceStiffness(np.sort(stiffness[np.isfinite(stiffness)]), *spots)
 
 

@@ -27,9 +27,7 @@ def parse_zone(description: ModelDescription, floor: str, boxes: Sequence[str], 
     own = usual_clearance(description) if clearance is None else 1e-3 * clearance
     height = () if floor.strip().lower() == "none" else parse_numbers(floor)
     if height is None or len(height) > 1:
-        raise InputError(
-            "--floor-mm", value=floor, allowed="a height in mm, or none", remedy="as in --floor-mm 0"
-        )  # fmt: skip
+        raise InputError("--floor-mm", value=floor, allowed="a height in mm, or none", remedy="as in --floor-mm 0")
     return Zone(height[0] * 1e-3 if height else None, tuple(_box(text) for text in boxes), own)
 
 
@@ -47,8 +45,12 @@ def usual_clearance(description: ModelDescription) -> float:
 def _box(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     corners = [parse_numbers(corner) or () for corner in text.split(":")]
     if [len(corner) for corner in corners] != [3, 3]:
-        raise InputError("--keep-out", value=text, allowed="two corners x0,y0,z0:x1,y1,z1 in mm",
-                         remedy="as in --keep-out 500,-800,0:1500,800,900")  # fmt: skip
+        raise InputError(
+            "--keep-out",
+            value=text,
+            allowed="two corners x0,y0,z0:x1,y1,z1 in mm",
+            remedy="as in --keep-out 500,-800,0:1500,800,900",
+        )
     low, high = np.sort(1e-3 * np.array(corners), axis=0)
     if not (low < high).all():
         raise InputError("--keep-out", value=text, allowed="a box with a volume", remedy="give opposite corners")

@@ -178,11 +178,17 @@ TABLE: tuple[Quantity, ...] = (
         _along_load,
     ),
     one_field(
-        "worst", "worst_stiffness_N_per_mm", "N/mm", "stiffness in the worst direction",
+        "worst",
+        "worst_stiffness_N_per_mm",
+        "N/mm",
+        "stiffness in the worst direction",
         lambda p: inverse(p.principal[0][:, 2]),
     ),
     one_field(
-        "best", "best_stiffness_N_per_mm", "N/mm", "stiffness in the best direction",
+        "best",
+        "best_stiffness_N_per_mm",
+        "N/mm",
+        "stiffness in the best direction",
         lambda p: inverse(p.principal[0][:, 0]),
     ),
     one_field("isotropy", "isotropy", "", "isotropy, worst over best stiffness", _isotropy),
@@ -214,7 +220,7 @@ TABLE: tuple[Quantity, ...] = (
         lambda p: [p.compliance[:, i, j] for i, j in _ENTRIES],
         common=False,
     ),
-)  # fmt: skip
+)
 
 
 def uncertainty(relative: Callable[[Array], Array]) -> Quantity:
@@ -235,9 +241,11 @@ def named(table: Iterable[Quantity], names: Iterable[str]) -> tuple[Quantity, ..
     unknown = [name for name in names if name not in rows]
     if unknown or not list(names):
         raise InputError(
-            "quantities of a map", value=", ".join(unknown) or "none", allowed=", ".join(rows),
+            "quantities of a map",
+            value=", ".join(unknown) or "none",
+            allowed=", ".join(rows),
             remedy="choose from these",
-        )  # fmt: skip
+        )
     return tuple(row for short, row in rows.items() if short in names)
 
 

@@ -170,8 +170,11 @@ class MapStore:
             few = ", ".join(map(str, sorted(spoilt)[:5])) + (", ..." if len(spoilt) > 5 else "")
             _log.warning(
                 "work folder %s: %d of %d blocks are damaged (%s); they are made again",
-                self.folder, len(spoilt), self.blocks, few,
-            )  # fmt: skip
+                self.folder,
+                len(spoilt),
+                self.blocks,
+                few,
+            )
         return spoilt
 
     def _sha256(self, number: int, arrays: Mapping[str, memoryview]) -> str:
@@ -204,9 +207,11 @@ class MapStore:
         own = {*(f"{name}.npy" for name in self.columns), _DONE}
         if any(file.name not in own and not is_draft(file.name) for file in self.folder.iterdir()):
             raise InputError(
-                f"work folder {self.folder}", value="holds other files", allowed="a new or empty folder, or one of "
-                "the same map", remedy="choose another folder",
-            )  # fmt: skip
+                f"work folder {self.folder}",
+                value="holds other files",
+                allowed="a new or empty folder, or one of the same map",
+                remedy="choose another folder",
+            )
         free = os.statvfs(self.folder).f_bavail * os.statvfs(self.folder).f_frsize if hasattr(os, "statvfs") else None
         if free is not None and free < self.bytes:
             raise InputError(

@@ -44,13 +44,21 @@ def steps(*ends: str) -> list[dict[str, Any]]:
 
 
 ROWS = [
-    {"kind": "single", "detectable": True, "proposed": steps("unsettled", "right"),
-     "random": steps("unsettled", "unsettled", "right")},
-    {"kind": "single", "detectable": True, "proposed": steps("unsettled", "unsettled", "wrong"),
-     "random": steps("unsettled", "unsettled", "unsettled")},
+    {
+        "kind": "single",
+        "detectable": True,
+        "proposed": steps("unsettled", "right"),
+        "random": steps("unsettled", "unsettled", "right"),
+    },
+    {
+        "kind": "single",
+        "detectable": True,
+        "proposed": steps("unsettled", "unsettled", "wrong"),
+        "random": steps("unsettled", "unsettled", "unsettled"),
+    },
     {"kind": "single", "detectable": False, "proposed": steps("right"), "random": steps("right")},
     {"refused": "two poses"},
-]  # fmt: skip
+]
 
 
 def test_what_is_counted() -> None:
@@ -58,8 +66,10 @@ def test_what_is_counted() -> None:
     assert at_step(ran[0]["proposed"], 3)["end"] == "right"  # type: ignore[arg-type]
     assert sooner(ran) == (1, 0)
     assert {name: len(some) for name, some in groups(ran).items()} == {
-        "single": 3, "single, detectable": 2, "single, detectable and unsettled at first": 2,
-    }  # fmt: skip
+        "single": 3,
+        "single, detectable": 2,
+        "single, detectable and unsettled at first": 2,
+    }
     f = forecasts(ran)
     assert f["proposals"] == 3
     assert (f["right"]["promised"], f["right"]["count"], f["wrong"]["count"]) == (2.1, 1, 1)

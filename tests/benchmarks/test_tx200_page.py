@@ -86,9 +86,7 @@ def test_gears_alone_are_as_wrong_as_the_page_says(model: ArmModel, found: Ident
 
 def test_the_map_is_the_pages(model: ArmModel, found: Identified) -> None:
     w = stiffness_window(model, compliances_of(found))
-    assert row("forward")[1:] == [
-        "up", "100", f"{1e-3 * np.nanmin(w.mean):.0f}", f"{1e-3 * np.nanmax(w.mean):.0f}"
-    ]  # fmt: skip
+    assert row("forward")[1:] == ["up", "100", f"{1e-3 * np.nanmin(w.mean):.0f}", f"{1e-3 * np.nanmax(w.mean):.0f}"]
 
 
 def test_the_diagonal_arm_is_left_in_peace(model: ArmModel, found: Identified) -> None:

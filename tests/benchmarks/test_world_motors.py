@@ -153,8 +153,10 @@ def test_wishes_are_dealt_evenly() -> None:
     assert {sum(f == w.families[0] for w in found) for f in KNOWN} == {18}
     assert {sum(w.poses == n for w in found) for n in (9, 27, 81)} == {6 * len(KNOWN)}
     assert {sum(w.noise == kind for w in found) for kind in readings.KINDS} == {3 * len(KNOWN)}
-    assert {sum(getattr(w, half) == value for w in found) for half, value in (
-        ("reads", "z"), ("outliers", True), ("scatter", 0.0), ("repeated", False))} == {9 * len(KNOWN)}  # fmt: skip
+    assert {
+        sum(getattr(w, half) == value for w in found)
+        for half, value in (("reads", "z"), ("outliers", True), ("scatter", 0.0), ("repeated", False))
+    } == {9 * len(KNOWN)}
     pairs = sets.wishes(np.random.default_rng(1), "pair", 40)
     assert all(EVERY[a].spot != EVERY[b].spot or not EVERY[a].spot for a, b in (w.families for w in pairs))
 

@@ -177,8 +177,12 @@ def test_a_set_is_complete_and_its_model_is_read(made: Path) -> None:
     for folder in sorted(made.iterdir()):
         seen = json.loads((folder / "set.json").read_text(encoding="utf-8"))
         assert {p.name for p in folder.iterdir()} == {
-            "set.json", seen["model"], "readings.csv", "unseen.csv", "key.json",
-        }  # fmt: skip
+            "set.json",
+            seen["model"],
+            "readings.csv",
+            "unseen.csv",
+            "key.json",
+        }
         key = json.loads((folder / "key.json").read_text(encoding="utf-8"))
         assert key["world"] == "shopfloor"
         assert len(key["effects"]) == {"none": 0, "pair": 2}.get(folder.name[:-4], 1)

@@ -62,9 +62,17 @@ def test_what_is_hidden_is_in_the_readings() -> None:
 
 def outcome(path: bool, odd: bool, **said: object) -> dict[str, object]:
     start = {
-        "path": path, "odd": odd, "shortfall": False, "verdict": "none", "named": [], "path_probability": 0.1,
-        "path_in_set95": False, "beyond_path": 0.2, "odd_lines": [], "truly_odd": [11, 12] if odd else [],
-    }  # fmt: skip
+        "path": path,
+        "odd": odd,
+        "shortfall": False,
+        "verdict": "none",
+        "named": [],
+        "path_probability": 0.1,
+        "path_in_set95": False,
+        "beyond_path": 0.2,
+        "odd_lines": [],
+        "truly_odd": [11, 12] if odd else [],
+    }
     return start | said
 
 

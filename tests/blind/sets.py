@@ -64,9 +64,13 @@ class MadeUp:
         tags |= {"noise": "share-of-component", "scatter": spec["setup_scatter"]}
         rest = {name: key[name] for name in ("springs_Nm_per_rad", "noise", "nuisance", "seed", "spec")}
         return {
-            "schema": "stiffarm-study-key/1", "world": "rehearsal", "effects": effects,
-            "excess_chi2": key["excess_chi2"], "tags": tags, **rest,
-        }  # fmt: skip
+            "schema": "stiffarm-study-key/1",
+            "world": "rehearsal",
+            "effects": effects,
+            "excess_chi2": key["excess_chi2"],
+            "tags": tags,
+            **rest,
+        }
 
 
 @lru_cache(maxsize=16)
@@ -194,14 +198,24 @@ def unseen(spec: SetSpec, seed: int, poses: int = 40) -> str:
     truth, r, _ = hidden(spec, seed)
     low, high = r.q.min(axis=0), r.q.max(axis=0)
     q = between(
-        truth.arm, (low + high) / 2, (high - low) / 2, poses, np.random.default_rng([seed, 77]),
+        truth.arm,
+        (low + high) / 2,
+        (high - low) / 2,
+        poses,
+        np.random.default_rng([seed, 77]),
         lambda q: allowed(truth.arm, q),
-    )  # fmt: skip
+    )
     loads = np.unique(r.force, axis=0)
     n = len(q) * len(loads)
     count = np.arange(n)
     other = Readings(
-        np.repeat(q, len(loads), axis=0), np.tile(loads, (len(q), 1)), np.repeat(np.arange(len(q)), len(loads)), count,
-        np.zeros(n, dtype=bool), np.ones(n, dtype=np.int64), np.full(n, 0.5), np.zeros((n, 3)),
-    )  # fmt: skip
+        np.repeat(q, len(loads), axis=0),
+        np.tile(loads, (len(q), 1)),
+        np.repeat(np.arange(len(q)), len(loads)),
+        count,
+        np.zeros(n, dtype=bool),
+        np.ones(n, dtype=np.int64),
+        np.full(n, 0.5),
+        np.zeros((n, 3)),
+    )
     return to_csv(truth.arm, other, exact(truth, other), spec.reads, label="U")

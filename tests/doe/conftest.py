@@ -41,12 +41,21 @@ def _readings(
     read = np.isin(np.arange(6), ["xyz".index(c) for c in components])
     unknown = np.full(n, np.nan)
     return Measurements(
-        source="made up", sha256="0" * 64, q=q, wrench=np.broadcast_to(wrench, (n, 6)).copy(),
-        displacement=np.where(read, moved, np.nan), sigma=unknown, step=unknown,
+        source="made up",
+        sha256="0" * 64,
+        q=q,
+        wrench=np.broadcast_to(wrench, (n, 6)).copy(),
+        displacement=np.where(read, moved, np.nan),
+        sigma=unknown,
+        step=unknown,
         point=np.tile(np.full(3, np.nan) if where is None else where, (n, 1)),
-        pose=pose or tuple(f"P{i + 1}" for i in range(n)), repeat=(None,) * n, phase=(None,) * n,
-        row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
-    )  # fmt: skip
+        pose=pose or tuple(f"P{i + 1}" for i in range(n)),
+        repeat=(None,) * n,
+        phase=(None,) * n,
+        row_numbers=tuple(range(2, n + 2)),
+        extra={},
+        notes=(),
+    )
 
 
 @pytest.fixture(scope="session")

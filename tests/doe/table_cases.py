@@ -35,16 +35,33 @@ def table(model: ArmModel, q: np.ndarray, wrench: np.ndarray, read: np.ndarray) 
     key = {row: k for k, row in enumerate(dict.fromkeys(map(tuple, q.tolist())))}
     pose = tuple(f"P{key[tuple(row)] + 1}" for row in q.tolist())
     return Measurements(
-        source="made up", sha256="0" * 64, q=q, wrench=wrench, displacement=read, point=np.full((n, 3), np.nan),
-        sigma=unknown, step=unknown, pose=pose, repeat=tuple(range(n)), phase=(None,) * n,
-        row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
-    )  # fmt: skip
+        source="made up",
+        sha256="0" * 64,
+        q=q,
+        wrench=wrench,
+        displacement=read,
+        point=np.full((n, 3), np.nan),
+        sigma=unknown,
+        step=unknown,
+        pose=pose,
+        repeat=tuple(range(n)),
+        phase=(None,) * n,
+        row_numbers=tuple(range(2, n + 2)),
+        extra={},
+        notes=(),
+    )
 
 
 def campaign(
-    seed: int, *, robot: str = "kr60-3", poses: int = 9, loads: tuple[float, ...] = (150.0, 375.0, 650.0),
-    ways: tuple[tuple[float, float, float], ...] = DOWN, components: tuple[int, ...] = (2,), noise: float = 0.0,
-) -> Measurements:  # fmt: skip
+    seed: int,
+    *,
+    robot: str = "kr60-3",
+    poses: int = 9,
+    loads: tuple[float, ...] = (150.0, 375.0, 650.0),
+    ways: tuple[tuple[float, float, float], ...] = DOWN,
+    components: tuple[int, ...] = (2,),
+    noise: float = 0.0,
+) -> Measurements:
     """Readings of an arm with springs, with white noise of this share of their RMS."""
     rng = np.random.default_rng(seed)
     model = with_springs(robot, rng)

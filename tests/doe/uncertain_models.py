@@ -36,8 +36,16 @@ def sprung(name: str = "kr60-3", springs: Mapping[str, float] = SPRINGS) -> Mode
 
 
 def with_table(given: ModelDescription, table: CalibrationUncertainty | None, links: str = "beam") -> ModelDescription:
-    origin = Calibration(scheme="global", load_path=given.load_path, links=links, data="made up", data_sha256="0" * 64,
-                         rms_mm=0.01, loads_N=(), uncertainty=table)  # fmt: skip
+    origin = Calibration(
+        scheme="global",
+        load_path=given.load_path,
+        links=links,
+        data="made up",
+        data_sha256="0" * 64,
+        rms_mm=0.01,
+        loads_N=(),
+        uncertainty=table,
+    )
     return parse_description(to_toml(given.model_copy(update={"calibration": origin})), "model.toml")
 
 
@@ -78,8 +86,13 @@ def along(model: ArmModel, q: np.ndarray, d: np.ndarray = DOWN) -> np.ndarray:
 
 def with_laws(given: ModelDescription) -> ModelDescription:
     """Joint 2 with a table, joint 3 with a Fourier law."""
-    table = TableLaw(kind="table", input="q2_deg", nodes_deg=(-120.0, -60.0, 0.0),
-                     stiffness_Nm_per_rad=(8e5, 1e6, 9e5), source="assumed")  # fmt: skip
+    table = TableLaw(
+        kind="table",
+        input="q2_deg",
+        nodes_deg=(-120.0, -60.0, 0.0),
+        stiffness_Nm_per_rad=(8e5, 1e6, 9e5),
+        source="assumed",
+    )
     waves = LogFourierLaw(kind="log-fourier", input="q3_deg", coefficients=(13.7, 0.2, -0.1), source="assumed")
     laws = {"j2": table, "j3": waves}
     joints = tuple(j.model_copy(update={"stiffness": laws[j.name]}) if j.name in laws else j for j in given.joint)

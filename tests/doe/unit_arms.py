@@ -54,18 +54,32 @@ def _described(rng: np.random.Generator, reach: float) -> ModelDescription:
     scale = reach / float(np.abs(a[1:]).sum() + np.abs(d[1:]).sum() + 0.1)
     joints = [
         {
-            "name": f"j{k + 1}", "coordinate": f"q{k + 1}_deg", "limits": _value([-170, 170], "deg"),
-            "dh": {"alpha": _value(float(alpha[k]), "deg"), "a": _value(float(a[k] * scale), "m"),
-                   "d": _value(float(d[k] * scale), "m")},
+            "name": f"j{k + 1}",
+            "coordinate": f"q{k + 1}_deg",
+            "limits": _value([-170, 170], "deg"),
+            "dh": {
+                "alpha": _value(float(alpha[k]), "deg"),
+                "a": _value(float(a[k] * scale), "m"),
+                "d": _value(float(d[k] * scale), "m"),
+            },
         }
         for k in range(dof)
-    ]  # fmt: skip
+    ]
     plain: dict[str, object] = {
-        "schema": "stiffarm-model/1", "name": "made-up", "title": "made up", "sources": {}, "joint": joints,
+        "schema": "stiffarm-model/1",
+        "name": "made-up",
+        "title": "made up",
+        "sources": {},
+        "joint": joints,
         "flange": {"xyz": _value([0, 0, 0.1 * scale], "m")},
-        "materials": {"steel": {"youngs_modulus": _value(206, "GPa"), "poissons_ratio": _value(0.3, "1"),
-                                "density": _value(7850, "kg/m^3")}},
-    }  # fmt: skip
+        "materials": {
+            "steel": {
+                "youngs_modulus": _value(206, "GPa"),
+                "poissons_ratio": _value(0.3, "1"),
+                "density": _value(7850, "kg/m^3"),
+            }
+        },
+    }
     load = 220.0 * reach**3.5 / (9.81 * reach) * float(np.exp(rng.normal(0.0, 0.5)))
     ratio = float(rng.uniform(0.05, 0.25))
     mass = load / (ratio + 0.15)
@@ -126,10 +140,21 @@ def _readings(rng: np.random.Generator, robot: Robot, true: ArmModel) -> Measure
     d[:, ~read] = np.nan
     n = len(q)
     return Measurements(
-        "made-up.csv", "0" * 64, q, wrench, d, np.full((n, 3), np.nan), np.full(n, np.nan),
-        tuple(f"P{k // len(loads)}" for k in range(n)), (None,) * n, (None,) * n, np.full(n, np.nan),
-        tuple(range(2, n + 2)), {}, (),
-    )  # fmt: skip
+        "made-up.csv",
+        "0" * 64,
+        q,
+        wrench,
+        d,
+        np.full((n, 3), np.nan),
+        np.full(n, np.nan),
+        tuple(f"P{k // len(loads)}" for k in range(n)),
+        (None,) * n,
+        (None,) * n,
+        np.full(n, np.nan),
+        tuple(range(2, n + 2)),
+        {},
+        (),
+    )
 
 
 def scaled(data: Measurements, *, deflections: float = 1.0, loads: float = 1.0, angles: float = 1.0) -> Measurements:

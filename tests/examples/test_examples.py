@@ -41,10 +41,20 @@ def test_a_script_runs_as_it_is_written_and_prints_its_number(script: Path, tmp_
         pytest.skip(f"needs {lacks}")
     (tmp_path / "docs").symlink_to(DOCS, target_is_directory=True)
     done = subprocess.run(  # noqa: S603 - our own interpreter and our own file
-        [sys.executable, "-c", "import sys, runpy; sys.path.insert(0, sys.argv[1]); runpy.run_path(sys.argv[2])",
-         str(ROOT), str(script)],
-        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, env={**os.environ, "MPLBACKEND": "agg"},
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            "import sys, runpy; sys.path.insert(0, sys.argv[1]); runpy.run_path(sys.argv[2])",
+            str(ROOT),
+            str(script),
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env={**os.environ, "MPLBACKEND": "agg"},
+    )
     assert done.returncode == 0, done.stderr
     assert [drawn.name for drawn in tmp_path.glob("*.png")] == [f"{script.stem}.png"]
     answer = done.stdout.splitlines()[-1]

@@ -41,8 +41,18 @@ COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
     "calibrate": (("calibrate", "xr701", "--scheme", "global", "--out", "{out}"), "parameters.csv"),
     "map": (
         (
-            "map", "joints", "kr60-3", "--points", "9", "--values", "stiffness", "--no-pictures", "--work", "{work}",
-            "--out", "{out}",
+            "map",
+            "joints",
+            "kr60-3",
+            "--points",
+            "9",
+            "--values",
+            "stiffness",
+            "--no-pictures",
+            "--work",
+            "{work}",
+            "--out",
+            "{out}",
         ),
         "map.csv",
     ),
@@ -50,7 +60,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
     "fit": (("fit", "kr60-3", "--out", "{out}"), "surrogate.json"),
     "plan": (("plan", "xr701", "--poses", "2", "--out", "{out}"), ""),
     "run": (("run", "xr701", "--points", "4", "--out", "{out}"), ""),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

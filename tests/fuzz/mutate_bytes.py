@@ -135,9 +135,22 @@ def line(data: bytes, rng: Rng, others: Sequence[bytes]) -> bytes:
 
 
 PLAIN: tuple[Mutation, ...] = (
-    flip, delete, duplicate, splice, truncate, insert, run_of_one, reencode, number, number, number, scaled, word, line,
+    flip,
+    delete,
+    duplicate,
+    splice,
+    truncate,
+    insert,
+    run_of_one,
+    reencode,
+    number,
+    number,
+    number,
+    scaled,
+    word,
     line,
-)  # fmt: skip
+    line,
+)
 
 
 def mutated(data: bytes, rng: Rng, others: Sequence[bytes], own: Sequence[Mutation] = ()) -> bytes:

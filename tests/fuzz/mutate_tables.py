@@ -129,20 +129,39 @@ def _fewer_rows(rows: Rows, rng: Rng) -> Rows:
 
 
 _CHANGES: tuple[Callable[[Rows, Rng], Rows], ...] = (
-    _drop_column, _double_column, _order_columns, _swap_names, _rename_column, _shuffle_rows, _header_again, _ragged,
+    _drop_column,
+    _double_column,
+    _order_columns,
+    _swap_names,
+    _rename_column,
+    _shuffle_rows,
+    _header_again,
+    _ragged,
     _cell,
-    _cell, _cell, _column_of_one, _more_rows, _more_columns, _fewer_rows,
-)  # fmt: skip
+    _cell,
+    _cell,
+    _column_of_one,
+    _more_rows,
+    _more_columns,
+    _fewer_rows,
+)
 
 _CELL = re.compile(rb"<c\b[^>]*?(?:/>|>.*?</c>)", re.S)
 _PLACE = re.compile(rb'\br="[A-Z]+\d+"')
 _INSTEAD = (
-    b"<c r=%s><f>A1+1</f></c>", b"<c r=%s><f>A1+1</f><v></v></c>", b'<c r=%s t="e"><v>#DIV/0!</v></c>',
+    b"<c r=%s><f>A1+1</f></c>",
+    b"<c r=%s><f>A1+1</f><v></v></c>",
+    b'<c r=%s t="e"><v>#DIV/0!</v></c>',
     b'<c r=%s t="b"><v>1</v></c>',
-    b'<c r=%s t="s"><v>99999</v></c>', b'<c r=%s t="inlineStr"><is><t>1,5</t></is></c>',
+    b'<c r=%s t="s"><v>99999</v></c>',
+    b'<c r=%s t="inlineStr"><is><t>1,5</t></is></c>',
     b'<c r=%s t="d"><v>2026-11-22</v></c>',
-    b"<c r=%s><v>1e400</v></c>", b"<c r=%s><v>nan</v></c>", b'<c r=%s t="x"><v>1</v></c>', b"<c r=%s/>", b"",
-)  # fmt: skip
+    b"<c r=%s><v>1e400</v></c>",
+    b"<c r=%s><v>nan</v></c>",
+    b'<c r=%s t="x"><v>1</v></c>',
+    b"<c r=%s/>",
+    b"",
+)
 
 
 def workbook(data: bytes, rng: Rng, others: Sequence[bytes]) -> bytes:
@@ -207,7 +226,13 @@ def _sheet_bytes(sheet: bytes, rng: Rng) -> bytes:
 
 
 _SHEET: tuple[Callable[[bytes, Rng], bytes], ...] = (
-    _other_cell, _other_cell, _other_cell, _merged, _far_cell, _dimension, _sheet_bytes,
-)  # fmt: skip
+    _other_cell,
+    _other_cell,
+    _other_cell,
+    _merged,
+    _far_cell,
+    _dimension,
+    _sheet_bytes,
+)
 TABLE: tuple[Mutation, ...] = (table,)
 WORKBOOK: tuple[Mutation, ...] = (workbook, workbook, workbook)

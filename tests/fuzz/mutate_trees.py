@@ -250,7 +250,18 @@ _VALUES: tuple[Callable[[Any, Rng], Any], ...] = (
     lambda _, rng: Raw(one(rng, ("1979-05-27", "07:32:00", "'''x'''", '"\\u0000"', '"\\ud800"', "+inf"))),
 )
 _CHANGES: tuple[Callable[[Any, Rng], Any], ...] = (
-    _drop, _retype, _retype, _figure, _figure, _figure, _swap, _copy_over, _copy_over, _twice, _grow, _reorder,
+    _drop,
+    _retype,
+    _retype,
+    _figure,
+    _figure,
+    _figure,
+    _swap,
+    _copy_over,
+    _copy_over,
+    _twice,
+    _grow,
+    _reorder,
     _unknown,
     _rename,
-)  # fmt: skip
+)

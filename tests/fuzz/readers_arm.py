@@ -245,10 +245,16 @@ def _learned() -> Surrogate:
     lower, upper = np.array([-0.6, 0.7]), np.array([0.8, 2.0])
     couplings = Couplings(("sum",), np.array([[1.0, 1.0]]), np.array([-np.inf]), np.array([2.7]))
     scope = Scope(
-        robot="xr701", model_hash="0f" * 32, load_direction=(0.6, 0.0, -0.8), inputs=("q2_deg", "q3real_deg"),
-        fixed_deg={"q1_deg": 0.1, "q4_deg": -12.3}, lower=lower, upper=upper, couplings=couplings,
+        robot="xr701",
+        model_hash="0f" * 32,
+        load_direction=(0.6, 0.0, -0.8),
+        inputs=("q2_deg", "q3real_deg"),
+        fixed_deg={"q1_deg": 0.1, "q4_deg": -12.3},
+        lower=lower,
+        upper=upper,
+        couplings=couplings,
         periodic=(False, True),
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(0)
     Q = space_filling_design(lower, upper, 60, rng, couplings=couplings)
     found = fit(Q, 1e-6 * (1.3 + np.cos(Q[:, 0]) * np.sin(Q[:, 1])), scope, "polynomial", 2, "logarithm")
@@ -257,17 +263,24 @@ def _learned() -> Surrogate:
     small = found.basis.take(np.arange(3))
     return Surrogate(
         **{name: getattr(scope, name) for name in Scope.__dataclass_fields__},
-        quantity=Quantity("compliance", "m/N", "compliance"), basis="polynomial", degree=found.basis.degree,
+        quantity=Quantity("compliance", "m/N", "compliance"),
+        basis="polynomial",
+        degree=found.basis.degree,
         target="logarithm",
         expansion=found.basis.expansion(found.coefficients),
         errors=ErrorFigures("polynomial", 2, "logarithm", 3, 4, 5, *(0.1,) * 5, 0.95, 300.0, None, 0.2),
         bars=bars,
         parameters=ParameterBars(
-            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)), ("j2",
-            "j3"), 0.01, ("j4",), small.expansion(np.array([0.1, 0.0, 0.0]))
+            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)),
+            ("j2", "j3"),
+            0.01,
+            ("j4",),
+            small.expansion(np.array([0.1, 0.0, 0.0])),
         ),
-        kinematics=load_robot("xr701"), fixed_influence={"q1_deg": 0.0, "q4_deg": 1.0 / 3.0}, notes=("made up",),
-    )  # fmt: skip
+        kinematics=load_robot("xr701"),
+        fixed_influence={"q1_deg": 0.0, "q4_deg": 1.0 / 3.0},
+        notes=("made up",),
+    )
 
 
 def _surrogates() -> list[Sample]:

@@ -20,15 +20,33 @@ from .trial import require
 
 _NUMBER = {"sd": 1.0, "unit": "N", "interval95": [28.0, 32.0], "plausible": [10, 80], "value": 30.0}
 _SPRING = {"k_Nm_per_rad": 1e6, "interval95_Nm_per_rad": [9e5, 1.2e6]}
-_FREE = {"name": "j2.stiffness", "unit": "N m/rad", "value": 1e6, "interval95": [9e5, None], "variable": "1/value",
-         "sd_of_variable": 1e-7, "degrees_of_freedom": 20.0}  # fmt: skip
+_FREE = {
+    "name": "j2.stiffness",
+    "unit": "N m/rad",
+    "value": 1e6,
+    "interval95": [9e5, None],
+    "variable": "1/value",
+    "sd_of_variable": 1e-7,
+    "degrees_of_freedom": 20.0,
+}
 RESULTS: tuple[dict[str, Any], ...] = (
-    {"schema": "stiffarm-diagnosis/1", "robot": "kr60-3", "verdict": "named", "springs": {"j2": _SPRING},
-     "gap": {"before_mm": 0.2}, "effects": [{"code": "payload", "parameters": {"force": _NUMBER}}], "readings": 90},
+    {
+        "schema": "stiffarm-diagnosis/1",
+        "robot": "kr60-3",
+        "verdict": "named",
+        "springs": {"j2": _SPRING},
+        "gap": {"before_mm": 0.2},
+        "effects": [{"code": "payload", "parameters": {"force": _NUMBER}}],
+        "readings": 90,
+    },
     {"robot": "kr60-3", "scheme": "global", "rms_mm": 0.1, "stages": [{"numbers": [_FREE]}]},
-    {"schema": "stiffarm-placement/1", "robot": "tx200", "cell": "wing",
-     "placements": {"recommended": {"K_sf": 1.0, "K_sf_95": [0.9, 1.1], "axes_mm": {}}}},
-)  # fmt: skip
+    {
+        "schema": "stiffarm-placement/1",
+        "robot": "tx200",
+        "cell": "wing",
+        "placements": {"recommended": {"K_sf": 1.0, "K_sf_95": [0.9, 1.1], "axes_mm": {}}},
+    },
+)
 _MAP = {
     "kind": "slice",
     "n": 2,
@@ -38,8 +56,10 @@ _MAP = {
     "title": "map",
     "warning": "",
 }
-PAGE = ('<html><script>if (D.beside) go();</script><script type="application/json" id="data">'
-        f"{json.dumps(_MAP)}</script></html>").encode()  # fmt: skip
+PAGE = (
+    '<html><script>if (D.beside) go();</script><script type="application/json" id="data">'
+    f"{json.dumps(_MAP)}</script></html>"
+).encode()
 HTML = words_of((b"<script", b"</script>", b'id="data"', b"<", b"&", b"{", b"}", b'"fields"', b"1e999", b"NaN"))
 
 

@@ -205,9 +205,17 @@ def _cell(path: Path) -> object:
 def _placements() -> list[Sample]:
     n = 4
     whole = Placement(
-        "kr60-3", "cell", ("rail",), np.linspace(0, 1, n)[:, None], 0.1, np.linspace(0, 1, n), ("q1_deg", "q2_deg"),
-        np.zeros((n, 2)), np.array([0, 2, 3, 5]), 7,
-    )  # fmt: skip
+        "kr60-3",
+        "cell",
+        ("rail",),
+        np.linspace(0, 1, n)[:, None],
+        0.1,
+        np.linspace(0, 1, n),
+        ("q1_deg", "q2_deg"),
+        np.zeros((n, 2)),
+        np.array([0, 2, 3, 5]),
+        7,
+    )
     return [Sample(".json", json.dumps(placement_content(whole)).encode())]
 
 
@@ -299,13 +307,24 @@ def _records() -> list[Sample]:
 
 TEMPLATES = ROOT / "machining" / "programs" / "templates"
 JINJA = (
-    b"{% for i in range(10**9) %}x{% endfor %}", b"{{ 7 * 7 }}", b"{% include 'krl/main.j2' %}",
-    b"{% import 'x' as y %}", b"{{ o }}",
-    b"{{ undefined }}", b"{% macro a() %}{{ a() }}{% endmacro %}{{ a() }}", b"{{ 'x' * 10**9 }}",
-    b"{{ ''.__class__ }}", b"{% if %}", b"{{",
-    b"{{ 10**10**8 }}", b"{{ [0] * 10**9 }}", b"{{ 1 / 0 }}", b"{{ '%0999999999d' % 1 }}", b"{{ 'x'.rjust(10**9) }}",
+    b"{% for i in range(10**9) %}x{% endfor %}",
+    b"{{ 7 * 7 }}",
+    b"{% include 'krl/main.j2' %}",
+    b"{% import 'x' as y %}",
+    b"{{ o }}",
+    b"{{ undefined }}",
+    b"{% macro a() %}{{ a() }}{% endmacro %}{{ a() }}",
+    b"{{ 'x' * 10**9 }}",
+    b"{{ ''.__class__ }}",
+    b"{% if %}",
+    b"{{",
+    b"{{ 10**10**8 }}",
+    b"{{ [0] * 10**9 }}",
+    b"{{ 1 / 0 }}",
+    b"{{ '%0999999999d' % 1 }}",
+    b"{{ 'x'.rjust(10**9) }}",
     b"{% set x = namespace() %}",
-)  # fmt: skip
+)
 
 
 def _templates() -> list[Sample]:
@@ -337,15 +356,20 @@ def _session() -> Session:
 _POSE = [10.0, -80.0, 40.0, 15.0, 60.0, 20.0]
 _AT = {"point_mm": [0, 0, 0], "tool_axis": [0.1, 0.2, 1]}
 REQUESTS: tuple[dict[str, Any], ...] = (
-    {"do": "hello"}, {"do": "ping"}, {"do": "fk", "q_deg": _POSE}, {"do": "stiffness", "q_deg": _POSE,
-    "direction": [0, 0, 1]},
-    {"do": "deflection", "q_deg": [_POSE, _POSE], "force_N": [0, 0, -100]}, {"do": "ik", **_AT, "gamma_deg": 10},
-    {"do": "ik", "T": np.eye(4).tolist()}, {"do": "set", "force_N": [0, 0, -100], "direction": [0, 0, 1],
-    "travel_mm": [100]},
+    {"do": "hello"},
+    {"do": "ping"},
+    {"do": "fk", "q_deg": _POSE},
+    {"do": "stiffness", "q_deg": _POSE, "direction": [0, 0, 1]},
+    {"do": "deflection", "q_deg": [_POSE, _POSE], "force_N": [0, 0, -100]},
+    {"do": "ik", **_AT, "gamma_deg": 10},
+    {"do": "ik", "T": np.eye(4).tolist()},
+    {"do": "set", "force_N": [0, 0, -100], "direction": [0, 0, 1], "travel_mm": [100]},
     {"do": "set", "reset": True, "part": {"position_mm": [1500, 0, 700], "rpy_deg": [0, 0, 10]}},
-    {"do": "batch", "requests": [{"do": "ping"}, {"do": "fk", "q_deg": _POSE}]}, {"do": "clearance", "q_deg": _POSE},
-    {"do": "best_angle", **_AT}, {"do": "quit"},
-)  # fmt: skip
+    {"do": "batch", "requests": [{"do": "ping"}, {"do": "fk", "q_deg": _POSE}]},
+    {"do": "clearance", "q_deg": _POSE},
+    {"do": "best_angle", **_AT},
+    {"do": "quit"},
+)
 
 
 def _requests() -> list[Sample]:

@@ -19,9 +19,23 @@ from .trial import require, require_finite
 
 NETGEN = importlib.util.find_spec("netgen") is not None
 STEP = words(
-    (b"#1", b"#99999", b"$", b"*", b"ENDSEC;", b"CLOSED_SHELL", b"CARTESIAN_POINT('',(0.,0.,0.))", b"1.E+308", b"-1.",
-     b"'", b"(", b")", b".F.", b"SI_UNIT(.MILLI.,.METRE.)")
-)  # fmt: skip
+    (
+        b"#1",
+        b"#99999",
+        b"$",
+        b"*",
+        b"ENDSEC;",
+        b"CLOSED_SHELL",
+        b"CARTESIAN_POINT('',(0.,0.,0.))",
+        b"1.E+308",
+        b"-1.",
+        b"'",
+        b"(",
+        b")",
+        b".F.",
+        b"SI_UNIT(.MILLI.,.METRE.)",
+    )
+)
 
 
 def _solids() -> list[Sample]:

@@ -56,8 +56,17 @@ ELSEWHERE = {
     "machining/programs/run.py _save": "programs that were just written; fuzzed as `controller program`",
 }
 OPENERS = {
-    "read_text", "read_bytes", "open", "load", "fromfile", "loadtxt", "genfromtxt", "memmap", "read_csv", "read_excel",
-}  # fmt: skip
+    "read_text",
+    "read_bytes",
+    "open",
+    "load",
+    "fromfile",
+    "loadtxt",
+    "genfromtxt",
+    "memmap",
+    "read_csv",
+    "read_excel",
+}
 
 
 @cache

@@ -21,9 +21,14 @@ material = {{ tc_N_per_mm2 = {tc}, te_N_per_mm = 1, rc_N_per_mm2 = 1, re_N_per_m
 """
 RIGHT: dict[str, Any] = {"diameter": 10, "teeth": 2, "helix": 30, "tc": 800}
 PLACEMENT: dict[str, Any] = {
-    "schema": SCHEMA, "robot": "r", "cell": "c", "linear_axes": ["rail"], "turntable_deg": 0.0, "source_moves": 2,
+    "schema": SCHEMA,
+    "robot": "r",
+    "cell": "c",
+    "linear_axes": ["rail"],
+    "turntable_deg": 0.0,
+    "source_moves": 2,
     "points": {"move": [0, 1], "e1_mm": [0, 1], "gamma_deg": [0, 0], "q1_deg": [0, 1]},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

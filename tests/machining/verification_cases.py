@@ -64,10 +64,17 @@ def motions(points: Array, rapid: Array | None = None, feed: float = 0.05, axes:
     fast = np.zeros(n, dtype=np.bool_) if rapid is None else np.asarray(rapid, dtype=np.bool_)
     none = np.zeros(n, dtype=np.int64)
     return Motions(
-        points=points, axes=np.tile([0.0, 0.0, 1.0], (n, 1)) if axes is None else axes, rapid=fast,
-        feed=np.where(fast, np.nan, feed), line=np.arange(n) + 11, tool=none, spindle=np.zeros(n), dwell=np.zeros(n),
-        operation=none, source="test.nc",
-    )  # fmt: skip
+        points=points,
+        axes=np.tile([0.0, 0.0, 1.0], (n, 1)) if axes is None else axes,
+        rapid=fast,
+        feed=np.where(fast, np.nan, feed),
+        line=np.arange(n) + 11,
+        tool=none,
+        spindle=np.zeros(n),
+        dwell=np.zeros(n),
+        operation=none,
+        source="test.nc",
+    )
 
 
 def frames(points: Array, gamma: Array | float = 0.0) -> Array:
@@ -104,9 +111,18 @@ def program(
     assert np.isfinite(q).all()
     names = found.names
     return JointProgram(
-        robot, where, motions(points, rapid, feed), T, q, travel, zero, zero + gamma, branch_of(robot, q), names,
+        robot,
+        where,
+        motions(points, rapid, feed),
+        T,
+        q,
+        travel,
+        zero,
+        zero + gamma,
+        branch_of(robot, q),
+        names,
         np.zeros(n, dtype=np.bool_),
-    )  # fmt: skip
+    )
 
 
 def line(n: int, start: tuple[float, float, float], end: tuple[float, float, float]) -> Array:

@@ -101,10 +101,20 @@ def _no_arrays(_: bytes) -> bytes:
         lambda _: _whole(b""),
     ],
     ids=[
-        "a bit flipped", "last byte gone", "half", "head", "empty", "longer", "no head", "a pickle", "pickled object",
-        "lone array", "no header", "no content",
+        "a bit flipped",
+        "last byte gone",
+        "half",
+        "head",
+        "empty",
+        "longer",
+        "no head",
+        "a pickle",
+        "pickled object",
+        "lone array",
+        "no header",
+        "no content",
     ],
-)  # fmt: skip
+)
 def test_a_damaged_file_is_absent_and_removed_with_one_remark(
     cache: ArrayCache, arrays: dict[str, Array], damage: object, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -16,14 +16,21 @@ def skew(name: str = "skew", joints: int = 7, springs: bool = True, more: str = 
     """Joints with frames that are turned, alternating signs and offsets, coordinates of other names, no links."""
     axes = ((0, 0, 1), (0, 1, 0), (0.1, -1, 0.2), (1, 0, 0), (0, 1, -0.3), (0, 0, -1), (1, 1, 0))
     parts = [
-        'schema = "stiffarm-model/1"', f'name = "{name}"', 'title = "Skew"', "[sources]",
-        "[payload]\nvalue = 40\nunit = \"kg\"\nsource = \"assumed\"",
-    ]  # fmt: skip
+        'schema = "stiffarm-model/1"',
+        f'name = "{name}"',
+        'title = "Skew"',
+        "[sources]",
+        '[payload]\nvalue = 40\nunit = "kg"\nsource = "assumed"',
+    ]
     for k in range(joints):
         parts += [
-            "[[joint]]", f'name = "a{k + 1}"', f'coordinate = "theta{k + 1}_deg"', f"sign = {1 if k % 2 else -1}",
-            f"offset = {figure(10 * k - 20, 'deg')}", f"limits = {figure([-100 + 5 * k, 90], 'deg')}",
-        ]  # fmt: skip
+            "[[joint]]",
+            f'name = "a{k + 1}"',
+            f'coordinate = "theta{k + 1}_deg"',
+            f"sign = {1 if k % 2 else -1}",
+            f"offset = {figure(10 * k - 20, 'deg')}",
+            f"limits = {figure([-100 + 5 * k, 90], 'deg')}",
+        ]
         if springs and k != 5:
             parts.append(f"stiffness = {figure(1e6 / (k + 1), 'N m/rad')}")
         rpy = figure([5 * k, -3 * k, 40 if k == 2 else 0], "deg")

@@ -145,8 +145,12 @@ def test_a_turned_frame_turns_what_is_stated_and_a_wrong_tool_point_moves_it() -
     arm = arm_of(load_description("kr60-3"))
     r = repeated(np.radians([[0, -60, 60, 0, 40, 0]]), [up_and_down([300.0], np.array([0, 0, -1.0]))], 1)
     base = plain(arm)
-    quarter = replace(base, effects=({"code": "turned-frame", "kind": "turned-frame", "where": "", "law": "",
-                                      "turn_rad": [0, 0, np.pi / 2]},))  # fmt: skip
+    quarter = replace(
+        base,
+        effects=(
+            {"code": "turned-frame", "kind": "turned-frame", "where": "", "law": "", "turn_rad": [0, 0, np.pi / 2]},
+        ),
+    )
     # A vertical load stays vertical; what was x is stated as minus y of a frame turned by a quarter about z.
     d, turned = exact(base, r), exact(quarter, r)
     np.testing.assert_allclose(turned, np.column_stack([d[:, 1], -d[:, 0], d[:, 2]]), atol=1e-15)

@@ -17,8 +17,13 @@ from robots.robot import as_designed, robot_from
 from robots.urdf.writing import real_frame
 
 RATIO = {"value": 2e-3, "unit": "1", "source": "assumed"}
-CURVE = {"sin_mrad": (1.0, 0.0, 0.5), "cos_mrad": (0.0, -2.0, 0.0), "identified_deg": ((-90.0, 90.0),),
-         "height_mrad": 1.0, "source": "assumed"}  # fmt: skip
+CURVE = {
+    "sin_mrad": (1.0, 0.0, 0.5),
+    "cos_mrad": (0.0, -2.0, 0.0),
+    "identified_deg": ((-90.0, 90.0),),
+    "height_mrad": 1.0,
+    "source": "assumed",
+}
 
 
 def text(error: dict[str, Any]) -> str:
@@ -86,8 +91,15 @@ def test_what_is_no_error_of_an_arm_is_refused(error: dict[str, Any], words: str
 )
 def test_what_is_no_covariance_is_refused(covariance: list[list[float]], words: str) -> None:
     data = tomllib.loads(to_toml(load_description("kr60-3")))
-    data["positions"] = {"data": "x", "data_sha256": "0", "before_rms_mm": 1.0, "rms_mm": 0.1, "left_out_rms_mm": 0.1,
-                         "parameters": ["j2.zero", "j3.zero"], "covariance": covariance}  # fmt: skip
+    data["positions"] = {
+        "data": "x",
+        "data_sha256": "0",
+        "before_rms_mm": 1.0,
+        "rms_mm": 0.1,
+        "left_out_rms_mm": 0.1,
+        "parameters": ["j2.zero", "j3.zero"],
+        "covariance": covariance,
+    }
     with pytest.raises(InputError, match=words):
         parse_description(tomlkit.dumps(data), "kr60-3")
 

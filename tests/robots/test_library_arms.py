@@ -42,9 +42,13 @@ def test_positions_and_orientations_are_those_of_the_published_description(name:
     slack = 100.0 if name in ROUNDED else 1.0
     np.testing.assert_allclose(T[:, :3, 3] * 1e3, _columns(rows, "x_mm", "y_mm", "z_mm"), atol=2e-3 * slack)
     w, x, y, z = _columns(rows, "qw", "qx", "qy", "qz").T
-    R = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                  [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                  [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])  # fmt: skip
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     np.testing.assert_allclose(T[:, :3, :3], np.moveaxis(R, -1, 0), atol=1e-6 * slack)
 
 

@@ -112,11 +112,16 @@ def test_bare_numbers_are_bounded_wherever_they_stand() -> None:
 )
 def test_laws_that_would_overflow_are_refused(kind: type[Strict], table: dict[str, Any]) -> None:
     good: dict[type[Strict], dict[str, Any]] = {
-        LogPolynomialLaw: {"inputs": ("q1_deg",), "centre_deg": (0.0,), "half_range_deg": (90.0,),
-                           "exponents": ((1,),), "coefficients": (14.0,)},
+        LogPolynomialLaw: {
+            "inputs": ("q1_deg",),
+            "centre_deg": (0.0,),
+            "half_range_deg": (90.0,),
+            "exponents": ((1,),),
+            "coefficients": (14.0,),
+        },
         TableLaw: {"kind": "table", "input": "q1_deg", "nodes_deg": (0.0, 1.0), "stiffness_Nm_per_rad": (1e6, 2e6)},
         LogFourierLaw: {"kind": "log-fourier", "input": "q1_deg", "coefficients": (14.0,)},
-    }  # fmt: skip
+    }
     kind(**good[kind], source="assumed")
     with pytest.raises(ValidationError):
         kind(**(good[kind] | table), source="assumed")
@@ -127,9 +132,9 @@ def test_laws_that_would_overflow_are_refused(kind: type[Strict], table: dict[st
     [
         ("beam_up = [1, 0, 0]", "beam_up = [1e308, 1e308, 0]", "link.carousel.beam_up"),
         ("beam_up = [1, 0, 0]", "beam_up = [1, 0, 1e400]", "link.carousel.beam_up"),
-        ("mass = { value = ", "mass = { value = 1e200, note = \"\" } #", "mass"),
+        ("mass = { value = ", 'mass = { value = 1e200, note = "" } #', "mass"),
     ],
-)  # fmt: skip
+)
 def test_a_model_file_with_such_a_figure_is_refused_by_its_place(
     old: str, new: str, place: str, tmp_path: Path
 ) -> None:

@@ -29,8 +29,16 @@ TABLE = CalibrationUncertainty(
 
 
 def calibrated(table: CalibrationUncertainty | None) -> ModelDescription:
-    origin = Calibration(scheme="global", load_path="parallelogram", links="beam", data="made up", data_sha256="0" * 64,
-                         rms_mm=0.01, loads_N=(), uncertainty=table)  # fmt: skip
+    origin = Calibration(
+        scheme="global",
+        load_path="parallelogram",
+        links="beam",
+        data="made up",
+        data_sha256="0" * 64,
+        rms_mm=0.01,
+        loads_N=(),
+        uncertainty=table,
+    )
     return load_description("xr701").model_copy(update={"calibration": origin})
 
 
@@ -95,7 +103,7 @@ def test_a_covariance_is_content() -> None:
         ({"standard_deviation": [1.0]}, "unknown key"),
         ({"note": ""}, "note"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_covariance_is_refused(keys: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=r"model\.toml: calibration\.uncertainty") as error:
         parse_description(changed(**keys), "model.toml")

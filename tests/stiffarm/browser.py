@@ -33,12 +33,28 @@ def browse(page: Path, where: str = "", size: str = "900,600") -> tuple[Any, str
     browser = oracles.program(*NAMES)
     assert browser is not None
     run = subprocess.run(  # noqa: S603 - a program of the system, on a page of ours
-        [browser, "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run", f"--window-size={size}",
-         "--virtual-time-budget=3000", "--enable-logging=stderr", "--v=0", f"--user-data-dir={page.parent / 'profile'}",
-         "--dump-dom", f"{page.as_uri()}{where}"],
-        capture_output=True, encoding="utf-8", timeout=120, check=False,
-    )  # fmt: skip
+        [
+            browser,
+            "--headless",
+            "--no-sandbox",
+            "--use-gl=angle",
+            "--use-angle=swiftshader",
+            "--enable-unsafe-swiftshader",
+            "--disable-background-networking",
+            "--no-first-run",
+            f"--window-size={size}",
+            "--virtual-time-budget=3000",
+            "--enable-logging=stderr",
+            "--v=0",
+            f"--user-data-dir={page.parent / 'profile'}",
+            "--dump-dom",
+            f"{page.as_uri()}{where}",
+        ],
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
     console = "\n".join(line for line in run.stderr.splitlines() if "CONSOLE" in line)
     seen = re.search(r'<pre id="probe">(.*?)</pre>', run.stdout, re.DOTALL)
     assert seen is not None, run.stderr[-2000:] + console

@@ -76,10 +76,21 @@ def table(
     if only_z:
         d[:, :2], d[:, 2] = np.nan, 0.0
     return Measurements(
-        "table.csv", "0" * 64, q[[r[0] for r in rows]], np.array([load * w for _, w, load, _ in rows]), d, point,
-        np.full(n, np.nan), tuple(f"P{r[0]}" for r in rows), (None,) * n, tuple(r[3] for r in rows),
-        np.arange(n, dtype=float) if cycles else np.full(n, np.nan), tuple(range(2, n + 2)), {}, (),
-    )  # fmt: skip
+        "table.csv",
+        "0" * 64,
+        q[[r[0] for r in rows]],
+        np.array([load * w for _, w, load, _ in rows]),
+        d,
+        point,
+        np.full(n, np.nan),
+        tuple(f"P{r[0]}" for r in rows),
+        (None,) * n,
+        tuple(r[3] for r in rows),
+        np.arange(n, dtype=float) if cycles else np.full(n, np.nan),
+        tuple(range(2, n + 2)),
+        {},
+        (),
+    )
 
 
 def filled(data: Measurements, d: Array) -> Measurements:
@@ -104,10 +115,16 @@ class Case:
 
     @property
     def campaign(self) -> Campaign:
-        return Campaign.model_validate({
-            "schema": "stiffarm-calibration/1", "robot": self.description.name, "title": "round trip",
-            "parameter": [{"name": name} for name in self.names], "law": list(self.laws), "stage": list(self.stages),
-        })  # fmt: skip
+        return Campaign.model_validate(
+            {
+                "schema": "stiffarm-calibration/1",
+                "robot": self.description.name,
+                "title": "round trip",
+                "parameter": [{"name": name} for name in self.names],
+                "law": list(self.laws),
+                "stage": list(self.stages),
+            }
+        )
 
 
 @dataclass(frozen=True)
@@ -172,8 +189,11 @@ def law(kind: str, **more: Any) -> dict[str, Any]:
     return {"kind": kind, **more}
 
 
-LOAD = {"offset": quantity((0.05, 0.02, -0.03), "m"), "tilt": quantity((3.0, -4.0, 2.0), "deg"),
-        "point": quantity((0.01, 0.0, 0.02), "m")}  # fmt: skip
+LOAD = {
+    "offset": quantity((0.05, 0.02, -0.03), "m"),
+    "tilt": quantity((3.0, -4.0, 2.0), "deg"),
+    "point": quantity((0.01, 0.0, 0.02), "m"),
+}
 FOURIER = law("fourier", joint="j2", input="q2_deg", order=1)
 POLYNOMIAL = law("polynomial", joint="j4", inputs=["q4_deg", "q5_deg"], degree=1)
 TABLE = law("table", joint="j3", input=robot_from(arm()).coordinates[2], nodes_deg=[-60.0, 0.0, 60.0, 200.0])
@@ -238,11 +258,12 @@ CASES: dict[str, tuple[Case, ...]] = {
     ),
 }
 STAGED = Case(
-    ("j2.stiffness", "load.x", "load.tilt_y", "point.x"), arm(load=LOAD),
+    ("j2.stiffness", "load.x", "load.tilt_y", "point.x"),
+    arm(load=LOAD),
     stages=(
         {"name": "spring", "parameters": ["j2.stiffness"]},
         {"name": "load", "parameters": ["load.x"], "poses": ["P0", "P1", "P2", "P3"]},
         {"name": "tilt", "parameters": ["load.tilt_y"], "loads_N": [650.0]},
         {"name": "point", "parameters": ["point.x"]},
     ),
-)  # fmt: skip
+)

@@ -19,8 +19,14 @@ from surrogate import training
 
 # Families of effects that a quick diagnosis looks among.
 FAMILIES = (
-    "angle-dependent-stiffness", "backlash", "drift", "friction", "joint-compliance", "load-path", "payload",
-)  # fmt: skip
+    "angle-dependent-stiffness",
+    "backlash",
+    "drift",
+    "friction",
+    "joint-compliance",
+    "load-path",
+    "payload",
+)
 
 # A PNG of one white pixel.
 PIXEL = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGP4DwABAQEAsTj2FAAAAABJRU5ErkJggg==")

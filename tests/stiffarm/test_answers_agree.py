@@ -64,15 +64,27 @@ def described(name: str, effects: str) -> str:
     data["sources"] = {"calibrated": "made for a test", "assumed": "made for a test", **data["sources"]}
     c = np.array([1.0 / k["j2"], 1.0 / k["j3"]])
     data["calibration"] = {
-        "scheme": "global", "load_path": data["load_path"], "links": "beam", "data": "none", "data_sha256": "0" * 64,
-        "rms_mm": 0.01, "loads_N": [LOAD_N / 2.0, LOAD_N], "notes": [],
+        "scheme": "global",
+        "load_path": data["load_path"],
+        "links": "beam",
+        "data": "none",
+        "data_sha256": "0" * 64,
+        "rms_mm": 0.01,
+        "loads_N": [LOAD_N / 2.0, LOAD_N],
+        "notes": [],
         "uncertainty": {
-            "parameters": ["j2.stiffness", "j3.stiffness"], "unit": ["N m/rad"] * 2, "variable": ["1/value"] * 2,
-            "estimate": c.tolist(), "covariance": [[(0.1 * c[0]) ** 2, 0.0], [0.0, (0.08 * c[1]) ** 2]],
-            "degrees_of_freedom": [6.0, 6.0], "status": ["determined"] * 2, "undetermined_directions": [],
-            "undetermined": [], "note": "made for a test",
+            "parameters": ["j2.stiffness", "j3.stiffness"],
+            "unit": ["N m/rad"] * 2,
+            "variable": ["1/value"] * 2,
+            "estimate": c.tolist(),
+            "covariance": [[(0.1 * c[0]) ** 2, 0.0], [0.0, (0.08 * c[1]) ** 2]],
+            "degrees_of_freedom": [6.0, 6.0],
+            "status": ["determined"] * 2,
+            "undetermined_directions": [],
+            "undetermined": [],
+            "note": "made for a test",
         },
-    }  # fmt: skip
+    }
     description = load_description(name)
     return to_toml(type(description).model_validate(data)) + effects
 

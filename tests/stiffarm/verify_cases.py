@@ -84,13 +84,30 @@ def program_at(cell: Path, n: int, height: float, feed: float = 0.05) -> JointPr
     q = np.unwrap(found.q[:, 0], axis=0)
     none = np.zeros(n, dtype=np.int64)
     motions = Motions(
-        points=T[:, :3, 3], axes=-T[:, :3, 2], rapid=np.arange(n) == 0, feed=np.full(n, feed), line=np.arange(n) + 11,
-        tool=none, spindle=np.zeros(n), dwell=np.zeros(n), operation=none, source="plate <b>.nc",
-    )  # fmt: skip
+        points=T[:, :3, 3],
+        axes=-T[:, :3, 2],
+        rapid=np.arange(n) == 0,
+        feed=np.full(n, feed),
+        line=np.arange(n) + 11,
+        tool=none,
+        spindle=np.zeros(n),
+        dwell=np.zeros(n),
+        operation=none,
+        source="plate <b>.nc",
+    )
     return JointProgram(
-        robot, given, motions, T, q, np.zeros((n, 0)), np.zeros(n), np.zeros(n), none, BRANCH_NAMES,
+        robot,
+        given,
+        motions,
+        T,
+        q,
+        np.zeros((n, 0)),
+        np.zeros(n),
+        np.zeros(n),
+        none,
+        BRANCH_NAMES,
         np.zeros(n, dtype=np.bool_),
-    )  # fmt: skip
+    )
 
 
 def program_file(folder: Path, program: JointProgram, kind: str = "json") -> Path:
@@ -139,9 +156,16 @@ def parallelogram_program() -> JointProgram:
     T = tool_in_part(robot, cell, q, travel, turned, cell.tool.T_flange_tool)
     none = np.zeros(4, dtype=np.int64)
     motions = Motions(
-        points=T[:, :3, 3], axes=-T[:, :3, 2], rapid=np.ones(4, dtype=np.bool_), feed=np.full(4, np.nan),
-        line=np.arange(4) + 1, tool=none, spindle=np.zeros(4), dwell=np.zeros(4), operation=none,
-    )  # fmt: skip
+        points=T[:, :3, 3],
+        axes=-T[:, :3, 2],
+        rapid=np.ones(4, dtype=np.bool_),
+        feed=np.full(4, np.nan),
+        line=np.arange(4) + 1,
+        tool=none,
+        spindle=np.zeros(4),
+        dwell=np.zeros(4),
+        operation=none,
+    )
     return JointProgram(
         robot, cell, motions, T, q, travel, turned, np.zeros(4), none, BRANCH_NAMES, np.zeros(4, dtype=np.bool_)
     )

@@ -67,9 +67,14 @@ def surrogate_from(scope: Scope, found: Fit, **more: Any) -> Surrogate:
         found.basis.name, found.basis.degree, found.target, found.basis.n_terms, found.runs, 0, *(0.01,) * 5, 0.95, 2.0
     )
     return Surrogate(
-        **own, basis=found.basis.name, degree=found.basis.degree, target=found.target,
-        expansion=found.basis.expansion(found.coefficients), errors=figures, **more,
-    )  # fmt: skip
+        **own,
+        basis=found.basis.name,
+        degree=found.basis.degree,
+        target=found.target,
+        expansion=found.basis.expansion(found.coefficients),
+        errors=figures,
+        **more,
+    )
 
 
 def fitted(

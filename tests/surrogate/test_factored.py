@@ -215,9 +215,14 @@ def test_too_many_inputs_are_refused():
     model = sprung("kr60-3")
     scope = scope_of(model.robot, "0" * 64, OTHERS)
     wide = replace(
-        scope, inputs=tuple(f"a{i}" for i in range(8)), lower=-np.ones(8), upper=np.ones(8), periodic=(),
-        couplings=type(scope.couplings).none(8), fixed_deg={},
-    )  # fmt: skip
+        scope,
+        inputs=tuple(f"a{i}" for i in range(8)),
+        lower=-np.ones(8),
+        upper=np.ones(8),
+        periodic=(),
+        couplings=type(scope.couplings).none(8),
+        fixed_deg={},
+    )
     with pytest.raises(InputError, match=r"factored basis: terms: got 6561; allowed: at most 6000"):
         fit_factored(lambda Q: pytest.fail("run"), lambda n: pytest.fail("drawn"), wide)
 

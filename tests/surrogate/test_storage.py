@@ -26,8 +26,9 @@ def compliance(Q):
 
 def make(basis="polynomial", target="logarithm"):
     """A surrogate with everything that a file may hold but a factor."""
-    couplings = Couplings(("sum", "forearm"), np.array([[1.0, 1.0], [1.0, -1.0]]),
-                          np.array([-np.inf, -2.2]), np.array([2.7, 0.05]))  # fmt: skip
+    couplings = Couplings(
+        ("sum", "forearm"), np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([-np.inf, -2.2]), np.array([2.7, 0.05])
+    )
     scope = Scope(
         robot="xr701",
         model_hash="0f" * 32,
@@ -46,18 +47,24 @@ def make(basis="polynomial", target="logarithm"):
     small = found.basis.take(np.arange(3))
     return Surrogate(
         **{f.name: getattr(scope, f.name) for f in fields(Scope)},
-        quantity=Quantity("compliance", "m/N", "µ-compliance"), basis=basis, degree=found.basis.degree, target=target,
+        quantity=Quantity("compliance", "m/N", "µ-compliance"),
+        basis=basis,
+        degree=found.basis.degree,
+        target=target,
         expansion=found.basis.expansion(found.coefficients),
         errors=ErrorFigures(basis, 6, target, 3, 4, 5, *(0.1 / 3.0,) * 5, 0.95, 1e3 / 7.0, None, 0.2),
         bars=bars,
         parameters=ParameterBars(
-            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)), ("j2", "j3"), 0.01, ("j4",),
+            small.expansion(1e-8 * np.arange(6.0).reshape(3, 2)),
+            ("j2", "j3"),
+            0.01,
+            ("j4",),
             small.expansion(np.array([0.1, 0.0, 0.0])),
         ),
         kinematics=load_robot("xr701"),
         fixed_influence={"q1_deg": 0.0, "q4_deg": 1.0 / 3.0},
         notes=("simulated", "größer als µ"),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

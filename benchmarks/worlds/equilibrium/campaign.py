@@ -33,9 +33,15 @@ def draw_plan(rng: np.random.Generator, poses: int, xyz: bool, back: bool) -> Pl
     """Draw what the study leaves open; pulls in several directions only where all are read."""
     several = int(rng.integers(1, 4)) if xyz else 1
     return Plan(
-        poses, xyz, back, int(rng.integers(1, 5 if poses < 81 else 4)), int(rng.integers(2, 5)), several,
-        bool(rng.random() < 0.75), bool(rng.random() < 0.5),
-    )  # fmt: skip
+        poses,
+        xyz,
+        back,
+        int(rng.integers(1, 5 if poses < 81 else 4)),
+        int(rng.integers(2, 5)),
+        several,
+        bool(rng.random() < 0.75),
+        bool(rng.random() < 0.5),
+    )
 
 
 def draw_rows(rng: np.random.Generator, arm: Arm, plan: Plan, point: Vector) -> list[Row]:

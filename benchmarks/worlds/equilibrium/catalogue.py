@@ -10,10 +10,24 @@ OUTSIDE = family_table([*outside.KINDS, *surroundings.KINDS])
 EVERY = CATALOGUE | OUTSIDE
 # Of these there is one in an arm, so that the code does not say where.
 ONE = {
-    "payload", "base-tilt", "base-vertical", "parallelogram-bar", "load-path", "tool-compliance", "load-point-offset",
-    "load-misalignment", "gauge-zero", "gauge-scale", "drift", "wrist-coupling", "turned-frame", "tool-point-offset",
-    "partial-load-path", "loose-base", "cable-package",
-}  # fmt: skip
+    "payload",
+    "base-tilt",
+    "base-vertical",
+    "parallelogram-bar",
+    "load-path",
+    "tool-compliance",
+    "load-point-offset",
+    "load-misalignment",
+    "gauge-zero",
+    "gauge-scale",
+    "drift",
+    "wrist-coupling",
+    "turned-frame",
+    "tool-point-offset",
+    "partial-load-path",
+    "loose-base",
+    "cable-package",
+}
 
 
 def code(effect: Effect) -> str:

@@ -75,9 +75,18 @@ def draw_clock(rng: np.random.Generator, thermometer: str, days: int) -> Clock:
         (rng.uniform(0.3, 2.0), 4 * DAY, rng.uniform(0, 6.28)),
     )
     return Clock(
-        start, rng.uniform(7, 9) * 3600, rng.uniform(180, 420), rng.uniform(25, 60), rng.uniform(18, 24), waves,
-        rng.uniform(1.5, 4.0) * 3600, thermometer, rng.uniform(5, 14), rng.uniform(1800, 7200), days,
-    )  # fmt: skip
+        start,
+        rng.uniform(7, 9) * 3600,
+        rng.uniform(180, 420),
+        rng.uniform(25, 60),
+        rng.uniform(18, 24),
+        waves,
+        rng.uniform(1.5, 4.0) * 3600,
+        thermometer,
+        rng.uniform(5, 14),
+        rng.uniform(1800, 7200),
+        days,
+    )
 
 
 def moments(

@@ -295,6 +295,16 @@ class LoadPath(Effect):
 
 
 KINDS: list[type[Effect]] = [
-    JointCompliance, JointTilt, AngleDependent, GearRipple, GravityCompensator, BaseTilt, BaseVertical,
-    ToolCompliance, LinkFlexibility, WristCoupling, ParallelogramBar, LoadPath,
-]  # fmt: skip
+    JointCompliance,
+    JointTilt,
+    AngleDependent,
+    GearRipple,
+    GravityCompensator,
+    BaseTilt,
+    BaseVertical,
+    ToolCompliance,
+    LinkFlexibility,
+    WristCoupling,
+    ParallelogramBar,
+    LoadPath,
+]

@@ -244,6 +244,16 @@ class Drift(GaugeZero):
 
 
 KINDS: list[type[Effect]] = [
-    Payload, LoadPointOffset, ToolPointOffset, LoadMisalignment, TurnedFrame, JointZero, AngleOffset, AngleSign,
-    AngleCoupling, GaugeZero, GaugeScale, Drift,
-]  # fmt: skip
+    Payload,
+    LoadPointOffset,
+    ToolPointOffset,
+    LoadMisalignment,
+    TurnedFrame,
+    JointZero,
+    AngleOffset,
+    AngleSign,
+    AngleCoupling,
+    GaugeZero,
+    GaugeScale,
+    Drift,
+]

@@ -250,6 +250,16 @@ def hidden_of(data: dict[str, Any]) -> Hidden:
     )
     effects = [effect_of(entry) for entry in data["effects"]]
     return Hidden(
-        data["seed"], data["kind"], arm, site, effects, tuple(data["rigid_in_model"]), Nuisance(**plain), noise, clock,
-        point, data["load_path_of_model"], [],
-    )  # fmt: skip
+        data["seed"],
+        data["kind"],
+        arm,
+        site,
+        effects,
+        tuple(data["rigid_in_model"]),
+        Nuisance(**plain),
+        noise,
+        clock,
+        point,
+        data["load_path_of_model"],
+        [],
+    )

@@ -270,6 +270,15 @@ class GaugeStick(Effect):
 
 
 KINDS: list[type[Effect]] = [
-    Creeping, StickSlip, Slip, Warming, RunIn, LooseBase, CablePackage, PartialLoadPath, JointCoupling, LoadCellLag,
+    Creeping,
+    StickSlip,
+    Slip,
+    Warming,
+    RunIn,
+    LooseBase,
+    CablePackage,
+    PartialLoadPath,
+    JointCoupling,
+    LoadCellLag,
     GaugeStick,
-]  # fmt: skip
+]

@@ -129,10 +129,17 @@ def _rows_of(arm: Arm, lines: Sequence[dict[str, str]], levels: Vector) -> list[
         found.append((name, repeat, line.get("phase") or "loading", angles, numbers(line, FORCES), i))
     repeats = list(dict.fromkeys(repeat for _, repeat, *_ in found))
     return [
-        Row(name, repeats.index(repeat) + 1, phase, angles, force, numbers(lines[i], POINT) / 1e3,
-            int(np.argmin(np.abs(levels - np.linalg.norm(force)))))
+        Row(
+            name,
+            repeats.index(repeat) + 1,
+            phase,
+            angles,
+            force,
+            numbers(lines[i], POINT) / 1e3,
+            int(np.argmin(np.abs(levels - np.linalg.norm(force)))),
+        )
         for name, repeat, phase, angles, force, i in found
-    ]  # fmt: skip
+    ]
 
 
 def _table(hidden: Hidden, rows: Sequence[Row], said: Vector, rng: np.random.Generator | None, visit: int) -> str:

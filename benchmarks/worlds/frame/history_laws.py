@@ -46,8 +46,10 @@ class Friction(Law):
     def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
         n, i = e.numbers, plan.arm.index(e.place)
         plan.joints[i].law = lambda k: (
-            "Parallel", ("Elastic", k), *rubbing(n["torque"], n["stiffer"] * k, n["uneven"])
-        )  # fmt: skip
+            "Parallel",
+            ("Elastic", k),
+            *rubbing(n["torque"], n["stiffer"] * k, n["uneven"]),
+        )
         plan.came[i] = 1.6 * moment.came * n["torque"]
 
 

@@ -282,6 +282,15 @@ class CablePackage(Law):
 
 
 LAWS = (
-    Compliance, Tilt, ByAngle, Ripple, Compensator, Hardening, Softening, Backlash, Warming, WristCoupling,
+    Compliance,
+    Tilt,
+    ByAngle,
+    Ripple,
+    Compensator,
+    Hardening,
+    Softening,
+    Backlash,
+    Warming,
+    WristCoupling,
     CablePackage,
-)  # fmt: skip
+)

@@ -68,9 +68,18 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
         while any(arm not in some for some in allowed):
             arm = "xr701" if any(some == ("xr701",) for some in allowed) else next(arms)
         out.append(
-            Wish(kind, chosen, arm, next(reads), next(poses), noise.KINDS[i % len(noise.KINDS)], next(scatter),
-                 next(outliers), next(ways))
-        )  # fmt: skip
+            Wish(
+                kind,
+                chosen,
+                arm,
+                next(reads),
+                next(poses),
+                noise.KINDS[i % len(noise.KINDS)],
+                next(scatter),
+                next(outliers),
+                next(ways),
+            )
+        )
     return out
 
 
@@ -115,14 +124,30 @@ def _bare(rng: Rng, seed: int, wish: Wish, path: str) -> Spec:
     by_session = wish.noise == "session" or any(EVERY[f].by_session for f in wish.families)
     sessions = int(rng.integers(2, 4)) if by_session or rng.random() < 0.35 else 1
     start = Spec(
-        seed=seed, kind=wish.kind, arm=wish.arm, path=path, springs=tuple(map(float, springs)),
-        stated=tuple(map(float, stated)), reads=wish.reads, poses=wish.poses, grid=bool(rng.random() < 0.5), loads=(),
-        down=False, repeats=int(rng.integers(1, 4)), second=(), sessions=sessions,
-        columns=_columns(rng, wish, sessions > 1 or rng.random() < 0.1), scatter=wish.scatter, outliers=wish.outliers,
-        noise=noise.draw(rng, wish.noise), balance=float(rng.choice([1.0, rng.uniform(0, 1)])),
-        settle_s=float(rng.uniform(300, 1200)), moves=bool(rng.random() < 0.5),
-        soft_links=float(rng.uniform(0.005, 0.015) * (rng.random() < 0.5)), point=(),
-    )  # fmt: skip
+        seed=seed,
+        kind=wish.kind,
+        arm=wish.arm,
+        path=path,
+        springs=tuple(map(float, springs)),
+        stated=tuple(map(float, stated)),
+        reads=wish.reads,
+        poses=wish.poses,
+        grid=bool(rng.random() < 0.5),
+        loads=(),
+        down=False,
+        repeats=int(rng.integers(1, 4)),
+        second=(),
+        sessions=sessions,
+        columns=_columns(rng, wish, sessions > 1 or rng.random() < 0.1),
+        scatter=wish.scatter,
+        outliers=wish.outliers,
+        noise=noise.draw(rng, wish.noise),
+        balance=float(rng.choice([1.0, rng.uniform(0, 1)])),
+        settle_s=float(rng.uniform(300, 1200)),
+        moves=bool(rng.random() < 0.5),
+        soft_links=float(rng.uniform(0.005, 0.015) * (rng.random() < 0.5)),
+        point=(),
+    )
     loads, down = _loads(rng, wish, start.of.payload)
     sideways = [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.8, -0.6), (-0.6, 0.0, -0.8)]
     second = sideways[rng.integers(4)] if wish.two_ways else ()
@@ -142,9 +167,7 @@ def _effects(rng: Rng, spec: Spec, wish: Wish) -> Spec:
         Effect(f, place, EVERY[f].draw(rng, scene, place)) for f, place in zip(wish.families, places, strict=True)
     )
     rigid = {joint for e in effects for joint in EVERY[e.family].rigid(e.place)}
-    stated = tuple(
-        0.0 if joint in rigid else k for joint, k in zip(spec.of.joints, spec.stated, strict=True)
-    )  # fmt: skip
+    stated = tuple(0.0 if joint in rigid else k for joint, k in zip(spec.of.joints, spec.stated, strict=True))
     return replace(spec, effects=effects, stated=stated)
 
 
@@ -175,11 +198,16 @@ def unseen(spec: Spec, after: Row) -> list[Row]:
     later = after.time_s + 600.0
     return [
         replace(
-            r, visit=r.visit + UNSEEN_FIRST, session=after.session, pose=f"U{r.visit + 1:02d}",
-            time_s=round(r.time_s + later, 1), zero_s=r.zero_s + later, since_s=after.since_s + 600.0 + r.time_s,
+            r,
+            visit=r.visit + UNSEEN_FIRST,
+            session=after.session,
+            pose=f"U{r.visit + 1:02d}",
+            time_s=round(r.time_s + later, 1),
+            zero_s=r.zero_s + later,
+            since_s=after.since_s + 600.0 + r.time_s,
         )
         for r in rows
-    ]  # fmt: skip
+    ]
 
 
 def key(spec: Spec, rows: list[Row], real: Array) -> dict[str, Any]:
@@ -189,22 +217,38 @@ def key(spec: Spec, rows: list[Row], real: Array) -> dict[str, Any]:
     for e in spec.effects:
         alone = whole if len(spec.effects) == 1 else readings(spec, rows, (e,))
         law = EVERY[e.family]
-        effects.append({
-            "code": law.code(e.place), "axis": list(law.axis), "place": e.place,
-            "excess_chi2": round(excess(spec, rows, alone, whole), 2),
-        })  # fmt: skip
+        effects.append(
+            {
+                "code": law.code(e.place),
+                "axis": list(law.axis),
+                "place": e.place,
+                "excess_chi2": round(excess(spec, rows, alone, whole), 2),
+            }
+        )
     # A pair's noise is that of both, so both together are counted anew.
     total = effects[0]["excess_chi2"] if len(effects) == 1 else round(excess(spec, rows, whole, whole), 2)
     way = "up and down" if spec.down else "up"
     tags = {
-        "reads": spec.reads, "poses": spec.poses, "scatter": spec.scatter, "outliers": spec.outliers,
-        "noise": spec.noise["kind"], "loads": f"{len(spec.loads)} {way}", "arm": spec.arm,
-        "directions": 2 if spec.second else 1, "sessions": spec.sessions, "kind": spec.kind,
-    }  # fmt: skip
+        "reads": spec.reads,
+        "poses": spec.poses,
+        "scatter": spec.scatter,
+        "outliers": spec.outliers,
+        "noise": spec.noise["kind"],
+        "loads": f"{len(spec.loads)} {way}",
+        "arm": spec.arm,
+        "directions": 2 if spec.second else 1,
+        "sessions": spec.sessions,
+        "kind": spec.kind,
+    }
     return {
-        "schema": "stiffarm-study-key/1", "world": WORLD, "effects": effects, "excess_chi2": total, "tags": tags,
-        "excess_chi2_with_nuisance": round(excess(spec, rows, real, whole), 2), WORLD: spec.text(),
-    }  # fmt: skip
+        "schema": "stiffarm-study-key/1",
+        "world": WORLD,
+        "effects": effects,
+        "excess_chi2": total,
+        "tags": tags,
+        "excess_chi2_with_nuisance": round(excess(spec, rows, real, whole), 2),
+        WORLD: spec.text(),
+    }
 
 
 def write_set(folder: Path, spec: Spec) -> None:

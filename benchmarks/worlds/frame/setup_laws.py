@@ -225,6 +225,16 @@ class Drift(AtGauge):
 
 
 LAWS = (
-    Payload, LoadPoint, ToolPoint, Misalignment, JointZero, TurnedFrame, AngleSign, AngleOffset, AngleCoupling,
-    GaugeZero, GaugeScale, Drift,
-)  # fmt: skip
+    Payload,
+    LoadPoint,
+    ToolPoint,
+    Misalignment,
+    JointZero,
+    TurnedFrame,
+    AngleSign,
+    AngleOffset,
+    AngleCoupling,
+    GaugeZero,
+    GaugeScale,
+    Drift,
+)

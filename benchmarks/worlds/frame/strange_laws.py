@@ -81,8 +81,10 @@ class BaseRub(AtBase):
     def change(self, e: Effect, plan: Plan, moment: Moment) -> None:
         n = e.numbers
         plate: Material = (
-            "Parallel", ("Elastic", n["stiffness"]), *rubbing(n["moment"], n["stiffer"] * n["stiffness"], 0.0)
-        )  # fmt: skip
+            "Parallel",
+            ("Elastic", n["stiffness"]),
+            *rubbing(n["moment"], n["stiffer"] * n["stiffness"], 0.0),
+        )
         plan.base.append({4: plate, 5: plate})
 
 
@@ -176,8 +178,11 @@ class TiltPlay(Strange):
         n = e.numbers
         k, half = n["beyond"], n["half"]
         play: Material = (
-            "Parallel", ("Elastic", 0.03 * k), ("ElasticPPGap", k, HUGE, half), ("ElasticPPGap", k, -HUGE, -half)
-        )  # fmt: skip
+            "Parallel",
+            ("Elastic", 0.03 * k),
+            ("ElasticPPGap", k, HUGE, half),
+            ("ElasticPPGap", k, -HUGE, -half),
+        )
         plan.joints[plan.arm.index(e.place)].bearing |= {5: play, 6: play}
 
 
@@ -321,7 +326,20 @@ class SoftBearing(Strange):
 
 
 LAWS = (
-    GroutCreep, PadCreep, BaseRub, StylusPlay, ServoRecovery, FadingBase,
-    CrackedLink, TiltPlay, ToolRubber, GaugeBend, BaseBySession, WeightsMixedUp, OneSided, SlidingHook, Hanger,
+    GroutCreep,
+    PadCreep,
+    BaseRub,
+    StylusPlay,
+    ServoRecovery,
+    FadingBase,
+    CrackedLink,
+    TiltPlay,
+    ToolRubber,
+    GaugeBend,
+    BaseBySession,
+    WeightsMixedUp,
+    OneSided,
+    SlidingHook,
+    Hanger,
     SoftBearing,
-)  # fmt: skip
+)

@@ -155,15 +155,23 @@ def load(name: str) -> Arm:
         factors = np.array([terms.get(c, 0.0) for c in columns])
         couplings.append((factors, float(si(one["offset"])), *map(float, si(one["limits"]))))
     return Arm(
-        name=name, joints=tuple(bodies[1:]), columns=columns, fixed=np.array(frames), about=np.array(axes),
+        name=name,
+        joints=tuple(bodies[1:]),
+        columns=columns,
+        fixed=np.array(frames),
+        about=np.array(axes),
         signs=np.array([joint.get("sign", 1) for joint in joints], dtype=float),
         offsets=np.array([si(joint["offset"]) if "offset" in joint else 0.0 for joint in joints]),
-        low=limits[:, 0], high=limits[:, 1], flange=si(raw["flange"]["xyz"]),
-        tool=si(raw["tool"]["xyz"]) if "tool" in raw else np.zeros(3), couplings=tuple(couplings), masses=masses,
+        low=limits[:, 0],
+        high=limits[:, 1],
+        flange=si(raw["flange"]["xyz"]),
+        tool=si(raw["tool"]["xyz"]) if "tool" in raw else np.zeros(3),
+        couplings=tuple(couplings),
+        masses=masses,
         casings=tuple(_casing(link, raw["materials"], bodies) for link in raw["link"]),
         payload=G * float(si(raw["payload"])),
         pin=si(raw["parallelogram"]["pin"]) if "parallelogram" in raw else None,
-    )  # fmt: skip
+    )
 
 
 def model_text(arm: Arm, springs: dict[str, float]) -> str:

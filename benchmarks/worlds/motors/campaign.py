@@ -151,18 +151,24 @@ def later(table: Table, after: Table, visit: int) -> Table:
     """A campaign of one session that goes on ten minutes after another's end."""
     last = after.time_s[-1] + 600.0
     return replace(
-        table, visit=table.visit + visit, session=0 * table.session + after.session[-1], zero_s=table.zero_s + last,
-        time_s=np.round(table.time_s + last, 1), since_s=after.since_s[-1] + 600.0 + table.time_s,
-    )  # fmt: skip
+        table,
+        visit=table.visit + visit,
+        session=0 * table.session + after.session[-1],
+        zero_s=table.zero_s + last,
+        time_s=np.round(table.time_s + last, 1),
+        since_s=after.since_s[-1] + 600.0 + table.time_s,
+    )
 
 
 def own_columns(spec: Spec, table: Table, first: int) -> list[dict[str, str]]:
     """What the table says of when a reading was taken, from step ``first`` on."""
     warm = 20 + 4 * air(spec.air, table.since_s)
     said = {
-        "step": [str(first + i) for i in range(len(warm))], "time_s": [f"{t:.1f}" for t in table.time_s],
-        "session": [f"S{s + 1}" for s in table.session], "temperature_C": [f"{t:.1f}" for t in warm],
-    }  # fmt: skip
+        "step": [str(first + i) for i in range(len(warm))],
+        "time_s": [f"{t:.1f}" for t in table.time_s],
+        "session": [f"S{s + 1}" for s in table.session],
+        "temperature_C": [f"{t:.1f}" for t in warm],
+    }
     return [{name: said[name][i] for name in said if name in spec.columns} for i in range(len(warm))]
 
 

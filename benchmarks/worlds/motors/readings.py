@@ -87,9 +87,20 @@ def pulled(spec: Spec, table: Table, rows: NDArray[np.int_], m: Machine, effects
         return a.reshape(*rows.shape, *a.shape[1:])
 
     case = Case(
-        shaped(t.time_s), shaped(t.since_s), shaped(t.hold_s), shaped(t.zero_s), shaped(t.cycle), shaped(t.up),
-        shaped(t.load), shaped(force), shaped(t.moment), shaped(t.point), shaped(t.point), spec.air, m,
-    )  # fmt: skip
+        shaped(t.time_s),
+        shaped(t.since_s),
+        shaped(t.hold_s),
+        shaped(t.zero_s),
+        shaped(t.cycle),
+        shaped(t.up),
+        shaped(t.load),
+        shaped(force),
+        shaped(t.moment),
+        shaped(t.point),
+        shaped(t.point),
+        spec.air,
+        m,
+    )
     for e in effects:
         load = EVERY[e.family].load
         if load:
@@ -163,10 +174,15 @@ def draw_noise(rng: Rng, kind: str, sessions: int) -> Numbers:
     axes = [float(x) for x in np.exp(rng.uniform(-0.7, 0.7, 3))] if rng.random() < 0.5 else [1.0, 1.0, 1.0]
     reset = rng.uniform(8e-6, 25e-6) if sessions > 1 else rng.uniform(1e-6, 6e-6) * (rng.random() < 0.5)
     return {
-        "kind": kind, "level": level, "share": rng.uniform(0.006, 0.028), "floor": rng.uniform(3e-6, 6e-6),
-        "axes": axes, "reset": float(reset), "reset_by": "session" if sessions > 1 else "pose",
+        "kind": kind,
+        "level": level,
+        "share": rng.uniform(0.006, 0.028),
+        "floor": rng.uniform(3e-6, 6e-6),
+        "axes": axes,
+        "reset": float(reset),
+        "reset_by": "session" if sessions > 1 else "pose",
         "step": float(rng.choice([5e-6, 1e-5, 2e-5])) if kind == "resolution" else 0.0,
-    }  # fmt: skip
+    }
 
 
 def sds(spec: Spec, table: Table, moved: Array) -> Array:

@@ -38,8 +38,14 @@ UNSEEN, UNSEEN_FIRST = 12, 5000
 ARMS = (("xr701", "parallelogram"), ("xr701", "serial"), *((name, "serial") for name in SPRINGS if name != "xr701"))
 # What is read, poses, noise, scatter of springs, outliers, repeats, loads in two directions.
 CHOICES = (
-    ("z", "xyz"), (9, 27, 81), KINDS, (0.0, 0.015), (False, True), (False, True), (True, False, False),
-)  # fmt: skip
+    ("z", "xyz"),
+    (9, 27, 81),
+    KINDS,
+    (0.0, 0.015),
+    (False, True),
+    (False, True),
+    (True, False, False),
+)
 SIDEWAYS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.6, 0.0, -0.8), (0.0, -0.8, -0.6))
 
 
@@ -115,17 +121,29 @@ def bare(rng: Rng, seed: int, wish: Wish) -> Spec:
         count, down = max(count, 2), down or wish.needs("history")
     levels = np.arange(1, count + 1) / count * (1 + rng.uniform(-0.1, 0.1, count))
     spec = Spec(
-        seed=seed, kind=wish.kind, arm=wish.arm, path=wish.path, springs=tuple(map(float, springs)),
-        stated=tuple(map(float, springs * (1 + rng.uniform(-0.4, 0.4, 6)))), reads=wish.reads, poses=wish.poses,
-        grid=bool(rng.random() < 0.5), loads=(), down=down and count > 1,
+        seed=seed,
+        kind=wish.kind,
+        arm=wish.arm,
+        path=wish.path,
+        springs=tuple(map(float, springs)),
+        stated=tuple(map(float, springs * (1 + rng.uniform(-0.4, 0.4, 6)))),
+        reads=wish.reads,
+        poses=wish.poses,
+        grid=bool(rng.random() < 0.5),
+        loads=(),
+        down=down and count > 1,
         repeats=int(rng.integers(2, 4)) if wish.repeated else 1,
-        second=SIDEWAYS[rng.integers(4)] if wish.two_ways else (), sessions=sessions,
-        columns=tuple(name for name in has if has[name]), scatter=wish.scatter, outliers=wish.outliers,
+        second=SIDEWAYS[rng.integers(4)] if wish.two_ways else (),
+        sessions=sessions,
+        columns=tuple(name for name in has if has[name]),
+        scatter=wish.scatter,
+        outliers=wish.outliers,
         noise=draw_noise(rng, wish.noise, sessions),
         balance=1.0 if wish.needs("poised") else float(rng.choice([1.0, rng.uniform(0.2, 1)])),
-        away=bool(rng.random() < 0.5), point=(),
+        away=bool(rng.random() < 0.5),
+        point=(),
         air={"swing": rng.uniform(0, 0.35), "period_s": rng.uniform(1500, 9000), "phase": rng.uniform(0, 6.28)},
-    )  # fmt: skip
+    )
     top = spec.of.payload * rng.uniform(0.6, 1.0)
     point = tuple(map(float, np.round(rng.uniform([-0.15, -0.15, 0.03], [0.15, 0.15, 0.3]), 3)))
     loads = tuple(float(x) for x in np.round(top * levels / levels[-1], 1))
@@ -175,15 +193,28 @@ def key(spec: Spec, table: Table, real: Array) -> dict[str, Any]:
 
     way = "up and down" if spec.down else "up"
     tags = {
-        "reads": spec.reads, "poses": spec.poses, "scatter": spec.scatter, "outliers": spec.outliers,
-        "noise": spec.noise["kind"], "loads": f"{len(spec.loads)} {way}", "arm": spec.arm, "path": spec.path,
-        "repeats": spec.repeats, "directions": 2 if spec.second else 1, "sessions": spec.sessions, "kind": spec.kind,
-    }  # fmt: skip
+        "reads": spec.reads,
+        "poses": spec.poses,
+        "scatter": spec.scatter,
+        "outliers": spec.outliers,
+        "noise": spec.noise["kind"],
+        "loads": f"{len(spec.loads)} {way}",
+        "arm": spec.arm,
+        "path": spec.path,
+        "repeats": spec.repeats,
+        "directions": 2 if spec.second else 1,
+        "sessions": spec.sessions,
+        "kind": spec.kind,
+    }
     return {
-        "schema": "stiffarm-study-key/1", "world": WORLD, "effects": [one(e) for e in spec.effects],
-        "excess_chi2": round(excess(spec, table, whole, whole), 2), "tags": tags,
-        "excess_chi2_with_nuisance": round(excess(spec, table, real, whole), 2), WORLD: spec.text(),
-    }  # fmt: skip
+        "schema": "stiffarm-study-key/1",
+        "world": WORLD,
+        "effects": [one(e) for e in spec.effects],
+        "excess_chi2": round(excess(spec, table, whole, whole), 2),
+        "tags": tags,
+        "excess_chi2_with_nuisance": round(excess(spec, table, real, whole), 2),
+        WORLD: spec.text(),
+    }
 
 
 def write_set(folder: Path, spec: Spec) -> None:

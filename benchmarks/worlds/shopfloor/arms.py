@@ -114,10 +114,14 @@ def _axis(joint: Mapping[str, Any], spring: float | None) -> Axis:
     k = _si(joint.get("stiffness"), spring or 0.0)
     way = about * sign
     return Axis(
-        joint["name"], joint["coordinate"], (float(xyz[0]), float(xyz[1]), float(xyz[2])),
-        tuple(tuple(map(float, row)) for row in turn), (float(way[0]), float(way[1]), float(way[2])),
-        (float(low), float(high)), float(k),
-    )  # fmt: skip
+        joint["name"],
+        joint["coordinate"],
+        (float(xyz[0]), float(xyz[1]), float(xyz[2])),
+        tuple(tuple(map(float, row)) for row in turn),
+        (float(way[0]), float(way[1]), float(way[2])),
+        (float(low), float(high)),
+        float(k),
+    )
 
 
 def source_of(name: str) -> Path:
@@ -133,9 +137,13 @@ def robot(name: str) -> Robot:
     weight = {link["body"]: _si(link["mass"]) for link in table["link"]}
     loop = table.get("parallelogram")
     return Robot(
-        name, axes, tuple(_si(table["flange"]["xyz"])), tuple(weight.get(a.name, 0.0) for a in axes),
-        float(table["payload"]["value"]), abs(_si(loop["pin"])[2]) if loop else 0.0,
-    )  # fmt: skip
+        name,
+        axes,
+        tuple(_si(table["flange"]["xyz"])),
+        tuple(weight.get(a.name, 0.0) for a in axes),
+        float(table["payload"]["value"]),
+        abs(_si(loop["pin"])[2]) if loop else 0.0,
+    )
 
 
 def _rpy(turn: Floats) -> tuple[float, float, float]:

@@ -50,9 +50,16 @@ def yields(kind: str, outline: Floats, modulus: float, nu: float) -> Floats:
     about_z = (height * width**3 - (height - 2 * wall) * (width - 2 * wall) ** 3) / 12
     torsion = 4 * (b * h) ** 2 * wall / (2 * (b + h))
     across = [2 * b * wall * 5 / 6, 2 * h * wall * 5 / 6]
-    return 1.0 / np.array([
-        modulus * area, shear * across[0], shear * across[1], shear * torsion, modulus * about_y, modulus * about_z,
-    ])  # fmt: skip
+    return 1.0 / np.array(
+        [
+            modulus * area,
+            shear * across[0],
+            shear * across[1],
+            shear * torsion,
+            modulus * about_y,
+            modulus * about_z,
+        ]
+    )
 
 
 def _action(point: Floats, axes: Floats) -> Floats:

@@ -106,9 +106,22 @@ class _Notebook:
             self.rest(self.habits.tea)
 
     def note(self, kind: int, pose: int, force: Floats, phase: int, repeat: int, visit: int, zero: int) -> None:
-        self.rows.append((
-            kind, pose, *force, phase, repeat, visit, zero, self.now, self.warm, self.session, self.count, self.morning,
-        ))  # fmt: skip
+        self.rows.append(
+            (
+                kind,
+                pose,
+                *force,
+                phase,
+                repeat,
+                visit,
+                zero,
+                self.now,
+                self.warm,
+                self.session,
+                self.count,
+                self.morning,
+            )
+        )
 
 
 def run(
@@ -144,9 +157,19 @@ def run(
     table = np.array(book.rows)
     whole = table.astype(np.int64)
     return Timeline(
-        whole[:, 0], whole[:, 1], table[:, 2:5], whole[:, 5], whole[:, 6], whole[:, 7], whole[:, 8], table[:, 9],
-        table[:, 10], whole[:, 11], whole[:, 12], table[:, 13],
-    )  # fmt: skip
+        whole[:, 0],
+        whole[:, 1],
+        table[:, 2:5],
+        whole[:, 5],
+        whole[:, 6],
+        whole[:, 7],
+        whole[:, 8],
+        table[:, 9],
+        table[:, 10],
+        whole[:, 11],
+        whole[:, 12],
+        table[:, 13],
+    )
 
 
 def cycle(way: Floats, sizes: Sequence[float], down: bool, hold: bool, repeat: int) -> Cycle:

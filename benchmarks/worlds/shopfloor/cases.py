@@ -112,9 +112,12 @@ def _truth(rng: np.random.Generator, arm: Robot, hidden: tuple[Hidden, ...]) -> 
     c = 1.0 / (arm.nominal() * np.exp(rng.uniform(np.log(0.5), np.log(2.0), arm.dof)))
     c[sorted(held)] = 0.0
     nuisance = Nuisance(
-        np.radians(rng.normal(0.0, 0.03, arm.dof)), float(rng.uniform(0.002, 0.010) * c[1:3].max()),
-        float(rng.normal(0.0, 0.005)), 0.001, int(rng.integers(2**31)),
-    )  # fmt: skip
+        np.radians(rng.normal(0.0, 0.03, arm.dof)),
+        float(rng.uniform(0.002, 0.010) * c[1:3].max()),
+        float(rng.normal(0.0, 0.005)),
+        0.001,
+        int(rng.integers(2**31)),
+    )
     mood = (float(rng.uniform(18, 25)), float(rng.uniform(1, 3)), float(rng.uniform(0.2, 1.2)))
     carried = float(rng.integers(2))
     truth = Truth(arm, arm.off_drawing(rng), c, hidden, nuisance, carried, mood)
@@ -161,20 +164,45 @@ def draw(seed: int, kind: str, index: int, attempt: int) -> Case:
         links = tuple(float(x) for x in np.exp(rng.normal(0.0, 0.03, len(beams(arm.name)))))
         truth = replace(truth, links=links, nuisance=replace(truth.nuisance, links=0.0))
     tags: dict[str, object] = {
-        "robot": arm.name, "reads": reads, "poses": n, "loads": len(sizes), "directions": len(way),
-        "up_and_down": down, "repeats": repeats, "order": "random" if shuffled else "by pose",
-        "rounds": rounds, "plan": "factorial" if factorial else "random", "sessions": int(line.session.max()) + 1,
-        "exercised": usual.exercise, "zero": "each cycle" if usual.zero_each_cycle else "each set-up",
-        "warmed_up": usual.warm_up, "thermometer": thermometer, "weight": "carried" if truth.carried else "balanced",
+        "robot": arm.name,
+        "reads": reads,
+        "poses": n,
+        "loads": len(sizes),
+        "directions": len(way),
+        "up_and_down": down,
+        "repeats": repeats,
+        "order": "random" if shuffled else "by pose",
+        "rounds": rounds,
+        "plan": "factorial" if factorial else "random",
+        "sessions": int(line.session.max()) + 1,
+        "exercised": usual.exercise,
+        "zero": "each cycle" if usual.zero_each_cycle else "each set-up",
+        "warmed_up": usual.warm_up,
+        "thermometer": thermometer,
+        "weight": "carried" if truth.carried else "balanced",
         "model": "urdf" if by_urdf else "toml",
         "links": "beam" if truth.links else "rigid",
-    }  # fmt: skip
+    }
     return Case(
-        kind, index, attempt, seed, truth, q_deg, box, line,
+        kind,
+        index,
+        attempt,
+        seed,
+        truth,
+        q_deg,
+        box,
+        line,
         noise.draw(rng, structure_, scatter, spoilt),
-        slice(2, 3) if reads == "z" else slice(0, 3), springs, by_urdf, thermometer, tuple(sizes), down, hold,
-        tuple(tuple(float(x) for x in w) for w in way), tags,
-    )  # fmt: skip
+        slice(2, 3) if reads == "z" else slice(0, 3),
+        springs,
+        by_urdf,
+        thermometer,
+        tuple(sizes),
+        down,
+        hold,
+        tuple(tuple(float(x) for x in w) for w in way),
+        tags,
+    )
 
 
 def loudness(case: Case, hidden: Sequence[Hidden] | None = None, nuisance: bool = False) -> float:

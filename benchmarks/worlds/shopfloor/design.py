@@ -84,9 +84,12 @@ def ways(rng: np.random.Generator, several: bool) -> list[Floats]:
 
 def habits(rng: np.random.Generator) -> Habits:
     return Habits(
-        drive=float(rng.uniform(60, 180)), settle=float(rng.uniform(10, 40)), exercise=bool(rng.random() < 0.25),
-        zero_each_cycle=bool(rng.random() < 0.7), warm_up=bool(rng.random() < 0.4),
-    )  # fmt: skip
+        drive=float(rng.uniform(60, 180)),
+        settle=float(rng.uniform(10, 40)),
+        exercise=bool(rng.random() < 0.25),
+        zero_each_cycle=bool(rng.random() < 0.7),
+        warm_up=bool(rng.random() < 0.4),
+    )
 
 
 def schedule(

@@ -65,15 +65,38 @@ def _drifts(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
 
 LAWS = (
     Law("gauge-zero", ("load",), at("gauge"), lambda rng, arm, k: _offsets(rng, 15e-6, 45e-6), reads=zero),
-    Law("gauge-scale", ("load",), at("gauge"), lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.02, 0.08)},
-        reads=scale),
+    Law(
+        "gauge-scale",
+        ("load",),
+        at("gauge"),
+        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.02, 0.08)},
+        reads=scale,
+    ),
     Law("drift", ("clock",), at("gauge"), _drifts, reads=drift, slow=True),
-)  # fmt: skip
+)
 OUTSIDE = (
-    Law("other:gauge-touched", ("clock",), at("gauge"),
-        lambda rng, arm, k: {**_offsets(rng, 2e-5, 8e-5), "when": rng.uniform(0.3, 0.7)}, reads=touched, slow=True),
-    Law("other:frame-temperature", ("temperature", "clock"), at("gauge"),
-        lambda rng, arm, k: _offsets(rng, 3e-6, 1.2e-5), reads=warm_frame, slow=True),
-    Law("other:gauge-stick", ("load history",), at("gauge"),
-        lambda rng, arm, k: {"play_m": rng.uniform(8e-6, 3e-5)}, reads=sticky, steady=False),
-)  # fmt: skip
+    Law(
+        "other:gauge-touched",
+        ("clock",),
+        at("gauge"),
+        lambda rng, arm, k: {**_offsets(rng, 2e-5, 8e-5), "when": rng.uniform(0.3, 0.7)},
+        reads=touched,
+        slow=True,
+    ),
+    Law(
+        "other:frame-temperature",
+        ("temperature", "clock"),
+        at("gauge"),
+        lambda rng, arm, k: _offsets(rng, 3e-6, 1.2e-5),
+        reads=warm_frame,
+        slow=True,
+    ),
+    Law(
+        "other:gauge-stick",
+        ("load history",),
+        at("gauge"),
+        lambda rng, arm, k: {"play_m": rng.uniform(8e-6, 3e-5)},
+        reads=sticky,
+        steady=False,
+    ),
+)

@@ -123,38 +123,101 @@ def _phase(rng: np.random.Generator) -> float:
 def _knees(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
     t = rating(arm, k)
     return {
-        "knee1_Nm": t * rng.uniform(0.1, 0.3), "share1": rng.uniform(0.15, 0.35),
-        "knee2_Nm": t * rng.uniform(0.35, 0.6), "share2": rng.uniform(0.05, 0.25),
-    }  # fmt: skip
+        "knee1_Nm": t * rng.uniform(0.1, 0.3),
+        "share1": rng.uniform(0.15, 0.35),
+        "knee2_Nm": t * rng.uniform(0.35, 0.6),
+        "share2": rng.uniform(0.05, 0.25),
+    }
 
 
 LAWS = (
-    Law("joint-compliance", ("pose", "load"), at_joints(),
-        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 5e4, 2e6)}, theta=spring),
-    Law("joint-tilt", ("pose", "load"), at_joints(),
-        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 5e5, 4e6), "ratio": rng.uniform(1.0, 1.8),
-                             "turn_rad": _phase(rng)}, gives=tilting),
-    Law("angle-dependent-stiffness", ("pose", "load"), at_joints(1, 2, 3, 4),
-        lambda rng, arm, k: {"share": rng.uniform(0.10, 0.45), "phase_rad": _phase(rng),
-                             "second_phase_rad": _phase(rng)}, theta=lobed),
+    Law(
+        "joint-compliance",
+        ("pose", "load"),
+        at_joints(),
+        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 5e4, 2e6)},
+        theta=spring,
+    ),
+    Law(
+        "joint-tilt",
+        ("pose", "load"),
+        at_joints(),
+        lambda rng, arm, k: {
+            "stiffness_Nm_per_rad": log_uniform(rng, 5e5, 4e6),
+            "ratio": rng.uniform(1.0, 1.8),
+            "turn_rad": _phase(rng),
+        },
+        gives=tilting,
+    ),
+    Law(
+        "angle-dependent-stiffness",
+        ("pose", "load"),
+        at_joints(1, 2, 3, 4),
+        lambda rng, arm, k: {
+            "share": rng.uniform(0.10, 0.45),
+            "phase_rad": _phase(rng),
+            "second_phase_rad": _phase(rng),
+        },
+        theta=lobed,
+    ),
     Law("hardening", ("load",), at_joints(1, 2, 3, 4), _knees, theta=three_slopes),
-    Law("softening", ("load",), at_joints(1, 2, 3, 4),
+    Law(
+        "softening",
+        ("load",),
+        at_joints(1, 2, 3, 4),
         lambda rng, arm, k: {"share": rng.uniform(0.2, 0.7), "knee_Nm": rating(arm, k) * rng.uniform(0.15, 0.4)},
-        theta=lost_preload),
-    Law("gear-ripple", ("pose", "load"), at_joints(1, 2, 3),
-        lambda rng, arm, k: {"share": rng.uniform(0.05, 0.25), "teeth": float(rng.integers(20, 90)),
-                             "phase_rad": _phase(rng)}, theta=meshing),
-    Law("gravity-compensator", ("pose", "load"), at_joints(1),
-        lambda rng, arm, k: {"share": rng.uniform(0.10, 0.40), "pins": rng.uniform(0.2, 0.7),
-                             "phase_rad": UPRIGHT.get(arm.name, 0.0) + rng.uniform(-0.3, 0.3)}, theta=strut),
-    Law("wrist-coupling", ("pose", "load"), _six,
-        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.2, 0.6)}, gives=wrist),
-    Law("parallelogram-bar", ("pose", "load"), _looped,
-        lambda rng, arm, k: {"stiffness_N_per_m": log_uniform(rng, 5e6, 4e7)}, theta=bar),
-)  # fmt: skip
+        theta=lost_preload,
+    ),
+    Law(
+        "gear-ripple",
+        ("pose", "load"),
+        at_joints(1, 2, 3),
+        lambda rng, arm, k: {
+            "share": rng.uniform(0.05, 0.25),
+            "teeth": float(rng.integers(20, 90)),
+            "phase_rad": _phase(rng),
+        },
+        theta=meshing,
+    ),
+    Law(
+        "gravity-compensator",
+        ("pose", "load"),
+        at_joints(1),
+        lambda rng, arm, k: {
+            "share": rng.uniform(0.10, 0.40),
+            "pins": rng.uniform(0.2, 0.7),
+            "phase_rad": UPRIGHT.get(arm.name, 0.0) + rng.uniform(-0.3, 0.3),
+        },
+        theta=strut,
+    ),
+    Law(
+        "wrist-coupling",
+        ("pose", "load"),
+        _six,
+        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.2, 0.6)},
+        gives=wrist,
+    ),
+    Law(
+        "parallelogram-bar",
+        ("pose", "load"),
+        _looped,
+        lambda rng, arm, k: {"stiffness_N_per_m": log_uniform(rng, 5e6, 4e7)},
+        theta=bar,
+    ),
+)
 OUTSIDE = (
-    Law("partial-load-path", ("pose", "load"), _looped,
-        lambda rng, arm, k: {"share": rng.uniform(0.15, 0.5)}, gives=mixed_path),
-    Law("other:joints-coupled", ("pose", "load"), at_joints(1),
-        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.15, 0.5)}, gives=neighbours),
-)  # fmt: skip
+    Law(
+        "partial-load-path",
+        ("pose", "load"),
+        _looped,
+        lambda rng, arm, k: {"share": rng.uniform(0.15, 0.5)},
+        gives=mixed_path,
+    ),
+    Law(
+        "other:joints-coupled",
+        ("pose", "load"),
+        at_joints(1),
+        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.15, 0.5)},
+        gives=neighbours,
+    ),
+)

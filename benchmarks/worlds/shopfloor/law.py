@@ -116,11 +116,27 @@ class Hidden:
 
 
 # Codes that name no place.
-PLAIN = frozenset({
-    "payload", "base-tilt", "base-vertical", "parallelogram-bar", "load-path", "tool-compliance", "load-point-offset",
-    "load-misalignment", "gauge-zero", "gauge-scale", "drift", "wrist-coupling", "turned-frame", "tool-point-offset",
-    "partial-load-path", "loose-base", "cable-package",
-})  # fmt: skip
+PLAIN = frozenset(
+    {
+        "payload",
+        "base-tilt",
+        "base-vertical",
+        "parallelogram-bar",
+        "load-path",
+        "tool-compliance",
+        "load-point-offset",
+        "load-misalignment",
+        "gauge-zero",
+        "gauge-scale",
+        "drift",
+        "wrist-coupling",
+        "turned-frame",
+        "tool-point-offset",
+        "partial-load-path",
+        "loose-base",
+        "cable-package",
+    }
+)
 
 
 def at_joints(*which: int) -> Callable[[Robot], tuple[str, ...]]:

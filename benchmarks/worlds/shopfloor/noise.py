@@ -66,9 +66,15 @@ def draw(rng: np.random.Generator, kind: str, scatter: float, outliers: bool) ->
         axes = (x, y, z)
     days = log_uniform(rng, 8 * UM, 30 * UM) if kind == "session" else 0.0
     return Noise(
-        kind, log_uniform(rng, 0.005, 0.03), log_uniform(rng, 0.02 * UM, 0.08 * UM), axes, days, scatter,
-        float(rng.choice([1.0, 1.0, 1.0, 10.0])) * UM, outliers,
-    )  # fmt: skip
+        kind,
+        log_uniform(rng, 0.005, 0.03),
+        log_uniform(rng, 0.02 * UM, 0.08 * UM),
+        axes,
+        days,
+        scatter,
+        float(rng.choice([1.0, 1.0, 1.0, 10.0])) * UM,
+        outliers,
+    )
 
 
 def measured(

@@ -47,9 +47,12 @@ def unseen(case: Case) -> str:
 
 def _effect(h: Hidden, chi2: float) -> dict[str, object]:
     return {
-        "code": h.code, "axis": list(h.law.axis), "place": h.place, "parameters": h.sizes,
+        "code": h.code,
+        "axis": list(h.law.axis),
+        "place": h.place,
+        "parameters": h.sizes,
         "excess_chi2": round(chi2, 3),
-    }  # fmt: skip
+    }
 
 
 def key_of(case: Case, loud: list[float], spoilt: list[int]) -> dict[str, object]:
@@ -68,19 +71,28 @@ def key_of(case: Case, loud: list[float], spoilt: list[int]) -> dict[str, object
         },
         "tags": {"kind": case.kind, **case.tags, **noise.tags(case.noise, len(spoilt))},
         "noise": {
-            "kind": case.noise.kind, "share": case.noise.share, "m_per_N": case.noise.per_newton,
-            "axes_m": list(case.noise.axes), "session_m": case.noise.days, "setup_share": case.noise.scatter,
-            "resolution_m": case.noise.resolution, "outlier_steps": spoilt,
+            "kind": case.noise.kind,
+            "share": case.noise.share,
+            "m_per_N": case.noise.per_newton,
+            "axes_m": list(case.noise.axes),
+            "session_m": case.noise.days,
+            "setup_share": case.noise.scatter,
+            "resolution_m": case.noise.resolution,
+            "outlier_steps": spoilt,
         },
         "nuisance": {
-            "zeros_rad": n.zeros.tolist(), "links_rad_per_Nm": n.links, "links_factor": list(t.links),
-            "all_loads": n.all_loads, "each_load": n.each_load,
-            "lengths_off_m": [np.subtract(b.xyz, a.xyz).round(7).tolist()
-                              for a, b in zip(t.drawing.axes, t.built.axes, strict=True)],
+            "zeros_rad": n.zeros.tolist(),
+            "links_rad_per_Nm": n.links,
+            "links_factor": list(t.links),
+            "all_loads": n.all_loads,
+            "each_load": n.each_load,
+            "lengths_off_m": [
+                np.subtract(b.xyz, a.xyz).round(7).tolist() for a, b in zip(t.drawing.axes, t.built.axes, strict=True)
+            ],
             "excess_chi2": round(_nuisance(case), 3),
         },
         "unseen_state": UNSEEN_STATE,
-    }  # fmt: skip
+    }
 
 
 def _nuisance(case: Case) -> float:

@@ -113,29 +113,72 @@ def _pack(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
 
 
 LAWS = (
-    Law("link-flexibility", ("pose", "load"), _slender,
-        lambda rng, arm, k: {"wall_share": rng.uniform(0.1, 0.35), "modulus_share": rng.uniform(0.0, 0.1)}, gives=thin),
-    Law("base-tilt", ("pose", "load"), at("base"),
+    Law(
+        "link-flexibility",
+        ("pose", "load"),
+        _slender,
+        lambda rng, arm, k: {"wall_share": rng.uniform(0.1, 0.35), "modulus_share": rng.uniform(0.0, 0.1)},
+        gives=thin,
+    ),
+    Law(
+        "base-tilt",
+        ("pose", "load"),
+        at("base"),
         lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 2e6, 1e8), "ratio": rng.uniform(0.5, 1.5)},
-        gives=base_tilt),
-    Law("base-vertical", ("load",), at("base"),
-        lambda rng, arm, k: {"stiffness_N_per_m": log_uniform(rng, 2e6, 1e8)}, gives=base_vertical),
-    Law("tool-compliance", ("pose", "load"), at("tool"),
+        gives=base_tilt,
+    ),
+    Law(
+        "base-vertical",
+        ("load",),
+        at("base"),
+        lambda rng, arm, k: {"stiffness_N_per_m": log_uniform(rng, 2e6, 1e8)},
+        gives=base_vertical,
+    ),
+    Law(
+        "tool-compliance",
+        ("pose", "load"),
+        at("tool"),
         lambda rng, arm, k: {"compliance_m_per_N": rng.uniform(1.5e-7, 6e-7), "ratio": rng.uniform(0.8, 1.25)},
-        gives=tool),
-)  # fmt: skip
+        gives=tool,
+    ),
+)
 OUTSIDE = (
-    Law("loose-base", ("pose", "load"), at("base"),
-        lambda rng, arm, k: {"lifts_at_Nm": arm.payload * 9.81 * rng.uniform(0.2, 0.6),
-                             "stiffness_Nm_per_rad": log_uniform(rng, 1.5e6, 1e7)}, gives=lifting),
+    Law(
+        "loose-base",
+        ("pose", "load"),
+        at("base"),
+        lambda rng, arm, k: {
+            "lifts_at_Nm": arm.payload * 9.81 * rng.uniform(0.2, 0.6),
+            "stiffness_Nm_per_rad": log_uniform(rng, 1.5e6, 1e7),
+        },
+        gives=lifting,
+    ),
     Law("cable-package", ("pose",), _open_chain, _pack, gives=cable),
-    Law("slip", ("load", "load history"), at("tool"),
-        lambda rng, arm, k: {"hold_N": arm.payload * 9.81 * rng.uniform(0.2, 0.45),
-                             "slip_m": rng.uniform(1.5e-5, 8e-5)},
-        gives=lambda scene, k, v: fixture_slip(scene, -1, v["slip_m"], v["hold_N"]), steady=False),
-    Law("slip", ("load", "load history"), at("base"),
+    Law(
+        "slip",
+        ("load", "load history"),
+        at("tool"),
+        lambda rng, arm, k: {
+            "hold_N": arm.payload * 9.81 * rng.uniform(0.2, 0.45),
+            "slip_m": rng.uniform(1.5e-5, 8e-5),
+        },
+        gives=lambda scene, k, v: fixture_slip(scene, -1, v["slip_m"], v["hold_N"]),
+        steady=False,
+    ),
+    Law(
+        "slip",
+        ("load", "load history"),
+        at("base"),
         lambda rng, arm, k: {"hold_N": arm.payload * 9.81 * rng.uniform(0.2, 0.45), "slip_m": rng.uniform(1e-5, 5e-5)},
-        gives=lambda scene, k, v: fixture_slip(scene, -2, v["slip_m"], v["hold_N"]), steady=False),
-    Law("other:floor-creep", ("clock", "load history", "pose"), at("base"),
-        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 4e6, 3e7)}, gives=sinking, steady=False),
-)  # fmt: skip
+        gives=lambda scene, k, v: fixture_slip(scene, -2, v["slip_m"], v["hold_N"]),
+        steady=False,
+    ),
+    Law(
+        "other:floor-creep",
+        ("clock", "load history", "pose"),
+        at("base"),
+        lambda rng, arm, k: {"stiffness_Nm_per_rad": log_uniform(rng, 4e6, 3e7)},
+        gives=sinking,
+        steady=False,
+    ),
+)

@@ -113,20 +113,41 @@ LAWS = (
     Law("payload", ("load",), at("load"), lambda rng, arm, k: {"force_N": rng.uniform(20, 60)}, rig=payload),
     Law("load-point-offset", BOTH, at("load"), _aside, rig=beside),
     Law("load-misalignment", ("pose", "load", "direction"), at("load"), _slant, rig=misaligned),
-    Law("joint-zero-offset", BOTH, at_joints(1, 2, 3, 4),
-        lambda rng, arm, k: {"angle_rad": either(rng) * np.radians(log_uniform(rng, 0.3, 3.0))}, rig=zero_off),
+    Law(
+        "joint-zero-offset",
+        BOTH,
+        at_joints(1, 2, 3, 4),
+        lambda rng, arm, k: {"angle_rad": either(rng) * np.radians(log_uniform(rng, 0.3, 3.0))},
+        rig=zero_off,
+    ),
     Law("turned-frame", ("pose", "direction"), at("base"), _axes, rig=turned),
     Law("tool-point-offset", BOTH, at("tool"), _aside, rig=elsewhere),
     Law("angle-sign", ("pose",), at_joints(2, 3, 4), lambda rng, arm, k: {}, rig=other_sign),
-    Law("angle-offset", ("pose",), at_joints(1, 2, 3, 4),
-        lambda rng, arm, k: {"angle_rad": float(rng.choice([-0.5, 0.5, 1.0])) * np.pi}, rig=zero_off),
+    Law(
+        "angle-offset",
+        ("pose",),
+        at_joints(1, 2, 3, 4),
+        lambda rng, arm, k: {"angle_rad": float(rng.choice([-0.5, 0.5, 1.0])) * np.pi},
+        rig=zero_off,
+    ),
     Law("angle-coupling", ("pose",), _parallel, lambda rng, arm, k: {"way": either(rng)}, rig=from_the_horizontal),
     Law("load-path", BOTH, _serial_in_the_model, lambda rng, arm, k: {}, rig=parallelogram),
-)  # fmt: skip
+)
 OUTSIDE = (
-    Law("other:load-cell-hysteresis", ("load history",), at("load"),
-        lambda rng, arm, k: {"share": rng.uniform(0.01, 0.03), "range_N": arm.payload * 9.81 * 0.7}, rig=cell_lags,
-        steady=False),
-    Law("other:pulley-friction", ("load history",), at("load"),
-        lambda rng, arm, k: {"share": rng.uniform(0.015, 0.05)}, rig=pulley, steady=False),
-)  # fmt: skip
+    Law(
+        "other:load-cell-hysteresis",
+        ("load history",),
+        at("load"),
+        lambda rng, arm, k: {"share": rng.uniform(0.01, 0.03), "range_N": arm.payload * 9.81 * 0.7},
+        rig=cell_lags,
+        steady=False,
+    ),
+    Law(
+        "other:pulley-friction",
+        ("load history",),
+        at("load"),
+        lambda rng, arm, k: {"share": rng.uniform(0.015, 0.05)},
+        rig=pulley,
+        steady=False,
+    ),
+)

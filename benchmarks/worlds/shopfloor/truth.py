@@ -88,9 +88,20 @@ def _scene(truth: Truth, rig: Rig, line: Timeline, fresh: bool) -> Scene:
     clock = np.full(n, truth.span / 2) if fresh else line.time
     warm = np.full(n, truth.warmth) if fresh else line.warm
     return Scene(
-        truth.built, at, line, rig.q, wrench, np.einsum("nki,ni->nk", at.turns[line.pose], wrench),
-        truth.carried * at.weight[line.pose], truth.compliance, clock, warm, air(clock, truth.mood), truth.span, fresh,
-    )  # fmt: skip
+        truth.built,
+        at,
+        line,
+        rig.q,
+        wrench,
+        np.einsum("nki,ni->nk", at.turns[line.pose], wrench),
+        truth.carried * at.weight[line.pose],
+        truth.compliance,
+        clock,
+        warm,
+        air(clock, truth.mood),
+        truth.span,
+        fresh,
+    )
 
 
 def displacement(truth: Truth, q: Floats, line: Timeline, fresh: bool = False) -> Floats:

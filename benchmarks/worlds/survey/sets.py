@@ -17,10 +17,18 @@ from .mechanics import Truth, Visit, positions
 
 # What is drawn; each with the words that the program's catalogue has for it.
 SIZES: dict[str, tuple[float, float]] = {
-    "joint-compliance": (1.0, 6.0), "joint-tilt": (1.0, 6.0), "base-tilt": (0.3, 2.0), "gear-ratio": (1e-4, 1e-3),
-    "joint-coupling": (1e-4, 1e-3), "joint-error": (5e-5, 5e-4), "payload": (0.06, 0.3), "rail-bow": (1e-4, 1e-3),
-    "arm-growth": (8e-6, 2.4e-5), "drift": (5e-5, 4e-4), "bump": (8e-5, 8e-4),
-}  # fmt: skip
+    "joint-compliance": (1.0, 6.0),
+    "joint-tilt": (1.0, 6.0),
+    "base-tilt": (0.3, 2.0),
+    "gear-ratio": (1e-4, 1e-3),
+    "joint-coupling": (1e-4, 1e-3),
+    "joint-error": (5e-5, 5e-4),
+    "payload": (0.06, 0.3),
+    "rail-bow": (1e-4, 1e-3),
+    "arm-growth": (8e-6, 2.4e-5),
+    "drift": (5e-5, 4e-4),
+    "bump": (8e-5, 8e-4),
+}
 DETECTABLE = 30.0
 # Compliances of joints that the maker calls rigid go by what the arm's softest declared joint has.
 TRIES = 60
@@ -98,9 +106,13 @@ def scene(rng: np.random.Generator, *, rail: bool) -> Scene:
         time = np.sort(rng.uniform(0.0, 3600.0 * hours, count))
         warm = rng.uniform(2.0, 8.0) * (1.0 - np.exp(-time / 4000.0)) + 0.1 * rng.normal(size=count)
         return Visit(
-            rng.uniform(0.8 * low, 0.8 * high, (count, 6)), rng.integers(0, len(targets), count),
-            loads[rng.integers(0, len(loads), count)], rng.uniform(0.0, length, count), time, np.round(warm, 1),
-        )  # fmt: skip
+            rng.uniform(0.8 * low, 0.8 * high, (count, 6)),
+            rng.integers(0, len(targets), count),
+            loads[rng.integers(0, len(loads), count)],
+            rng.uniform(0.0, length, count),
+            time,
+            np.round(warm, 1),
+        )
 
     frame = rotation(rng), rng.uniform(2.0, 5.0, 3) * rng.choice([-1.0, 1.0], 3)
     return Scene(arm, truth, visit(n, float(rng.uniform(1.0, 6.0))), visit(60, 1.0), targets, length, frame)
@@ -210,14 +222,40 @@ def table(s: Scene, v: Visit, y: Floats) -> str:
     text = io.StringIO()
     writer = csv.writer(text)
     rail = ["rail_mm"] if s.rail else []
-    writer.writerow([*(f"q{j}_deg" for j in range(1, 7)), "x_mm", "y_mm", "z_mm", "session", "target", "payload_kg",
-                     "payload_x_mm", "payload_y_mm", "payload_z_mm", *rail, "time_s", "temperature_C"])  # fmt: skip
+    writer.writerow(
+        [
+            *(f"q{j}_deg" for j in range(1, 7)),
+            "x_mm",
+            "y_mm",
+            "z_mm",
+            "session",
+            "target",
+            "payload_kg",
+            "payload_x_mm",
+            "payload_y_mm",
+            "payload_z_mm",
+            *rail,
+            "time_s",
+            "temperature_C",
+        ]
+    )
     for k in range(len(v)):
         way = [f"{1e3 * v.rail[k]:.2f}"] if s.rail else []
-        writer.writerow([
-            *(f"{x:.6f}" for x in np.degrees(v.q[k])), *(f"{1e3 * x:.4f}" for x in y[k]), "stay", f"ball{v.target[k]}",
-            f"{v.kg[k]:g}", 0, 0, 100, *way, f"{v.time[k]:.0f}", f"{20.0 + v.warm[k]:.1f}",
-        ])  # fmt: skip
+        writer.writerow(
+            [
+                *(f"{x:.6f}" for x in np.degrees(v.q[k])),
+                *(f"{1e3 * x:.4f}" for x in y[k]),
+                "stay",
+                f"ball{v.target[k]}",
+                f"{v.kg[k]:g}",
+                0,
+                0,
+                100,
+                *way,
+                f"{v.time[k]:.0f}",
+                f"{20.0 + v.warm[k]:.1f}",
+            ]
+        )
     return text.getvalue()
 
 
@@ -229,9 +267,11 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
         rng = np.random.default_rng([seed, k])
         kind = kinds[k % len(kinds)] if k < single else ""
         tracker = Tracker(
-            float(rng.uniform(1e-5, 4e-5)), float(rng.uniform(3e-6, 1.2e-5)), float(rng.choice([3.0, 6.0, np.inf])),
+            float(rng.uniform(1e-5, 4e-5)),
+            float(rng.uniform(3e-6, 1.2e-5)),
+            float(rng.choice([3.0, 6.0, np.inf])),
             50 if rng.random() < 0.5 else 0,
-        )  # fmt: skip
+        )
         found = None
         for _ in range(TRIES):
             s = scene(rng, rail=kind == "rail-bow" or rng.random() < 0.2)
@@ -249,8 +289,20 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
         # Another day: what drifts or was moved is no part of it.
         later = replace(t, drift=np.zeros(6), bump=np.zeros(6))
         (folder / "unseen.csv").write_text(table(s, s.unseen, s.read(later, s.unseen)), encoding="utf-8")
-        key = {"world": "survey", "code": code, "numbers": numbers, "arm": s.arm.name, "readings": len(s.visit),
-               "excess_chi2": excess(s, t, tracker) if code else 0.0, "targets": len(s.targets), "rail_m": s.rail,
-               "noise": {"along_m": tracker.along, "across": tracker.across, "tail": str(tracker.tail),
-                         "wrong_one_in": tracker.wrong}}  # fmt: skip
+        key = {
+            "world": "survey",
+            "code": code,
+            "numbers": numbers,
+            "arm": s.arm.name,
+            "readings": len(s.visit),
+            "excess_chi2": excess(s, t, tracker) if code else 0.0,
+            "targets": len(s.targets),
+            "rail_m": s.rail,
+            "noise": {
+                "along_m": tracker.along,
+                "across": tracker.across,
+                "tail": str(tracker.tail),
+                "wrong_one_in": tracker.wrong,
+            },
+        }
         (folder / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")

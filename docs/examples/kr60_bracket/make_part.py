@@ -85,17 +85,43 @@ def cls() -> list[str]:
     axis, starts, depth = holes()
     above = [tuple(p + SAFE * a for p, a in zip(start, axis, strict=True)) for start in starts]
     return [
-        "TOOL PATH/POCKET,TOOL,MILL_D20", "UNITS/MM", "TLDATA/MILL,20.0000,0.0000,75.0000,0.0000,0.0000",
-        "MSYS/0.0000,0.0000,0.0000,1.0000000,0.0000000,0.0000000,0.0000000,1.0000000,0.0000000", "LOADTL/1",
-        "SPINDL/RPM,8000,CLW", "COOLNT/ON", *path(pocket()), "COOLNT/OFF", "SPINDL/OFF", "END-OF-PATH",
-        "TOOL PATH/CROWN,TOOL,BALL_D10", "TLDATA/MILL,10.0000,5.0000,60.0000,0.0000,0.0000", "LOADTL/2",
-        "SPINDL/RPM,12000,CLW", "COOLNT/MIST", *path(crown()), "COOLNT/OFF", "SPINDL/OFF", "END-OF-PATH",
-        "TOOL PATH/HOLES,TOOL,DRILL_D8", "TLDATA/DRILL,8.0000,118.0000,90.0000,0.0000", "OPSTOP", "LOADTL/3",
-        "SPINDL/RPM,3000,CLW", "COOLNT/FLOOD", "RAPID", goto(above[0], axis),
+        "TOOL PATH/POCKET,TOOL,MILL_D20",
+        "UNITS/MM",
+        "TLDATA/MILL,20.0000,0.0000,75.0000,0.0000,0.0000",
+        "MSYS/0.0000,0.0000,0.0000,1.0000000,0.0000000,0.0000000,0.0000000,1.0000000,0.0000000",
+        "LOADTL/1",
+        "SPINDL/RPM,8000,CLW",
+        "COOLNT/ON",
+        *path(pocket()),
+        "COOLNT/OFF",
+        "SPINDL/OFF",
+        "END-OF-PATH",
+        "TOOL PATH/CROWN,TOOL,BALL_D10",
+        "TLDATA/MILL,10.0000,5.0000,60.0000,0.0000,0.0000",
+        "LOADTL/2",
+        "SPINDL/RPM,12000,CLW",
+        "COOLNT/MIST",
+        *path(crown()),
+        "COOLNT/OFF",
+        "SPINDL/OFF",
+        "END-OF-PATH",
+        "TOOL PATH/HOLES,TOOL,DRILL_D8",
+        "TLDATA/DRILL,8.0000,118.0000,90.0000,0.0000",
+        "OPSTOP",
+        "LOADTL/3",
+        "SPINDL/RPM,3000,CLW",
+        "COOLNT/FLOOD",
+        "RAPID",
+        goto(above[0], axis),
         f"CYCLE/DRILL,RAPTO,3.0000,FEDTO,{-depth:.4f},RTRCTO,3.0000,MMPM,240.0000",
-        *(goto(start, axis) for start in starts), "CYCLE/OFF",
-        "RAPID", goto(above[-1], axis), "COOLNT/OFF", "SPINDL/OFF", "END-OF-PATH",
-    ]  # fmt: skip
+        *(goto(start, axis) for start in starts),
+        "CYCLE/OFF",
+        "RAPID",
+        goto(above[-1], axis),
+        "COOLNT/OFF",
+        "SPINDL/OFF",
+        "END-OF-PATH",
+    ]
 
 
 def mpf() -> list[str]:
@@ -116,12 +142,31 @@ def mpf() -> list[str]:
     # In the swivelled plane: x along the face, z out of it, from where the part frame is.
     local = [(p[0] * math.cos(lean) - p[2] * math.sin(lean), p[1], p[0] * axis[0] + p[2] * axis[2]) for p in starts]
     lines = [
-        "; BRACKET, MADE UP FOR STIFFARM", "G17 G90 G71 G94", "G54",
-        "; POCKET", *tool("MILL_D20", 8000), "M8", "TRAORI", *path(pocket()), "M9", "M5", "TRAFOOF",
-        "; CROWN", *tool("BALL_D10", 12000), "M7", "TRAORI", *path(crown()), "M9", "M5", "TRAFOOF",
-        "; HOLES", "M1", *tool("DRILL_D8", 3000), "M8",
+        "; BRACKET, MADE UP FOR STIFFARM",
+        "G17 G90 G71 G94",
+        "G54",
+        "; POCKET",
+        *tool("MILL_D20", 8000),
+        "M8",
+        "TRAORI",
+        *path(pocket()),
+        "M9",
+        "M5",
+        "TRAFOOF",
+        "; CROWN",
+        *tool("BALL_D10", 12000),
+        "M7",
+        "TRAORI",
+        *path(crown()),
+        "M9",
+        "M5",
+        "TRAFOOF",
+        "; HOLES",
+        "M1",
+        *tool("DRILL_D8", 3000),
+        "M8",
         f'CYCLE800(0,"TABLE",0,57,0,0,0,0,{LEAN_DEG:.4f},0,0,0,0,-1)',
-    ]  # fmt: skip
+    ]
     x, y, z = local[0]
     lines += [f"G0 X{x:.4f} Y{y:.4f} Z{z + SAFE:.4f}", "F240"]
     for x, y, z in local:

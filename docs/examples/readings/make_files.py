@@ -114,8 +114,13 @@ def api() -> None:
     """Semicolons, decimal commas and Western letters; three targets in a row, a payload."""
     q = poses(12, 5)
     xyz = [seen(q, name, 6 + k, 12.5) for k, name in enumerate(TARGETS)]
-    head = ["Punkt", *(f"Achse {k} [\u00b0]" for k in range(1, 7)), *(f"{t} {a} [mm]" for t in TARGETS for a in "XYZ"),
-            "Nutzlast [kg]", "Bediener"]  # fmt: skip
+    head = [
+        "Punkt",
+        *(f"Achse {k} [\u00b0]" for k in range(1, 7)),
+        *(f"{t} {a} [mm]" for t in TARGETS for a in "XYZ"),
+        "Nutzlast [kg]",
+        "Bediener",
+    ]
     rows = [
         ";".join(
             [
@@ -162,10 +167,19 @@ def polyworks() -> None:
         "Comment",
     ]
     rows = [
-        "|".join([f"F{k + 1}", *(f"{a:.2f}" for a in q[k]), f"{kg[k]:g}", *(f"{v:.3f}" for v in np.round(flange[k])),
-                  *(f"{v:.3f}" for v in before[k]), *(f"{v:.3f}" for v in after[k]), "ok"])
+        "|".join(
+            [
+                f"F{k + 1}",
+                *(f"{a:.2f}" for a in q[k]),
+                f"{kg[k]:g}",
+                *(f"{v:.3f}" for v in np.round(flange[k])),
+                *(f"{v:.3f}" for v in before[k]),
+                *(f"{v:.3f}" for v in after[k]),
+                "ok",
+            ]
+        )
         for k in range(len(q))
-    ]  # fmt: skip
+    ]
     write("polyworks.txt", ["|".join(head), *rows])
 
 

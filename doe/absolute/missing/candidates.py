@@ -24,7 +24,7 @@ from doe.absolute.unknowns import (
     ratio_error,
     reversals,
     spring,
-)  # fmt: skip
+)
 from doe.absolute.weight import has_weight
 from fem import ArmModel
 
@@ -80,14 +80,18 @@ def _joints(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
     for j, name in enumerate(model.robot.joint_names):
         axial = spring(name, j, 5)
         yield Candidate(
-            f"joint-compliance:{name}", f"joint {name} deflects about its axis under the arm's weight",
-            (((axial, axial.sd),),), axial.name,
-        )  # fmt: skip
+            f"joint-compliance:{name}",
+            f"joint {name} deflects about its axis under the arm's weight",
+            (((axial, axial.sd),),),
+            axial.name,
+        )
         tilting = [spring(name, j, row) for row in (3, 4)]
         yield Candidate(
-            f"joint-tilt:{name}", f"joint {name} tilts across its axis under the arm's weight",
-            (_equal(tilting), *(_equal([one]) for one in tilting)), ",".join(one.name for one in tilting),
-        )  # fmt: skip
+            f"joint-tilt:{name}",
+            f"joint {name} tilts across its axis under the arm's weight",
+            (_equal(tilting), *(_equal([one]) for one in tilting)),
+            ",".join(one.name for one in tilting),
+        )
 
 
 def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
@@ -97,9 +101,11 @@ def _gears(model: ArmModel, data: AbsoluteReadings) -> Iterator[Candidate]:
         finer = tuple(tuple((one, 1.0 / (1.0 + (n / b) ** 2)) for one, n in curve) for b in FALL_OFF)
         first = _equal([one for one, n in curve if n == 1])
         yield Candidate(
-            f"joint-error:{name}", f"joint {name} is off by a curve over its angle", (first, *finer),
+            f"joint-error:{name}",
+            f"joint {name} is off by a curve over its angle",
+            (first, *finer),
             f"{name}.periodic",
-        )  # fmt: skip
+        )
         lost = [one for one in reversals(robot, data) if one.index == (j,)]
         yield Candidate(
             f"lost-motion:{name}", f"joint {name} loses motion where it turns back", (_equal(lost),), f"{name}.reversal"

@@ -141,9 +141,13 @@ class _Work:
 
 
 def diagnose_positions(
-    model: ArmModel, data: AbsoluteReadings, *, holdout: AbsoluteReadings | None = None, seed: int = 0,
+    model: ArmModel,
+    data: AbsoluteReadings,
+    *,
+    holdout: AbsoluteReadings | None = None,
+    seed: int = 0,
     progress: Messages | None = None,
-) -> Missing:  # fmt: skip
+) -> Missing:
     """Find what a model is missing beside its geometry, by absolute readings.
 
     Raises
@@ -169,9 +173,20 @@ def diagnose_positions(
     parts = folds(data, FOLDS, seed)
     first = left_out(before, parts)
     kept = None if holdout is None else (holdout, carried_over(before, holdout)[0], carried_over(after, holdout)[0])
-    out = Missing("none", "", tuple(effects), tuple(provisional), looks, before, after,
-                  (first, left_out(after, parts) if picks else first), kept, same, gross(after),
-                  has_weight(model, data.payloads))  # fmt: skip
+    out = Missing(
+        "none",
+        "",
+        tuple(effects),
+        tuple(provisional),
+        looks,
+        before,
+        after,
+        (first, left_out(after, parts) if picks else first),
+        kept,
+        same,
+        gross(after),
+        has_weight(model, data.payloads),
+    )
     verdict, reason = _verdict(out)
     if out.found and not _predicts(out):
         out = replace(out, effects=(), provisional=out.found)
@@ -281,9 +296,7 @@ def _once_more(work: _Work, pick: FoundEffect, others: Sequence[FoundEffect], so
     if code not in look.weighing.of:
         return replace(pick, probability=0.0)
     line = look.of(code)
-    return replace(
-        pick, probability=line.probability, gain=line.gain, acts=line.acts, rivals=_rivals(look, line)
-    )  # fmt: skip
+    return replace(pick, probability=line.probability, gain=line.gain, acts=line.acts, rivals=_rivals(look, line))
 
 
 def _predicts(m: Missing) -> bool:

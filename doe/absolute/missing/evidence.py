@@ -100,8 +100,11 @@ def _unknown(found: Fit, rows: Indices) -> dict[str, Array]:
     waves = np.concatenate([np.stack([np.sin(q[j]), np.cos(q[j])]) for j in moving])
     both = [
         waves[2 * a + x] * waves[2 * b + y]
-        for b in range(len(moving)) for a in range(b) for x in (0, 1) for y in (0, 1)
-    ]  # fmt: skip
+        for b in range(len(moving))
+        for a in range(b)
+        for x in (0, 1)
+        for y in (0, 1)
+    ]
     out = {"pose": _along(np.concatenate([waves, both]) if both else waves, axes)}
     if len(data.time) and np.ptp(data.time) > 0.0:
         t = (data.time[rows] - data.time.min()) / np.ptp(data.time)
@@ -294,9 +297,14 @@ def _best(at: Sequence[_At], every: Sequence[_Columns], sizes: Array, points: in
 
 
 def _of_columns(
-    at: Sequence[_At], nearest: _At, none: _Found, columns: Indices, scale: Array, points: int,
+    at: Sequence[_At],
+    nearest: _At,
+    none: _Found,
+    columns: Indices,
+    scale: Array,
+    points: int,
     positive: Bools | None = None,
-) -> _Found | None:  # fmt: skip
+) -> _Found | None:
     """The evidence with some columns; None where the base follows them."""
     every = [_Columns.of(one, columns, scale, positive) for one in at]
     s = every[at.index(nearest)].s

@@ -165,9 +165,13 @@ Verdicts = Callable[[Array], Integers]
 
 
 def outcomes(
-    p: Predictions, chosen: Sequence[int], names: Sequence[str], verdict: Verdicts, rng: np.random.Generator,
+    p: Predictions,
+    chosen: Sequence[int],
+    names: Sequence[str],
+    verdict: Verdicts,
+    rng: np.random.Generator,
     draws: int = 2000,
-) -> dict[str, Outcome]:  # fmt: skip
+) -> dict[str, Outcome]:
     """What comes of experiments if each of the codes is true, by simulation; of none what stands already.
 
     ``names``: of each code of ``p`` what it is called (its family); ``verdict`` gets probabilities by code and answers

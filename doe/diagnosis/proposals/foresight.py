@@ -122,9 +122,12 @@ def _by_code(code: tuple[str, ...], weight: Array, kl: Array) -> dict[tuple[str,
 
 
 def _words(
-    rivals: tuple[Rival, ...], expected: dict[tuple[str, str], float], before: Outcome, after: Outcome,
+    rivals: tuple[Rival, ...],
+    expected: dict[tuple[str, str], float],
+    before: Outcome,
+    after: Outcome,
     honest: Outcome,
-) -> tuple[str, ...]:  # fmt: skip
+) -> tuple[str, ...]:
     out = [
         f"probability of the right name: {_percent(before.belief)} now, {_percent(honest.belief)} to be expected with "
         "the new readings",

@@ -147,16 +147,26 @@ def propose(
             break
     else:
         raise InputError(
-            f"set-ups that would tell {_one_of(question)}", value=f"none of {len(p)} tried",
+            f"set-ups that would tell {_one_of(question)}",
+            value=f"none of {len(p)} tried",
             remedy="read other components, load in other directions, or look at the set-up itself",
-        )  # fmt: skip
+        )
     pose, way = np.divmod(np.array(chosen, dtype=np.intp), len(protocol.directions))
     foreseen = foresee(question, p, chosen, rng)
     return NextReadings(
-        q[pose], protocol.directions[way], protocol, new_labels(len(chosen), "next ", s.data.poses),
-        len(s.data.free.at) + 1, foreseen.rivals, told(doubted(p), chosen), entropy, foreseen.before, foreseen.after,
-        foreseen.expected, (*foreseen.words, *remark),
-    )  # fmt: skip
+        q[pose],
+        protocol.directions[way],
+        protocol,
+        new_labels(len(chosen), "next ", s.data.poses),
+        len(s.data.free.at) + 1,
+        foreseen.rivals,
+        told(doubted(p), chosen),
+        entropy,
+        foreseen.before,
+        foreseen.after,
+        foreseen.expected,
+        (*foreseen.words, *remark),
+    )
 
 
 def ways_to_read(protocol: Protocol, loads: bool, components: bool) -> Iterator[tuple[Protocol, tuple[str, ...]]]:
@@ -227,9 +237,13 @@ def _one_of(q: Question) -> str:
 
 
 def _protocol(
-    s: Setting, loads: Sequence[float] | None, directions: Sequence[Sequence[float]] | None,
-    components: Sequence[int] | None, unloading: bool | None, repeats: int,
-) -> Protocol:  # fmt: skip
+    s: Setting,
+    loads: Sequence[float] | None,
+    directions: Sequence[Sequence[float]] | None,
+    components: Sequence[int] | None,
+    unloading: bool | None,
+    repeats: int,
+) -> Protocol:
     """What is done in a new set-up, checked."""
     so_far = s.data.free.at
     known = usual_loads(so_far.wrench[:, :3])

@@ -79,9 +79,10 @@ def open_twins(d: Diagnosis, twins: Mapping[str, Sequence[str]]) -> dict[str, tu
         own = here.get(found.code, 0.0)
         taken = {NONE, UNKNOWN, *(f.code for f in d.effects)}
         some = [
-            code for code, p in here.items()
+            code
+            for code, p in here.items()
             if code not in taken and (code in credible or (code in twins.get(found.code, ()) and p > PLAUSIBLE * own))
-        ]  # fmt: skip
+        ]
         if own > 0.0 and some:
             out[found.code] = tuple(some)
     return out

@@ -94,9 +94,18 @@ class Csv(Neutral):
         lines = np.arange(3, 3 + len(values))
         tools, tool = _tools([record[wanted.index("tool")] for record in records[1:]])
         return program_of(
-            robot, cell, table, where, lines, tools=tools, tool=tool, operation=none, source=where, branch=branch,
+            robot,
+            cell,
+            table,
+            where,
+            lines,
+            tools=tools,
+            tool=tool,
+            operation=none,
+            source=where,
+            branch=branch,
             names=names,
-        )  # fmt: skip
+        )
 
 
 def _tools(words: list[str]) -> tuple[tuple[Tool, ...], Integers]:

@@ -30,9 +30,12 @@ from robots.files.reading import parse_json
 
 # Key of a command's value, and what one of it is in SI.
 VALUES = {
-    "operation": ("operation", 1.0), "tool": ("tool", 1.0), "spindle": ("spindle_rpm", RPM), "dwell": ("dwell_s", 1.0),
+    "operation": ("operation", 1.0),
+    "tool": ("tool", 1.0),
+    "spindle": ("spindle_rpm", RPM),
+    "dwell": ("dwell_s", 1.0),
     "probe": ("on", 1.0),
-}  # fmt: skip
+}
 # Characters of moves that are read at once, and where they begin if each has a line of its own.
 CHARACTERS = 2**20
 _MOVES = re.compile(r',\s*"moves":[ \t]*\[[ \t]*\r?\n')

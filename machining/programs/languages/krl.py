@@ -78,10 +78,26 @@ class Krl(Controller):
 
     name, title = "krl", "KUKA KRL"
     table = ("krl", KrlOptions)
-    words = frozenset((
-        "call", "def", "defdat", "end", "false", "for", "if", "lin", "loop", "ptp", "return", "sub", "then", "true",
-        "wait", "while",
-    ))  # fmt: skip
+    words = frozenset(
+        (
+            "call",
+            "def",
+            "defdat",
+            "end",
+            "false",
+            "for",
+            "if",
+            "lin",
+            "loop",
+            "ptp",
+            "return",
+            "sub",
+            "then",
+            "true",
+            "wait",
+            "while",
+        )
+    )
     main, part = (("{name}.src", "main.j2"),), "{name}_{number:03d}.src"
     speed_unit = 1.0
     grammar = _GRAMMAR

@@ -69,10 +69,27 @@ class Rapid(Controller):
 
     name, title = "rapid", "ABB RAPID"
     table = ("abb", RapidOptions)
-    words = frozenset((
-        "do", "end", "endmodule", "endproc", "false", "for", "if", "main", "module", "movej", "movel", "proc",
-        "return", "stop", "then", "true", "while",
-    ))  # fmt: skip
+    words = frozenset(
+        (
+            "do",
+            "end",
+            "endmodule",
+            "endproc",
+            "false",
+            "for",
+            "if",
+            "main",
+            "module",
+            "movej",
+            "movel",
+            "proc",
+            "return",
+            "stop",
+            "then",
+            "true",
+            "while",
+        )
+    )
     main, part = (("{name}.mod", "main.j2"), ("{name}.pgf", "program.j2")), "{name}_{number:03d}.mod"
     orientation = QUATERNION
     speed_unit = 1e-3

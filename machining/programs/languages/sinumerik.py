@@ -81,10 +81,25 @@ class Sinumerik(Controller):
     name, title = "sinumerik", "SINUMERIK 840D"
     kinds = ("joint",)
     table = ("sinumerik", SinumerikOptions)
-    words = frozenset((
-        "call", "def", "do", "end", "false", "for", "if", "loop", "proc", "return", "stop", "sub", "then", "true",
-        "while",
-    ))  # fmt: skip
+    words = frozenset(
+        (
+            "call",
+            "def",
+            "do",
+            "end",
+            "false",
+            "for",
+            "if",
+            "loop",
+            "proc",
+            "return",
+            "stop",
+            "sub",
+            "then",
+            "true",
+            "while",
+        )
+    )
     main, part = (("{NAME}.MPF", "main.j2"),), "{NAME}_{number:03d}.SPF"
     terminals = (1, 8192)
     grammar = _GRAMMAR

@@ -63,13 +63,32 @@ class Val3(Controller):
 
     name, title = "val3", "Staubli VAL3"
     external_axes = "still"
-    words = frozenset((
-        "begin", "call", "do", "end", "false", "for", "if", "movej", "movel", "return", "start", "stop", "then",
-        "true", "wait", "while",
-    ))  # fmt: skip
+    words = frozenset(
+        (
+            "begin",
+            "call",
+            "do",
+            "end",
+            "false",
+            "for",
+            "if",
+            "movej",
+            "movel",
+            "return",
+            "start",
+            "stop",
+            "then",
+            "true",
+            "wait",
+            "while",
+        )
+    )
     main = (
-        ("start.pgx", "start.j2"), ("stop.pgx", "stop.j2"), ("{name}.pjx", "project.j2"), ("{name}.dtx", "data.j2"),
-    )  # fmt: skip
+        ("start.pgx", "start.j2"),
+        ("stop.pgx", "stop.j2"),
+        ("{name}.pjx", "project.j2"),
+        ("{name}.dtx", "data.j2"),
+    )
     part = "p{number:03d}.pgx"
     orientation = RX_RY_RZ
     speed_unit = 1e-3

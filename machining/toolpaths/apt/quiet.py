@@ -62,28 +62,80 @@ MINOR: dict[str, frozenset[str]] = {
     "CUTCOM": frozenset(("OFF", "ON", "LEFT", "RIGHT", "XYPLAN", "YZPLAN", "ZXPLAN", "XZPLAN", "LENGTH", "ADJUST")),
     "TRNTYP": frozenset(("WORLD",)),
     # ADJUST, OFFSET, OSETNO: registers of the tool's length, which the control takes off.
-    "LOADTL": frozenset((
-        "ADJUST", "OFFSET", "OSETNO", "LENGTH", "SPINDL", "MILL", "DRILL", "LARGE", "SMALL", "HIGH", "LOW", "AUTO",
-        "MANUAL", "IN", "CLW", "CCLW", "RPM",
-    )),
-    "SPINDL": frozenset((
-        "RPM", "CLW", "CCLW", "CCW", "ON", "OFF", "STOP", "ORIENT", "LOCK", "SFM", "SMM", "MPM", "CSS", "LOW", "MEDIUM",
-        "HIGH", "RANGE", "MAXRPM", "RADIUS",
-    )),
-}  # fmt: skip
+    "LOADTL": frozenset(
+        (
+            "ADJUST",
+            "OFFSET",
+            "OSETNO",
+            "LENGTH",
+            "SPINDL",
+            "MILL",
+            "DRILL",
+            "LARGE",
+            "SMALL",
+            "HIGH",
+            "LOW",
+            "AUTO",
+            "MANUAL",
+            "IN",
+            "CLW",
+            "CCLW",
+            "RPM",
+        )
+    ),
+    "SPINDL": frozenset(
+        (
+            "RPM",
+            "CLW",
+            "CCLW",
+            "CCW",
+            "ON",
+            "OFF",
+            "STOP",
+            "ORIENT",
+            "LOCK",
+            "SFM",
+            "SMM",
+            "MPM",
+            "CSS",
+            "LOW",
+            "MEDIUM",
+            "HIGH",
+            "RANGE",
+            "MAXRPM",
+            "RADIUS",
+        )
+    ),
+}
 # Codes that PREFUN (G) and AUXFUN (M) put into the program, and INSERT with them.
 G_CODES: dict[int, str] = {
-    8: "speed at corners, by the control", 9: "exact stop", 17: "plane of arcs, which are read from the points",
-    40: "no compensation", 49: "no length in force", 61: "exact stop", 64: "speed at corners, by the control",
-    80: "no cycle", 90: "coordinates are absolute, as here", 94: "feed in each minute, as here",
-}  # fmt: skip
+    8: "speed at corners, by the control",
+    9: "exact stop",
+    17: "plane of arcs, which are read from the points",
+    40: "no compensation",
+    49: "no length in force",
+    61: "exact stop",
+    64: "speed at corners, by the control",
+    80: "no cycle",
+    90: "coordinates are absolute, as here",
+    94: "feed in each minute, as here",
+}
 M_CODES: dict[int, str] = {
-    7: "coolant", 8: "coolant", 9: "coolant", 10: "clamps an axis", 11: "releases an axis", 50: "coolant",
+    7: "coolant",
+    8: "coolant",
+    9: "coolant",
+    10: "clamps an axis",
+    11: "releases an axis",
+    50: "coolant",
     51: "coolant",
-}  # fmt: skip
+}
 # Words of a cycle that change nothing of its moves.
 OF_CYCLE: dict[str, str] = {
-    "AUTO": "the tool is changed by the machine", "DRAG": "no turn of the spindle before the way out",
-    "ON": "the cycle is on", "SEC": "a rest is in s, as here", "NOREVR": "the spindle keeps its sense",
-    "MULTRD": "a thread of several starts", "FLOATING": "the tap floats in its holder",
-}  # fmt: skip
+    "AUTO": "the tool is changed by the machine",
+    "DRAG": "no turn of the spindle before the way out",
+    "ON": "the cycle is on",
+    "SEC": "a rest is in s, as here",
+    "NOREVR": "the spindle keeps its sense",
+    "MULTRD": "a thread of several starts",
+    "FLOATING": "the tap floats in its holder",
+}

@@ -113,9 +113,10 @@ def swivelled(given: Sequence[float], scale: float, before: CoordinateFrame) -> 
     mode, kind = int(number[3]), int(number[2]) % 10
     if mode >> 6 != AXIS_BY_AXIS or kind not in (NEW, ADDED):
         raise StatementError(
-            f"CYCLE800 of mode {mode}, kind {kind}", "swivel axis by axis (mode below 64), new or added (kind 0 or 1)",
+            f"CYCLE800 of mode {mode}, kind {kind}",
+            "swivel axis by axis (mode below 64), new or added (kind 0 or 1)",
             "post the swivel axis by axis",
-        )  # fmt: skip
+        )
     order = [mode >> 2 * k & 3 for k in range(3)]
     if 0 in order[: np.count_nonzero(number[7:10])] or any(order[k] == 0 and number[7 + k] for k in range(3)):
         raise StatementError(f"CYCLE800 of mode {mode}", "a mode that names an axis for each angle")

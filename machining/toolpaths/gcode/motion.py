@@ -133,10 +133,14 @@ class GcodeMotion(Modes):
         else:
             first, last, middle, clockwise = rounded(A, P, B, c.size)
             _, points = arc_points(
-                first, last, middle, np.array([0.0, 0.0, -1.0 if clockwise else 1.0]),
-                chord_tolerance=self.options.chord_tolerance, arc_tolerance=self.options.arc_tolerance,
+                first,
+                last,
+                middle,
+                np.array([0.0, 0.0, -1.0 if clockwise else 1.0]),
+                chord_tolerance=self.options.chord_tolerance,
+                arc_tolerance=self.options.arc_tolerance,
                 limit=self.options.max_moves,
-            )  # fmt: skip
+            )
         back = np.argsort(p)
         self.recorder.shorten(self.shifted(tuple(first[back].tolist())))
         feed = self.feed
@@ -389,9 +393,10 @@ class GcodeMotion(Modes):
             return
         if not self.options.rotary_feed:
             raise StatementError(
-                "a feed per minute while the table turns: of X Y Z, or of these with the angles", "G93, or TCP",
+                "a feed per minute while the table turns: of X Y Z, or of these with the angles",
+                "G93, or TCP",
                 "say which: --read rotary_feed=linear (RS-274) or rotary_feed=vector (Fanuc)",
-            )  # fmt: skip
+            )
         way = vector if self.options.rotary_feed == "vector" or straight == 0.0 else straight
         feed = self.feed
         self.feed, self.dirty = feed * length / way if way > 0.0 else feed, True

@@ -57,9 +57,11 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     for word in options.ignore:
         if word in NEVER or _code_of(word) in NEEDED.get(word[:1], ()):
             raise InputError(
-                "option ignore", value=word, allowed="words that change nothing about path and feed",
+                "option ignore",
+                value=word,
+                allowed="words that change nothing about path and feed",
                 remedy="leave it out: this word is read, or is known to change the path",
-            )  # fmt: skip
+            )
     reader.siemens = path.suffix.lower() in (".mpf", ".spf")
     data = content(path, options.max_bytes)
     if CALL.search(data):
@@ -248,8 +250,9 @@ class _Reader(GcodeMotion):
         if name not in self.subprograms:
             raise StatementError(
                 "M98 without P" if name == "O-1" else f"a call of a subprogram that is not in the file: {name}",
-                "subprograms in the same file: O100 to M99, %_N_L100_SPF to M17", REMEDY_MACRO,
-            )  # fmt: skip
+                "subprograms in the same file: O100 to M99, %_N_L100_SPF to M17",
+                REMEDY_MACRO,
+            )
         if not 1 <= times <= 9999 or self.depth >= DEEPEST:
             raise StatementError(
                 "a call of a subprogram", f"1 to 9999 times, at most {DEEPEST} calls within one another", REMEDY_MACRO
@@ -453,9 +456,10 @@ class _Reader(GcodeMotion):
             raise StatementError(f"{by} under {self.diameter}", "DIAMOF before it")
         if not self.frame.plain and self.origin_by != by:
             raise StatementError(
-                f"{by} while {self.origin_by} moves or turns coordinates", "one of them at a time",
+                f"{by} while {self.origin_by} moves or turns coordinates",
+                "one of them at a time",
                 "end the other one before, or post with work offsets",
-            )  # fmt: skip
+            )
         self.origin_by = by
 
     def _turned(self, b: Block) -> CoordinateFrame:
@@ -469,9 +473,10 @@ class _Reader(GcodeMotion):
             before = self.frame
         elif not self.options.rotation:
             raise StatementError(
-                "G68 while coordinates are turned: controls turn anew, or on", "G69 before it",
+                "G68 while coordinates are turned: controls turn anew, or on",
+                "G69 before it",
                 "say which: --read rotation=absolute or rotation=added (rotation= in Python)",
-            )  # fmt: skip
+            )
         else:
             before = self.frame if self.options.rotation == "added" else CoordinateFrame(shift=self.unturned)
         return before.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here))
@@ -480,9 +485,10 @@ class _Reader(GcodeMotion):
         """G92.1 and G92.2 take the offset of G92 off, the second for G92.3 to put it on again."""
         if self.presumed and len(self.recorder):
             raise StatementError(
-                f"{shown(code)}: where G92 has moved the origin is not known", "G92 behind a move of its axes",
+                f"{shown(code)}: where G92 has moved the origin is not known",
+                "G92 behind a move of its axes",
                 "post with work offsets",
-            )  # fmt: skip
+            )
         if not (self.frame.turn == np.eye(3)).all():
             raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it")
         if self.origin_by != "G52":

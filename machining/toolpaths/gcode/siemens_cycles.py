@@ -15,9 +15,28 @@ Argument = Callable[[int], float]
 DRILLS = {"CYCLE81": None, "CYCLE82": 5, "CYCLE83": 8, "CYCLE84": 5, "CYCLE85": 5, "CYCLE89": 5}
 # Pitch mm of metric threads by their size, for CYCLE84 with MPIT (ISO 261, coarse).
 PITCHES = {
-    3: 0.5, 4: 0.7, 5: 0.8, 6: 1.0, 8: 1.25, 10: 1.5, 12: 1.75, 14: 2.0, 16: 2.0, 18: 2.5, 20: 2.5, 22: 2.5, 24: 3.0,
-    27: 3.0, 30: 3.5, 33: 3.5, 36: 4.0, 39: 4.0, 42: 4.5, 45: 4.5, 48: 5.0,
-}  # fmt: skip
+    3: 0.5,
+    4: 0.7,
+    5: 0.8,
+    6: 1.0,
+    8: 1.25,
+    10: 1.5,
+    12: 1.75,
+    14: 2.0,
+    16: 2.0,
+    18: 2.5,
+    20: 2.5,
+    22: 2.5,
+    24: 3.0,
+    27: 3.0,
+    30: 3.5,
+    33: 3.5,
+    36: 4.0,
+    39: 4.0,
+    42: 4.5,
+    45: 4.5,
+    48: 5.0,
+}
 
 
 @dataclass(frozen=True)
@@ -51,11 +70,16 @@ def hole(name: str, given: Sequence[float], scale: float) -> Hole:
     if dwell < 0.0:
         raise StatementError(f"{name} rests for turns of the spindle", "a rest in s", "post the rest in s")
     made = Cycle(
-        start=0.0, depth=scale * (start - bottom), back=scale * (back - start),
+        start=0.0,
+        depth=scale * (start - bottom),
+        back=scale * (back - start),
         pecks=_pecks(of, start, reference, scale) if name == "CYCLE83" else (),
-        chip_break=name == "CYCLE83" and of(11) != 1.0, dwell=dwell,
-        feed_out=name in ("CYCLE84", "CYCLE85", "CYCLE89"), reverse=name == "CYCLE84", feed=_feed(name, of, scale),
-    )  # fmt: skip
+        chip_break=name == "CYCLE83" and of(11) != 1.0,
+        dwell=dwell,
+        feed_out=name in ("CYCLE84", "CYCLE85", "CYCLE89"),
+        reverse=name == "CYCLE84",
+        feed=_feed(name, of, scale),
+    )
     return Hole(scale * start, made.checked("planes above the bottom of the hole"))
 
 

@@ -39,35 +39,126 @@ OFFSETS = {
 }
 # Modes of which one block sets one.
 GROUPS = (
-    (0, 10, 20, 30, *CYCLES), tuple(PLANES), (900, 910), (901, 911), (980, 990), tuple(FEED_MODES), tuple(LENGTHS),
-    tuple(OFFSETS), (400, 410, 411, 420, 421), (430, 434, 440, 490), (680, 682, 690), (700, 710),
-)  # fmt: skip
+    (0, 10, 20, 30, *CYCLES),
+    tuple(PLANES),
+    (900, 910),
+    (901, 911),
+    (980, 990),
+    tuple(FEED_MODES),
+    tuple(LENGTHS),
+    tuple(OFFSETS),
+    (400, 410, 411, 420, 421),
+    (430, 434, 440, 490),
+    (680, 682, 690),
+    (700, 710),
+)
 TCP_ON = (434, 2340)
 # Codes of cutter compensation, and those that have a meaning of their own.
 COMPENSATED = (410, 411, 420, 421)
 OWN = (
-    40, 100, 921, 922, 923, 280, 300, 520, 530, 531, 1530, 680, 682, 690, 700, 710, 920, 1100, 1110, 1120, *COMPENSATED,
-)  # fmt: skip
+    40,
+    100,
+    921,
+    922,
+    923,
+    280,
+    300,
+    520,
+    530,
+    531,
+    1530,
+    680,
+    682,
+    690,
+    700,
+    710,
+    920,
+    1100,
+    1110,
+    1120,
+    *COMPENSATED,
+)
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
-    50: "a spline", 51: "a quadratic spline", 52: "a NURBS", 53: "a NURBS", 60: "a NURBS", 62: "a NURBS",
-    70: "diameters for X", 120: "a circular pocket", 130: "a circular pocket", 121: "polar interpolation",
-    160: "polar coordinates", 171: "a plane of U V W", 181: "a plane of U V W", 191: "a plane of U V W",
-    290: "a return from home", 310: "probing", 320: "threading", 330: "threading", 331: "rigid tapping",
-    382: "probing", 383: "probing", 384: "probing", 385: "probing", 435: "tool axes as vectors", 510: "scaling",
-    511: "mirroring", 650: "a macro call", 660: "a macro call",
-    600: "an approach from one side", 281: "a place of the machine", 301: "a place of the machine",
-    720: "a cycle of lathes", 740: "left-hand tapping", 750: "a cycle of lathes", 760: "threading or fine boring",
-    870: "back boring", 880: "boring with a stop by hand", 2540: "a tilted plane", 1070: "cylindrical interpolation",
-    71: "cylindrical interpolation", 161: "polar coordinates", 270: "a move to a place of the machine",
-    431: "offsets of the tool", 432: "offsets of the tool",
-}  # fmt: skip
+    50: "a spline",
+    51: "a quadratic spline",
+    52: "a NURBS",
+    53: "a NURBS",
+    60: "a NURBS",
+    62: "a NURBS",
+    70: "diameters for X",
+    120: "a circular pocket",
+    130: "a circular pocket",
+    121: "polar interpolation",
+    160: "polar coordinates",
+    171: "a plane of U V W",
+    181: "a plane of U V W",
+    191: "a plane of U V W",
+    290: "a return from home",
+    310: "probing",
+    320: "threading",
+    330: "threading",
+    331: "rigid tapping",
+    382: "probing",
+    383: "probing",
+    384: "probing",
+    385: "probing",
+    435: "tool axes as vectors",
+    510: "scaling",
+    511: "mirroring",
+    650: "a macro call",
+    660: "a macro call",
+    600: "an approach from one side",
+    281: "a place of the machine",
+    301: "a place of the machine",
+    720: "a cycle of lathes",
+    740: "left-hand tapping",
+    750: "a cycle of lathes",
+    760: "threading or fine boring",
+    870: "back boring",
+    880: "boring with a stop by hand",
+    2540: "a tilted plane",
+    1070: "cylindrical interpolation",
+    71: "cylindrical interpolation",
+    161: "polar coordinates",
+    270: "a move to a place of the machine",
+    431: "offsets of the tool",
+    432: "offsets of the tool",
+}
 # Words of Siemens that move the tool or its coordinates, or change its feed, and are not read here.
-REFUSED_WORDS = frozenset((
-    "BSPLINE", "ASPLINE", "CSPLINE", "POLY", "INVCW", "INVCCW", "PTP", "PTPG0",
-    "ROTS", "AROTS", "CROTS", "SCALE", "ASCALE", "MIRROR", "AMIRROR", "TOROT", "TOFRAME", "PAROT", "TRAANG", "TRANSMIT",
-    "TRACYL", "TRACON", "TOFFON", "CUTMOD", "FLIN", "FCUB", "FGROUP", "EXTCALL", "CALL",
-))  # fmt: skip
+REFUSED_WORDS = frozenset(
+    (
+        "BSPLINE",
+        "ASPLINE",
+        "CSPLINE",
+        "POLY",
+        "INVCW",
+        "INVCCW",
+        "PTP",
+        "PTPG0",
+        "ROTS",
+        "AROTS",
+        "CROTS",
+        "SCALE",
+        "ASCALE",
+        "MIRROR",
+        "AMIRROR",
+        "TOROT",
+        "TOFRAME",
+        "PAROT",
+        "TRAANG",
+        "TRANSMIT",
+        "TRACYL",
+        "TRACON",
+        "TOFFON",
+        "CUTMOD",
+        "FLIN",
+        "FCUB",
+        "FGROUP",
+        "EXTCALL",
+        "CALL",
+    )
+)
 # M codes: calls move the tool as another program says.
 CALLS = (97, 98, 198)
 ENDS = (2, 17, 30, 99)
@@ -84,8 +175,17 @@ REMEDY_MACRO = "post the program without loops and calls, or let the control's s
 
 # Modes that M70 keeps for M72.
 KEPT = (
-    "unit", "plane", "absolute", "arc_absolute", "feed_mode", "back_to_initial", "feed", "speed", "sense", "offset",
-)  # fmt: skip
+    "unit",
+    "plane",
+    "absolute",
+    "arc_absolute",
+    "feed_mode",
+    "back_to_initial",
+    "feed",
+    "speed",
+    "sense",
+    "offset",
+)
 KNOWN_CODES = "codes that are read, or are certain to change nothing about the path"
 KNOWN_FUNCTIONS = "M functions of spindle, coolant, tools and stops"
 
@@ -173,8 +273,9 @@ class Modes:
 
     def refuse(self, fault: StatementError, statement: str) -> None:
         """Keep a fault of the line that is read."""
-        self.recorder.error(self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy,
-                            site=fault.site)  # fmt: skip
+        self.recorder.error(
+            self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy, site=fault.site
+        )
 
     def skips_deleted(self, raw: str) -> bool:
         """Whether a block that starts with a slash is left out, as an event; else a note says that it is read."""

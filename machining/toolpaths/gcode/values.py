@@ -39,14 +39,19 @@ SYSTEM = 1000
 DEEPEST = 50
 
 _OPERATORS: tuple[Mapping[str, Callable[[float, float], float]], ...] = (
-    {"AND": lambda a, b: float(bool(a) and bool(b)), "OR": lambda a, b: float(bool(a) or bool(b)),
-     "XOR": lambda a, b: float(bool(a) != bool(b))},
-    {name: (lambda compare: lambda a, b: float(compare(a, b)))(getattr(operator, name.lower()))
-     for name in ("EQ", "NE", "GT", "GE", "LT", "LE")},
+    {
+        "AND": lambda a, b: float(bool(a) and bool(b)),
+        "OR": lambda a, b: float(bool(a) or bool(b)),
+        "XOR": lambda a, b: float(bool(a) != bool(b)),
+    },
+    {
+        name: (lambda compare: lambda a, b: float(compare(a, b)))(getattr(operator, name.lower()))
+        for name in ("EQ", "NE", "GT", "GE", "LT", "LE")
+    },
     {"+": operator.add, "-": operator.sub},
     {"*": operator.mul, "/": operator.truediv, "MOD": math.fmod},
     {"**": math.pow},
-)  # fmt: skip
+)
 
 
 def _whole(rounded: Callable[[float], int]) -> Callable[[float], float]:
@@ -59,12 +64,21 @@ def _whole(rounded: Callable[[float], int]) -> Callable[[float], float]:
 
 
 _FUNCTIONS: Mapping[str, Callable[[float], float]] = {
-    "SIN": lambda x: math.sin(math.radians(x)), "COS": lambda x: math.cos(math.radians(x)),
-    "TAN": lambda x: math.tan(math.radians(x)), "ASIN": lambda x: math.degrees(math.asin(x)),
-    "ACOS": lambda x: math.degrees(math.acos(x)), "SQRT": math.sqrt, "ABS": abs, "EXP": math.exp, "LN": math.log,
-    "ROUND": lambda x: math.copysign(math.floor(abs(x) + 0.5), x), "FIX": _whole(math.floor),
-    "FUP": _whole(math.ceil), "TRUNC": lambda x: float(math.trunc(x)), "POT": lambda x: x * x,
-}  # fmt: skip
+    "SIN": lambda x: math.sin(math.radians(x)),
+    "COS": lambda x: math.cos(math.radians(x)),
+    "TAN": lambda x: math.tan(math.radians(x)),
+    "ASIN": lambda x: math.degrees(math.asin(x)),
+    "ACOS": lambda x: math.degrees(math.acos(x)),
+    "SQRT": math.sqrt,
+    "ABS": abs,
+    "EXP": math.exp,
+    "LN": math.log,
+    "ROUND": lambda x: math.copysign(math.floor(abs(x) + 0.5), x),
+    "FIX": _whole(math.floor),
+    "FUP": _whole(math.ceil),
+    "TRUNC": lambda x: float(math.trunc(x)),
+    "POT": lambda x: x * x,
+}
 
 
 class Values:

@@ -164,9 +164,12 @@ class Contour(Definitions):
         """A block like another one to a point (3,) m."""
         kept = {k: v for k, v in like.words.items() if k not in "XYZ"}
         return replace(
-            like, words=type(like.words)(kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True))), own={},
-            codes=list(like.codes), misc=list(like.misc),
-        )  # fmt: skip
+            like,
+            words=type(like.words)(kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True))),
+            own={},
+            codes=list(like.codes),
+            misc=list(like.misc),
+        )
 
     def _here(self) -> Array | None:
         at = self.here if self.waiting is None else self.waiting[2].tolist()
@@ -364,8 +367,16 @@ class Contour(Definitions):
         normal = PLANES[self.plane][2]
         out = np.zeros(3)
         if "R" in block.words:
-            middle = center(block, start, end, self.plane, block.codes[0] == 20, scale=self.scale, absolute=False,
-                            slack=self.options.arc_tolerance)  # fmt: skip
+            middle = center(
+                block,
+                start,
+                end,
+                self.plane,
+                block.codes[0] == 20,
+                scale=self.scale,
+                absolute=False,
+                slack=self.options.arc_tolerance,
+            )
         else:
             middle = start + self.scale * np.array([block.words.get(letter, 0.0) for letter in "IJK"])
         lever, out[normal] = end - middle, -1.0 if block.codes[0] == 20 else 1.0

@@ -17,10 +17,16 @@ from machining.toolpaths.recorder import StatementError
 _DEPTHS = (200, 201, 203, 204)
 # Parameters that each cycle uses, beside those of quiet.py.
 DRILLS: dict[int, tuple[int, ...]] = {
-    200: (*_DEPTHS, 202, 206, 211), 201: (*_DEPTHS, 206, 208, 211), 202: (*_DEPTHS, 206, 208, 211, 214),
-    203: (*_DEPTHS, 202, 206, 208, 211, 213, 256), 205: (*_DEPTHS, 202, 206, 208, 211, 256, 258, 259),
-    206: (*_DEPTHS, 206, 211), 207: (*_DEPTHS, 239), 209: (*_DEPTHS, 239, 256, 403), 240: (*_DEPTHS, 206, 211),
-}  # fmt: skip
+    200: (*_DEPTHS, 202, 206, 211),
+    201: (*_DEPTHS, 206, 208, 211),
+    202: (*_DEPTHS, 206, 208, 211, 214),
+    203: (*_DEPTHS, 202, 206, 208, 211, 213, 256),
+    205: (*_DEPTHS, 202, 206, 208, 211, 256, 258, 259),
+    206: (*_DEPTHS, 206, 211),
+    207: (*_DEPTHS, 239),
+    209: (*_DEPTHS, 239, 256, 403),
+    240: (*_DEPTHS, 206, 211),
+}
 _PECKING, _TAPPING, _LEAVE_AT_FEED = (200, 203, 205), (206, 207, 209), (201, 202, 203, 205)
 # Feed of Q208 from which a control leaves with FMAX (TNC 640, cycles 201 to 205).
 FMAX = 99_999.0
@@ -103,15 +109,21 @@ def hole(cycle: int, q: Mapping[int, float], scale: float) -> Hole:
     # Where Q208 is none or 0, these leave as they came.
     leaving = of(208, 0.0 if 208 not in q else None) if cycle in _LEAVE_AT_FEED else 0.0
     made = Cycle(
-        start=0.0, depth=scale * (gap - depth), back=scale * (max(of(204, gap), gap) - gap), pecks=pecks,
+        start=0.0,
+        depth=scale * (gap - depth),
+        back=scale * (max(of(204, gap), gap) - gap),
+        pecks=pecks,
         dwell=0.0 if cycle in (207, 209) else of(211, 0.0),
         feed_out=cycle in _TAPPING or (leaving < FMAX and (cycle in (201, 202) or (208 in q and cycle in (203, 205)))),
-        reverse=cycle in _TAPPING, feed=feed, chip_break=breaks > 0, breaks=breaks,
+        reverse=cycle in _TAPPING,
+        feed=feed,
+        chip_break=breaks > 0,
+        breaks=breaks,
         leaving=Feed(scale * leaving, "minute") if 0.0 < leaving < FMAX else None,
         lift=scale * of(256) if 256 in q else PECK_GAP,
         # Cycles 200 and 203 come back to the set-up clearance above the last bottom, 205 to its advanced stop.
         gap=scale * (of(258, 0.0) if cycle == 205 else gap) if pecks else PECK_GAP,
-    )  # fmt: skip
+    )
     return Hole(scale * (surface + gap), made.checked("numbers that make a hole"))
 
 
@@ -133,5 +145,5 @@ def pecked(q: Mapping[int, float], height: float, scale: float) -> Hole:
     stop = 0.6e-3 if -depth <= 30e-3 else min(-depth / 50.0, 7e-3)
     made = Cycle(
         start=0.0, depth=gap - depth, pecks=pecks, dwell=q.get(4, 0.0), feed=Feed(scale * q[5], "minute"), gap=stop
-    )  # fmt: skip
+    )
     return Hole(height, made.checked("numbers that make a hole"))

@@ -84,10 +84,11 @@ class Definitions(Frames):
             before, now = self.used_offset or "the preset of before", self.offset
             self.used_offset = now
             raise StatementError(
-                f"motion at {now} behind motion at {before}", "one preset",
+                f"motion at {now} behind motion at {before}",
+                "one preset",
                 "post a program for each preset; where all are at one place, or coordinates are wanted as written: "
                 "--read frames=written",
-            )  # fmt: skip
+            )
         self.used_offset = self.offset
 
     def _pecking(self, part: int, rest: str) -> None:

@@ -231,9 +231,10 @@ class _Reader(Contour):
             letter, value, at = found[1].upper(), number(found[2], self.values), found.end()
             if letter == "DL" and value:
                 raise StatementError(
-                    f"a tool longer by {value:g} (DL): the path is that much higher", "DL 0",
+                    f"a tool longer by {value:g} (DL): the path is that much higher",
+                    "DL 0",
                     "post it with the allowance in the points",
-                )  # fmt: skip
+                )
             if letter in ("DR", "DR2"):
                 oversize = oversize or value
             else:

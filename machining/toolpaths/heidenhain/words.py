@@ -28,10 +28,15 @@ _FN = re.compile(r"^FN\s*([0-8])\s*:\s*(Q[LR]?\d+)\s*=\s*(.+)$")
 _FUNCTION = re.compile(r"\b(SIN|COS|TAN|ASIN|ACOS|ATAN|SQRT|ABS|LN|EXP)\s*([-+]?(?:#\d+|\d+\.?\d*))")
 # FN 0 to FN 8: what stands between their two values, as an expression.
 _FN_FORMS = {
-    "1": ("+", "{0} + {1}"), "2": ("-", "{0} - {1}"), "3": ("*", "{0} * {1}"), "4": ("DIV", "{0} / {1}"),
-    "5": ("SQRT", "SQRT[{1}]"), "6": ("SIN", "SIN[{1}]"), "7": ("COS", "COS[{1}]"),
+    "1": ("+", "{0} + {1}"),
+    "2": ("-", "{0} - {1}"),
+    "3": ("*", "{0} * {1}"),
+    "4": ("DIV", "{0} / {1}"),
+    "5": ("SQRT", "SQRT[{1}]"),
+    "6": ("SIN", "SIN[{1}]"),
+    "7": ("COS", "COS[{1}]"),
     "8": ("LEN", "SQRT[{0} * {0} + {1} * {1}]"),
-}  # fmt: skip
+}
 # Numbers of local and permanent Q parameters, apart from those of plain ones.
 _KINDS = {"": 0, "L": 300_000, "R": 600_000}
 # Rotary axes where PLANE has worked them out: the parameters that hold them (Q120 to Q122), by axis.

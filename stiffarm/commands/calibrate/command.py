@@ -132,12 +132,19 @@ def calibrate(
         if are_positions(data):
             from stiffarm.commands.calibrate.positions.run import calibrate_tables
 
-            refused = {**staged_only, "--scheme": scheme, "--joints": joints, "--campaign": campaign, "--loads": loads,
-                       "--low": low, "--high": high, "--bootstrap": bootstrap or None, "--scheme-file": scheme_file,
-                       "--effect": effect}  # fmt: skip
-            calibrate_tables(
-                frame, given, data or (), refused, free=free, holdout=holdout, robust=robust, seed=seed
-            )  # fmt: skip
+            refused = {
+                **staged_only,
+                "--scheme": scheme,
+                "--joints": joints,
+                "--campaign": campaign,
+                "--loads": loads,
+                "--low": low,
+                "--high": high,
+                "--bootstrap": bootstrap or None,
+                "--scheme-file": scheme_file,
+                "--effect": effect,
+            }
+            calibrate_tables(frame, given, data or (), refused, free=free, holdout=holdout, robust=robust, seed=seed)
             return
         table = frame.readings(given, data, confirm_units=confirm_units)
         staged = general_calibration.is_staged(
@@ -169,10 +176,18 @@ def calibrate(
             bootstrap,
             seed,
             parsing.typed_again(
-                "stiffarm diagnose", (model, *(data or ())), {"--effect": effect, "--loads": loads, "--links": links,
-                "--load-path": load_path, "--set": sets, "--confirm-units": confirm_units},
+                "stiffarm diagnose",
+                (model, *(data or ())),
+                {
+                    "--effect": effect,
+                    "--loads": loads,
+                    "--links": links,
+                    "--load-path": load_path,
+                    "--set": sets,
+                    "--confirm-units": confirm_units,
+                },
             ),
-        )  # fmt: skip
+        )
         kept = frame.held_out(given, holdout, confirm_units=confirm_units)
         with frame.folder_if(seed if bootstrap else None) as folder:
             found = general_calibration.run(given, table, plan, options, kept)

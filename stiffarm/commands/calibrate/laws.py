@@ -136,8 +136,11 @@ def payload(curve: LawCurve) -> dict[str, Any]:
         "law": curve.kind,
         "inputs": list(curve.inputs),
         "at_the_angles_read": [
-            {f"{curve.inputs[0].removesuffix('_deg')}_deg": number(float(a)), "k_Nm_per_rad": number(float(k)),
-             "interval95": [number(float(low)), number(float(high))]}
+            {
+                f"{curve.inputs[0].removesuffix('_deg')}_deg": number(float(a)),
+                "k_Nm_per_rad": number(float(k)),
+                "interval95": [number(float(low)), number(float(high))],
+            }
             for a, k, low, high in rows
         ],
-    }  # fmt: skip
+    }

@@ -169,19 +169,27 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
             "degrees_of_freedom": test.fit_dof,
             "p_value": number(test.p_value),
         },
-        "chi_square": {"value": number(test.chi_square), "degrees_of_freedom": test.chi_dof,
-                       "p_value": number(test.chi_p_value)},
+        "chi_square": {
+            "value": number(test.chi_square),
+            "degrees_of_freedom": test.chi_dof,
+            "p_value": number(test.chi_p_value),
+        },
         "verdict": judged,
         "verdict_in_words": why,
         "outliers": outlier_rows(s),
         "left_one_pose_out_rms_mm": number(rms_mm(s.left_out[known], e.problem.component[known])),
         "left_out_not_predicted": s.skipped,
-    }  # fmt: skip
+    }
     if r.laws:
         out["laws"] = [calibration_laws.payload(curve) for curve in calibration_laws.curves(r)]
     if r.study is not None:
-        out["study"] = {"runs": r.study.runs, "rounds": r.study.rounds, "first_rms": number(r.study.first_rms),
-                        "rms": number(r.study.rms), "at_bound": list(r.study.at_bound)}  # fmt: skip
+        out["study"] = {
+            "runs": r.study.runs,
+            "rounds": r.study.rounds,
+            "first_rms": number(r.study.first_rms),
+            "rms": number(r.study.rms),
+            "at_bound": list(r.study.at_bound),
+        }
     if s.drawn is not None:
         out["bootstrap"] = bootstrap(s)
     return out
@@ -288,8 +296,15 @@ def holdout(h: Holdout) -> dict[str, Any]:
             "rms_mm": number(rms_mm(h.error[mine], p.component[mine])),
             "noise_mm": number(float(np.sqrt(np.mean(h.expected[shift] ** 2))) * 1e3) if shift.any() else None,
         }
-    return {"data": h.data.source, "data_sha256": h.data.sha256, "readings": len(p), "rms_mm": number(h.rms_mm),
-            "in_interval95": coverage(h.coverage), "poses": rows, "not_predicted": h.blind}  # fmt: skip
+    return {
+        "data": h.data.source,
+        "data_sha256": h.data.sha256,
+        "readings": len(p),
+        "rms_mm": number(h.rms_mm),
+        "in_interval95": coverage(h.coverage),
+        "poses": rows,
+        "not_predicted": h.blind,
+    }
 
 
 def poses(c: Calibrated) -> list[dict[str, Any]]:

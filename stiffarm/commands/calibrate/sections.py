@@ -80,10 +80,11 @@ def _folded_if_long(table: Table) -> Table:
 
 def _laws(s: StageFindings, pictures: Pictures, suffix: str) -> Picture:
     return pictures.add(
-        laws_figure(curves(s.result)), f"laws{suffix}",
+        laws_figure(curves(s.result)),
+        f"laws{suffix}",
         "Springs over their angles with pointwise 95 % bands; circles: angles read. Dashed: beyond them nothing was "
         "read, and the law goes on as its kind and the prior that keeps it flat say.",
-    )  # fmt: skip
+    )
 
 
 def _bootstrap(s: StageFindings) -> Table:
@@ -97,8 +98,10 @@ def _bootstrap(s: StageFindings) -> Table:
     heads = tuple(f"{q * 100:g} %" for q in QUANTILES)
     return Table(
         f"Bootstrap: quantiles of {drawn['draws_that_tell']} draws of poses with replacement",
-        ("number", *heads, "unit"), tuple(rows), folded=True,
-    )  # fmt: skip
+        ("number", *heads, "unit"),
+        tuple(rows),
+        folded=True,
+    )
 
 
 def _told(c: Calibrated, s: StageFindings, of: str) -> Section:
@@ -132,8 +135,12 @@ def _with_rest(title: str, lines: Sequence[str], few: int) -> list[Block]:
 
 def _held(c: Calibrated) -> list[str]:
     """Joint springs that were not set free in any stage, and whether readings would have moved with them."""
-    free = {e.parameter.place for s in c.found.stages for e in s.certainty.estimates
-            if e.parameter.kind.of_law or e.parameter.spring_of is not None}  # fmt: skip
+    free = {
+        e.parameter.place
+        for s in c.found.stages
+        for e in s.certainty.estimates
+        if e.parameter.kind.of_law or e.parameter.spring_of is not None
+    }
     influence = np.abs(spring_parts(c.found.model, c.data)[0][c.data.used]).max(axis=0)
     out = []
     for what, mine in (
@@ -164,8 +171,10 @@ def _moves_together(s: StageFindings) -> Block | None:
     return Table(
         f"Estimates that move together most (correlation, bounds ignored, of compliances where a stiffness was "
         f"estimated{beside})",
-        ("parameters", "correlation"), cells, folded=True,
-    )  # fmt: skip
+        ("parameters", "correlation"),
+        cells,
+        folded=True,
+    )
 
 
 def _noise(c: Calibrated, s: StageFindings, of: str) -> Section:
@@ -174,12 +183,16 @@ def _noise(c: Calibrated, s: StageFindings, of: str) -> Section:
     judged, why = words.verdict(r, gauge)
     heading = {"refuted": "The model is refuted. ", "not refuted": "", "not testable": ""}[judged]
     blocks: list[Block] = [
-        Table("Standard deviations found", ("scatter of", "size"),
-              tuple(words.noise_parts(r.estimate.noise, r.estimate.problem)), text_columns=(0,)),
+        Table(
+            "Standard deviations found",
+            ("scatter of", "size"),
+            tuple(words.noise_parts(r.estimate.noise, r.estimate.problem)),
+            text_columns=(0,),
+        ),
         Text(words.setups_text(r, s.independent)),
         Note(why) if heading else Text(why),
         Text(_chi_square(s)),
-    ]  # fmt: skip
+    ]
     scatter = scatter_name(r.estimate.problem)
     return Section(
         f"{scatter[0].upper()}{scatter[1:]}, and whether the model holds{of}", tuple(b for b in blocks if not _empty(b))

@@ -206,9 +206,16 @@ def calibrate(
     refuse_useless(given, table, used, history if used is table else None)
     build = _builder(given)
     found = run_campaign(
-        given.description, build, used, request.campaign, store=store, progress=say, own=given.own, history=history,
+        given.description,
+        build,
+        used,
+        request.campaign,
+        store=store,
+        progress=say,
+        own=given.own,
+        history=history,
         spacing=request.spacing,
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(request.seed)
     stages = tuple(_findings(stage, used, request, rng, count) for stage in found.stages)
     if _all_at_once(found):
@@ -231,9 +238,18 @@ def calibrate(
         *walls_remarks(campaign, given.description, given.model),
     )
     return Calibrated(
-        request, used, found, with_origin(found, used, request.loads, remarks), stages, error, half, skipped,
-        None if holdout is None else held_out(found, holdout), remarks, tuple(doubts),
-    )  # fmt: skip
+        request,
+        used,
+        found,
+        with_origin(found, used, request.loads, remarks),
+        stages,
+        error,
+        half,
+        skipped,
+        None if holdout is None else held_out(found, holdout),
+        remarks,
+        tuple(doubts),
+    )
 
 
 def _doubts(stage: StageResult, used: Measurements, history: History, place: str, request: Request) -> list[Doubt]:

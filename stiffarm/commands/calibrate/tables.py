@@ -90,12 +90,19 @@ def numbers_table(s: StageFindings) -> Table:
         f"Stage {s.result.stage.name}: {len(estimates)} parameters on {len(s.result.estimate.problem)} readings",
         ("parameter", "value", "95 % interval", "unit", "status", "model had", "prior"),
         tuple(
-            (e.parameter.name, words.value_text(e), words.interval_text(e), words.shown_unit(e.parameter)[1], e.status,
-             words.before_text(e.parameter), words.prior_text(e.parameter))
+            (
+                e.parameter.name,
+                words.value_text(e),
+                words.interval_text(e),
+                words.shown_unit(e.parameter)[1],
+                e.status,
+                words.before_text(e.parameter),
+                words.prior_text(e.parameter),
+            )
             for e in estimates
         ),
         text_columns=(0, 1, 4, 6),
-    )  # fmt: skip
+    )
 
 
 def outlier_lines(s: StageFindings) -> list[str]:

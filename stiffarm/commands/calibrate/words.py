@@ -143,10 +143,13 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
         sizes[k] = float(np.ptp(found.size[p.component == k]))
     most = max(sizes, key=lambda k: sizes[k] / (1.0 if k < 3 else 1e3))
     moves = sorted(
-        ((abs(float(u - v)) / e.sd, e, e.parameter.outer(float(u)))
-         for u, v, e in zip(found.u, s.estimate.u, s.certainty.estimates, strict=True) if e.sd > 0.0),
+        (
+            (abs(float(u - v)) / e.sd, e, e.parameter.outer(float(u)))
+            for u, v, e in zip(found.u, s.estimate.u, s.certainty.estimates, strict=True)
+            if e.sd > 0.0
+        ),
         key=lambda one: -one[0],
-    )  # fmt: skip
+    )
     told = []
     for times, e, value in [one for one in moves if one[0] >= MOVED][:SHOWN]:
         factor, unit = spoken_unit(e.parameter)
@@ -160,9 +163,11 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
         f"{1e3 * sizes[most]:.2g} {'mm' if most < 3 else 'mrad'} (F test, {p_words(found.p_value)}; "
         f"{100.0 * LEVEL:g} % of steady campaigns give an alarm). "
     )
-    text += f"With the drift free it would be {', '.join(told)}" if told else (
-        "No parameter would move by more than half of its standard deviation with the drift free"
-    )  # fmt: skip
+    text += (
+        f"With the drift free it would be {', '.join(told)}"
+        if told
+        else ("No parameter would move by more than half of its standard deviation with the drift free")
+    )
     return Doubt("drift", text, found.p_value, moves[0][0] if moves else 0.0)
 
 
@@ -176,17 +181,33 @@ def unexplained_doubts(left: Unexplained, diagnose: str) -> list[Doubt]:
     ask = f"ask what is missing: `{diagnose}`"
     out = []
     if left.zero_p < 0.5 * LEVEL:
-        out.append(Doubt("not-proportional", (
-            "the springs alone do not explain these readings: deflections are not proportional to the load, "
-            f"{1e3 * left.zero_m:.2g} mm RMS would be left at no load (F test, {p_words(left.zero_p)}; backlash, "
-            f"friction, hardening or a wrong load do that, no spring does); {ask}"
-        ), left.zero_p, left.zero_times))  # fmt: skip
+        out.append(
+            Doubt(
+                "not-proportional",
+                (
+                    "the springs alone do not explain these readings: deflections are not proportional to the load, "
+                    f"{1e3 * left.zero_m:.2g} mm RMS would be left at no load (F test, {p_words(left.zero_p)}; "
+                    "backlash, "
+                    f"friction, hardening or a wrong load do that, no spring does); {ask}"
+                ),
+                left.zero_p,
+                left.zero_times,
+            )
+        )
     if left.setups_p < 0.5 * LEVEL and left.setups_share > CAREFUL and not out:
-        out.append(Doubt("set-ups-differ", (
-            f"the springs alone do not explain these readings: set-ups differ from them by "
-            f"{100.0 * left.setups_share:.2g} % of the deflection, which readings of one set-up do not scatter by "
-            f"(F test, {p_words(left.setups_p)}) and careful set-ups stay within {100.0 * CAREFUL:g} %; {ask}"
-        ), left.setups_p, left.setups_share / CAREFUL))  # fmt: skip
+        out.append(
+            Doubt(
+                "set-ups-differ",
+                (
+                    f"the springs alone do not explain these readings: set-ups differ from them by "
+                    f"{100.0 * left.setups_share:.2g} % of the deflection, which readings of one set-up do not "
+                    "scatter by "
+                    f"(F test, {p_words(left.setups_p)}) and careful set-ups stay within {100.0 * CAREFUL:g} %; {ask}"
+                ),
+                left.setups_p,
+                left.setups_share / CAREFUL,
+            )
+        )
     return out
 
 
@@ -246,8 +267,10 @@ def _range(p: Parameter) -> str:
 
 def told_and_untold(estimates: Sequence[ParameterEstimate]) -> list[str]:
     """Sentences: which numbers the readings determine, which only to one side, which not at all."""
-    names = {s: [e.parameter.name for e in estimates if e.status == s] for s in
-             ("determined", "one-sided", "at bound", "not identified")}  # fmt: skip
+    names = {
+        s: [e.parameter.name for e in estimates if e.status == s]
+        for s in ("determined", "one-sided", "at bound", "not identified")
+    }
     out = []
     if names["determined"]:
         out.append(f"Determined, with both limits: {', '.join(names['determined'])}.")
@@ -370,8 +393,10 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
             "was found that would explain it."
         )
     if not np.isnan(e.problem.sigma).any() and not math.isnan(test.chi_p_value):
-        found = f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, " \
-                f"{p_words(test.chi_p_value)}. "  # fmt: skip
+        found = (
+            f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, "
+            f"{p_words(test.chi_p_value)}. "
+        )
         # Scatter between set-ups is part of the noise in this test, outliers have lost their weight in it.
         far = downweighted(e)
         if far > MOST_OUTLIERS * len(e.problem):

@@ -40,8 +40,15 @@ def numbers_figure(c: Compared) -> Figure | None:
                 low, value, high = _over(getattr(p, name), p.a.value if p.a is not None and p.a.value else 1.0)
                 at = np.clip([low, value, high], least, most)
                 ax.plot(np.sort(at[[0, 2]]), [row + off] * 2, color=colour, linewidth=2.0, alpha=0.6)
-                ax.plot([at[1]], [row + off], marker, color=colour, markersize=6, label=label if row == 0 else None,
-                        clip_on=False)  # fmt: skip
+                ax.plot(
+                    [at[1]],
+                    [row + off],
+                    marker,
+                    color=colour,
+                    markersize=6,
+                    label=label if row == 0 else None,
+                    clip_on=False,
+                )
                 if value != at[1]:
                     note(ax, f"{value:.3g}", (float(at[1]), row + off), (-2, 6), ha="right")
         if is_log:
@@ -78,9 +85,10 @@ def map_figure(m: MapPair, q: Quantity) -> Figure:
         most = max(most, 1e-12)
         scale: Normalize = LogNorm(low, high) if low > 0.0 and high > DECADE * low else Normalize(low, high)
         looks: tuple[tuple[str, Array, Colormap | str, Normalize], ...] = (
-            ("first", a, STIFFNESS_COLOURS, scale), ("second", b, STIFFNESS_COLOURS, scale),
+            ("first", a, STIFFNESS_COLOURS, scale),
+            ("second", b, STIFFNESS_COLOURS, scale),
             ("difference", change, "PuOr_r", Normalize(-most, most)),
-        )  # fmt: skip
+        )
         for ax, (name, values, colours, norm) in zip(axes, looks, strict=True):
             mesh = _coloured(ax, x, y, values, colours, norm)
             ax.set_title(name, loc="left", weight="bold")
@@ -97,9 +105,7 @@ def map_figure(m: MapPair, q: Quantity) -> Figure:
     return figure
 
 
-def _coloured(
-    ax: Axes, x: Array, y: Array, values: Array, colours: Colormap | str, norm: Normalize
-) -> ScalarMappable:  # fmt: skip
+def _coloured(ax: Axes, x: Array, y: Array, values: Array, colours: Colormap | str, norm: Normalize) -> ScalarMappable:
     """Points in colours: as cells without gaps where they lie on a grid, else as squares."""
     columns, i = np.unique(np.round(x, 3), return_inverse=True)
     rows, j = np.unique(np.round(y, 3), return_inverse=True)

@@ -98,8 +98,9 @@ def read_map(path: Path, name: str) -> MapFile:
     words = {key: [str(v) for v in mesh.field_data[key]] for key in mesh.field_data.keys()}  # noqa: SIM118 - no mapping
     if "units" not in words or "robot" not in words or not mesh.n_points:
         raise InputError(f"{path} is no map of stiffarm", allowed="the .vtu, .vti or .vtp of `stiffarm map`")
-    units, labels = (dict(one.split(" = ", 1) for one in words.get(key, []) if " = " in one) for key in
-                     ("units", "labels"))  # fmt: skip
+    units, labels = (
+        dict(one.split(" = ", 1) for one in words.get(key, []) if " = " in one) for key in ("units", "labels")
+    )
     arrays = {key: np.asarray(mesh.point_data[key], dtype=np.float64) for key in mesh.point_data.keys()}  # noqa: SIM118
     reached = arrays.get("reached", np.ones(mesh.n_points)) > 0.5
     joints = [key for key in arrays if labels.get(key, "").startswith(JOINT_LABEL)]
@@ -133,31 +134,49 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
         Other robots, loads or normals, points, quantities or units.
     """
     if a.of.get("robot") != b.of.get("robot"):
-        raise InputError(f"{a.name} is of {a.of.get('robot')}, {b.name} of {b.of.get('robot')}", allowed="one robot",
-                         remedy="compare maps of one robot")  # fmt: skip
+        raise InputError(
+            f"{a.name} is of {a.of.get('robot')}, {b.name} of {b.of.get('robot')}",
+            allowed="one robot",
+            remedy="compare maps of one robot",
+        )
     for key in OF:
         if a.of.get(key) != b.of.get(key):
             said = " and ".join(one.of.get(key, "not said") for one in (a, b))
-            raise InputError(f"{a.name} and {b.name} are of other quantities: {key.replace('_', ' ')}",
-                             value=said, allowed="the same in both",
-                             remedy="make both maps with one command, with the same load and normal")  # fmt: skip
+            raise InputError(
+                f"{a.name} and {b.name} are of other quantities: {key.replace('_', ' ')}",
+                value=said,
+                allowed="the same in both",
+                remedy="make both maps with one command, with the same load and normal",
+            )
     i, j = _same_points(a, b)
     names = [name for name in a.values if name in b.values and name != UNCERTAINTY]
     if not names:
-        raise InputError(f"{a.name} and {b.name} have no quantity in common", value=f"{listed(a.values)} and "
-                         f"{listed(b.values)}", allowed="maps of the same quantities", remedy="make both with the same "
-                         "--values")  # fmt: skip
+        raise InputError(
+            f"{a.name} and {b.name} have no quantity in common",
+            value=f"{listed(a.values)} and {listed(b.values)}",
+            allowed="maps of the same quantities",
+            remedy="make both with the same --values",
+        )
     other = [name for name in names if a.units.get(name, "") != b.units.get(name, "")]
     if other:
-        raise InputError(f"{a.name} and {b.name}: units of {other[0]}", allowed="the same in both",
-                         value=f"{a.units.get(other[0])} and {b.units.get(other[0])}",
-                         remedy="make both maps with one version of stiffarm")  # fmt: skip
-    remarks = [f"{key.replace('_', ' ')}: {a.of.get(key, 'not said')} and {b.of.get(key, 'not said')}"
-               for key in MADE if a.of.get(key) != b.of.get(key) and key != "model_hash"]  # fmt: skip
+        raise InputError(
+            f"{a.name} and {b.name}: units of {other[0]}",
+            allowed="the same in both",
+            value=f"{a.units.get(other[0])} and {b.units.get(other[0])}",
+            remedy="make both maps with one version of stiffarm",
+        )
+    remarks = [
+        f"{key.replace('_', ' ')}: {a.of.get(key, 'not said')} and {b.of.get(key, 'not said')}"
+        for key in MADE
+        if a.of.get(key) != b.of.get(key) and key != "model_hash"
+    ]
     if a.of.get("warning") != b.of.get("warning"):
         # How much of an arm is calibrated decides its stiffness more than anything that two maps are compared for.
-        remarks[:0] = [f"warning: {one.name} is {one.of['warning'][0].lower()}{one.of['warning'][1:].rstrip('.')}"
-                       for one in (a, b) if "calibrated" in one.of.get("warning", "")]  # fmt: skip
+        remarks[:0] = [
+            f"warning: {one.name} is {one.of['warning'][0].lower()}{one.of['warning'][1:].rstrip('.')}"
+            for one in (a, b)
+            if "calibrated" in one.of.get("warning", "")
+        ]
     if a.of.get("model_hash") == b.of.get("model_hash"):
         remarks.append("both maps are of the very same model")
     lacking = [name for name in {*a.values, *b.values} - {UNCERTAINTY} if name not in names]
@@ -167,8 +186,9 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
     if moved.any():
         remarks.append(f"at {int(moved.sum())} of {len(i)} points the arm stands in another pose")
     quantities = tuple(_quantity(name, a, b, i, j) for name in names)
-    return MapPair(a.points[i], a.q[i], quantities, int(a.reached.sum()) - len(i), int(b.reached.sum()) - len(j),
-                   tuple(remarks))  # fmt: skip
+    return MapPair(
+        a.points[i], a.q[i], quantities, int(a.reached.sum()) - len(i), int(b.reached.sum()) - len(j), tuple(remarks)
+    )
 
 
 def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
@@ -179,8 +199,12 @@ def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
     shared = [key for key in index[0] if key in index[1]]
     least = min(len(index[0]), len(index[1]))
     if len(shared) < max(1, least // 2):
-        raise InputError(f"{a.name} and {b.name} have other points", value=f"{len(shared)} of {least} in common",
-                         allowed="the same grid", remedy="make both maps with the same grid")  # fmt: skip
+        raise InputError(
+            f"{a.name} and {b.name} have other points",
+            value=f"{len(shared)} of {least} in common",
+            allowed="the same grid",
+            remedy="make both maps with the same grid",
+        )
     rows = np.array([(index[0][key], index[1][key]) for key in shared], dtype=np.intp)
     return rows[:, 0], rows[:, 1]
 

@@ -123,9 +123,15 @@ def _estimate(n: Mapping[str, Any]) -> Figure:
     low, high = n["interval95"]
     sd = n.get("sd_of_variable")
     return Figure(
-        n["name"], n["unit"], n["value"], low, high, n.get("variable", "value"), math.nan if sd is None else float(sd),
+        n["name"],
+        n["unit"],
+        n["value"],
+        low,
+        high,
+        n.get("variable", "value"),
+        math.nan if sd is None else float(sd),
         float(n.get("degrees_of_freedom") or math.inf),
-    )  # fmt: skip
+    )
 
 
 def _springs(springs: Mapping[str, Any]) -> list[Figure]:
@@ -152,8 +158,12 @@ def _effects(content: Mapping[str, Any]) -> list[Figure]:
     for one in (*content.get("effects", []), *content.get("learned", []), *content.get("provisional", [])):
         for name, p in one["parameters"].items():
             low, high = p["interval95"] or (None, None)
-            out.append(replace(_by_interval(f"{one['code']}.{name}", p["unit"], p["value"], low, high),
-                               sd=math.nan if p["sd"] is None else float(p["sd"])))  # fmt: skip
+            out.append(
+                replace(
+                    _by_interval(f"{one['code']}.{name}", p["unit"], p["value"], low, high),
+                    sd=math.nan if p["sd"] is None else float(p["sd"]),
+                )
+            )
     return out
 
 
@@ -164,8 +174,9 @@ def _placement(content: Mapping[str, Any]) -> list[Figure]:
             interval = one.get(f"{key}_95")
             if not isinstance(value, int | float) or key.endswith("_95"):
                 continue
-            unit = next((u for end, u in (("_N_per_mm", "N/mm"), ("_um", "um"), ("_deg", "deg")) if key.endswith(end)),
-                        "")  # fmt: skip
+            unit = next(
+                (u for end, u in (("_N_per_mm", "N/mm"), ("_um", "um"), ("_deg", "deg")) if key.endswith(end)), ""
+            )
             low, high = interval if isinstance(interval, list) and len(interval) == 2 else (None, None)
             out.append(_by_interval(f"{which}.{key}", unit, float(value), low, high))
     return out
@@ -180,8 +191,11 @@ def _described(u: CalibrationUncertainty) -> list[Figure]:
         ends = sorted(_outer(v, variable) for v in (x - half, x + half))
         known = u.status[k] != "not identified"
         high = None if not math.isfinite(ends[1]) else ends[1]
-        out.append(Figure(name, unit, _outer(x, variable) if known else None, ends[0], high, variable, sd,
-                          u.degrees_of_freedom[k]))  # fmt: skip
+        out.append(
+            Figure(
+                name, unit, _outer(x, variable) if known else None, ends[0], high, variable, sd, u.degrees_of_freedom[k]
+            )
+        )
     return out + [Figure(n.name, n.unit, None, n.low, n.high) for n in u.undetermined]
 
 
@@ -258,10 +272,12 @@ def joint(a: Source, b: Source) -> Joint | None:
         return None
     theirs = [_name(name) for name in v.parameters]
     rows = [
-        (i, theirs.index(_name(name))) for i, name in enumerate(u.parameters)
-        if _name(name) in theirs and u.variable[i] == v.variable[theirs.index(_name(name))]
+        (i, theirs.index(_name(name)))
+        for i, name in enumerate(u.parameters)
+        if _name(name) in theirs
+        and u.variable[i] == v.variable[theirs.index(_name(name))]
         and "not identified" not in (u.status[i], v.status[theirs.index(_name(name))])
-    ]  # fmt: skip
+    ]
     if not rows:
         return None
     i, j = (np.array(column) for column in zip(*rows, strict=True))

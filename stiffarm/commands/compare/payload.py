@@ -43,10 +43,14 @@ def compared(c: Compared) -> dict[str, Any]:
     return out | {
         "numbers": {p.name: pair(p) for p in c.pairs},
         "settings": {s.name: {"first": s.a, "second": s.b, "same": s.same} for s in c.settings},
-        "all_at_once": None if c.joint is None else {
-            "chi_square": number(c.joint.chi2), "degrees_of_freedom": c.joint.freedom, "p_value": number(c.joint.p, 3),
+        "all_at_once": None
+        if c.joint is None
+        else {
+            "chi_square": number(c.joint.chi2),
+            "degrees_of_freedom": c.joint.freedom,
+            "p_value": number(c.joint.p, 3),
         },
-    }  # fmt: skip
+    }
 
 
 def pair(p: Pair) -> dict[str, Any]:

@@ -27,9 +27,11 @@ def write_report(some: Sequence[Compared], folder: OutputFolder) -> None:
     key = _key_figures(some)
     sections.append(_how(some[0]))
     lede = words.headline(some[0]) if len(some) == 1 else " ".join(f"{c.b.name}: {words.headline(c)}" for c in some)
-    sure = "Beyond the noise: significant at 5 % by Student's t, corrected for the number of comparisons (Holm)." if (
-        some[0].maps is None
-    ) else "Beyond the noise: more than 1.96 standard deviations of both maps' combined uncertainty."  # fmt: skip
+    sure = (
+        "Beyond the noise: significant at 5 % by Student's t, corrected for the number of comparisons (Holm)."
+        if (some[0].maps is None)
+        else "Beyond the noise: more than 1.96 standard deviations of both maps' combined uncertainty."
+    )
     title = f"Two {first.kind}s" if len(some) == 1 else f"{len(some) + 1} {first.kind}s"
     made = f"first: {first.name}; compared: {', '.join(c.b.name for c in some)}"
     write_page(folder, title, lede, key, sections, QUESTION, made, Answer(sure, "", picture))
@@ -43,8 +45,12 @@ def _key_figures(some: Sequence[Compared]) -> list[KeyFigure]:
             KeyFigure(row[4], f"change of {row[0]} in the median"),
             KeyFigure(row[5], "over nine tenths of the points"),
         ]
-    return [KeyFigure(f"{len(c.beyond)} of {words.counted(c).partition(' ')[0]}",
-                      f"{words.counted(c).partition(' ')[2]} differ by more than noise")]  # fmt: skip
+    return [
+        KeyFigure(
+            f"{len(c.beyond)} of {words.counted(c).partition(' ')[0]}",
+            f"{words.counted(c).partition(' ')[2]} differ by more than noise",
+        )
+    ]
 
 
 def _numbers(c: Compared, pictures: Pictures) -> tuple[list[Block], Picture | None]:
@@ -72,12 +78,17 @@ def _maps(
         name = "maps.html" if count == 1 else f"maps_{number}.html"
         page = page_of_both(c.a.page, c.b.page, c.b.name)
         if page is None:
-            notes.append("The maps' own pages are of an older version: make the maps again with --html for a page of "
-                         "both.")  # fmt: skip
+            notes.append(
+                "The maps' own pages are of an older version: make the maps again with --html for a page of both."
+            )
         else:
             folder.write_text(name, page)
-            blocks.append(Text(f"{name} shows both maps side by side, on one scale and under one camera, and what they "
-                               "differ by as a quantity."))  # fmt: skip
+            blocks.append(
+                Text(
+                    f"{name} shows both maps side by side, on one scale and under one camera, and what they "
+                    "differ by as a quantity."
+                )
+            )
     else:
         notes.append("For a page of both maps to turn and pick in, make them with --html.")
     if notes:

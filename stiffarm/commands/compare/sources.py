@@ -85,8 +85,11 @@ def read_source(path: Path, number: int) -> Source:
     if suffix == ".toml":
         model = load_description(path)
         if model.calibration is None:
-            raise InputError(f"{path} is not calibrated: nothing says how well its figures are known",
-                             allowed=ALLOWED, remedy="compare the results of `stiffarm calibrate`")  # fmt: skip
+            raise InputError(
+                f"{path} is not calibrated: nothing says how well its figures are known",
+                allowed=ALLOWED,
+                remedy="compare the results of `stiffarm calibrate`",
+            )
         return Source(str(path), "calibration", model.name, path, {}, model)
     if suffix == ".json":
         return _of_json(path, str(path), _kind(path, what))
@@ -120,8 +123,11 @@ def _of_map(folder: Path, name: str) -> Source:
     """A map by the file that holds its arrays."""
     found = sorted(p for p in folder.iterdir() if p.suffix.lower() in MAPS)
     if not found:
-        raise InputError(f"{name} holds no map as .vtu, .vti or .vtp", allowed="a map's arrays in one of these files",
-                         remedy="make the map again with --format vtu")  # fmt: skip
+        raise InputError(
+            f"{name} holds no map as .vtu, .vti or .vtp",
+            allowed="a map's arrays in one of these files",
+            remedy="make the map again with --format vtu",
+        )
     return Source(name, "map", "", found[0], {}, page=_there(folder / "map.html"))
 
 
@@ -144,12 +150,19 @@ def check_alike(some: list[Source]) -> None:
     first = some[0]
     for other in some[1:]:
         if other.kind != first.kind:
-            raise InputError(f"{first.name} is a {first.kind}, {other.name} a {other.kind}",
-                             allowed="things of one kind", remedy="compare like with like")  # fmt: skip
+            raise InputError(
+                f"{first.name} is a {first.kind}, {other.name} a {other.kind}",
+                allowed="things of one kind",
+                remedy="compare like with like",
+            )
         if first.robot and other.robot and other.robot != first.robot:
-            raise InputError(f"{first.name} is of {first.robot}, {other.name} of {other.robot}",
-                             allowed="one robot", remedy="compare results of one robot")  # fmt: skip
+            raise InputError(
+                f"{first.name} is of {first.robot}, {other.name} of {other.robot}",
+                allowed="one robot",
+                remedy="compare results of one robot",
+            )
     names = [s.name for s in some]
     if len({str(s.file.resolve()) for s in some}) < len(names):
-        raise InputError("the same results twice", value=", ".join(names), allowed="different ones",
-                         remedy="leave one of them out")  # fmt: skip
+        raise InputError(
+            "the same results twice", value=", ".join(names), allowed="different ones", remedy="leave one of them out"
+        )

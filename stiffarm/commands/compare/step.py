@@ -63,8 +63,12 @@ def compare(files: Sequence[Path]) -> list[Compared]:
         Fewer than two, nothing that can be compared, or things of different kinds, robots, quantities or units.
     """
     if not 2 <= len(files) <= MOST:
-        raise InputError("results to compare", value=len(files), allowed=f"2 to {MOST}", remedy="name the first one, "
-                         "then those to compare with it")  # fmt: skip
+        raise InputError(
+            "results to compare",
+            value=len(files),
+            allowed=f"2 to {MOST}",
+            remedy="name the first one, then those to compare with it",
+        )
     some = [read_source(path, number) for number, path in enumerate(files, start=1)]
     check_alike(some)
     if some[0].kind == "map":
@@ -84,16 +88,25 @@ def _compared(a: Source, b: Source) -> Compared:
             said.append(_said(s))
     found = pairs(figures[0], figures[1])
     if not any(p.a is not None and p.b is not None for p in found) and a.kind == "calibration":
-        raise InputError(f"{a.name} and {b.name} have no parameter in common", allowed="calibrations of the same "
-                         "parameters", remedy="compare others, or calibrate with the same --free")  # fmt: skip
+        raise InputError(
+            f"{a.name} and {b.name} have no parameter in common",
+            allowed="calibrations of the same parameters",
+            remedy="compare others, or calibrate with the same --free",
+        )
     wrong = next((p for p in found if p.verdict == "other" and p.a is not None and p.b is not None), None)
     if wrong is not None:
-        raise InputError(f"{a.name} and {b.name}: unit of {wrong.name}", value=wrong.unit, allowed="the same in both",
-                         remedy="make both with one version of stiffarm")  # fmt: skip
+        raise InputError(
+            f"{a.name} and {b.name}: unit of {wrong.name}",
+            value=wrong.unit,
+            allowed="the same in both",
+            remedy="make both with one version of stiffarm",
+        )
     notes = []
     if a.data and a.data == b.data:
-        notes.append("Both use the same readings, so they differ only by the choice of model. They share the noise, "
-                     "so even differences smaller than the intervals can be real.")  # fmt: skip
+        notes.append(
+            "Both use the same readings, so they differ only by the choice of model. They share the noise, "
+            "so even differences smaller than the intervals can be real."
+        )
     if a.of_run and b.of_run:
         more = (f"stiffarm compare {a.name}/{part} {b.name}/{part}" for part in PARTS_OF_RUN)
         notes.append(f"For two runs, their calibrations are compared. To compare the rest: {', '.join(more)}.")
@@ -135,10 +148,17 @@ def _settings(a: Mapping[str, str], b: Mapping[str, str]) -> list[Setting]:
 def _words(s: Source) -> dict[str, str]:
     """Settings of a source in words; of a model file those that it keeps."""
     if s.content:
-        return {key: f"{v:.4g}" if isinstance(v, float) else str(v) for key, v in s.content.items()
-                if isinstance(v, str | int | float) and not isinstance(v, bool)}  # fmt: skip
+        return {
+            key: f"{v:.4g}" if isinstance(v, float) else str(v)
+            for key, v in s.content.items()
+            if isinstance(v, str | int | float) and not isinstance(v, bool)
+        }
     origin = None if s.model is None else s.model.calibration
     if origin is None:
         return {}
-    return {"scheme": origin.scheme, "load_path": origin.load_path, "links": origin.links,
-            "rms_mm": f"{origin.rms_mm:.4g}"}  # fmt: skip
+    return {
+        "scheme": origin.scheme,
+        "load_path": origin.load_path,
+        "links": origin.links,
+        "rms_mm": f"{origin.rms_mm:.4g}",
+    }

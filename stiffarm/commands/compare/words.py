@@ -11,8 +11,15 @@ from stiffarm.pages.numbers import percent, significant
 
 HEADS = ("parameter", "first", "second", "unit", "change", "verdict")
 SETTING_HEADS = ("", "first", "second")
-MAP_HEADS = ("quantity", "unit", "first, median", "second, median", "change, median", "5 % to 95 % of the points",
-             "beyond the noise")  # fmt: skip
+MAP_HEADS = (
+    "quantity",
+    "unit",
+    "first, median",
+    "second, median",
+    "change, median",
+    "5 % to 95 % of the points",
+    "beyond the noise",
+)
 
 
 def figure(f: Figure | None) -> str:
@@ -71,9 +78,14 @@ def map_row(q: Quantity) -> tuple[str, ...]:
     low, middle, high = np.quantile(scale * q.change[good], [0.05, 0.5, 0.95])
     beyond = "-" if q.beyond is None else f"{percent(float(np.mean(q.beyond[good])))} of the points"
     return (
-        q.label, q.unit, significant(float(np.median(q.a[good]))), significant(float(np.median(q.b[good]))),
-        f"{middle:+.3g}{unit}", f"{low:+.3g} to {high:+.3g}{unit}", beyond,
-    )  # fmt: skip
+        q.label,
+        q.unit,
+        significant(float(np.median(q.a[good]))),
+        significant(float(np.median(q.b[good]))),
+        f"{middle:+.3g}{unit}",
+        f"{low:+.3g} to {high:+.3g}{unit}",
+        beyond,
+    )
 
 
 def headline(c: Compared) -> str:

@@ -58,10 +58,14 @@ def stands(found: Gaps) -> list[Stand]:
         first = worst[0]
         out.append(
             Stand(
-                pose, found.q[first], found.point[first], found.force[first],
-                _mean(found.measured, worst), _mean(found.before, worst),
+                pose,
+                found.q[first],
+                found.point[first],
+                found.force[first],
+                _mean(found.measured, worst),
+                _mean(found.before, worst),
             )
-        )  # fmt: skip
+        )
     return sorted(out, key=lambda s: -s.left_over_m)
 
 

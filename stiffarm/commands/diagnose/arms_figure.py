@@ -131,8 +131,11 @@ def _arrows(s: Stand, view: str, times: tuple[float, float], extent: float) -> l
     at = s.point @ plane.T
     read, before = (plane @ np.nan_to_num(v) for v in (s.read, s.before))
     aside = at + _ASIDE * extent * _across(read, at)
-    return [("read", at, times[0] * read), ("simulated", at, times[0] * (read - before)),
-            ("left over", aside, times[1] * before)]  # fmt: skip
+    return [
+        ("read", at, times[0] * read),
+        ("simulated", at, times[0] * (read - before)),
+        ("left over", aside, times[1] * before),
+    ]
 
 
 def _draw(ax: Axes, s: Stand, robot: Robot, view: str, looks: _Looks, corner: Array) -> None:
@@ -170,20 +173,38 @@ def _arrow(ax: Axes, tail: Array, way: Array, look: dict[str, Any], share: float
     """An arrow whose length is a ``share`` of the arms' extent; short ones have small heads."""
     small = min(1.0, share / 0.12)
     ax.annotate(
-        "", tuple((tail + way).tolist()), tuple(tail.tolist()), zorder=look["zorder"], annotation_clip=False,
-        arrowprops={"arrowstyle": "-|>,head_width=0.22,head_length=0.42", "color": look["color"],
-                    "lw": max(look["linewidth"] * small, 0.8), "shrinkA": 0.0, "shrinkB": 0.0,
-                    "mutation_scale": max(10.0 * small, 2.0)},
-    )  # fmt: skip
+        "",
+        tuple((tail + way).tolist()),
+        tuple(tail.tolist()),
+        zorder=look["zorder"],
+        annotation_clip=False,
+        arrowprops={
+            "arrowstyle": "-|>,head_width=0.22,head_length=0.42",
+            "color": look["color"],
+            "lw": max(look["linewidth"] * small, 0.8),
+            "shrinkA": 0.0,
+            "shrinkB": 0.0,
+            "mutation_scale": max(10.0 * small, 2.0),
+        },
+    )
     if "marker" in look:
-        ax.plot(*tail, look["marker"], color="white", markeredgecolor=look["color"], markersize=4.0,
-                zorder=look["zorder"] + 0.1)  # fmt: skip
+        ax.plot(
+            *tail,
+            look["marker"],
+            color="white",
+            markeredgecolor=look["color"],
+            markersize=4.0,
+            zorder=look["zorder"] + 0.1,
+        )
 
 
 def _legend(figure: Figure, looks: _Looks) -> None:
     """What the arrows are, and how many times they are larger than the arm."""
     deflection, left = (f"× {significant(times, 1)}" for times in looks.times)
-    said = {"read": f"read ({deflection})", "simulated": f"simulated, springs alone ({deflection})",
-            "left over": f"left over: read minus simulated ({left})"}  # fmt: skip
+    said = {
+        "read": f"read ({deflection})",
+        "simulated": f"simulated, springs alone ({deflection})",
+        "left over": f"left over: read minus simulated ({left})",
+    }
     handles = [Line2D([], [], label=text, **_ARROWS[what]) for what, text in said.items()]
     figure.legend(handles=handles, loc="lower left", ncols=3)

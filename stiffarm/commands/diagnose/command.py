@@ -118,8 +118,13 @@ def diagnose(
         if are_positions(data):
             from stiffarm.commands.diagnose.positions.run import diagnose_tables
 
-            refused = {"--free": free, "--effect": effect, "--loads": loads, "--keep-out": keep_out or None,
-                       "--clearance": clearance}  # fmt: skip
+            refused = {
+                "--free": free,
+                "--effect": effect,
+                "--loads": loads,
+                "--keep-out": keep_out or None,
+                "--clearance": clearance,
+            }
             diagnose_tables(frame, given, data or (), refused, holdout=holdout, seed=seed)
             return
         table = frame.readings(given, data, confirm_units=confirm_units)

@@ -145,8 +145,10 @@ def _strip(ax: Axes, f: Fit, labels: Sequence[str], colour: str) -> None:
     for side, marker in ((~down, "o"), (down, "v")):
         x = (place + shift + jitter)[side]
         ax.scatter(x, f.residual[side], s=size, marker=marker, color=colour, alpha=0.6, linewidths=0, zorder=2)
-        groups = [np.mean(f.residual[side & (place == k)]) if (side & (place == k)).sum() > 1 else np.nan
-                  for k in range(len(names))]  # fmt: skip
+        groups = [
+            np.mean(f.residual[side & (place == k)]) if (side & (place == k)).sum() > 1 else np.nan
+            for k in range(len(names))
+        ]
         middle = np.arange(len(names)) + (np.unique(shift[side])[0] if side.any() else 0.0)
         half = 0.17 if np.any(shift) else 0.3
         ax.hlines(groups, middle - half, middle + half, color=INK, linewidth=1.5, zorder=3)
@@ -254,8 +256,12 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
     """
     if not bars:
         raise InputError("ranking figure: no candidates to draw")
-    words = {"chosen": "taken into the model", "effect": "other effects", "none": "nothing missing",
-             "unknown": "something unknown"}  # fmt: skip
+    words = {
+        "chosen": "taken into the model",
+        "effect": "other effects",
+        "none": "nothing missing",
+        "unknown": "something unknown",
+    }
     y = np.arange(len(bars))
     with drawing(heading, (10.0, 1.4 + 0.3 * len(bars))) as (figure, (ax,)):
         drawn = ax.barh(y, [100.0 * b.probability for b in bars], 0.68)

@@ -67,10 +67,11 @@ def ladder_of(d: Diagnosis) -> Ladder:
     error = errors_mm(d)
     provisional = {f.code for f in d.provisional}
     rungs = tuple(
-        Rung(f.code, (error[k], error[k + 1]), f.probability, stated(f, d.checks), _against(d, f),
-             f.code in provisional)
+        Rung(
+            f.code, (error[k], error[k + 1]), f.probability, stated(f, d.checks), _against(d, f), f.code in provisional
+        )
         for k, f in enumerate(order)
-    )  # fmt: skip
+    )
     last = d.rankings[len(rungs)] if len(rungs) < len(d.rankings) else None
     return Ladder(rungs, error[0], last, tuple(c for c in d.checks if c.passed is False and not c.effect))
 

@@ -109,9 +109,7 @@ def _band(curves: Array, covariance: Array) -> tuple[Array, Array, Array]:
     return curves[0], curves[0] - spread, curves[0] + spread
 
 
-def _over_torque(
-    state: State, number: int, placed: PlacedEffect, joint: str
-) -> LawCurve:  # fmt: skip
+def _over_torque(state: State, number: int, placed: PlacedEffect, joint: str) -> LawCurve:
     s = state.setting
     tau = s.situation.torque(joint)
     top = int(np.abs(tau).argmax())
@@ -200,9 +198,15 @@ def _over_angle(state: State, number: int, placed: PlacedEffect, joint: str) -> 
     keep = strong[rows]
     rows, turn, down = rows[keep], turn[keep], down[keep]
     return LawCurve(
-        placed.effect.code, joint, "angle", ((angle, curve, low, high),), np.full(len(q), 1e6 * n.c[0]),
-        np.degrees(at.q[rows, index]), 1e6 * turn / tau[rows], down,
-    )  # fmt: skip
+        placed.effect.code,
+        joint,
+        "angle",
+        ((angle, curve, low, high),),
+        np.full(len(q), 1e6 * n.c[0]),
+        np.degrees(at.q[rows, index]),
+        1e6 * turn / tau[rows],
+        down,
+    )
 
 
 def compliance_over(arm: ArmModel, placed: PlacedEffect, v: Array, q: Array, c: float, index: int) -> Array:

@@ -75,8 +75,10 @@ def described(d: Diagnosed) -> ModelDescription:
         text = f"diagnosis on {d.used.source}, SHA-256 {d.used.sha256}"
         description = with_effects(description, placed, EFFECT_SOURCE, _notes(d, placed), text)
     data = description.model_dump(by_alias=True)
-    data["sources"] = {**data["sources"], SPRING_SOURCE: f"fitted with the diagnosis on {d.used.source}, SHA-256 "
-                       f"{d.used.sha256}"}  # fmt: skip
+    data["sources"] = {
+        **data["sources"],
+        SPRING_SOURCE: f"fitted with the diagnosis on {d.used.source}, SHA-256 {d.used.sha256}",
+    }
     data["calibration"] = Origin(
         scheme="diagnosis",
         load_path=d.given.model.load_path,
@@ -93,11 +95,11 @@ def described(d: Diagnosed) -> ModelDescription:
 
 def _with_springs(d: Diagnosed, after: State) -> ModelDescription:
     springs = {
-        e.parameter.place: None if bound_of(e) else RotationalStiffness(
-            value=float(f"{e.value:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note_of(e)
-        )
+        e.parameter.place: None
+        if bound_of(e)
+        else RotationalStiffness(value=float(f"{e.value:.9g}"), unit="N m/rad", source=SPRING_SOURCE, note=note_of(e))
         for e in springs_of(d)
-    }  # fmt: skip
+    }
     joints = [
         joint.model_copy(update={"stiffness": springs[joint.name]}) if joint.name in springs else joint
         for joint in d.given.description.joint
@@ -161,15 +163,19 @@ def uncertainty_of(state: State) -> CalibrationUncertainty | None:
     for spring in fitted_springs(state):
         at = 0.0 if bound_of(spring) else 1.0 / float(f"{spring.value:.9g}")
         known: Status = "determined" if spring.status == "determined" else "one-sided"
-        numbers.append(FoundNumber(spring.parameter.name, "N m/rad", "compliance", at, spring.interval, known,
-                                   math.inf, has_variance=True))  # fmt: skip
+        numbers.append(
+            FoundNumber(
+                spring.parameter.name, "N m/rad", "compliance", at, spring.interval, known, math.inf, has_variance=True
+            )
+        )
     for placed, index, own in free:
         code = f"{placed.effect.code}.{own.name}"
         p, value = parameter(model, code, (placed,)), float(placed.values[index])
         log = p.scale == "log"
         here = math.log(value) if log else value
-        numbers.append(FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf,
-                                   has_variance=True))  # fmt: skip
+        numbers.append(
+            FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf, has_variance=True)
+        )
         slopes.append(1.0 / value if log else 1.0)
     V = state.refit.inverse[np.ix_(columns, columns)] * np.outer(slopes, slopes)
     note = "diagnosis: posterior covariance at the noise found, with its broad priors on springs and effects"

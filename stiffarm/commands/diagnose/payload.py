@@ -206,15 +206,24 @@ def expected(d: Diagnosed) -> dict[str, Any] | None:
         "chance_right": number(n.expected.right, 3),
         "chance_wrong": number(n.expected.wrong, 3),
         "chance_open": number(n.expected.open, 3),
-        "by_rivals_alone": {"probability_after": number(n.after.belief, 3), "chance_right": number(n.after.right, 3),
-                            "chance_wrong": number(n.after.wrong, 3), "chance_open": number(n.after.open, 3)},
+        "by_rivals_alone": {
+            "probability_after": number(n.after.belief, 3),
+            "chance_right": number(n.after.right, 3),
+            "chance_wrong": number(n.after.wrong, 3),
+            "chance_open": number(n.after.open, 3),
+        },
         "rivals": [
-            {"code": r.code, "probability": number(r.probability), "hidden_so_far": r.hidden,
-             "log_evidence_against_none": number(r.against_none, 3), "chance_right": number(r.after.right, 3)}
+            {
+                "code": r.code,
+                "probability": number(r.probability),
+                "hidden_so_far": r.hidden,
+                "log_evidence_against_none": number(r.against_none, 3),
+                "chance_right": number(r.after.right, 3),
+            }
             for r in n.rivals
         ],
         "words": list(n.words),
-    }  # fmt: skip
+    }
 
 
 def look(d: Diagnosed, k: int) -> dict[str, Any]:

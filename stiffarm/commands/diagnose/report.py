@@ -122,11 +122,15 @@ def how(d: Diagnosed) -> Section:
     """How it was done, with the looks, the springs and the whole ranking."""
     found = d.found
     springs = tuple(
-        (s.parameter.place, mega(s.value), mega(s.interval[0]),
-         "no upper limit" if math.isinf(s.interval[1]) else mega(s.interval[1]),
-         "rigid fits best" if bound_of(s) else s.status)
+        (
+            s.parameter.place,
+            mega(s.value),
+            mega(s.interval[0]),
+            "no upper limit" if math.isinf(s.interval[1]) else mega(s.interval[1]),
+            "rigid fits best" if bound_of(s) else s.status,
+        )
         for s in springs_of(d)
-    )  # fmt: skip
+    )
     ranked = tuple(
         (h.code, percent(h.probability), f"{h.log_evidence:.1f}", f"{h.bic:.1f}", f"{h.lopo_rms_mm:.4f}")
         for h in found.ranking.hypotheses
@@ -144,10 +148,14 @@ def how(d: Diagnosed) -> Section:
             "there says where it came from."
         ),
         Text(noise),
-        Table("Springs of the new model (1e6 N m/rad)", ("joint", "value", "from", "to (95 %)", "status"), springs,
-              (0, 4)),
-        Table("All candidates of the look that the verdict rests on",
-              ("candidate", "probability", "log evidence", "BIC", "RMS of poses left out, at its own noise (mm)"),
-              ranked, folded=True),
-    ]  # fmt: skip
+        Table(
+            "Springs of the new model (1e6 N m/rad)", ("joint", "value", "from", "to (95 %)", "status"), springs, (0, 4)
+        ),
+        Table(
+            "All candidates of the look that the verdict rests on",
+            ("candidate", "probability", "log evidence", "BIC", "RMS of poses left out, at its own noise (mm)"),
+            ranked,
+            folded=True,
+        ),
+    ]
     return Section("How it was done", tuple(blocks))

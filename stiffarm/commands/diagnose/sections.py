@@ -50,11 +50,12 @@ def ladder_section(d: Diagnosed, pictures: Pictures) -> Section:
     if of.rungs:
         blocks.append(
             pictures.add(
-                ladder_figure(of, (floor_name(d.found.after.setting.data), noise_floor_mm(d.found))), "ladder",
+                ladder_figure(of, (floor_name(d.found.after.setting.data), noise_floor_mm(d.found))),
+                "ladder",
                 "Left: the error at poses left out one at a time, with all effects known. Right: how probable "
                 "each name was among all candidates when it was accepted, and after its checks.",
             )
-        )  # fmt: skip
+        )
     blocks += [Text(ladder_sentence(of)), ladder_table(of), *_said(d, of)]
     return Section("How it was found, look by look", tuple(blocks))
 
@@ -109,18 +110,22 @@ def where(d: Diagnosed, found: Gaps, pictures: Pictures, before: str = "") -> Se
     blocks += [Text(text) for text in words.odd_sentences(d)]
     if (by_pose := pose_errors_mm(d.found)) and d.in_model:
         figure = dumbbells_figure(
-            "Each pose before and after, the worst first", by_pose, "RMS error in the fit (mm)", below="pose",
+            "Each pose before and after, the worst first",
+            by_pose,
+            "RMS error in the fit (mm)",
+            below="pose",
             lines={floor_name(d.found.after.setting.data): noise_floor_mm(d.found)},
             ends=("springs alone", "with what was found"),
-        )  # fmt: skip
+        )
         blocks.append(pictures.add(figure, "poses", "A pose that hardly moves is not explained by what was found."))
     if len(found.pose):
         blocks.append(campaign_picture(d, found, pictures, before))
     drawn = pictures.add(
-        where_figure(groups), "where",
+        where_figure(groups),
+        "where",
         "Where the disagreement lies by pose, load, direction read and phase."
         + ("" if d.found.verdict != "none" else " Nothing here is beyond what noise makes of it by chance."),
-    )  # fmt: skip
+    )
     text = Text(
         "Residuals of the model with its springs fitted, over the noise of a reading. A mean square above 1 is "
         "more than noise explains; a group's share is its part of all that is beyond the noise, ± one standard "
@@ -154,11 +159,12 @@ def explained(d: Diagnosed, pictures: Pictures) -> Section:
     if any(d.twins.values()):
         more.append(
             pictures.add(
-                twins_figure(d.twins), "twins",
+                twins_figure(d.twins),
+                "twins",
                 "Rows: an effect as large as fitted, or of usual size where it was not found. A dot: the effect in the "
                 "column can imitate it to within the noise, whatever is measured in these poses.",
             )
-        )  # fmt: skip
+        )
     if more:
         blocks.append(Fold("What could imitate it", tuple(more)))
     return Section("What explains it", tuple(blocks))
@@ -195,8 +201,9 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
         blocks.append(Text(f"{f.placed.effect.words[0].upper()}{f.placed.effect.words[1:]} ({f.code}){head}."))
         rows = tuple(
             (n.name, words.value_text(n), words.interval_text(n), words.plausible_text(n), n.meaning)
-            for n in numbers if n.code == f.code
-        )  # fmt: skip
+            for n in numbers
+            if n.code == f.code
+        )
         blocks.append(Text(f"{f.code}: {words.numbers_sentence(d, f)}."))
         if rows:
             heads = ("parameter", "value", "95 % interval", "plausible", "what it is")
@@ -206,19 +213,21 @@ def laws(d: Diagnosed, pictures: Pictures) -> Section:
             loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
             blocks.append(
                 pictures.add(
-                    law_figure(curve, f"{f.code}: {f.placed.effect.words}"), f"law_{number + 1}",
+                    law_figure(curve, f"{f.code}: {f.placed.effect.words}"),
+                    f"law_{number + 1}",
                     f"{loop}Band: 95 % of the laws that the readings leave possible, springs included. Dots: what "
                     "single readings imply for this joint if the rest is as the model says.",
                 )
-            )  # fmt: skip
+            )
         mine = [n for n in numbers if n.code == f.code and math.isfinite(n.value) and n.sd is not None]
         if curve is None and mine:
             blocks.append(
                 pictures.add(
-                    numbers_figure(mine), f"numbers_{number + 1}",
+                    numbers_figure(mine),
+                    f"numbers_{number + 1}",
                     "Parameters of the effect with 95 % intervals. Doubt the effect if one leaves its plausible range.",
                 )
-            )  # fmt: skip
+            )
     return Section("What was found, and how well it is known", tuple(blocks))
 
 
@@ -244,10 +253,11 @@ def shrunk(d: Diagnosed, pictures: Pictures) -> Section:
     drawn = (
         pictures.add(match_figure(fits), "match", "On the line, simulation and measurement are the same."),
         pictures.add(
-            residuals_figure(fits), "residuals",
+            residuals_figure(fits),
+            "residuals",
             "Each point is a reading. What is missing shows as a pattern; noise has none.",
         ),
-    )  # fmt: skip
+    )
     blocks.append(Fold("Reading by reading", drawn))
     if h is not None and h.remarks:
         blocks.append(Bullets(h.remarks))

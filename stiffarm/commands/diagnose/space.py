@@ -61,8 +61,12 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
         "outlier": (found.outlier.astype(np.float64), "1"),
     }
     arrays["force_N"] = found.force, "N"
-    texts = {"pose": found.pose, "readings": [d.used.source], "model": [d.given.description.title],
-             "effects": [f.code for f in d.in_model]}  # fmt: skip
+    texts = {
+        "pose": found.pose,
+        "readings": [d.used.source],
+        "model": [d.given.description.title],
+        "effects": [f.code for f in d.in_model],
+    }
     write_points(folder.path(name), M_TO_MM * found.point, arrays, texts)
     return found
 

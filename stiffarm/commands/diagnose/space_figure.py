@@ -83,9 +83,7 @@ def _arrows(axes: Axes, tail: Array, head: Array, color: str, linewidth: float) 
     axes.plot(tail[:, 0], tail[:, 1], "o", color="white", markeredgecolor=color, markersize=4.5, zorder=3.5)
 
 
-def _legend(
-    figure: Figure, axes: Axes, names: list[str], scale: float, largest_m: float, *, planned: bool
-) -> None:  # fmt: skip
+def _legend(figure: Figure, axes: Axes, names: list[str], scale: float, largest_m: float, *, planned: bool) -> None:
     """Colours, and a bar whose length is a round number of millimetres."""
     words = {"before": "before", "after": "with what was missing"}
     handles = [Line2D([], [], label=words[name], **_LOOKS[name]) for name in names]

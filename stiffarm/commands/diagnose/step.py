@@ -219,9 +219,14 @@ def _without_harm(found: Diagnosis, used: Measurements, holdout: Measurements | 
 
 
 def _nested(
-    s: Setting, used: Measurements, request: Request, options: Options, found: Diagnosis, say: Callable[[str], None],
+    s: Setting,
+    used: Measurements,
+    request: Request,
+    options: Options,
+    found: Diagnosis,
+    say: Callable[[str], None],
     progress: Progress | None,
-) -> Nested | None:  # fmt: skip
+) -> Nested | None:
     """The whole diagnosis made anew in every fold; None where there is no such figure."""
     if found.verdict == "uninformative":
         return None
@@ -246,9 +251,13 @@ def _asked(found: Diagnosis) -> list[str]:
 
 
 def _proposal(
-    given: Arm, found: Diagnosis, still_open: dict[str, tuple[str, ...]], request: Request,
-    say: Callable[[str], None], progress: Progress | None,
-) -> tuple[NextReadings | None, str, str]:  # fmt: skip
+    given: Arm,
+    found: Diagnosis,
+    still_open: dict[str, tuple[str, ...]],
+    request: Request,
+    say: Callable[[str], None],
+    progress: Progress | None,
+) -> tuple[NextReadings | None, str, str]:
     """Set-ups that would settle what is open, why there are none, and in what they are other than readings so far.
 
     Where set-ups like those so far would probably settle nothing, the best of other loads and other directions.
@@ -263,8 +272,16 @@ def _proposal(
     for way, how in ways_to_measure(found.start).items():
         rng = np.random.default_rng(request.seed)
         try:
-            n = propose(found.start, found, still_open=still_open, poses=request.next_poses, zone=zone, rng=rng,
-                        progress=progress, **how)  # fmt: skip
+            n = propose(
+                found.start,
+                found,
+                still_open=still_open,
+                poses=request.next_poses,
+                zone=zone,
+                rng=rng,
+                progress=progress,
+                **how,
+            )
         except InputError as reason:
             hindrance = hindrance or reason.prose
             continue

@@ -122,9 +122,14 @@ def _row(d: Diagnosed, look: int, code: str, order: Indices, given: tuple[str, .
     likest = sorted((t for t in twins if t is not None), key=lambda t: t.off)[:MOST_TWINS]
     left = _beside(s.residual, follow, counts)
     return [
-        Row(Trace(code, 1e3 * change[order], 0.0), h.probability,
-            tuple(replace(t, values=t.values[order]) for t in likest), 1e3 * left[order], given)
-    ]  # fmt: skip
+        Row(
+            Trace(code, 1e3 * change[order], 0.0),
+            h.probability,
+            tuple(replace(t, values=t.values[order]) for t in likest),
+            1e3 * left[order],
+            given,
+        )
+    ]
 
 
 def _setting(d: Diagnosed, look: int) -> Setting:

@@ -39,10 +39,14 @@ def traces_figure(of: Traces) -> Figure:
             mine[0].set_ylabel(f"change ({of.unit})")
             _limits(mine[0], row)
         handles = [
-            Line2D([], [], label="left over by springs" + " and what was found before" * any(r.given for r in of.rows),
-                   **{**_LEFT, "markersize": 5.0}),
+            Line2D(
+                [],
+                [],
+                label="left over by springs" + " and what was found before" * any(r.given for r in of.rows),
+                **{**_LEFT, "markersize": 5.0},
+            ),
             Line2D([], [], label="trace of the effect", **_OWN),
-        ]  # fmt: skip
+        ]
         if columns > 1:
             handles.append(Line2D([], [], label="trace of a twin, as like as it can be made", **_TWIN))
         figure.legend(handles=handles, loc="outside lower left", ncols=3)
@@ -69,8 +73,9 @@ def _panel(ax: Axes, of: Traces, row: Row, drawn: Trace, name: str) -> None:
         # Which component each block is says more than the names of very many poses.
         blocks = [0, *_breaks(of.read)]
         ends = [*blocks[1:], len(x)]
-        ax.set_xticks([0.5 * (a + b - 1) for a, b in zip(blocks, ends, strict=True)],
-                      [f"{of.read[a]}, by pose" for a in blocks])  # fmt: skip
+        ax.set_xticks(
+            [0.5 * (a + b - 1) for a, b in zip(blocks, ends, strict=True)], [f"{of.read[a]}, by pose" for a in blocks]
+        )
     else:
         ends = [*starts[1:], len(x)]
         ax.set_xticks([0.5 * (a + b - 1) for a, b in zip(starts, ends, strict=True)], [of.pose[a] for a in starts])

@@ -27,14 +27,23 @@ HALF, SURE = 0.5, 0.8
 NAMED = 3
 # What something unknown varies with, for a sentence.
 BY = {
-    "pose": "the pose", "load": "the load", "load history": "whether loads are put on or taken off",
-    "clock": "the time", "session": "the session", "direction": "the direction of the load", "": "the pose",
-}  # fmt: skip
+    "pose": "the pose",
+    "load": "the load",
+    "load history": "whether loads are put on or taken off",
+    "clock": "the time",
+    "session": "the session",
+    "direction": "the direction of the load",
+    "": "the pose",
+}
 NAMED_ODD = 6
 VERDICTS = {
-    "named": "named", "ambiguous": "not settled", "unknown": "unknown effect", "learned": "learned, no name",
-    "none": "nothing missing", "uninformative": "readings tell nothing",
-}  # fmt: skip
+    "named": "named",
+    "ambiguous": "not settled",
+    "unknown": "unknown effect",
+    "learned": "learned, no name",
+    "none": "nothing missing",
+    "uninformative": "readings tell nothing",
+}
 
 
 def headline(d: Diagnosed) -> str:

@@ -40,8 +40,18 @@ def errors_table(trained: Trained, of: str = "") -> Table:
 
     "95 % below" and "worst, with limits" are over all these runs, "worst, uniform" over those not on joint limits.
     """
-    columns = ("basis", "terms", "runs", "RMS", "95 % below", "worst, uniform", "worst, with limits", "6 x 6 worst",
-               "inside bars", "condition")  # fmt: skip
+    columns = (
+        "basis",
+        "terms",
+        "runs",
+        "RMS",
+        "95 % below",
+        "worst, uniform",
+        "worst, with limits",
+        "6 x 6 worst",
+        "inside bars",
+        "condition",
+    )
     rows = [_row(s) for s in trained.surrogates]
     rows += [(name, "not\u00a0fitted", *("–",) * (len(columns) - 2)) for name in trained.refused]
     name = f"{of}: relative" if of else "Relative"

@@ -120,9 +120,11 @@ def _request(law: str | None, branches: str, flange: str, window: str, seed: int
     numbers = parse_numbers(window) or ()
     if len(numbers) != 4 or not all(0.0 < size < 1e5 for size in numbers[2:]):
         raise InputError(
-            "--window", value=window, allowed="four numbers in mm: X, Z, width and height above 0",
+            "--window",
+            value=window,
+            allowed="four numbers in mm: X, Z, width and height above 0",
             remedy=f"write them as in {DEFAULT_WINDOW}",
-        )  # fmt: skip
+        )
     x, z, width, height = (1e-3 * number for number in numbers)
     return Request(chosen, ways, turned, (x, z), (width, height), seed)
 
@@ -134,9 +136,11 @@ def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: boo
         raise InputError("--synthetic without --out", remedy="name a folder for the made-up table with --out")
     if not synthetic and not tables:
         raise InputError(
-            "TABLE", value="none", allowed="one or more tables of joint twists, CSV or XLSX",
+            "TABLE",
+            value="none",
+            allowed="one or more tables of joint twists, CSV or XLSX",
             remedy="give your readings, or try --synthetic, which makes some up",
-        )  # fmt: skip
+        )
 
 
 def _make_up(given: Arm, seed: int, folder: OutputFolder | None) -> TwistReadings:
@@ -149,9 +153,14 @@ def _make_up(given: Arm, seed: int, folder: OutputFolder | None) -> TwistReading
     write_twists(make_readings(given.model, truth, Campaign(), rng), path, given.robot)
     folder.write_json(
         "synthetic_truth.json",
-        {"synthetic": True, "seed": seed, "ln_k": "c0 + c1 cos q + c2 sin q, N/m or N m/rad",
-         "springs": truth_table(truth), "friction_Nm": truth.friction.tolist()},
-    )  # fmt: skip
+        {
+            "synthetic": True,
+            "seed": seed,
+            "ln_k": "c0 + c1 cos q + c2 sin q, N/m or N m/rad",
+            "springs": truth_table(truth),
+            "friction_Nm": truth.friction.tolist(),
+        },
+    )
     return joint_twist_run.read_tables(given, [path])
 
 

@@ -23,9 +23,13 @@ from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
 _BLUE: Final = OKABE_ITO["blue"]
 _ORANGE: Final = OKABE_ITO["vermillion"]
 _WORDS: Final = {
-    "tx": "along X", "ty": "along Y", "tz": "along Z (gear axis)",
-    "rx": "about X", "ry": "about Y", "rz": "about Z (gear axis)",
-}  # fmt: skip
+    "tx": "along X",
+    "ty": "along Y",
+    "tz": "along Z (gear axis)",
+    "rx": "about X",
+    "ry": "about Y",
+    "rz": "about Z (gear axis)",
+}
 
 
 def loops_figure(found: Identified, made_up: str = "") -> Figure:
@@ -84,9 +88,17 @@ def laws_figure(found: Identified, made_up: str = "") -> Figure:
                 ax.set_xlabel("joint angle (deg)")
         handles = [
             Line2D([], [], color=_BLUE, linewidth=2.0, label="law with 95 % band"),
-            Line2D([], [], color=INK, marker="o", linestyle="none", markersize=4, markerfacecolor="white",
-                   label="each angle by itself, 95 %"),
-        ]  # fmt: skip
+            Line2D(
+                [],
+                [],
+                color=INK,
+                marker="o",
+                linestyle="none",
+                markersize=4,
+                markerfacecolor="white",
+                label="each angle by itself, 95 %",
+            ),
+        ]
         figure.legend(handles=handles, loc="upper right", ncols=2)
         # By hand: 36 panels laid out by constraints are drawn twice, which takes seconds.
         figure.subplots_adjust(0.065, 0.5 / high, 0.99, 1.0 - 0.9 / high, wspace=0.34, hspace=0.2)
@@ -117,8 +129,16 @@ def _law_panel(ax: Axes, d: Direction) -> None:
     if d.status == "not judged":
         spread = np.zeros_like(spread)
         note(ax, "no interval", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
-    ax.errorbar(np.degrees(d.angle)[good], points[good], spread, fmt="o", markersize=3.5, color=INK,
-                markerfacecolor="white", elinewidth=0.7)  # fmt: skip
+    ax.errorbar(
+        np.degrees(d.angle)[good],
+        points[good],
+        spread,
+        fmt="o",
+        markersize=3.5,
+        color=INK,
+        markerfacecolor="white",
+        elinewidth=0.7,
+    )
     ax.set_ylim(0.0, top)
     ax.xaxis.set_major_locator(MaxNLocator(3))
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -131,8 +151,9 @@ def compliances_figure(found: Identified, made_up: str = "") -> Figure:
     heading = f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}"
     with drawing(heading, (11.0, 4.6), 1, 2) as (figure, axes):
         for ax, rows, factor, unit in (
-            (axes[0], ROWS[:3], 1e9, "nm/N"), (axes[1], ROWS[3:], 1e9, "nrad/(N m)"),
-        ):  # fmt: skip
+            (axes[0], ROWS[:3], 1e9, "nm/N"),
+            (axes[1], ROWS[3:], 1e9, "nrad/(N m)"),
+        ):
             handles = _bars(ax, found, rows, factor)
             ax.set_ylabel(f"compliance ({unit})")
             ax.set_xticks(range(len(found.names)), found.names)
@@ -151,8 +172,15 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
         for j, name in enumerate(found.names):
             d, x = found.directions[name, row], j + 0.27 * (r - 1)
             if d.law is None:
-                note(ax, "n.i." if d.status == "not identified" else "n.d.", (x, bottom * 1.1), rotation=90,
-                     va="bottom", size=8, color="#666666")  # fmt: skip
+                note(
+                    ax,
+                    "n.i." if d.status == "not identified" else "n.d.",
+                    (x, bottom * 1.1),
+                    rotation=90,
+                    va="bottom",
+                    size=8,
+                    color="#666666",
+                )
                 continue
             bar = ax.bar(
                 x,
@@ -184,9 +212,12 @@ def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Fi
             for name, e in (("same", same), ("refitted", refitted))
             for axis, value in zip("XYZ", np.maximum(100.0 * of(e), 0.1).tolist(), strict=True)
         }
-        for word, of in (("mean", attrgetter("mean")), ("95th percentile", attrgetter("p95")),
-                         ("worst", attrgetter("worst")))
-    }  # fmt: skip
+        for word, of in (
+            ("mean", attrgetter("mean")),
+            ("95th percentile", attrgetter("p95")),
+            ("worst", attrgetter("worst")),
+        )
+    }
     heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
     below = "flange axis; gears with the same torsional stiffness, or refitted to flange deflections"
     return bars_figure(heading, percent, "error of directional stiffness (%)", below, log=True)

@@ -57,19 +57,25 @@ def identification(d: JointTwists) -> dict[str, Any]:
         "hysteresis": [_loop(x) for x in d.loops],
         "diagonal": [
             {
-                "joint": t.joint, "suffices": t.suffices,
+                "joint": t.joint,
+                "suffices": t.suffices,
                 "couplings": [_coupling(c) for c in sorted(t.couplings, key=lambda c: c.p_value)],
             }
             for t in d.diagonal
         ],
-        "twist_ratio": None if d.bending is None else {
-            "joint": d.bending.joint, "rx_over_rz": number(d.bending.ratio),
+        "twist_ratio": None
+        if d.bending is None
+        else {
+            "joint": d.bending.joint,
+            "rx_over_rz": number(d.bending.ratio),
             "interval95": [number(d.bending.low), number(d.bending.high)],
         },
         "at_flange": None if d.flange is None else at_flange(d.flange),
         "why_not_at_flange": d.no_flange or None,
         "map": None if d.window is None else window(d.window),
-        "held_out": None if d.held_out is None else [
+        "held_out": None
+        if d.held_out is None
+        else [
             _explained(
                 dict(zip(HELD_OUT, (row[0], *(number(v, 12) for v in row[1:])), strict=True)),
                 **dict.fromkeys(HELD_OUT, "the model gives no finite stiffness there"),
@@ -77,7 +83,7 @@ def identification(d: JointTwists) -> dict[str, Any]:
             for row in held_out_rows(d)
         ],
         "notes": [*data.notes, *found.notes, *held_constant(found)],
-    }  # fmt: skip
+    }
     return _explained(
         content,
         twist_ratio="needs rx and rz of the second joint, both determined",
@@ -106,19 +112,26 @@ def _noise(d: JointTwists, j: int) -> dict[str, Any]:
         for known in c.noise_known[j]
     ]
     content = {
-        "joint": d.given.robot.joint_names[j], "um": um, "urad": urad, "freedoms": c.noise_dof[j].tolist(),
-    }  # fmt: skip
+        "joint": d.given.robot.joint_names[j],
+        "um": um,
+        "urad": urad,
+        "freedoms": c.noise_dof[j].tolist(),
+    }
     return _explained(content, um=why[0], urad=why[1])
 
 
 def _loop(x: Loop) -> dict[str, Any]:
     unit = "um" if x.row.startswith("t") else "urad"
     content = {
-        "joint": x.joint, "row": x.row, f"width_{unit}": number(1e6 * x.width),
-        f"width_sd_{unit}": number(1e6 * x.spread), "share_of_range_percent": number(100.0 * x.share),
-        "proven": x.proven, "load_cycles": x.cycles,
+        "joint": x.joint,
+        "row": x.row,
+        f"width_{unit}": number(1e6 * x.width),
+        f"width_sd_{unit}": number(1e6 * x.spread),
+        "share_of_range_percent": number(100.0 * x.share),
+        "proven": x.proven,
+        "load_cycles": x.cycles,
         "stiffness_from_loading_only_percent": number(100.0 * x.loading_only),
-    }  # fmt: skip
+    }
     nothing = "nothing was read to move under the load"
     why = {f"width_sd_{unit}": NO_NOISE, "share_of_range_percent": nothing}
     return _explained(content, **why, stiffness_from_loading_only_percent=nothing)
@@ -161,7 +174,9 @@ def direction(d: Direction) -> dict[str, Any]:
     k, low, high = d.stiffness(d.angle)
     key = f"stiffness_{'N_per_m' if d.is_shift else 'Nm_per_rad'}"
     content = {
-        "joint": d.joint, "row": d.row, "status": d.status,
+        "joint": d.joint,
+        "row": d.row,
+        "status": d.status,
         "law": None if d.law is None else _law(d.law),
         "left_out_scores": _explained(
             {kind: number(score, 12) for kind, score in d.scores.items()},
@@ -170,7 +185,7 @@ def direction(d: Direction) -> dict[str, Any]:
         "angle_deg": np.degrees(d.angle).tolist(),
         key: [number(v) for v in k.tolist()],
         "interval95": [[number(a), number(b)] for a, b in zip(low.tolist(), high.tolist(), strict=True)],
-    }  # fmt: skip
+    }
     no_number = NO_NUMBER.get(d.status, "the law leaves what a number can hold")
     return _explained(content, **{"law": no_number, key: no_number}, interval95=NO_END.get(d.status, NO_UPPER))
 
@@ -185,11 +200,13 @@ def window(w: Window) -> dict[str, Any]:
     """The map's frame and range."""
     reached = np.isfinite(w.mean)
     return {
-        "flange": w.orientation, "elbow": w.elbow,
-        "x_mm": [1e3 * float(w.x[0]), 1e3 * float(w.x[-1])], "z_mm": [1e3 * float(w.z[0]), 1e3 * float(w.z[-1])],
+        "flange": w.orientation,
+        "elbow": w.elbow,
+        "x_mm": [1e3 * float(w.x[0]), 1e3 * float(w.x[-1])],
+        "z_mm": [1e3 * float(w.z[0]), 1e3 * float(w.z[-1])],
         "reached_percent": 100.0 * float(reached.mean()),
         "mean_stiffness_N_per_mm": [1e-3 * float(np.nanmin(w.mean)), 1e-3 * float(np.nanmax(w.mean))],
-    }  # fmt: skip
+    }
 
 
 def held_out_rows(d: JointTwists) -> list[tuple[str, float, float, float, float]]:

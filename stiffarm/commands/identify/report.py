@@ -32,9 +32,15 @@ def write_report(d: JointTwists, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     parts = [
-        _in_short(d), _stiffnesses(d, pictures), hysteresis(d, pictures), usual(d, pictures), prediction(d),
-        stiffness_map(d, pictures), replace(diagonal(d), folded=True), replace(how(d), folded=True),
-    ]  # fmt: skip
+        _in_short(d),
+        _stiffnesses(d, pictures),
+        hysteresis(d, pictures),
+        usual(d, pictures),
+        prediction(d),
+        stiffness_map(d, pictures),
+        replace(diagonal(d), folded=True),
+        replace(how(d), folded=True),
+    ]
     data = d.found.data
     kind = "made-up (synthetic) readings" if d.synthetic else "readings"
     lede = (
@@ -131,24 +137,33 @@ def _percent(values: Array) -> str:
 
 
 def _stiffnesses(d: JointTwists, pictures: Pictures) -> Section:
-    return Section("Six stiffnesses a joint", (
-        Text(
-            "Frame: the modified DH frame of the joint, with Z along the gear axis and X along the common normal to "
-            "the next axis; it turns with the link after the joint. Stiffness at the middle of the measured angles: "
-            "translations in N/µm, rotations in 10⁶ N m/rad, 95 % intervals in brackets."
+    return Section(
+        "Six stiffnesses a joint",
+        (
+            Text(
+                "Frame: the modified DH frame of the joint, with Z along the gear axis and X along the common "
+                "normal to "
+                "the next axis; it turns with the link after the joint. Stiffness at the middle of the measured "
+                "angles: "
+                "translations in N/µm, rotations in 10⁶ N m/rad, 95 % intervals in brackets."
+            ),
+            Table("Six stiffnesses of each joint", ("joint", *ROWS), stiffness_rows(d)),
+            pictures.add(
+                figures.compliances_figure(d.found, made_up(d)),
+                "compliances",
+                "Compliances side by side. n.i.: never loaded or never read; n.d.: the best compliance is not "
+                "positive.",
+            ),
+            pictures.add(
+                figures.laws_figure(d.found, made_up(d)),
+                "stiffness_over_angle",
+                "Each stiffness over its joint's angle. Points: each angle by itself, without a law. Where a "
+                "band is wider "
+                "than the axis, the readings hardly depend on this stiffness. Laws hold between the outermost angles.",
+            ),
+            Text(_law_words(d)),
         ),
-        Table("Six stiffnesses of each joint", ("joint", *ROWS), stiffness_rows(d)),
-        pictures.add(
-            figures.compliances_figure(d.found, made_up(d)), "compliances",
-            "Compliances side by side. n.i.: never loaded or never read; n.d.: the best compliance is not positive.",
-        ),
-        pictures.add(
-            figures.laws_figure(d.found, made_up(d)), "stiffness_over_angle",
-            "Each stiffness over its joint's angle. Points: each angle by itself, without a law. Where a band is wider "
-            "than the axis, the readings hardly depend on this stiffness. Laws hold between the outermost angles.",
-        ),
-        Text(_law_words(d)),
-    ))  # fmt: skip
+    )
 
 
 def stiffness_rows(d: JointTwists) -> tuple[tuple[str, ...], ...]:
@@ -202,12 +217,15 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     ]
     rows = tuple(
         (
-            f"{x.joint}.{x.row}", f"{1e6 * x.width:+.1f} ± {1e6 * NORMAL_95 * x.spread:.1f}",
-            "µm" if x.row[0] == "t" else "µrad", f"{100.0 * x.share:+.1f}", f"{100.0 * x.loading_only:+.1f}",
+            f"{x.joint}.{x.row}",
+            f"{1e6 * x.width:+.1f} ± {1e6 * NORMAL_95 * x.spread:.1f}",
+            "µm" if x.row[0] == "t" else "µrad",
+            f"{100.0 * x.share:+.1f}",
+            f"{100.0 * x.loading_only:+.1f}",
             "yes" if x.proven else "no",
         )
         for x in d.loops
-    )  # fmt: skip
+    )
     if rows:
         gears = tuple(r for r in rows if r[0].endswith("rz"))
         columns = ("stiffness", "width, 95 %", "unit", "of the range (%)", "change of k by loading alone (%)", "proven")
@@ -218,10 +236,11 @@ def hysteresis(d: JointTwists, pictures: Pictures) -> Section:
     if any(x.row == "rz" for x in d.loops):
         blocks.append(
             pictures.add(
-                figures.loops_figure(d.found, made_up(d)), "hysteresis",
+                figures.loops_figure(d.found, made_up(d)),
+                "hysteresis",
                 "Loading and unloading about the gear axes.",
             )
-        )  # fmt: skip
+        )
     if d.found.branches == "loading":
         blocks.append(Note("Only loading was used, so the stiffnesses include friction."))
     return Section("Hysteresis", tuple(blocks))
@@ -244,10 +263,12 @@ def diagonal(d: JointTwists) -> Section:
             "moves the origin."
         ),
         Table(
-            "Cross terms", ("joint", "diagonal is enough", "least likely to be chance", "proven"), tuple(rows),
+            "Cross terms",
+            ("joint", "diagonal is enough", "least likely to be chance", "proven"),
+            tuple(rows),
             text_columns=(0, 1, 2, 3),
         ),
-    ]  # fmt: skip
+    ]
     if d.bending is not None:
         b = d.bending
         words = (
@@ -274,23 +295,31 @@ def usual(d: JointTwists, pictures: Pictures) -> Section:
         f"{name} {'not seen' if c == 0.0 else f'{1e-6 / c:.3g}'}"
         for name, c in zip(d.given.robot.joint_names, f.effective.tolist(), strict=True)
     )
-    return Section("Gears alone", (
-        Text(
-            "The usual model has one stiffness per joint, about the gear axis. It is compared with six per joint at "
-            f"{POSES} random poses within limits and with the flange above the floor: once with the same torsional "
-            "stiffnesses, once with constants refitted to flange deflections at other random poses."
+    return Section(
+        "Gears alone",
+        (
+            Text(
+                "The usual model has one stiffness per joint, about the gear axis. It is compared with six per "
+                "joint at "
+                f"{POSES} random poses within limits and with the flange above the floor: once with the same torsional "
+                "stiffnesses, once with constants refitted to flange deflections at other random poses."
+            ),
+            pictures.add(
+                figures.usual_models_figure(f.same, f.refitted, made_up(d)),
+                "gears_alone",
+                "Error of directional stiffness by flange axis. In the worst poses the force has no lever arm "
+                "about any "
+                "gear axis, so that a model of the gears alone is practically rigid.",
+            ),
+            Table(
+                "Errors of directional stiffness (%)",
+                ("gears alone", "axis", "signed mean", "mean", "95th %", "worst"),
+                rows,
+                text_columns=(0, 1),
+            ),
+            Text(f"Effective stiffnesses of the refitted gears (10⁶ N m/rad): {springs}."),
         ),
-        pictures.add(
-            figures.usual_models_figure(f.same, f.refitted, made_up(d)), "gears_alone",
-            "Error of directional stiffness by flange axis. In the worst poses the force has no lever arm about any "
-            "gear axis, so that a model of the gears alone is practically rigid.",
-        ),
-        Table(
-            "Errors of directional stiffness (%)", ("gears alone", "axis", "signed mean", "mean", "95th %", "worst"),
-            rows, text_columns=(0, 1),
-        ),
-        Text(f"Effective stiffnesses of the refitted gears (10⁶ N m/rad): {springs}."),
-    ))  # fmt: skip
+    )
 
 
 def prediction(d: JointTwists) -> Section:
@@ -312,10 +341,11 @@ def prediction(d: JointTwists) -> Section:
     blocks.append(
         Table(
             "For comparison, Table 1 of the TX200 paper (readings of another arm; its poses are not given)",
-            ("configuration", "force (N)", "measured (N/mm)", "paper's model (N/mm)", "error (%)"), rows,
+            ("configuration", "force (N)", "measured (N/mm)", "paper's model (N/mm)", "error (%)"),
+            rows,
             text_columns=(0, 1),
         )
-    )  # fmt: skip
+    )
     return Section("Prediction", tuple(blocks))
 
 
@@ -325,17 +355,23 @@ def stiffness_map(d: JointTwists, pictures: Pictures) -> Section:
     if w is None:
         return Section("Stiffness map", (Text(f"{d.no_window[0].upper()}{d.no_window[1:]}."),))
     reached = 100.0 * float(np.isfinite(w.mean).mean())
-    return Section("Stiffness map", (
-        pictures.add(
-            figures.window_figure(w, d.given.robot.name, made_up(d)), "stiffness_map",
-            "Mean of the directional stiffnesses along flange X, Y and Z, each under a unit force in that direction.",
+    return Section(
+        "Stiffness map",
+        (
+            pictures.add(
+                figures.window_figure(w, d.given.robot.name, made_up(d)),
+                "stiffness_map",
+                "Mean of the directional stiffnesses along flange X, Y and Z, each under a unit force in that "
+                "direction.",
+            ),
+            Text(
+                f"The flange keeps its orientation ({w.orientation}), elbow {w.elbow}, as in Fig. 3 of the "
+                "TX200 paper. "
+                "The paper gives the origin of its map (X 1344, Z 550 mm) but not its size, which is chosen here. "
+                f"{reached:.0f} % of the window can be reached. Figures: stiffness_map.csv."
+            ),
         ),
-        Text(
-            f"The flange keeps its orientation ({w.orientation}), elbow {w.elbow}, as in Fig. 3 of the TX200 paper. "
-            "The paper gives the origin of its map (X 1344, Z 550 mm) but not its size, which is chosen here. "
-            f"{reached:.0f} % of the window can be reached. Figures: stiffness_map.csv."
-        ),
-    ))  # fmt: skip
+    )
 
 
 def how(d: JointTwists) -> Section:
@@ -355,10 +391,11 @@ def how(d: JointTwists) -> Section:
         ),
         Table(
             "Noise of one reading, estimated where the table gives none",
-            ("joint", "µm", "µrad", "degrees of freedom"), noise,
+            ("joint", "µm", "µrad", "degrees of freedom"),
+            noise,
             folded=True,
         ),
-    ]  # fmt: skip
+    ]
     if d.found.data.notes:
         blocks.append(Bullets(d.found.data.notes))
     return Section("How", tuple(blocks))

@@ -141,9 +141,13 @@ def _better(given: Arm, kind: Kind, tables: Sequence[Path]) -> str | None:
 
 
 def run(
-    given: Arm, data: TwistReadings, request: Request, *, holdout: Measurements | None = None,
+    given: Arm,
+    data: TwistReadings,
+    request: Request,
+    *,
+    holdout: Measurements | None = None,
     say: Callable[[str], None] = lambda _: None,
-) -> JointTwists:  # fmt: skip
+) -> JointTwists:
     """Identify, check, compare.
 
     Raises
@@ -169,12 +173,19 @@ def run(
     say("comparing with models of the gears alone (one stiffness per joint)" if not no_flange else f"note: {no_flange}")
     window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
     return JointTwists(
-        request, given, found, with_six_springs(given.description, found), loops(found),
+        request,
+        given,
+        found,
+        with_six_springs(given.description, found),
+        loops(found),
         diagonal_tests(found),
         bending_ratio(found.directions, found.names[RATIO_JOINT]) if model.robot.dof > RATIO_JOINT else None,
-        None if no_flange else _at_flange(given, found, q, rng), no_flange, window, no_window,
+        None if no_flange else _at_flange(given, found, q, rng),
+        no_flange,
+        window,
+        no_window,
         None if holdout is None else _held_out(given, found, holdout),
-    )  # fmt: skip
+    )
 
 
 def _why_no_flange(given: Arm, found: Identified, q: Array) -> str:
@@ -212,9 +223,12 @@ def _window(given: Arm, found: Identified, request: Request) -> tuple[Window | N
     if reason is not None:
         return None, f"no map: {reason}"
     window = stiffness_window(
-        given.model, compliances_of(found), orientation=request.orientation, origin_m=request.origin_m,
+        given.model,
+        compliances_of(found),
+        orientation=request.orientation,
+        origin_m=request.origin_m,
         size_m=request.size_m,
-    )  # fmt: skip
+    )
     return window, ""
 
 

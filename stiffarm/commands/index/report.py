@@ -38,9 +38,14 @@ def write_report(folder: OutputFolder, content: Mapping[str, Any], found: IndexA
     sure, interval = _sure(given, found)
     answer = Answer(sure, _todo(found), picture)
     write_page(
-        folder, title, _lede(found), _key(given, found, interval), sections,
-        "how stiff is it in each direction?", answer=answer,
-    )  # fmt: skip
+        folder,
+        title,
+        _lede(found),
+        _key(given, found, interval),
+        sections,
+        "how stiff is it in each direction?",
+        answer=answer,
+    )
 
 
 _CAPTION = (

@@ -48,17 +48,19 @@ BestBy = Annotated[str, typer.Option("--best-by", help=f"Quantity by which --pos
 ToolAxis = Annotated[
     Text,
     typer.Option(
-        "--tool-axis", metavar="X,Y,Z",
+        "--tool-axis",
+        metavar="X,Y,Z",
         help="Tool axis from the tip into the holder, in base axes, with --pose fixed or best-gamma. Default: 0,0,1.",
     ),
-]  # fmt: skip
+]
 Gamma = Annotated[
     Text,
     typer.Option(
-        "--gamma", metavar="FROM:TO:STEP",
+        "--gamma",
+        metavar="FROM:TO:STEP",
         help="Angles gamma about the tool axis, in deg. Default: 0 with --pose fixed, -180:180:15 with best-gamma.",
     ),
-]  # fmt: skip
+]
 Direction = Annotated[
     Text, typer.Option("--direction", metavar="X,Y,Z", help="Direction of the load in base axes. Default: 0,0,-1.")
 ]
@@ -101,9 +103,10 @@ class _Maps(TyperGroup):
         if args[0] not in self.commands and (old or args[0] in bundled_names()):
             with user_errors(debug=False):
                 raise InputError(
-                    "`stiffarm map` needs to know what kind of map", allowed=", ".join(self.commands),
+                    "`stiffarm map` needs to know what kind of map",
+                    allowed=", ".join(self.commands),
                     remedy=f"type {new_form(args)}",
-                )  # fmt: skip
+                )
         return super().resolve_command(ctx, args)
 
 
@@ -119,9 +122,12 @@ def new_form(args: list[str]) -> str:
 
 
 map_command = typer.Typer(
-    cls=_Maps, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    cls=_Maps,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
     help="Map the stiffness over joints or over points in space.",
-)  # fmt: skip
+)
 
 
 @map_command.command("joints")
@@ -311,27 +317,28 @@ def index_command(
     ] = "k_fs",
     tool: ToolOpt = None,
     part: PartOpt = None,
-    normal: Annotated[
-        str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")
-    ] = "0,0,1",
+    normal: Annotated[str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")] = "0,0,1",
     tool_axis: Annotated[
         Text,
         typer.Option(
-            "--tool-axis", metavar="X,Y,Z",
+            "--tool-axis",
+            metavar="X,Y,Z",
             help="Tool axis from the tip into the holder, in base axes. Default: along the normal.",
         ),
     ] = None,
     gamma: Annotated[
         str,
         typer.Option(
-            "--gamma", metavar="FROM:TO:STEP",
+            "--gamma",
+            metavar="FROM:TO:STEP",
             help="Angles gamma about the tool axis, in deg, or one; the two ends of a full turn count once.",
         ),
     ] = "-180:180:5",
     show: Annotated[
         Text,
         typer.Option(
-            "--show", metavar="DEG,DEG",
+            "--show",
+            metavar="DEG,DEG",
             help="Angles gamma to draw and to write to the map's file, in deg. Default: five, and the best.",
         ),
     ] = None,
@@ -342,10 +349,11 @@ def index_command(
     workpiece: Annotated[
         Text,
         typer.Option(
-            "--workpiece", metavar="REGION",
+            "--workpiece",
+            metavar="REGION",
             help="Where the best gamma is sought, in mm: x=-100:100,y=800:1000, or corners as in "
-                 "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. "
-                 "Default: the whole grid; a point that the best gamma misses counts as zero stiffness.",
+            "'-100,800;100,800;0,1000' along the grid's first two axes. The best gamma reaches all of it. "
+            "Default: the whole grid; a point that the best gamma misses counts as zero stiffness.",
         ),
     ] = None,
     aim: Annotated[str, typer.Option("--aim", help="Best gamma by the mean or the worst point: mean, worst.")] = "mean",
@@ -354,7 +362,7 @@ def index_command(
         typer.Option(
             "--partly",
             help="Also allow a gamma that does not reach all of the workpiece; each point missed counts as zero "
-                 "stiffness.",
+            "stiffness.",
         ),
     ] = False,
     file_format: Format = None,
@@ -370,7 +378,7 @@ def index_command(
     seed: Seed = 0,
     as_json: Json = False,
     debug: Debug = False,
-) -> None:  # fmt: skip
+) -> None:
     """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
     from stiffarm.commands.maps.files import Files
     from stiffarm.commands.maps.index import files
@@ -378,10 +386,22 @@ def index_command(
     from stiffarm.commands.maps.options import formats_of
 
     options = {
-        "--quantity": quantity, "--x": x, "--y": y, "--z": z, "--tool": tool, "--part": part, "--normal": normal,
-        "--tool-axis": tool_axis, "--gamma": gamma, "--show": show, "--force": force, "--workpiece": workpiece,
-        "--aim": aim, "--partly": "" if partly else None, "--format": file_format,
-    }  # fmt: skip
+        "--quantity": quantity,
+        "--x": x,
+        "--y": y,
+        "--z": z,
+        "--tool": tool,
+        "--part": part,
+        "--normal": normal,
+        "--tool-axis": tool_axis,
+        "--gamma": gamma,
+        "--show": show,
+        "--force": force,
+        "--workpiece": workpiece,
+        "--aim": aim,
+        "--partly": "" if partly else None,
+        "--format": file_format,
+    }
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked, formats = asking.read_request(options), formats_of("index", options)
@@ -399,14 +419,27 @@ def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, T
 
 
 def _shared(
-    direction: Text, values: Text, tool: Text, normal: Text, file_format: Text, dask: Text, work: Path | None,
-    load_path: Text, at_load: float | None,
-) -> dict[str, Text]:  # fmt: skip
+    direction: Text,
+    values: Text,
+    tool: Text,
+    normal: Text,
+    file_format: Text,
+    dask: Text,
+    work: Path | None,
+    load_path: Text,
+    at_load: float | None,
+) -> dict[str, Text]:
     return {
         "--at-load": None if at_load is None else repr(at_load),
-        "--direction": direction, "--values": values, "--tool": tool, "--normal": normal, "--format": file_format,
-        "--dask": dask, "--work": None if work is None else str(work), "--load-path": load_path,
-    }  # fmt: skip
+        "--direction": direction,
+        "--values": values,
+        "--tool": tool,
+        "--normal": normal,
+        "--format": file_format,
+        "--dask": dask,
+        "--work": None if work is None else str(work),
+        "--load-path": load_path,
+    }
 
 
 def _say(content: Mapping[str, Any], frame: Frame) -> None:
@@ -422,9 +455,15 @@ def _show(content: Mapping[str, Any]) -> None:
 
 
 def _arm_map(
-    kind: str, model: str, frame: Frame, options: Mapping[str, Text], drawn: tuple[bool, bool, bool], seed: int,
-    links: Text, sets: list[str] | None,
-) -> dict[str, Any]:  # fmt: skip
+    kind: str,
+    model: str,
+    frame: Frame,
+    options: Mapping[str, Text],
+    drawn: tuple[bool, bool, bool],
+    seed: int,
+    links: Text,
+    sets: list[str] | None,
+) -> dict[str, Any]:
     """Quantities of the arm over joints or space, from the model."""
     from stiffarm.commands.maps import step
     from stiffarm.commands.maps.files import Files
@@ -440,17 +479,29 @@ def _arm_map(
     html, svg, pictures = drawn
     work = options["--work"]
     wanted = Files(
-        asked.formats, figures=options["--values"] is not None or svg, pictures=pictures, svg=svg, html=html,
-        dask=options["--dask"], work=None if work is None else Path(work),
-    )  # fmt: skip
+        asked.formats,
+        figures=options["--values"] is not None or svg,
+        pictures=pictures,
+        svg=svg,
+        html=html,
+        dask=options["--dask"],
+        work=None if work is None else Path(work),
+    )
     with frame.folder(seed) as folder, progress("map points") as bar:
         return step.make_map(given, asked, folder, wanted, bar)
 
 
 def _surrogate_map(
-    model: str, frame: Frame, file: Path, points: int, layers: Text, pictures: bool, links: Text, load_path: Text,
+    model: str,
+    frame: Frame,
+    file: Path,
+    points: int,
+    layers: Text,
+    pictures: bool,
+    links: Text,
+    load_path: Text,
     sets: list[str] | None,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Structural stiffness over the joint coordinates, from a surrogate."""
     from stiffarm.commands.maps import sweep
 

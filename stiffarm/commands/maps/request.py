@@ -132,9 +132,9 @@ def every_gamma(asked: MapRequest, model: ArmModel) -> EveryGamma | None:
     return EveryGamma(model, objective, *map(np.array, figures))
 
 
-def table_of(normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None) -> tuple[
-    Quantity, ...
-]:  # fmt: skip
+def table_of(
+    normal: ArrayLike = (0.0, 0.0, 1.0), relative_sd: Callable[[Array], Array] | None = None
+) -> tuple[Quantity, ...]:
     """All quantities that a map can have; with ``relative_sd``, poses -> (n,), the uncertainty of the stiffness."""
     return (*TABLE, *index_rows(normal), *(() if relative_sd is None else (uncertainty(relative_sd),)))
 
@@ -203,9 +203,11 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
     found = content_hash(description)
     if found != asked.model_hash:
         raise InputError(
-            "model of the map: hash", value=found[:12], allowed=asked.model_hash[:12],
+            "model of the map: hash",
+            value=found[:12],
+            allowed=asked.model_hash[:12],
             remedy="install the same version of stiffarm everywhere",
-        )  # fmt: skip
+        )
     kind = next(kind for kind in LINK_KINDS if kind == asked.links)
     path = next((path for path in ("parallelogram", "serial") if path == asked.load_path), None)
     given = stated(Arm.of(description, kind, path), asked)

@@ -88,9 +88,12 @@ def learned_rows(learned: Surrogate, model: ArmModel) -> tuple[Quantity, ...]:
 
 
 def learned_map(
-    arm: Arm, learned: Surrogate, points: int, layers_deg: tuple[float, ...] | None = None,
+    arm: Arm,
+    learned: Surrogate,
+    points: int,
+    layers_deg: tuple[float, ...] | None = None,
     progress: Progress | None = None,
-) -> MapData:  # fmt: skip
+) -> MapData:
     """The stiffness under the surrogate's load over the joints, ``points`` values of each.
 
     Raises

@@ -31,11 +31,19 @@ LIGHTEST_kg, HEAVIEST_kg = 0.01, 1e5
 def checked_name(name: str) -> str:
     """A name that files and tables can bear."""
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name) or name.endswith("."):
-        raise InputError("NAME", value=name, allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
-                         remedy="give a short name, as in my-arm")  # fmt: skip
+        raise InputError(
+            "NAME",
+            value=name,
+            allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
+            remedy="give a short name, as in my-arm",
+        )
     if name in (*bundled_names(), *library_names()):
-        raise InputError("NAME", value=name, allowed="a name that no arm of `stiffarm robots` has",
-                         remedy=f"call it my-{name}, say: commands would take the one for the other")  # fmt: skip
+        raise InputError(
+            "NAME",
+            value=name,
+            allowed="a name that no arm of `stiffarm robots` has",
+            remedy=f"call it my-{name}, say: commands would take the one for the other",
+        )
     return name
 
 
@@ -62,9 +70,14 @@ def given_of(sources: Mapping[str, str | Path | None]) -> dict[str, str | Path]:
 
 
 def described(
-    name: str, given: Mapping[str, str | Path], title: str | None, payload_kg: float | None, mass_kg: float | None,
-    tip: str | None = None, base: str | None = None,
-) -> ModelDescription:  # fmt: skip
+    name: str,
+    given: Mapping[str, str | Path],
+    title: str | None,
+    payload_kg: float | None,
+    mass_kg: float | None,
+    tip: str | None = None,
+    base: str | None = None,
+) -> ModelDescription:
     """A description from the source that is given by its option: --mdh, --dh, --urdf or --like.
 
     Raises
@@ -86,9 +99,16 @@ def from_table(
     """A description from a table of Denavit-Hartenberg parameters."""
     lines, flange = read_dh(path, "--mdh" if form == "modified" else "--dh")
     return description_from_dh(
-        lines, flange, form, name=name, title=title or name, where=path.name, sha256=sha256_of(path),
-        payload_kg=payload_kg, mass_kg=mass_kg,
-    )  # fmt: skip
+        lines,
+        flange,
+        form,
+        name=name,
+        title=title or name,
+        where=path.name,
+        sha256=sha256_of(path),
+        payload_kg=payload_kg,
+        mass_kg=mass_kg,
+    )
 
 
 def from_urdf(path: Path, tip: str | None, base: str | None) -> ModelDescription:
@@ -120,8 +140,11 @@ def changed(
     given = {"payload": payload_kg, "mass": mass_kg}
     if any(value is not None for value in given.values()):
         data["sources"] = {**data["sources"], "given": "given when this file was made"}
-        data |= {key: Mass(value=v, unit="kg", source="given").model_dump(exclude_none=True)
-                 for key, v in given.items() if v is not None}  # fmt: skip
+        data |= {
+            key: Mass(value=v, unit="kg", source="given").model_dump(exclude_none=True)
+            for key, v in given.items()
+            if v is not None
+        }
     return ModelDescription.model_validate(data)
 
 

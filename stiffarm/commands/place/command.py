@@ -199,9 +199,10 @@ def place(
         cut = cut_of(described, given_path.motions, force, force_axes, milling)
         if cut is None:
             raise InputError(
-                "place needs a cutting force", allowed="--force, --milling, or milling files of the cell's tools",
+                "place needs a cutting force",
+                allowed="--force, --milling, or milling files of the cell's tools",
                 remedy="give one of them",
-            )  # fmt: skip
+            )
         cutting = given_path.drilling(cut.force)
         criterion = _criterion(alpha, beta)
         told_aim = aim or ("error" if criterion is None else "ksf")

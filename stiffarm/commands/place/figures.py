@@ -53,8 +53,16 @@ def curve_figure(
                 _, colour, hatch = ZONES[reason]
                 ax.axvspan(edge[i], edge[i + 1], facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
         for k, (name, value) in enumerate(values.items()):
-            ax.plot(x, value, color=SERIES[0] if k == 0 else INK, linestyle=LINES[k], linewidth=2.2 if k == 0 else 1.4,
-                    marker="o" if len(x) < 60 else "", markersize=3, label=name)  # fmt: skip
+            ax.plot(
+                x,
+                value,
+                color=SERIES[0] if k == 0 else INK,
+                linestyle=LINES[k],
+                linewidth=2.2 if k == 0 else 1.4,
+                marker="o" if len(x) < 60 else "",
+                markersize=3,
+                label=name,
+            )
         ax.set_xlim(x[0], x[-1])
         every = np.concatenate(list(values.values()))
         if np.isfinite(every).any():
@@ -72,11 +80,25 @@ def _marked_lines(ax: Axes, marks: Mapping[str, float]) -> None:
     for k, (name, at) in enumerate(marks.items()):
         # A white edge, so that it shows on a hatched zone as well.
         ax.axvline(at, color="white", linewidth=5.0, zorder=4)
-        ax.axvline(at, color=INK, linestyle="-" if k == 0 else LINES[k + 1], linewidth=2.4 if k == 0 else 1.4, zorder=5,
-                   label=name)  # fmt: skip
+        ax.axvline(
+            at,
+            color=INK,
+            linestyle="-" if k == 0 else LINES[k + 1],
+            linewidth=2.4 if k == 0 else 1.4,
+            zorder=5,
+            label=name,
+        )
         if k == 0:
-            ax.plot(at, 1.0, marker="v", markersize=11, color=INK, transform=ax.get_xaxis_transform(), clip_on=False,
-                    zorder=6)  # fmt: skip
+            ax.plot(
+                at,
+                1.0,
+                marker="v",
+                markersize=11,
+                color=INK,
+                transform=ax.get_xaxis_transform(),
+                clip_on=False,
+                zorder=6,
+            )
 
 
 def map_figure(
@@ -111,8 +133,17 @@ def map_figure(
         mesh = ax.pcolormesh(x, y, np.ma.masked_invalid(value.T), cmap=STIFFNESS_COLOURS, shading="nearest")
         for k, (name, spot) in enumerate(marks.items()):
             marker = "*" if k == 0 else MARKERS[k]
-            ax.plot(*spot, linestyle="", marker=marker, markersize=17 if k == 0 else 9, label=name,
-                    markerfacecolor="white", markeredgecolor=INK, markeredgewidth=1.4, zorder=5)  # fmt: skip
+            ax.plot(
+                *spot,
+                linestyle="",
+                marker=marker,
+                markersize=17 if k == 0 else 9,
+                label=name,
+                markerfacecolor="white",
+                markeredgecolor=INK,
+                markeredgewidth=1.4,
+                zorder=5,
+            )
         ax.set(xlabel=names[0], ylabel=names[1])
         bar = figure.colorbar(mesh, ax=ax, label=label)
         bar.outline.set_visible(False)

@@ -17,8 +17,11 @@ from stiffarm.session.json_text import number, numbers
 SEED = 0
 CHOSEN, FIXED, STAYING, BEFORE = "recommended", "best position at rest", "present place, best gamma", "as it stands"
 KEYS = {
-    CHOSEN: "recommended", FIXED: "fixed_position", STAYING: "present_place_best_gamma", BEFORE: "as_it_stands",
-}  # fmt: skip
+    CHOSEN: "recommended",
+    FIXED: "fixed_position",
+    STAYING: "present_place_best_gamma",
+    BEFORE: "as_it_stands",
+}
 
 
 def named(step: PlacedStep) -> dict[str, Along]:
@@ -33,8 +36,10 @@ def payload(step: PlacedStep) -> dict[str, Any]:
     placed, problem = step.placed, step.placed.problem
     others = {name: one for name, one in named(step).items() if name != CHOSEN}
     not_found = {
-        KEYS[BEFORE]: placed.why_no_before, KEYS[STAYING]: placed.why_no_staying, KEYS[FIXED]: placed.why_no_fixed,
-    }  # fmt: skip
+        KEYS[BEFORE]: placed.why_no_before,
+        KEYS[STAYING]: placed.why_no_staying,
+        KEYS[FIXED]: placed.why_no_fixed,
+    }
     return placement_content(placement_of(step.placed, step.given)) | {
         "between_cuts_undriven": step.undriven,
         "aim": problem.goal.aim,
@@ -47,8 +52,12 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "ranges": {
             name: {f"from_{unit}": number(float(a * f)), f"to_{unit}": number(float(b * f))}
             for name, unit, f, a, b in zip(
-                problem.space.names, problem.space.units, problem.space.shown, problem.space.lower,
-                problem.space.upper, strict=True,
+                problem.space.names,
+                problem.space.units,
+                problem.space.shown,
+                problem.space.lower,
+                problem.space.upper,
+                strict=True,
             )
         },
         "base_positions_looked_at": placed.evaluations,
@@ -59,7 +68,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "gain_of_worst": {KEYS[name]: estimated(placed.after.gain(one, "worst"), 1.0) for name, one in others.items()},
         "not_found": {name: why for name, why in not_found.items() if why is not None},
         "notes": [*placed.notes, *step.notes],
-    }  # fmt: skip
+    }
 
 
 def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:

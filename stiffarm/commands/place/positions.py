@@ -47,9 +47,14 @@ def position_picture(step: PlacedStep, pictures: Pictures) -> Picture:
     if space.d > 2:
         caption += f" The best over {', '.join(space.names[2:])}."
     figure = map_figure(
-        lines[0], lines[1], flat, reasons.ravel().tolist(), (labels[0], labels[1]), f"{name}, {label.split(', ')[-1]}",
+        lines[0],
+        lines[1],
+        flat,
+        reasons.ravel().tolist(),
+        (labels[0], labels[1]),
+        f"{name}, {label.split(', ')[-1]}",
         {name: (float(spot[0]), float(spot[1])) for name, spot in spots.items()},
-    )  # fmt: skip
+    )
     return pictures.add(figure, "positions", caption)
 
 

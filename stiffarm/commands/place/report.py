@@ -196,8 +196,14 @@ def table_rows(step: PlacedStep) -> list[tuple[str, ...]]:
 
 
 COLUMNS = (
-    "placement", "base", "gamma, deg", "softest point, N/mm", "mean, N/mm", "RMS error, um", "worst error, um",
-)  # fmt: skip
+    "placement",
+    "base",
+    "gamma, deg",
+    "softest point, N/mm",
+    "mean, N/mm",
+    "RMS error, um",
+    "worst error, um",
+)
 
 
 def _within(one: Along, statistic: str) -> str:
@@ -267,9 +273,14 @@ def _pieces(step: PlacedStep) -> Table:
         where = ", ".join(_mm(v) for v in placed.after.e[a] * 1e3)
         gamma = np.degrees(placed.after.course.gamma[a:b])
         rows.append(
-            (f"{a} to {b - 1}", f"{_mm(arc_mm[a])} to {_mm(arc_mm[b - 1])}", where, f"{gamma.mean():.4g}",
-             significant(placed.after.stiffness[a:b].mean() * 1e-3, 4))
-        )  # fmt: skip
+            (
+                f"{a} to {b - 1}",
+                f"{_mm(arc_mm[a])} to {_mm(arc_mm[b - 1])}",
+                where,
+                f"{gamma.mean():.4g}",
+                significant(placed.after.stiffness[a:b].mean() * 1e-3, 4),
+            )
+        )
     axes = ", ".join(axis.name for axis in step.cell.linear_axes)
     columns = ("points", "path, mm", f"{axes}, mm", "gamma, deg", "mean stiffness, N/mm")
     return Table("Pieces of the path", columns, tuple(rows))
@@ -312,9 +323,13 @@ def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
     blocks: list[Text | Picture | Table] = []
     if cell.linear_axes:
         figure = motion_figure(
-            1e3 * arc, {CHOSEN: after.e * 1e3}, [f"{axis.name} (mm)" for axis in cell.linear_axes],
-            1e3 * np.array([axis.limits for axis in cell.linear_axes]), "Linear axes along the path", whole=True,
-        )  # fmt: skip
+            1e3 * arc,
+            {CHOSEN: after.e * 1e3},
+            [f"{axis.name} (mm)" for axis in cell.linear_axes],
+            1e3 * np.array([axis.limits for axis in cell.linear_axes]),
+            "Linear axes along the path",
+            whole=True,
+        )
         caption = "Where the linear axes stand; beyond the dotted lines are their limits."
         blocks.append(pictures.add(figure, "axes", caption))
         rows = tuple(
@@ -334,10 +349,14 @@ def how_section(step: PlacedStep) -> Section:
     ranges = ", ".join(
         f"{name} {a * f:.4g} to {b * f:.4g} {unit}"
         for name, unit, f, a, b in zip(
-            placed.problem.space.names, placed.problem.space.units, placed.problem.space.shown,
-            placed.problem.space.lower, placed.problem.space.upper, strict=True,
+            placed.problem.space.names,
+            placed.problem.space.units,
+            placed.problem.space.shown,
+            placed.problem.space.lower,
+            placed.problem.space.upper,
+            strict=True,
         )
-    )  # fmt: skip
+    )
     aim = AIM_WORDS[placed.problem.goal.aim]
     return Section(
         "How it was found",

@@ -216,18 +216,32 @@ def plan(
             why = "only with --positions"
             parsing.refuse_given({"--tracker": tracker, "--target": target, "--payload": carried}, why, "leave it out")
         else:
-            others = {"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--pose": pose,
-                      "--rated-N": rated, "--vary": vary, "--hold": hold, "--unloading": unloading or None}  # fmt: skip
+            others = {
+                "DATA": data,
+                "--directions": directions,
+                "--loads": loads,
+                "--read": read,
+                "--pose": pose,
+                "--rated-N": rated,
+                "--vary": vary,
+                "--hold": hold,
+                "--unloading": unloading or None,
+            }
             parsing.refuse_given(others, "no option of --positions", "leave it out")
             from doe.absolute.campaign import Wanted
             from stiffarm.commands.plan import positions as positions_plan
 
             asked = Wanted(
-                positions, positions_plan.parse_targets(target or ()), positions_plan.parse_tracker(tracker),
-                free=parsing.parse_names(free, None, "--free"), sigma=_gauges(gauge, gauge_turn)[0],
-                candidates=candidates, payload=None if carried is None else parse_payload(carried), zone=zone,
+                positions,
+                positions_plan.parse_targets(target or ()),
+                positions_plan.parse_tracker(tracker),
+                free=parsing.parse_names(free, None, "--free"),
+                sigma=_gauges(gauge, gauge_turn)[0],
+                candidates=candidates,
+                payload=None if carried is None else parse_payload(carried),
+                zone=zone,
                 seed=seed,
-            )  # fmt: skip
+            )
             positions_plan.plan_positions(given, asked, frame)
             return
         if iso:
@@ -236,16 +250,25 @@ def plan(
             return
         _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
-            poses=design_only or poses or 0, plain=design_only is not None,
+            poses=design_only or poses or 0,
+            plain=design_only is not None,
             free=parsing.parse_names(free, None, "--free"),
-            criterion=parsing.parse_word(criterion, CRITERIA, "--criterion"), forces=parsing.parse_loads(loads) or None,
+            criterion=parsing.parse_word(criterion, CRITERIA, "--criterion"),
+            forces=parsing.parse_loads(loads) or None,
             directions=None if directions is None else plan_options.parse_directions(directions),
-            components=None if read is None else plan_options.parse_read(read), repeats=repeats, unloading=unloading,
-            candidates=candidates, design=parsing.parse_word(design, METHODS, "--design"), levels=levels,
+            components=None if read is None else plan_options.parse_read(read),
+            repeats=repeats,
+            unloading=unloading,
+            candidates=candidates,
+            design=parsing.parse_word(design, METHODS, "--design"),
+            levels=levels,
             vary=parsing.parse_names(vary, given.robot.coordinates, "--vary"),
             hold_deg={} if hold is None else parsing.parse_pairs(hold, "--hold", given.robot.coordinates),
-            zone=zone, random_order=random_order, gauge=_gauges(gauge, gauge_turn), seed=seed,
-        )  # fmt: skip
+            zone=zone,
+            random_order=random_order,
+            gauge=_gauges(gauge, gauge_turn),
+            seed=seed,
+        )
         table = None if without_data else _readings(frame, given, data, confirm_units)
         _plan(given, table, data, wanted, frame)
 
@@ -263,9 +286,13 @@ def _plan(given: Arm, table: Measurements | None, data: Path | None, wanted: Req
 
 
 def _write(
-    given: Arm, table: Measurements | None, planned: Planned, content: dict[str, Any],
-    folder: OutputFolder, calibrate: str,
-) -> None:  # fmt: skip
+    given: Arm,
+    table: Measurements | None,
+    planned: Planned,
+    content: dict[str, Any],
+    folder: OutputFolder,
+    calibrate: str,
+) -> None:
     from stiffarm.commands.plan.figures import plan_figure
     from stiffarm.commands.plan.report import write_report
     from stiffarm.pages.style import save_png
@@ -309,15 +336,20 @@ def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zo
 
 
 def _check_kind(poses: int | None, design_only: int | None, iso: bool, positions: int | None) -> None:
-    tasks = {"--poses": poses is not None, "--design-only": design_only is not None, "--iso9283": iso,
-             "--positions": positions is not None}  # fmt: skip
+    tasks = {
+        "--poses": poses is not None,
+        "--design-only": design_only is not None,
+        "--iso9283": iso,
+        "--positions": positions is not None,
+    }
     asked = [name for name, there in tasks.items() if there]
     if len(asked) != 1:
         raise InputError(
-            "plan", value=" with ".join(asked) or "no task",
+            "plan",
+            value=" with ".join(asked) or "no task",
             allowed="one of --poses N, --design-only N, --iso9283, --positions N",
             remedy="say how many set-ups to choose, as in --poses 6",
-        )  # fmt: skip
+        )
 
 
 def _refuse(options: dict[str, Any], iso: bool) -> None:

@@ -140,11 +140,13 @@ def _against_chance(ax: Axes, made: MeasurementPlan) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     ax.set_xlabel("set-ups")
     unit = "over this plan's" if mixed else "% of its value"
-    ax.set_ylabel({
-        "D": f"standard deviation of a parameter\n(geometric mean, {unit})",
-        "A": "standard deviation of a parameter\n(root mean square, % of the vague prior's)",
-        "I": "standard deviation of a predicted deflection (mm)",
-    }[made.criterion])  # fmt: skip
+    ax.set_ylabel(
+        {
+            "D": f"standard deviation of a parameter\n(geometric mean, {unit})",
+            "A": "standard deviation of a parameter\n(root mean square, % of the vague prior's)",
+            "I": "standard deviation of a predicted deflection (mm)",
+        }[made.criterion]
+    )
     if len(made.foresight) >= _MANY:
         ax.set(box_aspect=1.0, anchor="N")
     handles = [

@@ -22,9 +22,13 @@ from surrogate import default_sweep
 
 STEPS, REPEATS, COMPONENTS = 10, 3, (0, 1, 2)
 DIRECTIONS = (
-    ("+x", (1.0, 0.0, 0.0)), ("-x", (-1.0, 0.0, 0.0)), ("+y", (0.0, 1.0, 0.0)), ("-y", (0.0, -1.0, 0.0)),
-    ("+z", (0.0, 0.0, 1.0)), ("-z", (0.0, 0.0, -1.0)),
-)  # fmt: skip
+    ("+x", (1.0, 0.0, 0.0)),
+    ("-x", (-1.0, 0.0, 0.0)),
+    ("+y", (0.0, 1.0, 0.0)),
+    ("-y", (0.0, -1.0, 0.0)),
+    ("+z", (0.0, 0.0, 1.0)),
+    ("-z", (0.0, 0.0, -1.0)),
+)
 
 # Poses the middle of the workspace is found from, and the cells (m) their tool points are counted in.
 _POSES, _CELL = 2000, 0.05
@@ -58,9 +62,16 @@ def sheet(robot: Robot, title: str, poses: Array, rated_N: float, *, usual: bool
     done = protocol(rated_N)
     labels = tuple(f"P{i + 1}{name}" for i in range(len(poses)) for name, _ in DIRECTIONS)
     return Sheet(
-        robot, f"Static compliance of {robot.name}", np.repeat(poses, len(DIRECTIONS), axis=0),
-        np.tile(done.directions, (len(poses), 1)), labels, ("",) * len(labels), done, facts, RULES,
-    )  # fmt: skip
+        robot,
+        f"Static compliance of {robot.name}",
+        np.repeat(poses, len(DIRECTIONS), axis=0),
+        np.tile(done.directions, (len(poses), 1)),
+        labels,
+        ("",) * len(labels),
+        done,
+        facts,
+        RULES,
+    )
 
 
 def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:

@@ -58,10 +58,11 @@ def parse_target(text: str) -> Target:
     values = parse_numbers(rest) or ()
     if not re.fullmatch(r"[\w-]{1,40}", name) or len(values) not in (3, 6) or max(map(abs, values[:3])) > FARTHEST_mm:
         raise InputError(
-            "--target", value=text,
+            "--target",
+            value=text,
             allowed="NAME:X,Y,Z or NAME:X,Y,Z,DX,DY,DZ: mm in the flange frame, and where it looks",
             remedy="write it as in --target ball:0,80,50 or --target srm1:0,80,50,0,0,1",
-        )  # fmt: skip
+        )
     axis = np.array(values[3:]) if len(values) == 6 else None
     if axis is not None and not np.linalg.norm(axis) > 0.0:
         raise InputError("--target", value=text, allowed="a direction that is not 0,0,0")
@@ -73,8 +74,12 @@ def parse_targets(texts: Sequence[str]) -> tuple[Target, ...]:
     found = tuple(parse_target(text) for text in texts)
     names = [one.name for one in found]
     if not found or len(set(names)) != len(names):
-        raise InputError("--target", value=", ".join(names) or "none", allowed="one or more, each name once",
-                         remedy="write it as in --target ball:0,80,50")  # fmt: skip
+        raise InputError(
+            "--target",
+            value=", ".join(names) or "none",
+            allowed="one or more, each name once",
+            remedy="write it as in --target ball:0,80,50",
+        )
     return found
 
 
@@ -83,9 +88,11 @@ def parse_tracker(text: str | None) -> Array:
     values = None if text is None else parse_numbers(text)
     if values is None or len(values) != 3 or max(map(abs, values)) > FARTHEST_mm:
         raise InputError(
-            "--tracker", value=text or "none", allowed="X,Y,Z in mm, the arm's base frame",
+            "--tracker",
+            value=text or "none",
+            allowed="X,Y,Z in mm, the arm's base frame",
             remedy="say about where it stands, as in --tracker 3000,500,1200",
-        )  # fmt: skip
+        )
     return np.array(values) * 1e-3
 
 
@@ -106,23 +113,37 @@ def payload(given: Arm, p: PlannedCampaign) -> dict[str, Any]:
     """Everything, keys with units."""
     names, angles = _angles(given.robot, p.q)
     return {
-        "schema": SCHEMA, "robot": given.robot.name, "poses": len(p.q), "readings": p.readings,
-        "scatter_sd_mm": number(1e3 * p.wanted.sigma), "tracker_mm": (1e3 * p.wanted.tracker).tolist(),
-        "targets": [one.name for one in p.wanted.targets], "candidates": p.candidates,
+        "schema": SCHEMA,
+        "robot": given.robot.name,
+        "poses": len(p.q),
+        "readings": p.readings,
+        "scatter_sd_mm": number(1e3 * p.wanted.sigma),
+        "tracker_mm": (1e3 * p.wanted.tracker).tolist(),
+        "targets": [one.name for one in p.wanted.targets],
+        "candidates": p.candidates,
         "plan": [
-            {**{n: number(float(v)) for n, v in zip(names, row, strict=True)}, "targets": _seen(p, k),
-             "approaches": [text for text in approaches(p, k) if text]}
+            {
+                **{n: number(float(v)) for n, v in zip(names, row, strict=True)},
+                "targets": _seen(p, k),
+                "approaches": [text for text in approaches(p, k) if text],
+            }
             for k, row in enumerate(angles)
         ],
         "parameters": [
-            {"name": e.name, "unit": e.unit, "sd": number(e.sd), "sd_by_random_poses": number(e.random_sd),
-             "sd_before": number(e.before), "identified": e.identified}
+            {
+                "name": e.name,
+                "unit": e.unit,
+                "sd": number(e.sd),
+                "sd_by_random_poses": number(e.random_sd),
+                "sd_before": number(e.before),
+                "identified": e.identified,
+            }
             for e in p.expected
         ],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in p.twins],
         "narrower_than_random_poses": number(gain(p)),
         "notes": list(notes(p)),
-    }  # fmt: skip
+    }
 
 
 def gain(p: PlannedCampaign) -> float:

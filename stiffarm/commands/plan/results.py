@@ -65,9 +65,16 @@ def plan_sheet(given: Arm, data: Measurements | None, planned: Planned) -> Sheet
         "The plan knows joint limits, floor and boxes, not cables and fixtures: drive slowly the first time.",
     ]
     return Sheet(
-        given.robot, f"Measurement sheet {given.robot.name}", made.q, made.direction, planned.labels,
-        tuple(_hint(planned, k) for k in range(len(planned.labels))), protocol, tuple(facts), tuple(rules),
-    )  # fmt: skip
+        given.robot,
+        f"Measurement sheet {given.robot.name}",
+        made.q,
+        made.direction,
+        planned.labels,
+        tuple(_hint(planned, k) for k in range(len(planned.labels))),
+        protocol,
+        tuple(facts),
+        tuple(rules),
+    )
 
 
 def _hint(planned: Planned, k: int) -> str:

@@ -146,10 +146,17 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
     still = zip(robot.coordinates, np.degrees(held).tolist(), strict=True)
     held_deg = {name: angle for name, angle in still if name not in vary}
     return Planned(
-        request, start, made, promise, new_labels(len(made.q), "N", () if data is None else data.pose), len(poses),
-        expected(start, made.q, made.direction * protocol.forces.max(), protocol), held_deg,
-        (*notes, *remarks, words.rests_on(start, promise), *_remarks(start, request, data)), calibrated,
-    )  # fmt: skip
+        request,
+        start,
+        made,
+        promise,
+        new_labels(len(made.q), "N", () if data is None else data.pose),
+        len(poses),
+        expected(start, made.q, made.direction * protocol.forces.max(), protocol),
+        held_deg,
+        (*notes, *remarks, words.rests_on(start, promise), *_remarks(start, request, data)),
+        calibrated,
+    )
 
 
 def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protocol:
@@ -290,8 +297,10 @@ def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) 
 def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:
     out = []
     if data is None:
-        out.append("no readings yet: planned for the model's own values (where a joint is rigid the middle of its "
-                   "arm's class) and chosen for the gauge's scatter alone")  # fmt: skip
+        out.append(
+            "no readings yet: planned for the model's own values (where a joint is rigid the middle of its "
+            "arm's class) and chosen for the gauge's scatter alone"
+        )
     elif not start.found:
         out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
     zone = request.zone
@@ -304,8 +313,10 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
     if request.random_order:
         out.append("random order: slow drift of gauge and robot does not look like an effect of the pose")
     else:
-        out.append("order: a short way through joint space; with drift to fear take --random-order, "
-                   "or read the first set-up again at the end")  # fmt: skip
+        out.append(
+            "order: a short way through joint space; with drift to fear take --random-order, "
+            "or read the first set-up again at the end"
+        )
     if request.unloading:
         out.append("readings while unloading tell of friction and hysteresis; they are not counted in the prediction")
     return out

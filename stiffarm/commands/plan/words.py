@@ -100,8 +100,10 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
     limit = rigid_from(f)
     if limit <= 1.5 * f.planned_for:
         return f"{p.name}: known {_within(factor)} {assumed} {rest}"
-    return (f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one can be distinguished from rigid up "
-            f"to {quantity(limit, p.unit, 2)}")  # fmt: skip
+    return (
+        f"{p.name}: known {_within(factor)} {assumed} {rest}. A stiffer one can be distinguished from rigid up "
+        f"to {quantity(limit, p.unit, 2)}"
+    )
 
 
 def rests_on(start: Outset, found: Forecast) -> str:

@@ -39,9 +39,11 @@ def payload_of(description: ModelDescription, text: str | None, *, compensate: b
         return Payload(0.0, np.zeros(3)) if corrects else None
     if not corrects:
         raise InputError(
-            "--payload", value=text, allowed="with --compensate, and a model that positions have calibrated",
+            "--payload",
+            value=text,
+            allowed="with --compensate, and a model that positions have calibrated",
             remedy="leave it out, or run `stiffarm calibrate` on a table of positions and take its model.toml",
-        )  # fmt: skip
+        )
     return parse_payload(text)
 
 
@@ -58,8 +60,10 @@ def payload(found: Corrected, positions: Positions) -> dict[str, Any]:
     return {
         "largest_um": number(float(found.moved.max(initial=0.0)) * 1e6),
         "mean_um": number(float(found.moved.mean()) * 1e6),
-        "by": {name: {"largest_um": number(float(v.max(initial=0.0))), "mean_um": number(float(v.mean()))}
-               for name, v in sizes.items()},
+        "by": {
+            name: {"largest_um": number(float(v.max(initial=0.0))), "mean_um": number(float(v.mean()))}
+            for name, v in sizes.items()
+        },
         "place_sd_um": number(found.place_sd * 1e6),
         "turns_corrected": found.turns,
         "turn_sd_urad": number(found.turn_sd * 1e6),
@@ -71,7 +75,7 @@ def payload(found: Corrected, positions: Positions) -> dict[str, Any]:
         "calibrated_rms_mm": {"readings_left_out": positions.left_out_rms_mm, "before": positions.before_rms_mm},
         "rounds": found.rounds,
         "controller": CONTROLLER,
-    }  # fmt: skip
+    }
 
 
 def words(found: Corrected, positions: Positions) -> str:

@@ -89,9 +89,14 @@ def axes_page(study: AxesStudy, title: str) -> str:
 def cells_of(study: AxesStudy) -> AxesCells:
     """The map by cell."""
     made = axes_map(
-        study.model, study.looked, study.objective, study.drive, study.angles, postures=True,
+        study.model,
+        study.looked,
+        study.objective,
+        study.drive,
+        study.angles,
+        postures=True,
         generator=np.random.default_rng(0),
-    )  # fmt: skip
+    )
     cause, causes = causes_of(made, study.model.robot, study.scenes, study.place, study.e, study.table)
     error = None
     if study.error is not None and study.force is not None:

@@ -150,10 +150,12 @@ def course_cells(posed: Posed, name: str, course: Course) -> tuple[str, ...]:
     gamma = np.degrees([course.gamma.min(), course.gamma.max()])
     known = posed.request.objective.quantity != ROOM
     return (
-        name, significant(course.mean * factor, 4),
+        name,
+        significant(course.mean * factor, 4),
         f"{significant(mean.low * factor)} to {significant(mean.high * factor)}" if known else "",
-        significant(course.worst * factor, 4), f"{gamma[0]:.4g} to {gamma[1]:.4g}",
-    )  # fmt: skip
+        significant(course.worst * factor, 4),
+        f"{gamma[0]:.4g} to {gamma[1]:.4g}",
+    )
 
 
 def gain_words(posed: Posed, name: str) -> str:

@@ -97,10 +97,11 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
         rms = posed.milling.errors[CHOSEN].estimated(np.random.default_rng(posed.request.seed))["rms"]
         out.append(
             KeyFigure(
-                f"{rms.value * 1e6:.3g} um", "RMS error under the cutting force",
+                f"{rms.value * 1e6:.3g} um",
+                "RMS error under the cutting force",
                 f"95 %: {ranged(rms.low * 1e6, rms.high * 1e6, 'um')}",
             )
-        )  # fmt: skip
+        )
     return out
 
 

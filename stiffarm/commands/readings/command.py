@@ -20,7 +20,7 @@ def readings(
         typer.Argument(
             metavar="FILE...",
             help="Files from an instrument or filled in by hand: text with any separator, or XLSX. Joint angles "
-                 "may be in a separate file.",
+            "may be in a separate file.",
         ),
     ],
     out: Annotated[
@@ -33,9 +33,7 @@ def readings(
     ] = None,
     mapping: Annotated[
         Path | None,
-        typer.Option(
-            "--mapping", help="Mapping file (TOML) that an earlier run wrote with its table. Default: none."
-        ),
+        typer.Option("--mapping", help="Mapping file (TOML) that an earlier run wrote with its table. Default: none."),
     ] = None,
     kind: Annotated[
         str | None,
@@ -112,34 +110,45 @@ def readings(
     ] = None,
     rows: Annotated[
         str | None,
-        typer.Option("--rows", help="First and last line of the readings, as in 8-40. Default: all below the names.",
-                     rich_help_panel=_FILE),
+        typer.Option(
+            "--rows",
+            help="First and last line of the readings, as in 8-40. Default: all below the names.",
+            rich_help_panel=_FILE,
+        ),
     ] = None,
     sheet: Annotated[
         list[str] | None,
-        typer.Option("--sheet", help="Sheet of a workbook. May be repeated. Default: the one that holds readings.",
-                     rich_help_panel=_FILE),
+        typer.Option(
+            "--sheet",
+            help="Sheet of a workbook. May be repeated. Default: the one that holds readings.",
+            rich_help_panel=_FILE,
+        ),
     ] = None,
     encoding: Annotated[
         str | None,
-        typer.Option("--encoding", help="Encoding, as in utf-8, utf-16 or windows-1252. Default: found.",
-                     rich_help_panel=_FILE),
+        typer.Option(
+            "--encoding", help="Encoding, as in utf-8, utf-16 or windows-1252. Default: found.", rich_help_panel=_FILE
+        ),
     ] = None,
     separator: Annotated[
         str | None,
         typer.Option(
-            "--separator", help="Separator: comma, semicolon, tab, bar, blank (one or more) or blanks (two or more). "
-            "Default: found.", rich_help_panel=_FILE,
+            "--separator",
+            help="Separator: comma, semicolon, tab, bar, blank (one or more) or blanks (two or more). Default: found.",
+            rich_help_panel=_FILE,
         ),
     ] = None,
     decimal: Annotated[
         str | None,
-        typer.Option("--decimal", help="Decimal mark: point or comma. Default: found if the numbers settle it.",
-                     rich_help_panel=_FILE),
+        typer.Option(
+            "--decimal",
+            help="Decimal mark: point or comma. Default: found if the numbers settle it.",
+            rich_help_panel=_FILE,
+        ),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
-) -> None:  # fmt: skip
+) -> None:
     """Make a measurement table from instrument files or sheets.
 
     Reads exports of laser trackers, controllers' logs and sheets filled in by hand, and writes a table that
@@ -153,11 +162,24 @@ def readings(
 
         arm = step.arm_of(model)
         asked = step.settings_of(
-            mapping, step.pairs(column, "--column"), step.pairs(fill, "--fill"), arm, kind=kind,
-            units=step.words_of(units, "--units"), sigma_mm=sigma_mm, axes=axes, target=target, join=join,
-            names=step.words_of(names, "--names"), header=header, rows=step.lines_of(rows), sheets=tuple(sheet or ()),
-            encoding=encoding, separator=separator, decimal=decimal,
-        )  # fmt: skip
+            mapping,
+            step.pairs(column, "--column"),
+            step.pairs(fill, "--fill"),
+            arm,
+            kind=kind,
+            units=step.words_of(units, "--units"),
+            sigma_mm=sigma_mm,
+            axes=axes,
+            target=target,
+            join=join,
+            names=step.words_of(names, "--names"),
+            header=header,
+            rows=step.lines_of(rows),
+            sheets=tuple(sheet or ()),
+            encoding=encoding,
+            separator=separator,
+            decimal=decimal,
+        )
         if out is not None:  # before any work
             step.check_place(out, files, first=mapping is None, replace=replace)
         made = step.Written(convert(files, asked, arm), None, None, None)

@@ -34,9 +34,14 @@ class Written:
 
 
 def settings_of(
-    mapping: Path | None, columns: Mapping[str, str], fill: Mapping[str, str], arm: Robot | None, *,
-    sigma_mm: float | None, **given: Any,
-) -> Settings:  # fmt: skip
+    mapping: Path | None,
+    columns: Mapping[str, str],
+    fill: Mapping[str, str],
+    arm: Robot | None,
+    *,
+    sigma_mm: float | None,
+    **given: Any,
+) -> Settings:
     """Settings of a mapping file, with what the user says in front of it; ``columns``: meanings as text, by name.
 
     ``arm``: whose joints may be named.
@@ -122,8 +127,9 @@ def save(made: Converted, out: Path, *, first: bool, replace: bool) -> Written:
     try:
         return Written(made, out, mapping, _write(made, out, mapping, old))
     except OSError as error:
-        raise InputError(f"table {out} cannot be written ({error.strerror or error})",
-                         remedy="choose another place with --out") from error  # fmt: skip
+        raise InputError(
+            f"table {out} cannot be written ({error.strerror or error})", remedy="choose another place with --out"
+        ) from error
 
 
 def check_place(out: Path, files: Sequence[Path], *, first: bool, replace: bool) -> list[Path]:
@@ -135,12 +141,17 @@ def check_place(out: Path, files: Sequence[Path], *, first: bool, replace: bool)
         They may not, or it is no place for a table.
     """
     if out.suffix.lower() != ".csv" or out.is_dir() or not out.parent.is_dir():
-        raise InputError("--out", value=str(out), allowed="a file ending in .csv, in an existing folder",
-                         remedy="choose another name, or make the folder")  # fmt: skip
+        raise InputError(
+            "--out",
+            value=str(out),
+            allowed="a file ending in .csv, in an existing folder",
+            remedy="choose another name, or make the folder",
+        )
     mapping = out.with_name(out.stem + MAPPING) if first else None
     if any(file.exists() and out.exists() and os.path.samefile(file, out) for file in files):
-        raise InputError("--out", value=str(out), allowed="a file other than those that are read",
-                         remedy="choose another name")  # fmt: skip
+        raise InputError(
+            "--out", value=str(out), allowed="a file other than those that are read", remedy="choose another name"
+        )
     old = [path for path in (out, mapping) if path is not None and os.path.lexists(path)]
     if old and not replace:
         raise InputError(
@@ -180,14 +191,23 @@ def payload(made: Written) -> dict[str, Any]:
         "previous": None if made.previous is None else str(made.previous),
         "files": {name: list(how) for name, how in converted.files.items()},
         "columns": [
-            {"file": c.file, "name": c.name, "meaning": str(c.meaning), "why": c.why, "empty": c.empty,
-             "lowest": _finite(c.lowest), "highest": _finite(c.highest)}
+            {
+                "file": c.file,
+                "name": c.name,
+                "meaning": str(c.meaning),
+                "why": c.why,
+                "empty": c.empty,
+                "lowest": _finite(c.lowest),
+                "highest": _finite(c.highest),
+            }
             for c in converted.columns
         ],
-        "written": {name: {"lowest": ranges[name][0], "highest": ranges[name][1]} if name in ranges else {}
-                    for name in converted.header},
+        "written": {
+            name: {"lowest": ranges[name][0], "highest": ranges[name][1]} if name in ranges else {}
+            for name in converted.header
+        },
         "notes": list(converted.notes),
-    }  # fmt: skip
+    }
 
 
 def _finite(value: float) -> float | None:

@@ -16,8 +16,9 @@ def show(made: Written, model: str | None) -> None:
     converted = made.converted
     for name, how in converted.files.items():
         say(f"{name}: {'; '.join(how)}")
-    rows = [[c.name, meaning_words(c.meaning), c.why, f"{c.empty}" if c.empty else "", _range(c)]
-            for c in converted.columns]  # fmt: skip
+    rows = [
+        [c.name, meaning_words(c.meaning), c.why, f"{c.empty}" if c.empty else "", _range(c)] for c in converted.columns
+    ]
     show_table("columns", ["column", "taken as", "why", "empty", "range in the table"], rows)
     say_notes(converted.notes)
     say(f"{len(converted.rows)} readings: a table of {converted.kind} with {len(converted.header)} columns")

@@ -19,8 +19,9 @@ def numbers_figure(numbers: Sequence[Number]) -> Figure | None:
     if not drawn:
         return None
     with drawing("What was found over what was hidden, with 95 % intervals", (10.0, 1.6 + 0.5 * len(drawn))) as (
-        figure, (ax,),
-    ):  # fmt: skip
+        figure,
+        (ax,),
+    ):
         ax.axvline(1.0, color=INK, linewidth=1.2)
         furthest = 1.0
         for row, n in enumerate(drawn):
@@ -44,8 +45,10 @@ def tally_figure(every: Mapping[str, int], seen: Mapping[str, int]) -> Figure:
         rows = np.arange(len(every))
         visible = np.array([seen.get(name, 0) for name in every])
         hidden = np.array(list(every.values())) - visible
-        looks = ((visible, 0 * visible, OKABE_ITO["blue"], "visible in these readings"),
-                 (hidden, visible, FAINT, "hardly visible"))  # fmt: skip
+        looks = (
+            (visible, 0 * visible, OKABE_ITO["blue"], "visible in these readings"),
+            (hidden, visible, FAINT, "hardly visible"),
+        )
         for count, left, colour, label in looks:
             ax.barh(rows, count, 0.7, left=left, color=colour, label=label)
         for row, count in enumerate(every.values()):

@@ -54,7 +54,7 @@ def draw(r: Rehearsed) -> dict[str, Any]:
         "gap": None if r.gap_mm is None else {"before_mm": number(r.gap_mm[0]), "after_mm": number(r.gap_mm[1])},
         "parameters": {n.name: parameter(n) for n in r.numbers},
         "not_testable": r.world.code in v.not_testable,
-    }  # fmt: skip
+    }
 
 
 def parameter(n: Number) -> dict[str, Any]:

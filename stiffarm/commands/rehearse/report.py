@@ -85,10 +85,13 @@ def compared(r: Rehearsed, pictures: Pictures) -> Section:
         kinds = {"none": "none", "unknown": "unknown"} | dict.fromkeys(r.verdict.found, "chosen")
         names = {r.world.code: f"{r.world.code} (hidden)"}
         bars = [
-            Bar(h.code if h.code in ("none", "unknown") else names.get(h.code, h.code), h.probability,
-                kinds.get(h.code, "effect"))
+            Bar(
+                h.code if h.code in ("none", "unknown") else names.get(h.code, h.code),
+                h.probability,
+                kinds.get(h.code, "effect"),
+            )
             for h in shown
-        ]  # fmt: skip
+        ]
         caption = "The candidates as the diagnosis ranked them at its first look."
         blocks.append(pictures.add(ranking_figure(bars, "The hidden one among the candidates"), "candidates", caption))
     return Section("The hidden and the found", tuple(blocks))
@@ -121,11 +124,15 @@ def many(draws: Sequence[Rehearsed], pictures: Pictures) -> list[Section]:
     """The sections of several draws: the tally, and each as it is."""
     rows = tuple(
         (
-            str(k), r.world.code, words.said(r), words.outcome(r), "yes" if r.is_visible else "no",
+            str(k),
+            r.world.code,
+            words.said(r),
+            words.outcome(r),
+            "yes" if r.is_visible else "no",
             "-" if r.gap_mm is None else f"{r.gap_mm[0]:.3f} → {r.gap_mm[1]:.3f}",
         )
         for k, r in enumerate(draws, start=1)
-    )  # fmt: skip
+    )
     heads = ("draw", "hidden", "the diagnosis", "outcome", "visible", "error at poses held out (mm)")
     return [
         Section(

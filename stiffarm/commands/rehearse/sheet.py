@@ -82,18 +82,22 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
     """
     if gauge.reads is not None:
         raise InputError(
-            "--reads", value=gauge.reads, allowed="nothing where a SHEET says what is read",
+            "--reads",
+            value=gauge.reads,
+            allowed="nothing where a SHEET says what is read",
             remedy="leave it out, or give --poses for a campaign without a sheet",
-        )  # fmt: skip
+        )
     table, columns = read_set_ups(path, given.robot)
     own = table.used[:, :3]
     header = np.array([name in columns for name in DISPLACEMENTS[:3]])
     read = np.where(own.any(axis=1, keepdims=True), own, header & ~table.used.any(axis=1, keepdims=True))
     if not read.any():
         raise InputError(
-            f"{table.source}: columns read", value=", ".join(columns), allowed="dx_mm, dy_mm or dz_mm",
+            f"{table.source}: columns read",
+            value=", ".join(columns),
+            allowed="dx_mm, dy_mm or dz_mm",
             remedy="a rehearsal reads displacements, no rotations: add one of these columns",
-        )  # fmt: skip
+        )
     kept = np.asarray(read.any(axis=1), dtype=np.bool_)
     table, read = table.select(kept), read[kept]
     noise, words = _noise_of(table, gauge)
@@ -135,10 +139,21 @@ def _table_of(r: Readings) -> Measurements:
     n = len(r)
     phase = tuple("unloading" if down else "loading" for down in r.unloading)
     return Measurements(
-        "campaign", "", r.q, r.wrench, np.full((n, 6), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan),
-        tuple(f"P{k + 1:02d}" for k in r.setup), tuple(int(k) for k in r.repeat), phase, np.arange(1.0, n + 1.0),
-        tuple(range(2, n + 2)), {}, (),
-    )  # fmt: skip
+        "campaign",
+        "",
+        r.q,
+        r.wrench,
+        np.full((n, 6), np.nan),
+        np.full((n, 3), np.nan),
+        np.full(n, np.nan),
+        tuple(f"P{k + 1:02d}" for k in r.setup),
+        tuple(int(k) for k in r.repeat),
+        phase,
+        np.arange(1.0, n + 1.0),
+        tuple(range(2, n + 2)),
+        {},
+        (),
+    )
 
 
 def held_out(r: Readings) -> Measurements:

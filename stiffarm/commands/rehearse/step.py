@@ -149,9 +149,15 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
     size = arm_class(given.description, given.robot)
     seed = int(_rng(given, request.seed, draw, 3).integers(2**31))
     return hide(
-        world, code, set_ups.readings, set_ups.noise, seed=seed, links=kind, read=set_ups.read,
+        world,
+        code,
+        set_ups.readings,
+        set_ups.noise,
+        seed=seed,
+        links=kind,
+        read=set_ups.read,
         ranges=(size.low, size.high),
-    )  # fmt: skip
+    )
 
 
 @contextmanager
@@ -220,9 +226,15 @@ def rehearse(
     known = world.code in found.found.start.known
     gap = None if found.held_out is None else found.unseen_rms_mm
     return Rehearsed(
-        world, set_ups, found, verdict, outcome(world.code, verdict, known), world.excess() if world.code != NOTHING
-        else 0.0, gap, tuple(_numbers(world, found)),
-    )  # fmt: skip
+        world,
+        set_ups,
+        found,
+        verdict,
+        outcome(world.code, verdict, known),
+        world.excess() if world.code != NOTHING else 0.0,
+        gap,
+        tuple(_numbers(world, found)),
+    )
 
 
 def verdict_of(d: Diagnosed) -> Verdict:
@@ -230,9 +242,13 @@ def verdict_of(d: Diagnosed) -> Verdict:
     found = tuple(f.code for f in d.in_model)
     twins = [other for code in found for other in d.twins.get(code, ())]
     return Verdict(
-        d.found.verdict, found, len(d.found.effects), (*d.credible, *twins), tuple(d.not_testable),
+        d.found.verdict,
+        found,
+        len(d.found.effects),
+        (*d.credible, *twins),
+        tuple(d.not_testable),
         d.given.robot.joint_names[0],
-    )  # fmt: skip
+    )
 
 
 def _unseen(world: World) -> Readings | None:
@@ -241,9 +257,13 @@ def _unseen(world: World) -> Readings | None:
     low, high = r.q.min(axis=0), r.q.max(axis=0)
     clear = (-np.inf, -1.0)
     q = between(
-        arm, (low + high) / 2, (high - low) / 2, UNSEEN, np.random.default_rng([world.truth.seed, 77]),
+        arm,
+        (low + high) / 2,
+        (high - low) / 2,
+        UNSEEN,
+        np.random.default_rng([world.truth.seed, 77]),
         lambda q: allowed(arm, q, 1.0, clear),
-    )  # fmt: skip
+    )
     seen = {tuple(row) for row in np.round(r.q, 9).tolist()}
     q = q[[tuple(row) not in seen for row in np.round(q, 9).tolist()]]
     if not len(q):
@@ -256,10 +276,17 @@ def _unseen(world: World) -> Readings | None:
 
     count = np.arange(n)
     return Readings(
-        np.repeat(q, len(loads), axis=0), each(r.force), np.repeat(np.arange(len(q)), len(loads)), count,
-        np.zeros(n, dtype=bool), np.ones(n, dtype=np.int64), np.zeros(n), np.zeros((n, 3)),
-        None if r.moment is None else each(r.moment), None if r.point is None else each(r.point),
-    )  # fmt: skip
+        np.repeat(q, len(loads), axis=0),
+        each(r.force),
+        np.repeat(np.arange(len(q)), len(loads)),
+        count,
+        np.zeros(n, dtype=bool),
+        np.ones(n, dtype=np.int64),
+        np.zeros(n),
+        np.zeros((n, 3)),
+        None if r.moment is None else each(r.moment),
+        None if r.point is None else each(r.point),
+    )
 
 
 def _numbers(world: World, d: Diagnosed) -> list[Number]:

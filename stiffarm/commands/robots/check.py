@@ -111,11 +111,15 @@ def _explanation(robot: Robot, e: Explanation) -> dict[str, Any]:
     changes = [_slip(robot, slip, e.fit.sizes.get(slip.code)) for slip in e.chosen]
     changes += [_frame(name, e.fit.shift[name]) for name in e.frames]
     if not e.base_known:
-        changes.append({
-            "code": "model-base", "size": None, "unit": None,
-            "words": "positions are in the model's base frame, not in the controller's robot frame of the file",
-            "remedy": "nothing, if the controller's world frame was set so; else read positions in its robot frame",
-        })  # fmt: skip
+        changes.append(
+            {
+                "code": "model-base",
+                "size": None,
+                "unit": None,
+                "words": "positions are in the model's base frame, not in the controller's robot frame of the file",
+                "remedy": "nothing, if the controller's world frame was set so; else read positions in its robot frame",
+            }
+        )
     return {"largest_mm": number(1e3 * e.fit.worst), "changes": changes}
 
 
@@ -134,13 +138,21 @@ def _slip(robot: Robot, slip: Slip, size: float | None) -> dict[str, Any]:
         axis, joint = "xyz"[slip.along], robot.joint_names[slip.joint]
         words, unit, size = f"{words}: {1e3 * size:+.4g} mm", "mm", 1e3 * size
         remedy = f"check a, d or xyz of [[joint]] {joint} (here along {axis}) against the data sheet"
-    return {"code": slip.code, "words": words, "size": None if size is None else number(size), "unit": unit,
-            "remedy": remedy}  # fmt: skip
+    return {
+        "code": slip.code,
+        "words": words,
+        "size": None if size is None else number(size),
+        "unit": unit,
+        "remedy": remedy,
+    }
 
 
 def _frame(name: str, shift: Array) -> dict[str, Any]:
-    words = {"base": "the controller's robot frame is elsewhere", "tool": "the tool point is elsewhere",
-             "turned-base": "the controller's robot frame is elsewhere and turned"}[name]  # fmt: skip
+    words = {
+        "base": "the controller's robot frame is elsewhere",
+        "tool": "the tool point is elsewhere",
+        "turned-base": "the controller's robot frame is elsewhere and turned",
+    }[name]
     mm = (1e3 * shift[-3:]).round(3) + 0.0
     size: list[float] = mm.tolist()
     text = ", ".join(f"{v:g}" for v in size)

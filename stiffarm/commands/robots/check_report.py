@@ -29,14 +29,16 @@ def write_report(
     first = (content["explanations"] or [content["closest"]])[0]
     changes = [] if first is None else first["changes"]
     picture = pictures.add(
-        skeleton_figure(robot, found), "skeleton",
+        skeleton_figure(robot, found),
+        "skeleton",
         "The arm in the pose that is farthest off, and the tool of all poses, from the side and from above.",
-    )  # fmt: skip
+    )
     key = [
         KeyFigure(f"{content['largest_mm']:.3g} mm", "largest difference as the model stands"),
         KeyFigure(f"{max(one['then_mm'] for one in content['by_pose']):.3g} mm", "with what is named put right")
-        if changes else KeyFigure(str(content["poses"]), "poses"),
-    ]  # fmt: skip
+        if changes
+        else KeyFigure(str(content["poses"]), "poses"),
+    ]
     sure = {
         "agrees": "Nothing needs to be changed.",
         "orientation": "Positions agree; orientations do not.",
@@ -52,19 +54,35 @@ def write_report(
         **({"with that put right": {one["pose"]: one["then_mm"] for one in content["by_pose"]}} if changes else {}),
     }
     by_pose: list[Block] = [
-        pictures.add(bars_figure("Distance between controller and model", distances, "distance (mm)", "pose",
-                                 {"allowed": content["tolerance_mm"]}),
-                     "distances", "How far the tool is from where the controller shows it, pose by pose."),
+        pictures.add(
+            bars_figure(
+                "Distance between controller and model",
+                distances,
+                "distance (mm)",
+                "pose",
+                {"allowed": content["tolerance_mm"]},
+            ),
+            "distances",
+            "How far the tool is from where the controller shows it, pose by pose.",
+        ),
         Table("Pose by pose", words.HEADS, tuple(words.rows(content)), (0,)),
-        Text("Read: as the controller shows it. Read less model: along the axes of the model's base. Put right: what "
-             "is left when all that is named first is changed in the model."),
-    ]  # fmt: skip
+        Text(
+            "Read: as the controller shows it. Read less model: along the axes of the model's base. Put right: what "
+            "is left when all that is named first is changed in the model."
+        ),
+    ]
     sections = [Section("What was found", (Bullets(tuple(told)),))] if told else []
     made = f"{len(found.readings.q)} poses read at the controller"
     write_page(
-        folder, description.title.split(" (")[0], f"{words.headline(description.title, content)}.", key,
-        [*sections, Section("Pose by pose", tuple(by_pose))], QUESTION, made, Answer(sure, todo, picture),
-    )  # fmt: skip
+        folder,
+        description.title.split(" (")[0],
+        f"{words.headline(description.title, content)}.",
+        key,
+        [*sections, Section("Pose by pose", tuple(by_pose))],
+        QUESTION,
+        made,
+        Answer(sure, todo, picture),
+    )
 
 
 def skeleton_figure(robot: Robot, found: PendantCheck) -> Figure:
@@ -82,10 +100,19 @@ def skeleton_figure(robot: Robot, found: PendantCheck) -> Figure:
             ax.plot(chain[:-1, a], chain[:-1, b], "o", color=INK, markersize=5, zorder=2)
             for one, other in zip(there, read, strict=True):
                 ax.plot([one[a], other[a]], [one[b], other[b]], color=OKABE_ITO["vermillion"], linewidth=1.2, zorder=3)
-            ax.plot(there[:, a], there[:, b], "o", color=OKABE_ITO["blue"], markerfacecolor="white", markersize=7,
-                    label="model", zorder=4)  # fmt: skip
-            ax.plot(read[:, a], read[:, b], "o", color=OKABE_ITO["vermillion"], markersize=4, label="controller",
-                    zorder=5)  # fmt: skip
+            ax.plot(
+                there[:, a],
+                there[:, b],
+                "o",
+                color=OKABE_ITO["blue"],
+                markerfacecolor="white",
+                markersize=7,
+                label="model",
+                zorder=4,
+            )
+            ax.plot(
+                read[:, a], read[:, b], "o", color=OKABE_ITO["vermillion"], markersize=4, label="controller", zorder=5
+            )
             ax.set_xlabel(f"{'xyz'[a]} (mm), seen {'from the side' if b == 2 else 'from above'}")
             ax.set_ylabel(f"{'xyz'[b]} (mm)")
             ax.set_aspect("equal", adjustable="datalim")

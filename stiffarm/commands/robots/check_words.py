@@ -25,11 +25,14 @@ def rows(content: dict[str, Any]) -> list[tuple[str, ...]]:
     """Lines of the table pose by pose; the last: what is left when all that is named first is put right."""
     return [
         (
-            one["pose"], _xyz(one["read_mm"]), _xyz(one["read_less_model_mm"]), f"{one['distance_mm']:.3f}",
+            one["pose"],
+            _xyz(one["read_mm"]),
+            _xyz(one["read_less_model_mm"]),
+            f"{one['distance_mm']:.3f}",
             f"{one['then_mm']:.3f}",
         )
         for one in content["by_pose"]
-    ]  # fmt: skip
+    ]
 
 
 def _xyz(values: list[float]) -> str:
@@ -50,8 +53,9 @@ def told(content: dict[str, Any]) -> list[str]:
     if content["more_explanations"]:
         out.append(f"and {content['more_explanations']} more: read poses in which every joint moves")
     if content["closest"] is not None:
-        out.append("no usual slip (sign, zero, coupling, length, base, tool, radians), up to three at once, explains "
-                   "this")  # fmt: skip
+        out.append(
+            "no usual slip (sign, zero, coupling, length, base, tool, radians), up to three at once, explains this"
+        )
         out += explained("the closest is", content["closest"])
         out.append("check that positions are in mm, in the robot's own frame and of the point that the model's tool is")
     out += [] if content["misread_poses"] else orientation(content["orientation"])

@@ -34,12 +34,14 @@ class _Robots(TyperGroup):
 
 
 robots = typer.Typer(
-    cls=_Robots, add_completion=False, pretty_exceptions_enable=False,
+    cls=_Robots,
+    add_completion=False,
+    pretty_exceptions_enable=False,
     help="""List robots, show one, or check its kinematics.
 
     `stiffarm robots` lists all; `stiffarm robots NAME` is short for `stiffarm robots show NAME`.
     """,
-)  # fmt: skip
+)
 
 
 @robots.command("show")
@@ -70,9 +72,12 @@ def show_command(
     """
     with command(out, as_json=as_json, debug=debug) as frame:
         if name is None and (pose or out):
-            raise InputError("--pose, --out" if pose and out else "--pose" if pose else "--out", value=pose or str(out),
-                             allowed="with a robot's name", remedy="name the robot first, as in "
-                             "`stiffarm robots kr60-3 --pose q2_deg=-90,q3_deg=90`")  # fmt: skip
+            raise InputError(
+                "--pose, --out" if pose and out else "--pose" if pose else "--out",
+                value=pose or str(out),
+                allowed="with a robot's name",
+                remedy="name the robot first, as in `stiffarm robots kr60-3 --pose q2_deg=-90,q3_deg=90`",
+            )
         if name is not None and out is not None and pose is None:
             raise InputError(
                 "--out", value=str(out), allowed="together with --pose", remedy="give a pose, or leave it out"
@@ -104,8 +109,16 @@ def show_command(
         rows = [[d.name, d.title, d.load_path, _readings(d.name) or "-"] for d in found]
         heads = ["name", "title", "load path", "measured readings"]
         library = library_table()
-        others = [[a["name"], a["title"], _marked(a["payload_kg"]), _marked(a["mass_kg"], mark=not a["mass_verified"]),
-                   ", ".join(a["formats"]) or "-"] for a in library]  # fmt: skip
+        others = [
+            [
+                a["name"],
+                a["title"],
+                _marked(a["payload_kg"]),
+                _marked(a["mass_kg"], mark=not a["mass_verified"]),
+                ", ".join(a["formats"]) or "-",
+            ]
+            for a in library
+        ]
 
         def show() -> None:
             show_table("Bundled robots", heads, rows)

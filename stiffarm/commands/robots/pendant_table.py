@@ -45,28 +45,50 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     columns, meant = sorted_columns(table, (*robot.angle_names, *POSITION, *own, "pose"), faults)
     missing = [name for name in POSITION if name not in {*columns.known, *meant}]
     if missing:
-        faults.add(1, f"no column {', '.join(missing)}", allowed=", ".join(POSITION),
-                   remedy="add the tool's position as the controller shows it, in mm")  # fmt: skip
+        faults.add(
+            1,
+            f"no column {', '.join(missing)}",
+            allowed=", ".join(POSITION),
+            remedy="add the tool's position as the controller shows it, in mm",
+        )
     if not {*columns.known, *meant}.intersection(robot.angle_names):
-        faults.add(1, "no joint column", value=", ".join(table.header), allowed=", ".join(robot.angle_names),
-                   remedy="name the columns of the joint angles exactly so")  # fmt: skip
+        faults.add(
+            1,
+            "no joint column",
+            value=", ".join(table.header),
+            allowed=", ".join(robot.angle_names),
+            remedy="name the columns of the joint angles exactly so",
+        )
     spoken = _convention(set(columns.known), faults)
     table, unread = _read_rows(drop_ragged(table, faults), columns)
     q = joint_angles(table, columns, robot, faults)
     for row in np.flatnonzero((np.abs(q) > np.radians(WIDEST_deg)).any(axis=1)):
-        faults.add(table.lines[row], "joint angles", value=str(np.degrees(q[row]).round(3).tolist()),
-                   allowed=f"up to {WIDEST_deg:g} deg in size",
-                   remedy="give degrees, as the controller shows them")  # fmt: skip
+        faults.add(
+            table.lines[row],
+            "joint angles",
+            value=str(np.degrees(q[row]).round(3).tolist()),
+            allowed=f"up to {WIDEST_deg:g} deg in size",
+            remedy="give degrees, as the controller shows them",
+        )
     position = numbers(table, columns, POSITION, faults)
     for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
-        faults.add(table.lines[row], f"columns {', '.join(POSITION)}", value=str((1e3 * position[row]).tolist()),
-                   allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
-                   remedy="give mm, as the controller shows them")  # fmt: skip
+        faults.add(
+            table.lines[row],
+            f"columns {', '.join(POSITION)}",
+            value=str((1e3 * position[row]).tolist()),
+            allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
+            remedy="give mm, as the controller shows them",
+        )
     turned = None if spoken is None else numbers(table, columns, spoken.columns, faults, si=False)
     if spoken is not None and turned is not None and spoken.code == "abb":
         for row in np.flatnonzero(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT_LENGTH):
-            faults.add(table.lines[row], "columns qw, qx, qy, qz", value=str(turned[row].tolist()),
-                       allowed="a quaternion of length 1", remedy="copy all four numbers, scalar first")  # fmt: skip
+            faults.add(
+                table.lines[row],
+                "columns qw, qx, qy, qz",
+                value=str(turned[row].tolist()),
+                allowed="a quaternion of length 1",
+                remedy="copy all four numbers, scalar first",
+            )
     faults.raise_if_any("pendant table")
     at = columns.known.get("pose")
     labels = tuple(str(i + 1) for i in range(len(q))) if at is None else texts(table, at)
@@ -108,9 +130,11 @@ def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
     at = [columns.known[name] for name in POSITION if name in columns.known]
     read = [not at or any(row[i] for i in at) for row in table.rows]
     if table.rows and not any(read):
-        raise InputError(f"pendant table {table.name}: no position was filled in yet",
-                         allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
-                         remedy="drive to the poses and fill them in; rows left empty are skipped")  # fmt: skip
+        raise InputError(
+            f"pendant table {table.name}: no position was filled in yet",
+            allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
+            remedy="drive to the poses and fill them in; rows left empty are skipped",
+        )
     unread = [line for line, there in zip(table.lines, read, strict=True) if not there]
     kept = replace(table, rows=tuple(compress(table.rows, read)), lines=tuple(compress(table.lines, read)))
     return kept, unread
@@ -129,9 +153,19 @@ def _convention(present: set[str], faults: Faults) -> Spoken | None:
     begun = {column for spoken in SPOKEN for column in spoken.columns} & present
     allowed = "; ".join(f"{spoken.words}: {', '.join(spoken.columns)}" for spoken in SPOKEN)
     if len(whole) > 1 and begun != set(whole[0].columns):
-        faults.add(1, "orientations in more than one convention", value=", ".join(sorted(begun)), allowed=allowed,
-                   remedy="keep the columns of one")  # fmt: skip
+        faults.add(
+            1,
+            "orientations in more than one convention",
+            value=", ".join(sorted(begun)),
+            allowed=allowed,
+            remedy="keep the columns of one",
+        )
     elif not whole and begun:
-        faults.add(1, "an orientation that is not whole", value=", ".join(sorted(begun)), allowed=allowed,
-                   remedy="add the missing columns, or remove these")  # fmt: skip
+        faults.add(
+            1,
+            "an orientation that is not whole",
+            value=", ".join(sorted(begun)),
+            allowed=allowed,
+            remedy="add the missing columns, or remove these",
+        )
     return whole[0] if whole else None

@@ -113,8 +113,13 @@ def sensitivity(
     parameters.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        options = {"--free": free, "--campaign": campaign, "--component": component, "--samples": samples,
-                   "--trajectories": trajectories}  # fmt: skip
+        options = {
+            "--free": free,
+            "--campaign": campaign,
+            "--component": component,
+            "--samples": samples,
+            "--trajectories": trajectories,
+        }
         chosen = _method(method, joints, options)
         names = parsing.parse_names(free, None, "--free")
         given = frame.model(model, links, load_path, without="the sensitivities", sets=sets, shown=True)
@@ -133,9 +138,16 @@ def sensitivity(
                 at = select_poses(table, labels, "--poses")
                 numbers = load_campaign(campaign) if campaign else names or tuple(f"{j}.stiffness" for j in springs)
                 found = screenings.study(
-                    given, at, chosen, numbers, levels, component=component or screenings.read_most(at),
-                    samples=samples or _SAMPLES, trajectories=trajectories or _TRAJECTORIES, seed=seed,
-                )  # fmt: skip
+                    given,
+                    at,
+                    chosen,
+                    numbers,
+                    levels,
+                    component=component or screenings.read_most(at),
+                    samples=samples or _SAMPLES,
+                    trajectories=trajectories or _TRAJECTORIES,
+                    seed=seed,
+                )
                 result, show = _screened(given, at, found, folder)
         frame.answer(result, show)
 

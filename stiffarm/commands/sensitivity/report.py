@@ -69,9 +69,10 @@ def write_screening_report(given: Arm, data: Measurements, study: Study, folder:
     """The page of a screening."""
     f, names = study.found, [p.name for p in study.parameters]
     size: Array = {
-        "sobol": f.total, "morris": f.mean_effect / np.maximum(f.mean_effect.sum(axis=1, keepdims=True), 1e-300),
+        "sobol": f.total,
+        "morris": f.mean_effect / np.maximum(f.mean_effect.sum(axis=1, keepdims=True), 1e-300),
         "derivative": variance_shares(f.derivative),
-    }[study.method]  # fmt: skip
+    }[study.method]
     shares = dict(zip(names, np.nan_to_num(size).mean(axis=0).tolist(), strict=True))
     first = [names[int(k)] for k in np.nan_to_num(size).argmax(axis=1)]
     title, heads, rows = screenings.table(study)

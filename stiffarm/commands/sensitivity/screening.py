@@ -195,6 +195,9 @@ def few(s: Study, most: int) -> Study:
     fields = ("first", "first_conf", "total", "total_conf", "mean_effect", "spread", "derivative")
     found = replace(f, **{name: getattr(f, name)[kept] for name in fields})
     return replace(
-        s, labels=tuple(s.labels[k] for k in kept), loads_N=s.loads_N[kept],
-        directions=tuple(s.directions[k] for k in kept), found=found,
-    )  # fmt: skip
+        s,
+        labels=tuple(s.labels[k] for k in kept),
+        loads_N=s.loads_N[kept],
+        directions=tuple(s.directions[k] for k in kept),
+        found=found,
+    )

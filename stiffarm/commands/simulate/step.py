@@ -56,8 +56,11 @@ def of_pose(
     flagged(model.robot, d[None], "--pose under --load")
     force = wrench[:3]
     # What a load or a gauge adds is in the reading, and no compliance of the arm.
-    arm = d - np.sum([parts[e.effect.code][0] for e in given.effects if e.effect.code in parts and not
-                      e.effect.of_the_arm] or [np.zeros(6)], axis=0)  # fmt: skip
+    arm = d - np.sum(
+        [parts[e.effect.code][0] for e in given.effects if e.effect.code in parts and not e.effect.of_the_arm]
+        or [np.zeros(6)],
+        axis=0,
+    )
     along = float(arm[:3] @ force) / float(force @ force) if force.any() else float("nan")
     low = high = np.array([np.nan])
     if not rigid_joints and along > 0.0 and not wrench[3:].any():

@@ -13,9 +13,25 @@ from stiffarm.session.json_text import number, share
 
 SCHEMA = "stiffarm-study/1"
 COLUMNS = (
-    "set", "world", "kind", "hidden", "excess_chi2", "detectable", "verdict", "named", "found", "probability", "set95",
-    "right", "named_right", "wrong_names", "before_mm", "after_mm", "seconds", "reason",
-)  # fmt: skip
+    "set",
+    "world",
+    "kind",
+    "hidden",
+    "excess_chi2",
+    "detectable",
+    "verdict",
+    "named",
+    "found",
+    "probability",
+    "set95",
+    "right",
+    "named_right",
+    "wrong_names",
+    "before_mm",
+    "after_mm",
+    "seconds",
+    "reason",
+)
 
 
 def study(rows: Sequence[Row]) -> dict[str, Any]:

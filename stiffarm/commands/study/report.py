@@ -21,8 +21,15 @@ def write_report(rows: Sequence[Row], name: str, folder: OutputFolder) -> None:
     """Draw all figures and write report.html."""
     pictures = Pictures(folder)
     count = Counter(r.kind for r in rows)
-    lede = f"{len(rows)} sets, diagnosed blind: " + ", ".join(f"{count[k]} with {text}" if k != "outside" else
-            f"{count[k]} with an effect {text}" for k, text in KINDS.items() if count[k]) + "."  # fmt: skip
+    lede = (
+        f"{len(rows)} sets, diagnosed blind: "
+        + ", ".join(
+            f"{count[k]} with {text}" if k != "outside" else f"{count[k]} with an effect {text}"
+            for k, text in KINDS.items()
+            if count[k]
+        )
+        + "."
+    )
     by = {s.name: s.share for s in scores(rows)}
     key = [
         KeyFigure(words.rate(by[name]), label, f"95\u00a0%: {words.interval(by[name])}" if by[name].of else "")
@@ -73,11 +80,15 @@ def _groups(rows: Sequence[Row], pictures: Pictures) -> Section:
 def _every(rows: Sequence[Row]) -> Section:
     lines = tuple(
         (
-            r.name, ", ".join(r.hidden) or "nothing", f"{r.excess:.0f}" if r.excess == r.excess else "-", r.verdict,
-            ", ".join(r.named) or "-", "yes" if r.is_right else "no",
+            r.name,
+            ", ".join(r.hidden) or "nothing",
+            f"{r.excess:.0f}" if r.excess == r.excess else "-",
+            r.verdict,
+            ", ".join(r.named) or "-",
+            "yes" if r.is_right else "no",
         )
         for r in rows
-    )  # fmt: skip
+    )
     heads = ("set", "hidden", "chi-square", "verdict", "named", "right family leads")
     return Section("Every set", (Table("Set by set", heads, lines, (0, 1, 3, 4, 5), folded=True),))
 

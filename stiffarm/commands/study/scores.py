@@ -155,10 +155,12 @@ def scores(rows: Sequence[Row]) -> list[Score]:
         Score("truth in the 95 % set, detectable", share(seen, lambda r: bool({*r.hidden} & {*r.set95})), 0.96),
         Score("named and right, detectable", share(seen, lambda r: r.is_named_right), 0.80),
         Score("a wrong name, all sets", share(rows, lambda r: bool(r.wrong_names)), 0.02, at_most=True),
-        Score("nothing hidden: anything but \"none\"", share(of["none"], lambda r: not r.is_right), 0.02, at_most=True),
+        Score('nothing hidden: anything but "none"', share(of["none"], lambda r: not r.is_right), 0.02, at_most=True),
         Score("nothing hidden: a name", share(of["none"], lambda r: bool(r.named))),
         Score(
-            "more effects named than there are, all sets", share(rows, lambda r: len(r.named) > len(r.hidden)), 0.02,
+            "more effects named than there are, all sets",
+            share(rows, lambda r: len(r.named) > len(r.hidden)),
+            0.02,
             at_most=True,
         ),
         Score("not detectable: none, ambiguous or rightly named", share(dim, _modest), 0.98),
@@ -167,11 +169,15 @@ def scores(rows: Sequence[Row]) -> list[Score]:
         Score("outside: a name", share(strange, lambda r: bool(r.named))),
         Score("pairs: one right", share(pairs, lambda r: bool(_taken(r) & r.families)), 0.98),
         Score("pairs: both right", share(pairs, lambda r: _taken(r) >= r.families), 0.80),
-        Score("held-out error grew, detectable", share(_judged(rows), lambda r: r.after_mm > r.before_mm), 0.02,
-              at_most=True),
+        Score(
+            "held-out error grew, detectable",
+            share(_judged(rows), lambda r: r.after_mm > r.before_mm),
+            0.02,
+            at_most=True,
+        ),
         Score("refused, all sets", share(rows, lambda r: r.verdict == "refused")),
         Score("failed, all sets", share(rows, lambda r: r.verdict == "failed"), 0.0, at_most=True),
-    ]  # fmt: skip
+    ]
     return lines
 
 
@@ -208,8 +214,15 @@ def by_family(rows: Iterable[Row]) -> list[tuple[str, int, Share, Share, Share]]
     out = []
     for name, some in sorted(groups.items()):
         seen = [r for r in some if r.is_detectable]
-        out.append((name, len(some), share(seen, lambda r: r.is_right), share(seen, lambda r: r.is_exact),
-                    share(seen, lambda r: r.is_named_right)))  # fmt: skip
+        out.append(
+            (
+                name,
+                len(some),
+                share(seen, lambda r: r.is_right),
+                share(seen, lambda r: r.is_exact),
+                share(seen, lambda r: r.is_named_right),
+            )
+        )
     return out
 
 
@@ -227,10 +240,15 @@ def by_tag(rows: Iterable[Row]) -> list[tuple[str, str, Share, Share]]:
     tags = {tag for tag, _ in groups}
     some = [tag for tag in sorted(tags) if 1 < sum(one == tag for one, _ in groups) <= 12]
     return [
-        (tag, value, share([r for r in rows if r.kind == "single" and r.is_detectable], lambda r: r.is_right),
-         share(rows, lambda r: bool(r.wrong_names)))
-        for (tag, value), rows in sorted(groups.items()) if tag in some
-    ]  # fmt: skip
+        (
+            tag,
+            value,
+            share([r for r in rows if r.kind == "single" and r.is_detectable], lambda r: r.is_right),
+            share(rows, lambda r: bool(r.wrong_names)),
+        )
+        for (tag, value), rows in sorted(groups.items())
+        if tag in some
+    ]
 
 
 @dataclass(frozen=True)
@@ -256,6 +274,7 @@ def reliability(rows: Iterable[Row]) -> list[Reliability]:
     for low, high in pairwise(BINS):
         mine = [r for r in led if low <= r.probability < high or (high == BINS[-1] and r.probability == high)]
         if mine:
-            out.append(Reliability(low, high, float(np.mean([r.probability for r in mine])),
-                                   share(mine, lambda r: r.is_right)))  # fmt: skip
+            out.append(
+                Reliability(low, high, float(np.mean([r.probability for r in mine])), share(mine, lambda r: r.is_right))
+            )
     return out

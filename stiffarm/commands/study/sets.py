@@ -94,9 +94,11 @@ def study_sets(folder: Path) -> list[StudySet]:
     found = sorted(path.parent for path in folder.rglob(SET))
     if not found:
         raise InputError(
-            "FOLDER", value=str(folder), allowed=f"folders with {SET}, {READINGS} and {KEY}, one a set",
+            "FOLDER",
+            value=str(folder),
+            allowed=f"folders with {SET}, {READINGS} and {KEY}, one a set",
             remedy="see docs/reference/study_sets.md",
-        )  # fmt: skip
+        )
     return [study_set(path, path.relative_to(folder).as_posix()) for path in found]
 
 

@@ -66,12 +66,19 @@ def row(one: StudySet, found: Diagnosed | None, first_joint: str, *, seconds: fl
     known = () if found is None else tuple(found.found.start.known)
     hidden = tuple(h.code for h in key.effects)
     truth = Row(
-        one.name, kind_of(one, known or hidden), hidden,
+        one.name,
+        kind_of(one, known or hidden),
+        hidden,
         tuple(dict.fromkeys(axis for h in key.effects for axis in h.axis)),
-        tuple(dict.fromkeys(h.place for h in key.effects if h.place)), excess,
-        tuple(NAN if h.excess_chi2 is None else h.excess_chi2 for h in key.effects), key.tags, key.world, first_joint,
-        reason=reason, seconds=seconds,
-    )  # fmt: skip
+        tuple(dict.fromkeys(h.place for h in key.effects if h.place)),
+        excess,
+        tuple(NAN if h.excess_chi2 is None else h.excess_chi2 for h in key.effects),
+        key.tags,
+        key.world,
+        first_joint,
+        reason=reason,
+        seconds=seconds,
+    )
     return truth if found is None else said(truth, found)
 
 
@@ -87,9 +94,18 @@ def said(truth: Row, d: Diagnosed) -> Row:
     learned = tuple((axis, learned_place(code)) for code in dict.fromkeys(laws) for axis in axes_of(code))
     before, after = (NAN, NAN) if d.held_out is None else d.unseen_rms_mm
     return replace(
-        truth, verdict=f.verdict, reason=f.reason, named=sure, found=all_found, probability=probability,
-        set95=d.credible, learned=learned, not_testable=tuple(d.not_testable), before_mm=before, after_mm=after,
-    )  # fmt: skip
+        truth,
+        verdict=f.verdict,
+        reason=f.reason,
+        named=sure,
+        found=all_found,
+        probability=probability,
+        set95=d.credible,
+        learned=learned,
+        not_testable=tuple(d.not_testable),
+        before_mm=before,
+        after_mm=after,
+    )
 
 
 def study(sets: Sequence[StudySet], jobs: int, progress: Progress | None = None) -> list[Row]:

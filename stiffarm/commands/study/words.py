@@ -74,10 +74,15 @@ def tags(rows: Sequence[Row]) -> list[tuple[str, ...]]:
 def reliabilities(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     """Stated probabilities beside shares right."""
     return [
-        (f"{100 * b.low:.0f} to {100 * b.high:.0f} %", f"{100 * b.stated:.1f} %", rate(b.right), interval(b.right),
-         "yes" if b.holds else "no")
+        (
+            f"{100 * b.low:.0f} to {100 * b.high:.0f} %",
+            f"{100 * b.stated:.1f} %",
+            rate(b.right),
+            interval(b.right),
+            "yes" if b.holds else "no",
+        )
         for b in reliability(rows)
-    ]  # fmt: skip
+    ]
 
 
 def summary(rows: Sequence[Row]) -> list[str]:

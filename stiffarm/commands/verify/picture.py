@@ -193,13 +193,29 @@ def _distance(axes: Axes, camera: style.Camera, spot: Spot) -> None:
     # Black on white is seen on every colour of a body.
     for colour, width in (("white", 5.0), (style.INK, 2.0)):
         axes.plot(*flat.T, color=colour, linewidth=width, zorder=6, solid_capstyle="round")
-        axes.plot(*flat.mean(axis=0), "o", markersize=26, markerfacecolor="none", markeredgecolor=colour,
-                  markeredgewidth=width, zorder=6)  # fmt: skip
+        axes.plot(
+            *flat.mean(axis=0),
+            "o",
+            markersize=26,
+            markerfacecolor="none",
+            markeredgecolor=colour,
+            markeredgewidth=width,
+            zorder=6,
+        )
     said = spot.distance_words or value_words(spot.offence)
     if said:
         look = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": style.INK, "linewidth": 0.9}
-        axes.annotate(said, flat.mean(axis=0), (0, -20), textcoords="offset points", ha="center", va="top",
-                      size=11.0, bbox=look, zorder=7)  # fmt: skip
+        axes.annotate(
+            said,
+            flat.mean(axis=0),
+            (0, -20),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            size=11.0,
+            bbox=look,
+            zorder=7,
+        )
 
 
 def _names(figure: Figure, spot: Spot) -> None:

@@ -17,9 +17,10 @@ from fem import ArmModel
 from robots import InputError, forward_kinematics
 
 TARGETS = (
-    Target("a", np.array([0.1, 0.0, 0.05])), Target("b", np.array([-0.1, 0.1, 0.05]), np.array([0.0, 0.0, 2.0])),
+    Target("a", np.array([0.1, 0.0, 0.05])),
+    Target("b", np.array([-0.1, 0.1, 0.05]), np.array([0.0, 0.0, 2.0])),
     Target("c", np.array([0.0, -0.15, 0.1])),
-)  # fmt: skip
+)
 WANTED = Wanted(24, TARGETS, np.array([3.0, 1.0, 1.0]), free=("geometry",), sigma=3e-5, candidates=200)
 
 
@@ -50,14 +51,26 @@ def test_a_calibration_on_the_plan_is_as_sure_as_it_promised(kr60: ArmModel, pla
     pose, target = np.nonzero(planned.seen)
     truth = Truth({f"target.{t.name}.{x}": float(v) for t in TARGETS for x, v in zip("xyz", t.point, strict=True)})
     nothing = Payload(0.0, np.zeros(3))
-    y = np.array([position(kr60, truth, planned.q[k], TARGETS[t].name, nothing, 0.0, (0.0, 0.0))
-                  for k, t in zip(pose, target, strict=True)])  # fmt: skip
+    y = np.array(
+        [
+            position(kr60, truth, planned.q[k], TARGETS[t].name, nothing, 0.0, (0.0, 0.0))
+            for k, t in zip(pose, target, strict=True)
+        ]
+    )
     n = len(pose)
     data = AbsoluteReadings(
-        "plan", "", planned.q[pose], y + 3e-5 * rng.normal(size=y.shape), Labels.of(("s",) * n),
-        Labels.of(tuple(TARGETS[t].name for t in target)), np.zeros(n, dtype=np.int64), (nothing,), np.zeros(n),
-        np.full(n, np.nan), np.arange(n),
-    )  # fmt: skip
+        "plan",
+        "",
+        planned.q[pose],
+        y + 3e-5 * rng.normal(size=y.shape),
+        Labels.of(("s",) * n),
+        Labels.of(tuple(TARGETS[t].name for t in target)),
+        np.zeros(n, dtype=np.int64),
+        (nothing,),
+        np.zeros(n),
+        np.full(n, np.nan),
+        np.arange(n),
+    )
     found = calibrate_positions(kr60, data, ("geometry",), robust=False, parts=2).found
     scale = 3e-5 / found.variances.sigma
     sds = {one.name: one.factor * sd for one, sd in zip(found.layout.unknowns, found.sd, strict=True)}
@@ -100,13 +113,19 @@ def test_what_blocks_the_beam_and_where_targets_look(kr60: ArmModel) -> None:
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"tracker": np.array([0.0, 0.0, -40.0]), "targets": (Target("up", np.zeros(3), np.array([0.0, 0.0, 1.0])),),
-          "zone": Zone(floor=5.0)}, "sees"),
+        (
+            {
+                "tracker": np.array([0.0, 0.0, -40.0]),
+                "targets": (Target("up", np.zeros(3), np.array([0.0, 0.0, 1.0])),),
+                "zone": Zone(floor=5.0),
+            },
+            "sees",
+        ),
         ({"targets": ()}, "targets"),
         ({"free": ("geometry", "periodic")}, "periodic"),
         ({"free": ("j9.zero",)}, "j9.zero"),
     ],
-)  # fmt: skip
+)
 def test_plans_that_cannot_be_are_refused(kr60: ArmModel, changed: dict[str, object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         plan_campaign(kr60, replace(WANTED, **changed))  # type: ignore[arg-type]

@@ -32,8 +32,21 @@ ALL = (
     "bump10.x",
     "bump10.ry",
 )
-SIZE = {"frame": 1e-3, "zero": 1e-2, "ratio": 1e-3, "coupling": 1e-3, "periodic": 1e-3, "spring": 1e-6, "payload": 1.0,
-        "rail": 1e-2, "target": 0.1, "growth": 1e-4, "drift": 1e-3, "reversal": 1e-3, "mass": 0.1}  # fmt: skip
+SIZE = {
+    "frame": 1e-3,
+    "zero": 1e-2,
+    "ratio": 1e-3,
+    "coupling": 1e-3,
+    "periodic": 1e-3,
+    "spring": 1e-6,
+    "payload": 1.0,
+    "rail": 1e-2,
+    "target": 0.1,
+    "growth": 1e-4,
+    "drift": 1e-3,
+    "reversal": 1e-3,
+    "mass": 0.1,
+}
 LOADS = (Payload(0.0, np.zeros(3)), Payload(40.0, np.array([0.05, 0.02, 0.1])))
 
 
@@ -42,8 +55,12 @@ def made(model: ArmModel, seed: int = 0) -> tuple[AbsoluteReadings, Layout, np.n
     plan = Plan(6, targets=2, payloads=LOADS, rail=2.0)
     rng = np.random.default_rng(seed)
     data = campaign(model, Truth({"rail.x": 1.0}), plan, rng)
-    data = replace(data, time=rng.uniform(0.0, 3600.0, len(data)), temperature=rng.uniform(15.0, 30.0, len(data)),
-                   approach=rng.choice([-1.0, 0.0, 1.0], (len(data), 6)))  # fmt: skip
+    data = replace(
+        data,
+        time=rng.uniform(0.0, 3600.0, len(data)),
+        temperature=rng.uniform(15.0, 30.0, len(data)),
+        approach=rng.choice([-1.0, 0.0, 1.0], (len(data), 6)),
+    )
     layout = Layout(unknowns(model.robot, data, ALL))
     u = np.array([one.start + SIZE[one.kind] * rng.normal() for one in layout.unknowns])
     u = np.where([one.kind == "spring" for one in layout.unknowns], np.abs(u), u)

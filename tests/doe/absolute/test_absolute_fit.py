@@ -102,8 +102,10 @@ def test_wrong_readings_are_named_with_their_cause_and_turn_no_frame(
 
 
 def test_curves_are_not_identified_where_no_angle_was_read(kr60: ArmModel) -> None:
-    curves = Truth({f"j{j}.{w}{n}": 2e-4 * (-1) ** n for j in range(1, 7) for w in ("sin", "cos") for n in (1, 2, 3)}
-                   | {f"target.a.{a}": 0.15 for a in "xyz"})  # fmt: skip
+    curves = Truth(
+        {f"j{j}.{w}{n}": 2e-4 * (-1) ** n for j in range(1, 7) for w in ("sin", "cos") for n in (1, 2, 3)}
+        | {f"target.a.{a}": 0.15 for a in "xyz"}
+    )
     data = campaign(kr60, curves, Plan(220, noise=2e-5), np.random.default_rng(3))
     keep = np.abs(data.q[:, 3]) < 1.2
     c = calibrate_positions(kr60, data.take(keep), ("zeros", "periodic6"), parts=3)
@@ -200,8 +202,10 @@ def test_springs_that_the_model_has_stay_where_they_are_not_free(
 def test_targets_of_a_pose_are_left_out_together(kr60: ArmModel) -> None:
     """Printed is what fits anew without the poses give, where joints have errors that nobody asked for."""
     rng = np.random.default_rng(21)
-    curves = Truth({f"j{j}.{w}{n}": 4e-4 * rng.normal() for j in range(1, 7) for w in ("sin", "cos") for n in (3, 4)}
-                   | {f"target.{t}.{a}": float(rng.uniform(-0.2, 0.2)) for t in "abc" for a in "xyz"})  # fmt: skip
+    curves = Truth(
+        {f"j{j}.{w}{n}": 4e-4 * rng.normal() for j in range(1, 7) for w in ("sin", "cos") for n in (3, 4)}
+        | {f"target.{t}.{a}": float(rng.uniform(-0.2, 0.2)) for t in "abc" for a in "xyz"}
+    )
     one = campaign(kr60, curves, Plan(42, noise=2e-5), rng)
     data = several_targets(kr60, curves, one)
     c = calibrate_positions(kr60, data, ("geometry", "periodic1"), robust=False)
@@ -222,8 +226,12 @@ def several_targets(model: ArmModel, truth: Truth, data: AbsoluteReadings) -> Ab
     """The poses of a campaign with three targets at each, in its frame (positions of the arm's base: no noise)."""
     nothing, n = Payload(0.0, np.zeros(3)), len(data)
     rows, target = np.repeat(np.arange(n), 3), np.tile(np.arange(3, dtype=np.int64), n)
-    y = np.array([position(model, truth, data.q[k], "abc"[t], nothing, 0.0, (0.0, 0.0))
-                  for k, t in zip(rows, target, strict=True)])  # fmt: skip
+    y = np.array(
+        [
+            position(model, truth, data.q[k], "abc"[t], nothing, 0.0, (0.0, 0.0))
+            for k, t in zip(rows, target, strict=True)
+        ]
+    )
     y += 2e-5 * np.random.default_rng(4).normal(size=y.shape)
     many = data.take(rows)
     return replace(many, position=y, target=Labels(("a", "b", "c"), target), line=np.arange(3 * n) + 2)
@@ -235,8 +243,9 @@ def test_sessions_left_out_bring_no_frame_with_them(kr60: ArmModel, truth: Truth
     data, k = found.found.data, 1
     other = data.session.number == k
     rest = data.take(~other)
-    again = fit(kr60, rest, found.found.moving.with_targets(rest), started(kr60.robot, rest),
-                variances=found.found.variances)  # fmt: skip
+    again = fit(
+        kr60, rest, found.found.moving.with_targets(rest), started(kr60.robot, rest), variances=found.found.variances
+    )
     moved = replace(data.take(other), position=data.position[other] + [1.0, -2.0, 0.5])
     assert_allclose(apart.error[other], carried_over(again, moved)[0].error, atol=0.2 * found.found.variances.sigma)
     assert calibrate_positions(kr60, rest, ("zeros",), parts=2).sessions_out is None
@@ -260,9 +269,12 @@ def test_an_estimate_that_ends_worse_than_it_began_is_refused(found: Positions) 
 @pytest.mark.parametrize("free", [("geometry", "rail.x", "rail.y", "rail.z"), ("geometry",), ("zeros",)])
 def test_a_base_may_be_carried_any_way(kr60: ArmModel, way: tuple[float, ...], free: tuple[str, ...]) -> None:
     """The way is known from the start, whichever of it are twins of frames, and whatever is free."""
-    truth = Truth({f"rail.{a}": v for a, v in zip("xyz", way, strict=True)}
-                  | {"j2.zero": 1e-3, "j3.zero": -2e-3, "j4.zero": 1e-3}
-                  | {f"target.{t}.{a}": 0.1 for t in "ab" for a in "xyz"} | {"target.b.x": -0.1})  # fmt: skip
+    truth = Truth(
+        {f"rail.{a}": v for a, v in zip("xyz", way, strict=True)}
+        | {"j2.zero": 1e-3, "j3.zero": -2e-3, "j4.zero": 1e-3}
+        | {f"target.{t}.{a}": 0.1 for t in "ab" for a in "xyz"}
+        | {"target.b.x": -0.1}
+    )
     data = campaign(kr60, truth, Plan(60, targets=2, rail=1.2, noise=2e-5), np.random.default_rng(8))
     c = calibrate_positions(kr60, data, free, parts=3)
     before, after, out = (float(np.sqrt(np.mean(d**2))) for d in c.distances().values())

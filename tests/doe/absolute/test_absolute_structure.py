@@ -24,8 +24,19 @@ def ur5() -> ArmModel:
 
 def names(model: ArmModel, free: tuple[str, ...], target: tuple[float, float, float]) -> dict[str, tuple[str, ...]]:
     n = np.zeros(4, dtype=np.int64)
-    data = AbsoluteReadings("", "", np.zeros((4, 6)), np.zeros((4, 3)), Labels(("s",), n), Labels(("t",), n), n,
-                            (Payload(0.0, np.zeros(3)),), np.zeros(4), np.full(4, np.nan), n)  # fmt: skip
+    data = AbsoluteReadings(
+        "",
+        "",
+        np.zeros((4, 6)),
+        np.zeros((4, 3)),
+        Labels(("s",), n),
+        Labels(("t",), n),
+        n,
+        (Payload(0.0, np.zeros(3)),),
+        np.zeros(4),
+        np.full(4, np.nan),
+        n,
+    )
     layout = Layout(unknowns(model.robot, data, free))
     return {t.name: t.others for t in twins(model, data, layout, Nominal(np.array([target]), (0.0, 0.0)))}
 

@@ -64,8 +64,9 @@ def test_the_file_predicts_what_the_calibration_predicts(made: Written, two_targ
     assert read_back == made.description
     P = positions(build_model(read_back, "rigid"), made, two_targets)
     session = two_targets.session.number
-    inside = np.array([made.fit.frames[s].inside(p[None])[:, 0]
-                       for s, p in zip(session, two_targets.position, strict=True)])  # fmt: skip
+    inside = np.array(
+        [made.fit.frames[s].inside(p[None])[:, 0] for s, p in zip(session, two_targets.position, strict=True)]
+    )
     # Torques are worked out twice, at the angles shown and at those that sag by the first; in the file the first ones
     # are at angles with their zero errors: a thousandth of a sag of a thousandth of a metre moves by a thousandth.
     assert_allclose(inside - P, made.fit.residual, atol=2e-8)
@@ -128,8 +129,11 @@ def test_pinocchio_reads_the_calibrated_geometry_from_the_urdf(name: str) -> Non
     model = build_model(load_description(name), "rigid").with_rigid_joints()
     rng = np.random.default_rng(4)
     joints = model.robot.joint_names
-    numbers = {f"{j}.{e}": float(2e-3 * rng.normal())
-               for j in joints[1:-1] for e in ("frame.x", "frame.rx", "frame.ry", "zero", "ratio", "sin1")}  # fmt: skip
+    numbers = {
+        f"{j}.{e}": float(2e-3 * rng.normal())
+        for j in joints[1:-1]
+        for e in ("frame.x", "frame.rx", "frame.ry", "zero", "ratio", "sin1")
+    }
     numbers |= {f"target.{t}.{a}": float(rng.uniform(-0.2, 0.2)) for t in "ab" for a in "xyz"}
     data = campaign(model, Truth(numbers), Plan(60, targets=2, noise=1e-5), rng)
     c = calibrate_positions(model, data, ("geometry", "ratios", "periodic1"), parts=2)

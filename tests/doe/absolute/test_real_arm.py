@@ -30,9 +30,13 @@ def poses(model: ArmModel, n: int = 8) -> Array:
 def with_errors(model: ArmModel, **more: object) -> ArmModel:
     rng = np.random.default_rng(1)
     errors = JointErrors(
-        5e-4 * rng.normal(size=(6, 5)), np.zeros(6), np.diag(3e-4 * rng.normal(size=6)), np.zeros((6, 0)),
-        np.zeros((6, 0)), (None,) * 6,
-    )  # fmt: skip
+        5e-4 * rng.normal(size=(6, 5)),
+        np.zeros(6),
+        np.diag(3e-4 * rng.normal(size=6)),
+        np.zeros((6, 0)),
+        np.zeros((6, 0)),
+        (None,) * 6,
+    )
     return replace(model, robot=replace(model.robot, errors=replace(errors, **more)))
 
 

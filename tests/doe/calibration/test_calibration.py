@@ -46,11 +46,21 @@ def _made_up(description: ModelDescription, n: int = 12, noise: float = 0.0, see
     read = moved + noise * rng.normal(size=moved.shape)
     unknown = np.full(3 * n, np.nan)
     return Measurements(
-        source="made up", sha256=f"{seed:064d}", q=q, wrench=wrench, displacement=read,
-        point=np.full((3 * n, 3), np.nan), sigma=unknown, pose=tuple(f"P{k // 3}" for k in range(3 * n)),
-        repeat=(None,) * (3 * n), phase=(None,) * (3 * n), step=unknown, row_numbers=tuple(range(2, 3 * n + 2)),
-        extra={}, notes=(),
-    )  # fmt: skip
+        source="made up",
+        sha256=f"{seed:064d}",
+        q=q,
+        wrench=wrench,
+        displacement=read,
+        point=np.full((3 * n, 3), np.nan),
+        sigma=unknown,
+        pose=tuple(f"P{k // 3}" for k in range(3 * n)),
+        repeat=(None,) * (3 * n),
+        phase=(None,) * (3 * n),
+        step=unknown,
+        row_numbers=tuple(range(2, 3 * n + 2)),
+        extra={},
+        notes=(),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -102,10 +112,22 @@ def test_a_written_model_is_the_calibrated_one(kuka: ModelDescription) -> None:
     walls = wall_flexibilities(kuka, model, [parameter(model, "forearm.wall")])
     p = problem(model, data, parameters, laws, walls)
     values = {
-        "j2.stiffness": 7e5, "j3.rx": 2e6, "j3.tx": 3e8, "j4.rx-rz": 1e-6, "base.ry": 2e7, "tool.ty": 4e6,
-        "upper-arm.modulus": 9e10, "forearm.wall": 1.2 * parameters[7].value, "j3.zero": 0.01, "load.x": 0.02,
-        "load.tilt_y": 0.03, "point.z": 0.04, "j5.law[0]": 11.0, "j5.law[1]": 0.3, "j5.law[2]": -0.2,
-    }  # fmt: skip
+        "j2.stiffness": 7e5,
+        "j3.rx": 2e6,
+        "j3.tx": 3e8,
+        "j4.rx-rz": 1e-6,
+        "base.ry": 2e7,
+        "tool.ty": 4e6,
+        "upper-arm.modulus": 9e10,
+        "forearm.wall": 1.2 * parameters[7].value,
+        "j3.zero": 0.01,
+        "load.x": 0.02,
+        "load.tilt_y": 0.03,
+        "point.z": 0.04,
+        "j5.law[0]": 11.0,
+        "j5.law[1]": 0.3,
+        "j5.law[2]": -0.2,
+    }
     u = np.array([q.inner(values[q.name]) for q in p.parameters])
     # The coupling needs a bearing that gives way beside it, or the matrix is not passive.
     u_j4 = next(k for k, q in enumerate(p.parameters) if q.name == "j4.rx-rz")

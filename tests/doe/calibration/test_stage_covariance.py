@@ -66,9 +66,12 @@ def campaigns(
 
 def variables(c: Calibration) -> list[float]:
     return [
-        e.parameter.inner(e.value) for name in stage_covariance(c)[0] for s in c.stages for e in s.certainty.estimates
+        e.parameter.inner(e.value)
+        for name in stage_covariance(c)[0]
+        for s in c.stages
+        for e in s.certainty.estimates
         if e.parameter.name == name
-    ]  # fmt: skip
+    ]
 
 
 def test_one_stage_is_its_own_covariance(kuka: ModelDescription, readings: Readings, random_poses: Poses) -> None:
@@ -163,6 +166,14 @@ ONE, TWO = ("j2.stiffness",), ("j3.stiffness", "j5.stiffness")
 
 
 def with_origin(given: ModelDescription, table: CalibrationUncertainty | None) -> ModelDescription:
-    origin = Origin(scheme="global", load_path=given.load_path, links="beam", data="made up", data_sha256="0" * 64,
-                    rms_mm=0.01, loads_N=(), uncertainty=table)  # fmt: skip
+    origin = Origin(
+        scheme="global",
+        load_path=given.load_path,
+        links="beam",
+        data="made up",
+        data_sha256="0" * 64,
+        rms_mm=0.01,
+        loads_N=(),
+        uncertainty=table,
+    )
     return given.model_copy(update={"calibration": origin})

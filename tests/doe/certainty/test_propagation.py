@@ -47,18 +47,34 @@ def rng() -> np.random.Generator:
 # --- exact: derivatives ------------------------------------------------------------------------------------
 
 
-EVERY_KIND = ("j1.stiffness", "j4.rx", "base.ry", "tool.ty", "upper-arm.modulus", "forearm.wall", "j5.zero",
-              "j2.law[1]", "j3.law[0]", "j3.law[2]")  # fmt: skip
+EVERY_KIND = (
+    "j1.stiffness",
+    "j4.rx",
+    "base.ry",
+    "tool.ty",
+    "upper-arm.modulus",
+    "forearm.wall",
+    "j5.zero",
+    "j2.law[1]",
+    "j3.law[0]",
+    "j3.law[2]",
+)
 
 
 @pytest.mark.slow
 def test_derivatives_are_those_of_a_model_built_anew(kuka: ModelDescription, rng: np.random.Generator) -> None:
     # Places that give way at all: their rows are in the file before.
-    start = apply_estimates(with_laws(kuka), [
-        ParameterEstimate(p, v, (math.nan, math.nan), math.nan, "determined", math.inf)
-        for p, v in zip(named_numbers(build_model(kuka), ("j4.rx", "base.ry", "tool.ty")).parameters,
-                        (2e6, 2e7, 4e6), strict=True)
-    ])  # fmt: skip
+    start = apply_estimates(
+        with_laws(kuka),
+        [
+            ParameterEstimate(p, v, (math.nan, math.nan), math.nan, "determined", math.inf)
+            for p, v in zip(
+                named_numbers(build_model(kuka), ("j4.rx", "base.ry", "tool.ty")).parameters,
+                (2e6, 2e7, 4e6),
+                strict=True,
+            )
+        ],
+    )
     given = with_table(start, table_of(start, EVERY_KIND))
     model = build_model(given)
     q = 0.6 * rng.uniform(*model.robot.limits.T, (7, 6))
@@ -77,14 +93,22 @@ def test_derivatives_are_those_of_a_model_built_anew(kuka: ModelDescription, rng
             law = laws.get(p.place) if p.kind.of_law else None
             moved = range(law.first, law.first + law.basis.size) if law else [int(column)]
             estimates = [
-                ParameterEstimate(numbers.parameters[m], numbers.parameters[m].outer(u[m]), (math.nan, math.nan),
-                                  math.nan, "determined", math.inf) for m in moved
-            ]  # fmt: skip
+                ParameterEstimate(
+                    numbers.parameters[m],
+                    numbers.parameters[m].outer(u[m]),
+                    (math.nan, math.nan),
+                    math.nan,
+                    "determined",
+                    math.inf,
+                )
+                for m in moved
+            ]
             there = build_model(apply_estimates(start, estimates, [replace(law, first=0)] if law else []))
             ends.append(np.log(fem.deflection(there, q, w) @ w))
         # Differences leave 1e-8; a wall is interpolated to 1e-6 of the link's part.
-        np.testing.assert_allclose(found[:, k], (ends[0] - ends[1]) / (2.0 * h), rtol=2e-5, atol=1e-11 / h,
-                                   err_msg=name)  # fmt: skip
+        np.testing.assert_allclose(
+            found[:, k], (ends[0] - ends[1]) / (2.0 * h), rtol=2e-5, atol=1e-11 / h, err_msg=name
+        )
 
 
 def test_one_spring_alone_has_the_compliance_s_own_relative_deviation(kuka: ModelDescription) -> None:
@@ -108,8 +132,9 @@ def test_the_whole_matrix_says_the_same_as_a_direction(kuka: ModelDescription, r
     # Linear in the compliances: with the rest it is the compliance itself.
     np.testing.assert_allclose(propagate(model, u, q, d).gradient, own, rtol=1e-9, atol=1e-6 * np.abs(own).max())
     stiffer = model.with_springs({"j1": 3e6, "j2": 1.8e6, "j5": 3e5})
-    np.testing.assert_allclose(C - np.einsum("npij,p->nij", G, 0.5 * u.estimate), fem.compliance(stiffer, q),
-                               atol=1e-12 * np.abs(C).max())  # fmt: skip
+    np.testing.assert_allclose(
+        C - np.einsum("npij,p->nij", G, 0.5 * u.estimate), fem.compliance(stiffer, q), atol=1e-12 * np.abs(C).max()
+    )
 
 
 def test_batches_do_not_matter(
@@ -136,8 +161,9 @@ def test_models_built_with_drawn_springs_spread_as_stated(kuka: ModelDescription
     model, u = build_model(given), known(given)
     q = 0.6 * rng.uniform(*model.robot.limits.T, (6, 6))
     drawn = rng.multivariate_normal(u.estimate, u.covariance, size=1000, tol=1e-9, method="eigh")
-    spread = np.array([along(model.with_springs(dict(zip(("j1", "j2", "j3", "j5"), 1.0 / c, strict=True))), q)
-                       for c in drawn])  # fmt: skip
+    spread = np.array(
+        [along(model.with_springs(dict(zip(("j1", "j2", "j3", "j5"), 1.0 / c, strict=True))), q) for c in drawn]
+    )
     stated = propagate(model, u, q)
     # A standard deviation of 1000 draws is known to 1 / sqrt(2000) = 2.2 %; four of these.
     np.testing.assert_allclose(spread.std(axis=0) / stated.compliance, stated.relative_sd, rtol=0.09)
@@ -186,8 +212,9 @@ def test_student_s_t_widens_as_its_quantile_does(kuka: ModelDescription) -> None
 # --- calibrated --------------------------------------------------------------------------------------------
 
 
-def test_a_campaign_s_covariance_reaches_the_file(kuka: ModelDescription, readings: Readings, rng: np.random.Generator,
-                                                  random_poses: Poses) -> None:  # fmt: skip
+def test_a_campaign_s_covariance_reaches_the_file(
+    kuka: ModelDescription, readings: Readings, rng: np.random.Generator, random_poses: Poses
+) -> None:
     model = build_model(kuka)
     q = random_poses(model.robot, 12, rng)
     data = readings(model, {}, q, np.array([300.0, 200.0, -600.0, 0, 0, 0]), noise_m=2e-5 * rng.normal(size=(12, 6)))

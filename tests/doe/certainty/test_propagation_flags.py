@@ -74,10 +74,19 @@ def test_a_rigid_spring_is_flagged_by_how_soft_it_may_be(
 
 def test_combinations_that_nothing_moves_are_flagged_where_they_show(kuka: ModelDescription) -> None:
     # Only the sum of the first axis' compliance and the base's about it is known, and only it matters at j1 = base.
-    start = apply_estimates(kuka, [
-        ParameterEstimate(named_numbers(build_model(kuka), ["base.rz"]).parameters[0], 2e6, (math.nan, math.nan),
-                          math.nan, "determined", math.inf)
-    ])  # fmt: skip
+    start = apply_estimates(
+        kuka,
+        [
+            ParameterEstimate(
+                named_numbers(build_model(kuka), ["base.rz"]).parameters[0],
+                2e6,
+                (math.nan, math.nan),
+                math.nan,
+                "determined",
+                math.inf,
+            )
+        ],
+    )
     for names, shows in ((("j1.stiffness", "base.rz"), False), (("j1.stiffness", "j2.stiffness"), True)):
         blind = np.array([[1.0, -1.0]]) / math.sqrt(2.0)
         given = with_table(start, table_of(start, names, blind=blind))
@@ -117,8 +126,9 @@ def test_effects_of_the_model_take_part_and_those_of_readings_do_not(kuka: Model
     found = propagate(model, u, q, d)
     np.testing.assert_allclose(found.compliance, along(model, q, d), rtol=1e-9)
     assert not found.gradient[:, 2].any()
-    softer = with_effects(start, (effect_of("joint-tilt:j2", plain).placed({"stiffness_x": 5e5, "stiffness_y": 2e6}),),
-                          "assumed")  # fmt: skip
+    softer = with_effects(
+        start, (effect_of("joint-tilt:j2", plain).placed({"stiffness_x": 5e5, "stiffness_y": 2e6}),), "assumed"
+    )
     # Linear in the tilt's compliance: twice as soft is a step of its own size.
     grown = along(build_arm(softer), q, d) / found.compliance - 1.0
     np.testing.assert_allclose(found.gradient[:, 1] * 1e-6, grown, rtol=1e-6)

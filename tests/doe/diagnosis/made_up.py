@@ -47,11 +47,22 @@ def campaign(poses: int = 18, repeats: int = 2, seed: int = 0, components: tuple
     displacement = np.full((n, 6), np.nan)
     displacement[:, components] = 0.0
     return Measurements(
-        source="made up", sha256="", q=q[[row[0] for row in rows]], wrench=wrench, displacement=displacement,
-        point=np.full((n, 3), np.nan), sigma=np.full(n, np.nan), pose=tuple(f"P{row[0]}" for row in rows),
-        repeat=tuple(row[1] for row in rows), phase=tuple(row[3] for row in rows), step=np.arange(n, dtype=float),
-        row_numbers=tuple(range(2, n + 2)), extra={}, notes=(), time=25.0 * np.arange(n),
-    )  # fmt: skip
+        source="made up",
+        sha256="",
+        q=q[[row[0] for row in rows]],
+        wrench=wrench,
+        displacement=displacement,
+        point=np.full((n, 3), np.nan),
+        sigma=np.full(n, np.nan),
+        pose=tuple(f"P{row[0]}" for row in rows),
+        repeat=tuple(row[1] for row in rows),
+        phase=tuple(row[3] for row in rows),
+        step=np.arange(n, dtype=float),
+        row_numbers=tuple(range(2, n + 2)),
+        extra={},
+        notes=(),
+        time=25.0 * np.arange(n),
+    )
 
 
 def read(

@@ -81,7 +81,7 @@ def test_nothing_found_has_no_checks_and_nothing_stated(d: Diagnosis) -> None:
 )
 def test_numbers_beyond_what_is_plausible_fire(
     d: Diagnosis, share: float, sd: float, friction: float, ok: bool
-) -> None:  # fmt: skip
+) -> None:
     found = a_found("friction:j2", {"share": share, "friction": friction}, {"share": sd, "friction": 0.02 * friction})
     check = the(checks(with_found(d, found)), "plausible-parameters")
     assert silent(check) if ok else fires(check)

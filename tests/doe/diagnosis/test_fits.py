@@ -100,8 +100,13 @@ def test_sizes_of_something_unknown_are_worked_out_together(repeats: Setting, ba
 def test_columns_that_the_base_follows_add_no_excess(repeats: Setting, base: Whitened) -> None:
     """Two columns of which one is the other again: the excess is that of one."""
     c = signatures(repeats, repeats.known["base-vertical"])[0]
-    twice = replace(c, rows=np.hstack([c.rows, c.rows]), mean=np.tile(c.mean, 2), sd=np.tile(c.sd, 2),
-                    positive=np.tile(c.positive, 2))  # fmt: skip
+    twice = replace(
+        c,
+        rows=np.hstack([c.rows, c.rows]),
+        mean=np.tile(c.mean, 2),
+        sd=np.tile(c.sd, 2),
+        positive=np.tile(c.positive, 2),
+    )
     one, two = fit_all(base, [c])[0].excess, fit_all(base, [twice])[0].excess
     assert one > 0.0
     assert two == pytest.approx(one, rel=1e-6)

@@ -96,8 +96,10 @@ def test_expected_evidence_is_the_mean_log_bayes_factor(rng: np.random.Generator
     m, S = joint(p, [0])
     expected = divergence(m, S)
     y = rng.multivariate_normal(m[0], S[0], size=200_000)
-    log = [-0.5 * (np.einsum("nk,kl,nl->n", y - a, np.linalg.inv(C), y - a) + np.linalg.slogdet(C)[1])
-           for a, C in zip(m, S, strict=True)]  # fmt: skip
+    log = [
+        -0.5 * (np.einsum("nk,kl,nl->n", y - a, np.linalg.inv(C), y - a) + np.linalg.slogdet(C)[1])
+        for a, C in zip(m, S, strict=True)
+    ]
     factor = log[0] - log[1]
     # Four standard errors of the mean.
     assert expected[0, 1] == pytest.approx(factor.mean(), abs=4.0 * factor.std() / np.sqrt(len(y)))
@@ -266,10 +268,21 @@ def _first() -> Measurements:
     d[:, 2] = deflection(_arm(), q, wrench)[:, 2] * (1.0 + 0.03 * rng.normal(size=n))
     phase = ("loading",) * 3 + ("unloading",) * 2
     return Measurements(
-        "first", "0", q, wrench, d, np.full((n, 3), np.nan), np.full(n, np.nan),
-        tuple(f"P{k // len(forces)}" for k in range(n)), (1,) * n, phase * len(PAPER), np.arange(1.0, n + 1),
-        tuple(range(2, n + 2)), {}, (),
-    )  # fmt: skip
+        "first",
+        "0",
+        q,
+        wrench,
+        d,
+        np.full((n, 3), np.nan),
+        np.full(n, np.nan),
+        tuple(f"P{k // len(forces)}" for k in range(n)),
+        (1,) * n,
+        phase * len(PAPER),
+        np.arange(1.0, n + 1),
+        tuple(range(2, n + 2)),
+        {},
+        (),
+    )
 
 
 def _arm() -> ArmModel:
@@ -536,9 +549,16 @@ def test_random_set_ups_are_measured_like_the_proposed_ones(
 
 def test_directions_and_loads_as_asked(setting: Setting, diagnosis: Diagnosis) -> None:
     n = propose(
-        setting, diagnosis, poses=2, loads=[400.0, 200.0], directions=[(0, 0, -2), (1, 0, 0)], components=[2, 0],
-        unloading=False, candidates=30, rng=np.random.default_rng(0),
-    )  # fmt: skip
+        setting,
+        diagnosis,
+        poses=2,
+        loads=[400.0, 200.0],
+        directions=[(0, 0, -2), (1, 0, 0)],
+        components=[2, 0],
+        unloading=False,
+        candidates=30,
+        rng=np.random.default_rng(0),
+    )
     assert n.protocol.components == (0, 2)
     np.testing.assert_array_equal(n.protocol.forces, [200.0, 400.0])
     assert not n.protocol.unloading

@@ -127,8 +127,9 @@ def test_a_law_of_another_world_is_learned_where_it_acts() -> None:
     rng = np.random.default_rng(6)
     d = observed(model, at, (placed,), history_of(data))
     d = d * (1.0 + 0.01 * rng.normal(size=d.shape))
-    found = diagnose(setting_of(description, model, replace(
-        data, displacement=np.where(np.isnan(data.displacement), np.nan, d))))  # fmt: skip
+    found = diagnose(
+        setting_of(description, model, replace(data, displacement=np.where(np.isnan(data.displacement), np.nan, d)))
+    )
     assert found.verdict == "learned"
     assert [f.code for f in found.learned] == ["learned-coupling:j3"]
     assert found.after.left_out_rms_mm < 0.5 * found.before.left_out_rms_mm

@@ -43,6 +43,13 @@ def test_an_effect_of_the_measurement_costs_only_by_the_springs_it_bent(found: D
 
 def test_which_effects_go_on_acting() -> None:
     description, model = kr60()
-    lasting = {"joint-zero-offset:j2": True, "backlash:j2": True, "base-tilt": True, "payload": False, "drift": False,
-               "gauge-zero": False, "load-misalignment": False}  # fmt: skip
+    lasting = {
+        "joint-zero-offset:j2": True,
+        "backlash:j2": True,
+        "base-tilt": True,
+        "payload": False,
+        "drift": False,
+        "gauge-zero": False,
+        "load-misalignment": False,
+    }
     assert {code: effect_of(code, model, description).of_the_arm for code in lasting} == lasting

@@ -89,7 +89,7 @@ BAD = {
         changed('coordinate = "q2_deg", equals', 'coordinate = "q4_deg", equals'),
         "when.coordinate 'q4_deg' is not an input before 'q3real_deg'",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BAD)
@@ -153,5 +153,8 @@ def test_the_documented_file_is_the_bundled_one_in_short() -> None:
     bundled = bundled_campaign("xr701")
     assert bundled is not None
     assert (staged.stage, staged.law, staged.springs, staged.compare) == (
-        bundled.stage, bundled.law, bundled.springs, bundled.compare
-    )  # fmt: skip
+        bundled.stage,
+        bundled.law,
+        bundled.springs,
+        bundled.compare,
+    )

@@ -62,9 +62,15 @@ def made_up(
     value = free.evaluate(u)[0][row, component]
     group = 6 * (len(loads) * pose + load)[row] + component
     p = Problem(
-        free, value, row, component, pose[row], tuple(f"P{k}" for k in range(poses)),
-        np.unique(group, return_inverse=True)[1], np.full(len(row), np.nan),
-    )  # fmt: skip
+        free,
+        value,
+        row,
+        component,
+        pose[row],
+        tuple(f"P{k}" for k in range(poses)),
+        np.unique(group, return_inverse=True)[1],
+        np.full(len(row), np.nan),
+    )
     return p, u
 
 

@@ -182,9 +182,23 @@ def test_dates_are_asked_about_where_day_and_month_may_be_either() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "z kg", "w mm", "z mm sideways", "q0 deg", "pose mm", "hung mm", "q1 N", "fz before", "keep mm",
-             "session of a", "z mm inch", "time mm"],
-)  # fmt: skip
+    "text",
+    [
+        "",
+        "z kg",
+        "w mm",
+        "z mm sideways",
+        "q0 deg",
+        "pose mm",
+        "hung mm",
+        "q1 N",
+        "fz before",
+        "keep mm",
+        "session of a",
+        "z mm inch",
+        "time mm",
+    ],
+)
 def test_meanings_that_are_none(text: str) -> None:
     with pytest.raises(InputError, match="w"):
         meaning_of(text, "w")

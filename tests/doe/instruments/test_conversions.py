@@ -64,10 +64,14 @@ def test_units_of_readings(tmp_path: Path, head: str, cell: str, name: str, valu
 @pytest.mark.parametrize(
     ("head", "cell", "newtons"),
     [
-        ("Mass hung [kg]", "10", -98.0665), ("Mass hung [lb]", "10", -44.4822161526), ("Mass hung [N]", "98", -98.0),
-        ("Fz [kgf]", "-10", -98.0665), ("Fz [lbf]", "-10", -44.4822161526), ("Fz [kN]", "-0.1", -100.0),
+        ("Mass hung [kg]", "10", -98.0665),
+        ("Mass hung [lb]", "10", -44.4822161526),
+        ("Mass hung [N]", "98", -98.0),
+        ("Fz [kgf]", "-10", -98.0665),
+        ("Fz [lbf]", "-10", -44.4822161526),
+        ("Fz [kN]", "-0.1", -100.0),
     ],
-)  # fmt: skip
+)
 def test_units_of_loads(tmp_path: Path, head: str, cell: str, newtons: float) -> None:
     table = made(tmp_path, sheet(f"{head};dz_mm", f"{cell};-0.2"))
     assert column(table, "fz_N") == pytest.approx([newtons], rel=1e-11)
@@ -244,7 +248,7 @@ def test_columns_that_are_kept_take_no_name_of_ours(tmp_path: Path) -> None:
         (sheet("fz_N;dz_mm", "-100;-0.2"), {"units": ("furlong",)}, "--units"),
         (sheet("x_mm;y_mm;z_mm;Time", "1;2;3;31.02.2026"), {}, "31.05.2026"),
     ],
-)  # fmt: skip
+)
 def test_what_is_refused_says_what_to_do(tmp_path: Path, text: str, settings: dict[str, object], says: str) -> None:
     with pytest.raises(InputError) as refused:
         made(tmp_path, text, **settings)

@@ -18,12 +18,23 @@ def mark(*cells: str, asked: str | None = None) -> str:
 @pytest.mark.parametrize(
     ("cells", "expected"),
     [
-        (("1.5", "2"), "point"), (("1,5", "2"), "comma"), (("0,123", "5"), "comma"), (("1234,567",), "comma"),
-        (("1.234",), "point"), (("12", "7"), "point"), (("1,234.5",), "point"), (("1.234,5", "1.234"), "comma"),
-        (("1,234,567", "1,234"), "point"), (("-0,250",), "comma"), (("1500.25",), "point"), (("\u22121,5",), "comma"),
-        (("1'234.5",), "point"), (("1 234,5",), "comma"), (("3,5e-3",), "comma"),
+        (("1.5", "2"), "point"),
+        (("1,5", "2"), "comma"),
+        (("0,123", "5"), "comma"),
+        (("1234,567",), "comma"),
+        (("1.234",), "point"),
+        (("12", "7"), "point"),
+        (("1,234.5",), "point"),
+        (("1.234,5", "1.234"), "comma"),
+        (("1,234,567", "1,234"), "point"),
+        (("-0,250",), "comma"),
+        (("1500.25",), "point"),
+        (("\u22121,5",), "comma"),
+        (("1'234.5",), "point"),
+        (("1 234,5",), "comma"),
+        (("3,5e-3",), "comma"),
     ],
-)  # fmt: skip
+)
 def test_numbers_that_settle_it(cells: tuple[str, ...], expected: str) -> None:
     assert mark(*cells) == expected
 

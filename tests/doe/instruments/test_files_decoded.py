@@ -15,9 +15,16 @@ TEXT = "Pr\u00fcfpunkt;X [\u00b5m];Y [\u00b0]\nA;1,5;2,25\nB;3,5;4,75\n"
 
 @pytest.mark.parametrize(
     ("encoding", "name"),
-    [("utf-8", "utf-8"), ("utf-8-sig", "utf-8"), ("utf-16", "utf-16"), ("utf-16-le", "utf-16-le"),
-     ("utf-16-be", "utf-16-be"), ("cp1252", "windows-1252"), ("latin-1", "windows-1252")],
-)  # fmt: skip
+    [
+        ("utf-8", "utf-8"),
+        ("utf-8-sig", "utf-8"),
+        ("utf-16", "utf-16"),
+        ("utf-16-le", "utf-16-le"),
+        ("utf-16-be", "utf-16-be"),
+        ("cp1252", "windows-1252"),
+        ("latin-1", "windows-1252"),
+    ],
+)
 def test_the_encoding_is_found(encoding: str, name: str) -> None:
     assert decoded(TEXT.encode(encoding), "f") == (TEXT, name)
 
@@ -32,9 +39,13 @@ def test_an_encoding_that_is_asked_for_is_taken() -> None:
 
 @pytest.mark.parametrize(
     ("data", "says"),
-    [(b"PK\x03\x04rest", "workbook"), (b"\xd0\xcf\x11\xe0rest", "old workbook"), (bytes(range(1, 256)) * 3, "not text"),
-     (b"a\x00b" * 10, "not text")],
-)  # fmt: skip
+    [
+        (b"PK\x03\x04rest", "workbook"),
+        (b"\xd0\xcf\x11\xe0rest", "old workbook"),
+        (bytes(range(1, 256)) * 3, "not text"),
+        (b"a\x00b" * 10, "not text"),
+    ],
+)
 def test_what_is_no_text_is_refused(data: bytes, says: str) -> None:
     with pytest.raises(InputError, match=says):
         decoded(data, "f")

@@ -14,10 +14,20 @@ from robots import InputError, InputErrors
 
 FULL = Settings(
     columns={"Z vor": meaning_of("z mm before", ""), 'odd "name" \\ \t=': meaning_of("x um negated of my ball", "")},
-    fill={"session": "day 1"}, encoding="latin-1", separator="tab", decimal="comma", sheets=("A", "B"),
-    names=("a", "b"), header=3, units=("mm", "deg"), sigma_mm=0.02, axes="0,0,90", join="order", target="ball",
+    fill={"session": "day 1"},
+    encoding="latin-1",
+    separator="tab",
+    decimal="comma",
+    sheets=("A", "B"),
+    names=("a", "b"),
+    header=3,
+    units=("mm", "deg"),
+    sigma_mm=0.02,
+    axes="0,0,90",
+    join="order",
+    target="ball",
     kind="deflections",
-)  # fmt: skip
+)
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:

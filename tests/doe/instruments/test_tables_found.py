@@ -136,8 +136,11 @@ def test_several_sheets_with_readings_are_asked_about_and_become_sessions(tmp_pa
 
 def test_merged_cells_are_headings_and_no_readings(tmp_path: Path) -> None:
     rows: list[list[object]] = [
-        [None, None, None, None, "z before", None], ["pose", "q1_deg", "q2_deg", "fz_N", "dz_mm", "note"],
-        ["A", 0, 10, -100, -0.25, "x"], ["A", 0, 10, -200, -0.5, "y"]]  # fmt: skip
+        [None, None, None, None, "z before", None],
+        ["pose", "q1_deg", "q2_deg", "fz_N", "dz_mm", "note"],
+        ["A", 0, 10, -100, -0.25, "x"],
+        ["A", 0, 10, -200, -0.5, "y"],
+    ]
     assert convert([workbook(tmp_path, {"s": rows}, "E1:F1", "s")]).rows
     with pytest.raises(InputError, match="A3:A4"):
         convert([workbook(tmp_path, {"s": rows}, "A3:A4", "s")])

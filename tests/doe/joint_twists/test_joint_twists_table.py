@@ -82,19 +82,30 @@ def test_sigmas_labels_and_loads_of_zero(tmp_path: Path) -> None:
 def test_all_bad_rows_are_reported_at_once(tmp_path: Path) -> None:
     text = faults(
         table(
-            tmp_path, GOOD,
-            GOOD.replace("j2", "j7"), GOOD.replace("j2", "0"),
-            GOOD.replace("150", "nan"), GOOD.replace("loading", "up"),
-            GOOD.replace("0.02", ""). replace("0.01", ""), GOOD.replace("0,10", "0,\"10,5\"", 1),
-            GOOD + ",1", GOOD.replace("0,10", "0,500", 1),
+            tmp_path,
+            GOOD,
+            GOOD.replace("j2", "j7"),
+            GOOD.replace("j2", "0"),
+            GOOD.replace("150", "nan"),
+            GOOD.replace("loading", "up"),
+            GOOD.replace("0.02", "").replace("0.01", ""),
+            GOOD.replace("0,10", '0,"10,5"', 1),
+            GOOD + ",1",
+            GOOD.replace("0,10", "0,500", 1),
         )
-    )  # fmt: skip
+    )
     for piece in (
-        "row 3, column joint: got 'j7'; allowed: j1, j2, j3, j4, j5, j6, or 1 to 6", "row 4, column joint: got '0'",
-        "row 5, column fy_N: got 'nan'", "row 6, column phase: got 'up'; allowed: loading, unloading",
-        "row 7, nothing was read", "row 8, column q2_deg: got '10,5'", "decimal comma: write 10.5",
-        "row 9, the row does not fit the header", "cannot be taken: q2_deg = 500", "row 10, pose set-up",
-    ):  # fmt: skip
+        "row 3, column joint: got 'j7'; allowed: j1, j2, j3, j4, j5, j6, or 1 to 6",
+        "row 4, column joint: got '0'",
+        "row 5, column fy_N: got 'nan'",
+        "row 6, column phase: got 'up'; allowed: loading, unloading",
+        "row 7, nothing was read",
+        "row 8, column q2_deg: got '10,5'",
+        "decimal comma: write 10.5",
+        "row 9, the row does not fit the header",
+        "cannot be taken: q2_deg = 500",
+        "row 10, pose set-up",
+    ):
         assert piece in text, piece
     assert "row 2," not in text
 
@@ -148,9 +159,7 @@ def turned(points: np.ndarray, t: np.ndarray, r: np.ndarray, origin: np.ndarray)
     angle = np.linalg.norm(r)
     k = r / angle
     a = points - origin
-    return (
-        origin + t + a * np.cos(angle) + np.cross(k, a) * np.sin(angle) + np.outer(a @ k, k) * (1.0 - np.cos(angle))
-    )  # fmt: skip
+    return origin + t + a * np.cos(angle) + np.cross(k, a) * np.sin(angle) + np.outer(a @ k, k) * (1.0 - np.cos(angle))
 
 
 def test_a_rigid_motion_is_found_exactly() -> None:
@@ -213,9 +222,22 @@ def reflector_table(folder: Path, data: TwistReadings, *, noise: float = 0.0, li
                     moved = turned(still, common[0] + own[0], common[1] + own[1], p)
                 for k in range(len(spots)):
                     a, b = (1e3 * (x[k] + noise * rng.standard_normal(3)) for x in (still, moved))
-                    w.writerow([*np.degrees(data.q[i]), ROBOT.joint_names[j], *data.wrench[i, :3],
-                                *(1e3 * data.point[i]), data.phase[i], data.setup[i].split("/")[0], f"r{i}", arm,
-                                f"{arm}{k}", *a, *b, "synthetic"])  # fmt: skip
+                    w.writerow(
+                        [
+                            *np.degrees(data.q[i]),
+                            ROBOT.joint_names[j],
+                            *data.wrench[i, :3],
+                            *(1e3 * data.point[i]),
+                            data.phase[i],
+                            data.setup[i].split("/")[0],
+                            f"r{i}",
+                            arm,
+                            f"{arm}{k}",
+                            *a,
+                            *b,
+                            "synthetic",
+                        ]
+                    )
     return path
 
 

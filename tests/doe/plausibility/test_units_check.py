@@ -37,9 +37,21 @@ def kr60() -> tuple[ModelDescription, ArmModel, Measurements]:
     blank = np.full(24, np.nan)
     none = (None,) * 24
     data = Measurements(
-        "kr60.csv", "0" * 64, q, wrench, d, np.full((24, 3), np.nan), blank, tuple(map(str, range(24))), none, none,
-        blank, tuple(range(2, 26)), {}, (),
-    )  # fmt: skip
+        "kr60.csv",
+        "0" * 64,
+        q,
+        wrench,
+        d,
+        np.full((24, 3), np.nan),
+        blank,
+        tuple(map(str, range(24))),
+        none,
+        none,
+        blank,
+        tuple(range(2, 26)),
+        {},
+        (),
+    )
     return description, model, data
 
 

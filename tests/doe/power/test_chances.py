@@ -50,9 +50,21 @@ def campaign(model: ArmModel) -> Measurements:
     d[:, 3:] = np.nan
     nan = np.full(48, np.nan)
     return Measurements(
-        "campaign", "", q, wrench, d, np.full((48, 3), np.nan), nan, tuple(f"P{k // 6}" for k in range(48)),
-        (1, 2) * 24, ("loading",) * 48, nan, tuple(range(2, 50)), {}, (),
-    )  # fmt: skip
+        "campaign",
+        "",
+        q,
+        wrench,
+        d,
+        np.full((48, 3), np.nan),
+        nan,
+        tuple(f"P{k // 6}" for k in range(48)),
+        (1, 2) * 24,
+        ("loading",) * 48,
+        nan,
+        tuple(range(2, 50)),
+        {},
+        (),
+    )
 
 
 def change(p: Planned, code: str, size: float) -> np.ndarray:

@@ -19,19 +19,33 @@ def table(*rows: Row) -> Measurements:
     wrench = np.zeros((n, 6))
     wrench[:, 2] = [r[2] for r in rows]
     return Measurements(
-        "t.csv", "", np.zeros((n, 2)), wrench, np.zeros((n, 6)), np.full((n, 3), NAN), np.full(n, NAN),
-        tuple(r[0] for r in rows), tuple(r[1] for r in rows), tuple(r[3] for r in rows), np.array([r[4] for r in rows]),
-        tuple(range(2, n + 2)), {}, (),
-    )  # fmt: skip
+        "t.csv",
+        "",
+        np.zeros((n, 2)),
+        wrench,
+        np.zeros((n, 6)),
+        np.full((n, 3), NAN),
+        np.full(n, NAN),
+        tuple(r[0] for r in rows),
+        tuple(r[1] for r in rows),
+        tuple(r[3] for r in rows),
+        np.array([r[4] for r in rows]),
+        tuple(range(2, n + 2)),
+        {},
+        (),
+    )
 
 
 def test_phases_order_a_cycle_by_its_loads() -> None:
     h = history_of(
         table(
-            ("A", 1, -300.0, "unloading", NAN), ("A", 1, -600.0, "loading", NAN), ("A", 1, -300.0, "loading", NAN),
-            ("A", 1, -600.0, "unloading", NAN), ("B", 1, -300.0, "loading", NAN),
+            ("A", 1, -300.0, "unloading", NAN),
+            ("A", 1, -600.0, "loading", NAN),
+            ("A", 1, -300.0, "loading", NAN),
+            ("A", 1, -600.0, "unloading", NAN),
+            ("B", 1, -300.0, "loading", NAN),
         )
-    )  # fmt: skip
+    )
     assert h.is_known
     np.testing.assert_array_equal(h.cycle, [0, 0, 0, 0, 1])
     np.testing.assert_array_equal(h.order, [3, 1, 0, 2, 0])
@@ -51,10 +65,12 @@ def test_a_repeat_starts_unloaded_and_the_play_is_that_of_its_cycle() -> None:
 def test_steps_go_before_phases_and_tell_time() -> None:
     h = history_of(
         table(
-            ("A", None, -600.0, None, 12.0), ("A", None, -300.0, None, 11.0), ("A", None, -300.0, None, 13.0),
+            ("A", None, -600.0, None, 12.0),
+            ("A", None, -300.0, None, 11.0),
+            ("A", None, -300.0, None, 13.0),
             ("B", None, -300.0, None, 1.0),
         )
-    )  # fmt: skip
+    )
     assert h.is_known
     np.testing.assert_array_equal(h.cycle, [0, 0, 0, 1])
     np.testing.assert_array_equal(h.order, [1, 0, 2, 0])

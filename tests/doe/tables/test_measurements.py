@@ -210,12 +210,34 @@ def test_layouts_of_the_same_reading(content: str, tmp_path: Path, xr701: Robot)
 
 def test_all_columns_in_any_order(table: Write, xr701: Robot) -> None:
     cells = {
-        "dz_mm": "-2", "dx_mm": "1", "dy_mm": "", "rx_mrad": "0.5", "ry_mrad": "0", "rz_mrad": "-1",
-        "pose": "A, b", "fx_N": "10", "fy_N": "-20", "fz_N": "-300", "mx_Nm": "4", "my_Nm": "-5",
-        "mz_Nm": "6", "sigma_mm": "0.02", "px_mm": "100", "py_mm": "0", "pz_mm": "-50", "repeat": "3",
-        "phase": "unloading", "step": "7.5", "q6_deg": "1", "q5_deg": "2", "q4_deg": "3",
-        "q3real_deg": "80", "q2_deg": "4", "q1_deg": "5", "who": "me",
-    }  # fmt: skip
+        "dz_mm": "-2",
+        "dx_mm": "1",
+        "dy_mm": "",
+        "rx_mrad": "0.5",
+        "ry_mrad": "0",
+        "rz_mrad": "-1",
+        "pose": "A, b",
+        "fx_N": "10",
+        "fy_N": "-20",
+        "fz_N": "-300",
+        "mx_Nm": "4",
+        "my_Nm": "-5",
+        "mz_Nm": "6",
+        "sigma_mm": "0.02",
+        "px_mm": "100",
+        "py_mm": "0",
+        "pz_mm": "-50",
+        "repeat": "3",
+        "phase": "unloading",
+        "step": "7.5",
+        "q6_deg": "1",
+        "q5_deg": "2",
+        "q4_deg": "3",
+        "q3real_deg": "80",
+        "q2_deg": "4",
+        "q1_deg": "5",
+        "who": "me",
+    }
     row = ",".join(f'"{cell}"' for cell in cells.values())
     m = read_measurements(table(",".join(cells), row), xr701)
     np.testing.assert_array_equal(m.q, np.deg2rad([[5, 4, 80, 3, 2, 1]]))
@@ -325,15 +347,38 @@ def test_an_empty_workbook(tmp_path: Path, xr701: Robot) -> None:
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
-        ("dz_m", "dz_mm"), ("dz_um", "dz_mm"), ("dz_µm", "dz_mm"), ("dz", "dz_mm"), ("dz [mm]", "dz_mm"),
-        ("DZ_mm", "dz_mm"), ("dz_microns", "dz_mm"), ("dzmm", "dz_mm"), ("dz_inch", "dz_mm"),
-        ("rx_deg", "rx_mrad"), ("rx", "rx_mrad"), ("fz_kN", "fz_N"), ("fz", "fz_N"), ("Fz_N", "fz_N"),
-        ("fz_kg", "fz_N"), ("fz_lbf", "fz_N"), ("mx_Nmm", "mx_Nm"), ("mx_N_m", "mx_Nm"),
-        ("mx_kNm", "mx_Nm"), ("mx", "mx_Nm"), ("q2_rad", "q2_deg"), ("q2", "q2_deg"), ("Q2_deg", "q2_deg"),
-        ("q3real", "q3real_deg"), ("q3real_rad", "q3real_deg"), ("sigma", "sigma_mm"),
-        ("sigma_um", "sigma_mm"), ("Pose", "pose"), ("REPEAT", "repeat"), ("Phase", "phase"),
+        ("dz_m", "dz_mm"),
+        ("dz_um", "dz_mm"),
+        ("dz_µm", "dz_mm"),
+        ("dz", "dz_mm"),
+        ("dz [mm]", "dz_mm"),
+        ("DZ_mm", "dz_mm"),
+        ("dz_microns", "dz_mm"),
+        ("dzmm", "dz_mm"),
+        ("dz_inch", "dz_mm"),
+        ("rx_deg", "rx_mrad"),
+        ("rx", "rx_mrad"),
+        ("fz_kN", "fz_N"),
+        ("fz", "fz_N"),
+        ("Fz_N", "fz_N"),
+        ("fz_kg", "fz_N"),
+        ("fz_lbf", "fz_N"),
+        ("mx_Nmm", "mx_Nm"),
+        ("mx_N_m", "mx_Nm"),
+        ("mx_kNm", "mx_Nm"),
+        ("mx", "mx_Nm"),
+        ("q2_rad", "q2_deg"),
+        ("q2", "q2_deg"),
+        ("Q2_deg", "q2_deg"),
+        ("q3real", "q3real_deg"),
+        ("q3real_rad", "q3real_deg"),
+        ("sigma", "sigma_mm"),
+        ("sigma_um", "sigma_mm"),
+        ("Pose", "pose"),
+        ("REPEAT", "repeat"),
+        ("Phase", "phase"),
     ],
-)  # fmt: skip
+)
 def test_wrong_units_are_faults_not_unknown_columns(wrong: str, right: str, table: Write, xr701: Robot) -> None:
     kept = {name: cell for name, cell in zip(HEADER.split(","), ROW.split(","), strict=True) if name != right}
     head, row = ",".join([*kept, wrong]), ",".join([*kept.values(), "1"])
@@ -393,16 +438,29 @@ def test_header_and_cell_faults_come_together(table: Write, xr701: Robot) -> Non
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("abc", "write digits"), ("1.2 mm", "write digits"), ("1_000", "write digits"),
-        ("0x1", "write digits"), ("1 000", "write digits"), ("--1", "write digits"), ("1e", "write digits"),
-        (".", "write digits"), ("'-1", "write digits"), ("٣", "write digits"),
-        ('"1.234,5"', "write digits"), ('"-1,5"', "decimal comma: write -1.5"),
-        ('",5"', "decimal comma: write .5"), ("\u22121.5", "typographic minus"),
-        ("nan", "only an empty cell means"), ("NaN", "only an empty cell means"),
-        ("-inf", "only an empty cell means"), ("Infinity", "only an empty cell means"),
-        ("1e999", "too large"), ("N/A", "write digits"), ("NA", "write digits"),
+        ("abc", "write digits"),
+        ("1.2 mm", "write digits"),
+        ("1_000", "write digits"),
+        ("0x1", "write digits"),
+        ("1 000", "write digits"),
+        ("--1", "write digits"),
+        ("1e", "write digits"),
+        (".", "write digits"),
+        ("'-1", "write digits"),
+        ("٣", "write digits"),
+        ('"1.234,5"', "write digits"),
+        ('"-1,5"', "decimal comma: write -1.5"),
+        ('",5"', "decimal comma: write .5"),
+        ("\u22121.5", "typographic minus"),
+        ("nan", "only an empty cell means"),
+        ("NaN", "only an empty cell means"),
+        ("-inf", "only an empty cell means"),
+        ("Infinity", "only an empty cell means"),
+        ("1e999", "too large"),
+        ("N/A", "write digits"),
+        ("NA", "write digits"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("column", ["q2_deg", "fz_N", "dz_mm", "sigma_mm", "step", "px_mm"])
 def test_what_is_not_a_number(text: str, words: str, column: str, table: Write, xr701: Robot) -> None:
     cells = {"q2_deg": "5", "q3real_deg": "77.5", "fz_N": "-650", "dz_mm": "-1", "sigma_mm": "", "step": ""}
@@ -676,13 +734,21 @@ def tables(draw: st.DrawFn) -> Measurements:
     point = np.where(block(st.sampled_from([0.0, 1.0]), 1) > 0, block(number, 3), np.nan)
     sigma = np.abs(block(optional, 1)[:, 0])
     return Measurements(
-        source="made", sha256="", q=q, wrench=wrench, displacement=displacement, point=point,
-        sigma=np.where(sigma > 0, sigma, np.nan), pose=tuple(f"{draw(texts)}/{i}" for i in range(n)),
+        source="made",
+        sha256="",
+        q=q,
+        wrench=wrench,
+        displacement=displacement,
+        point=point,
+        sigma=np.where(sigma > 0, sigma, np.nan),
+        pose=tuple(f"{draw(texts)}/{i}" for i in range(n)),
         repeat=tuple(range(1, n + 1)),
         phase=tuple(draw(st.sampled_from([None, "loading", "unloading"])) for _ in range(n)),
-        step=block(optional, 1)[:, 0], row_numbers=tuple(range(2, n + 2)),
-        extra={"free text": tuple(draw(texts) for _ in range(n))}, notes=(),
-    )  # fmt: skip
+        step=block(optional, 1)[:, 0],
+        row_numbers=tuple(range(2, n + 2)),
+        extra={"free text": tuple(draw(texts) for _ in range(n))},
+        notes=(),
+    )
 
 
 @pytest.mark.slow
@@ -712,8 +778,11 @@ def test_angles_in_radians_that_leave_the_limits_are_one_fault(table: Write, xr7
 def test_what_was_read_largest(table: Write, xr701: Robot) -> None:
     path = table(
         "q2_deg,q3real_deg,fz_N,dx_mm,dz_mm,ry_mrad,pose",
-        "5,77.5,-100,0.3,-0.4,,a", "5,77.5,-200,0.6,-0.8,,a", "10,77.5,-200,,-2,,b", "15,77.5,-200,,,1,c",
-    )  # fmt: skip
+        "5,77.5,-100,0.3,-0.4,,a",
+        "5,77.5,-200,0.6,-0.8,,a",
+        "10,77.5,-200,,-2,,b",
+        "15,77.5,-200,,,1,c",
+    )
     m = read_measurements(path, xr701)
     component, size = m.largest
     assert component[:3].tolist() == [2, 2, 2]

@@ -25,11 +25,22 @@ def table(rows: list[tuple[str, int, float]], time: np.ndarray | None = None) ->
     names = sorted({pose for pose, _, _ in rows})
     q = np.array([[0.1, -0.5 - 0.1 * names.index(pose), 0.9, 0.0, 0.3, 0.0] for pose, _, _ in rows])
     return Measurements(
-        source="made up", sha256="", q=q, wrench=wrench, displacement=d, point=np.full((n, 3), np.nan),
-        sigma=np.full(n, np.nan), pose=tuple(p for p, _, _ in rows), repeat=tuple(r for _, r, _ in rows),
-        phase=("loading",) * n, step=np.full(n, np.nan), row_numbers=tuple(range(2, n + 2)), extra={}, notes=(),
+        source="made up",
+        sha256="",
+        q=q,
+        wrench=wrench,
+        displacement=d,
+        point=np.full((n, 3), np.nan),
+        sigma=np.full(n, np.nan),
+        pose=tuple(p for p, _, _ in rows),
+        repeat=tuple(r for _, r, _ in rows),
+        phase=("loading",) * n,
+        step=np.full(n, np.nan),
+        row_numbers=tuple(range(2, n + 2)),
+        extra={},
+        notes=(),
         time=np.arange(n) * 60.0 if time is None else time,
-    )  # fmt: skip
+    )
 
 
 def test_cycles_one_after_the_other_at_one_pose_are_one_stay() -> None:

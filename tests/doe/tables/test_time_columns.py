@@ -13,8 +13,12 @@ from fem import build_model
 from robots import InputError, load_description
 
 HEAD = "pose,step,phase,q2_deg,fz_N,dz_mm,time_s,session,temperature_C"
-ROWS = ("A,1,loading,10,-100,-0.1,0,monday,21.5", "A,2,loading,10,-200,-0.2,60,monday,",
-        "B,3,loading,20,-100,-0.1,3600,tuesday,22.5", "B,4,loading,20,-200,-0.2,7200,tuesday,23")  # fmt: skip
+ROWS = (
+    "A,1,loading,10,-100,-0.1,0,monday,21.5",
+    "A,2,loading,10,-200,-0.2,60,monday,",
+    "B,3,loading,20,-100,-0.1,3600,tuesday,22.5",
+    "B,4,loading,20,-200,-0.2,7200,tuesday,23",
+)
 ROBOT = build_model(load_description("kr60-3"), "rigid").robot
 
 

@@ -103,8 +103,10 @@ def test_adding_replaces_by_code_and_loses_nothing() -> None:
 
 
 def test_an_amplitude_left_out_is_zero_and_zero_is_left_out() -> None:
-    d = read('[[effect]]\ncode = "base-tilt"\n[effect.parameters]\nstiffness_y = '
-             '{ value = 2e7, unit = "N m/rad", source = "assumed" }\n')  # fmt: skip
+    d = read(
+        '[[effect]]\ncode = "base-tilt"\n[effect.parameters]\nstiffness_y = '
+        '{ value = 2e7, unit = "N m/rad", source = "assumed" }\n'
+    )
     (placed,) = described_effects(d, build_arm(d))
     np.testing.assert_allclose(placed.values, [0.0, 5e-8, 0.0])
     again = with_effects(DESCRIPTION, [placed], "diagnosed")
@@ -154,13 +156,17 @@ def test_the_bar_of_a_load_path_that_came_by_an_effect() -> None:
         (BACKLASH + BACKLASH, r"effect code used twice: backlash:j2"),
         ('[[effect]]\ncode = "base-tilt"\n', r"effect.base-tilt: no parameter is given"),
         ('[[effect]]\ncode = "backlash:j1"\n[effect.parameters]\ngap = ' + number(), r"crossing: this key is missing"),
-        ('[[effect]]\ncode = "wrist-coupling"\n[effect.parameters]\ncoupling = ' + number(value=1e-6, unit="mm/N"),
-         r"wrist-coupling.parameters.coupling: unit: got 'mm/N'"),
-        ('[[effect]]\ncode = "base-vertical"\n[effect.parameters]\nstiffness = ' + number(value=0.0, unit="N/m"),
-         r"greater than 0"),
+        (
+            '[[effect]]\ncode = "wrist-coupling"\n[effect.parameters]\ncoupling = ' + number(value=1e-6, unit="mm/N"),
+            r"wrist-coupling.parameters.coupling: unit: got 'mm/N'",
+        ),
+        (
+            '[[effect]]\ncode = "base-vertical"\n[effect.parameters]\nstiffness = ' + number(value=0.0, unit="N/m"),
+            r"greater than 0",
+        ),
         ('[[effect]]\ncode = "payload"\ncolour = "red"\n', r"effect.payload.colour: unknown key"),
     ],
-)  # fmt: skip
+)
 def test_faults_are_named_with_their_place(text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         described_effects(read(text), RIGID)

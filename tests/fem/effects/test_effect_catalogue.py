@@ -19,9 +19,15 @@ DESCRIPTION = load_description("xr701")
 CODES = list(catalogue(build_model(DESCRIPTION), DESCRIPTION))
 # Turning a load or an arm is linear in the angle but for its square; a spring's share may end at a tenth.
 BENT = (
-    "joint-zero-offset", "load-misalignment", "gravity-compensator", "link-flexibility", "turned-frame",
-    "tool-point-offset", "partial-load-path", "cable-package",
-)  # fmt: skip
+    "joint-zero-offset",
+    "load-misalignment",
+    "gravity-compensator",
+    "link-flexibility",
+    "turned-frame",
+    "tool-point-offset",
+    "partial-load-path",
+    "cable-package",
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +59,42 @@ HISTORY = History(np.repeat(np.arange(6), 3), np.tile(np.arange(3), 6), np.linsp
 def test_codes_of_the_issue() -> None:
     families = {code.partition(":")[0] for code in CODES}
     assert families == {
-        "joint-compliance", "joint-tilt", "angle-dependent-stiffness", "hardening", "softening", "backlash", "friction",
-        "payload", "gravity-compensator", "base-tilt", "base-vertical", "parallelogram-bar", "load-path",
-        "link-flexibility", "tool-compliance", "load-point-offset", "load-misalignment", "joint-zero-offset",
-        "gauge-zero", "gauge-scale", "drift", "gear-ripple", "wrist-coupling", "turned-frame", "tool-point-offset",
-        "angle-sign", "angle-offset", "angle-coupling", "creep", "warming", "slip", "stick-slip", "loose-base",
-        "cable-package", "partial-load-path",
-    }  # fmt: skip
+        "joint-compliance",
+        "joint-tilt",
+        "angle-dependent-stiffness",
+        "hardening",
+        "softening",
+        "backlash",
+        "friction",
+        "payload",
+        "gravity-compensator",
+        "base-tilt",
+        "base-vertical",
+        "parallelogram-bar",
+        "load-path",
+        "link-flexibility",
+        "tool-compliance",
+        "load-point-offset",
+        "load-misalignment",
+        "joint-zero-offset",
+        "gauge-zero",
+        "gauge-scale",
+        "drift",
+        "gear-ripple",
+        "wrist-coupling",
+        "turned-frame",
+        "tool-point-offset",
+        "angle-sign",
+        "angle-offset",
+        "angle-coupling",
+        "creep",
+        "warming",
+        "slip",
+        "stick-slip",
+        "loose-base",
+        "cable-package",
+        "partial-load-path",
+    }
     assert len(CODES) == len(set(CODES))
 
 

@@ -76,8 +76,9 @@ def test_an_effect_made_up_here_needs_no_other_file(model: ArmModel) -> None:
         return np.asarray(d * (1.0 + v[0]))
 
     share = EffectParameter("share", "ratio", "%", 0.01, 0.1, "assumed", signed=True, meaning="how much it warms up")
-    warming = Effect("warming", "the arm warms up", "gauge", (share,), law, "warming", depends_on="clock",
-                     doubt=ASSUMED_LAW)  # fmt: skip
+    warming = Effect(
+        "warming", "the arm warms up", "gauge", (share,), law, "warming", depends_on="clock", doubt=ASSUMED_LAW
+    )
     known = catalogue(model, own=[lambda _: [warming]])
     assert known["warming"].needs_clock
     assert known["warming"].law_doubt == ASSUMED_LAW

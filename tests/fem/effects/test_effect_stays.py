@@ -30,9 +30,7 @@ def twice(*, moved: bool) -> History:
 
 
 # With a play of 0.5: up 0.5, 1.5; down 1.5; unloaded 0.5, which is where the second cycle begins.
-@pytest.mark.parametrize(
-    ("carried", "second"), [(0, [0.5, 1.5, 1.5]), (1, [0.0, 1.0, 1.0]), (2, [0.5, 1.5, 1.5])]
-)  # fmt: skip
+@pytest.mark.parametrize(("carried", "second"), [(0, [0.5, 1.5, 1.5]), (1, [0.0, 1.0, 1.0]), (2, [0.5, 1.5, 1.5])])
 def test_play_that_outlasts_a_cycle(carried: Carried, second: list[float]) -> None:
     y = twice(moved=False).play(np.tile(UP_AND_DOWN, 2), 0.5, carried)
     np.testing.assert_allclose(y, [0.5, 1.5, 1.5, *second])

@@ -95,8 +95,9 @@ def test_area_of_the_friction_loop(lever: ArmModel) -> None:
     newtons = np.concatenate([np.linspace(0, top, 400), np.linspace(top, -top, 800), np.linspace(-top, top, 800)])
     at = lever_loads(0.0, *newtons)
     tau = torque(at)
-    theta = angle_of(observed(lever, at, [of(lever, "friction:j1", share=1.0, friction=friction)],
-                              one_cycle(len(newtons))), at)  # fmt: skip
+    theta = angle_of(
+        observed(lever, at, [of(lever, "friction:j1", share=1.0, friction=friction)], one_cycle(len(newtons))), at
+    )
     loop = slice(399, None)
     area = float(np.sum(0.5 * (theta[loop][1:] + theta[loop][:-1]) * np.diff(tau[loop])))
     T = top * LENGTH

@@ -18,10 +18,12 @@ from robots.kinematics import forward_kinematics
 # Central differences of an energy of 1e4 J with a step of 1e-5: 1e-16 * 1e4 / 1e-5, and more in cancellation.
 DIFFERENCE = 1e-5
 MASSES = (
-    BodyMass(1, 200.0, np.array([0.1, 0.05, -0.1])), BodyMass(2, 150.0, np.array([0.5, -0.04, 0.1])),
-    BodyMass(3, 120.0, np.array([0.05, 0.3, 0.02])), BodyMass(4, 60.0, np.array([0.03, 0.02, 0.2])),
+    BodyMass(1, 200.0, np.array([0.1, 0.05, -0.1])),
+    BodyMass(2, 150.0, np.array([0.5, -0.04, 0.1])),
+    BodyMass(3, 120.0, np.array([0.05, 0.3, 0.02])),
+    BodyMass(4, 60.0, np.array([0.03, 0.02, 0.2])),
     BodyMass(6, 25.0, np.array([0.01, 0.04, 0.05])),
-)  # fmt: skip
+)
 
 
 def energy(model: ArmModel, q: Array) -> Array:

@@ -35,9 +35,13 @@ def at(model) -> LoadedPoses:
 @pytest.fixture(scope="module")
 def history() -> History:
     return History(
-        np.zeros(N, dtype=np.intp), np.arange(N), np.linspace(0.0, 1.0, N), is_known=True,
-        session=np.repeat([0, 1], [N // 2, N - N // 2]), temperature=np.linspace(18.0, 27.0, N),
-    )  # fmt: skip
+        np.zeros(N, dtype=np.intp),
+        np.arange(N),
+        np.linspace(0.0, 1.0, N),
+        is_known=True,
+        session=np.repeat([0, 1], [N // 2, N - N // 2]),
+        temperature=np.linspace(18.0, 27.0, N),
+    )
 
 
 def laws(model) -> dict:

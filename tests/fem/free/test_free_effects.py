@@ -23,12 +23,27 @@ VALUES = {
     "base-tilt": {"stiffness_x": 2e7, "stiffness_y": 3e7},
 }
 LINEAR = (
-    "j2.stiffness", "j3.stiffness", "j4.rx", "base.tz", "j2.ty-rx", "tool.tx", "upper-arm.modulus", "bar.stiffness",
-)  # fmt: skip
+    "j2.stiffness",
+    "j3.stiffness",
+    "j4.rx",
+    "base.tz",
+    "j2.ty-rx",
+    "tool.tx",
+    "upper-arm.modulus",
+    "bar.stiffness",
+)
 BENT = (
-    "j2.zero", "load.x", "friction:j2.share", "friction:j2.friction", "backlash:j3.gap", "backlash:j3.crossing",
-    "payload.force", "base-tilt.stiffness_y", "gauge-zero.z", "angle-dependent-stiffness:j3.cos1",
-)  # fmt: skip
+    "j2.zero",
+    "load.x",
+    "friction:j2.share",
+    "friction:j2.friction",
+    "backlash:j3.gap",
+    "backlash:j3.crossing",
+    "payload.force",
+    "base-tilt.stiffness_y",
+    "gauge-zero.z",
+    "angle-dependent-stiffness:j3.cos1",
+)
 # Central differences with other steps: third-order errors of both, and round-off of 1e-16 over the steps.
 DIFFERENCES = 1e-5
 
@@ -78,8 +93,11 @@ def test_other_numbers_are_those_of_the_model_with_them(
     model = free(arm, at, names, effects)
     u = np.array([p.inner(v) for p, v in zip(model.parameters, (1e6, 2e6, 90.0, 5e7), strict=True)])
     known = catalogue(arm, DESCRIPTION)
-    changed = {**VALUES, "friction:j2": {"share": 0.9, "friction": 90.0},
-               "base-tilt": {"stiffness_x": 2e7, "stiffness_y": 5e7}}  # fmt: skip
+    changed = {
+        **VALUES,
+        "friction:j2": {"share": 0.9, "friction": 90.0},
+        "base-tilt": {"stiffness_x": 2e7, "stiffness_y": 5e7},
+    }
     others = [known[code].placed(values) for code, values in changed.items()]
     expected = observed(arm.with_springs({"j2": 1e6, "j3": 2e6}), at, others, HISTORY)
     np.testing.assert_allclose(model.displacement(u), expected, rtol=1e-10, atol=1e-16)

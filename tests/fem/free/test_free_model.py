@@ -42,9 +42,21 @@ def soft() -> ArmModel:
 
 
 NAMES = (
-    "j2.stiffness", "j4.rx", "j3.ty", "j2.rx-rz", "base.ry", "base.tz", "tool.tx", "upper-arm.modulus", "bar.stiffness",
-    "j2.zero", "j5.zero", "load.x", "load.tilt_x", "point.z",
-)  # fmt: skip
+    "j2.stiffness",
+    "j4.rx",
+    "j3.ty",
+    "j2.rx-rz",
+    "base.ry",
+    "base.tz",
+    "tool.tx",
+    "upper-arm.modulus",
+    "bar.stiffness",
+    "j2.zero",
+    "j5.zero",
+    "load.x",
+    "load.tilt_x",
+    "point.z",
+)
 
 
 def _differences(free: FreeModel, u: np.ndarray, k: int, h: float) -> np.ndarray:

@@ -21,8 +21,11 @@ Draw = Callable[..., Array]
 Soften = Callable[..., ArmModel]
 
 ARMS: list[tuple[str, LoadPath]] = [
-    ("xr701", "parallelogram"), ("xr701", "serial"), ("kr60-3", "serial"), ("tx200", "serial"),
-]  # fmt: skip
+    ("xr701", "parallelogram"),
+    ("xr701", "serial"),
+    ("kr60-3", "serial"),
+    ("tx200", "serial"),
+]
 # Entry by entry, of sqrt(C_ii C_jj): round-off of some hundred products; entries of a part's compliance below 1e-14 of
 # its largest are left out.
 EXACT = 1e-12

@@ -36,21 +36,33 @@ def described() -> tuple[ModelDescription, np.ndarray]:
     )
     joints = tuple(
         j.model_copy(update={"stiffness": axial if j.name == "j2" else None})
-        if j.name != "j3" else j.model_copy(update={"bearing_laws": BearingLaws(rx=across), "stiffness": None})
+        if j.name != "j3"
+        else j.model_copy(update={"bearing_laws": BearingLaws(rx=across), "stiffness": None})
         for j in given.joint
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(0)
     root = 0.04 * rng.normal(size=(6, 6))
     V = root @ root.T / 2.0
     table = CalibrationUncertainty(
-        parameters=NAMES, unit=("ln(N m/rad)",) * 6, variable=("value",) * 6, estimate=(*LAWS[0], *LAWS[1]),
-        covariance=tuple(map(tuple, V.tolist())), degrees_of_freedom=(1e6,) * 6, status=("determined",) * 6,
+        parameters=NAMES,
+        unit=("ln(N m/rad)",) * 6,
+        variable=("value",) * 6,
+        estimate=(*LAWS[0], *LAWS[1]),
+        covariance=tuple(map(tuple, V.tolist())),
+        degrees_of_freedom=(1e6,) * 6,
+        status=("determined",) * 6,
         note="made up",
-    )  # fmt: skip
+    )
     origin = Calibration(
-        scheme="made up", load_path=given.load_path, links="rigid", data="made up", data_sha256="0" * 64, rms_mm=0.01,
-        loads_N=(), uncertainty=table,
-    )  # fmt: skip
+        scheme="made up",
+        load_path=given.load_path,
+        links="rigid",
+        data="made up",
+        data_sha256="0" * 64,
+        rms_mm=0.01,
+        loads_N=(),
+        uncertainty=table,
+    )
     made = given.model_copy(update={"joint": joints, "calibration": origin})
     return parse_description(to_toml(made), "model.toml"), V
 

@@ -10,9 +10,17 @@ from machining.placement import Placement
 def placement(moves: list[int], count: int, travel: list[float]) -> Placement:
     n = len(moves)
     return Placement(
-        "kr60-3", "cell", ("rail",), np.array(travel)[:, None], 0.0, np.zeros(n), ("q1_deg",), np.zeros((n, 1)),
-        np.array(moves), count,
-    )  # fmt: skip
+        "kr60-3",
+        "cell",
+        ("rail",),
+        np.array(travel)[:, None],
+        0.0,
+        np.zeros(n),
+        ("q1_deg",),
+        np.zeros((n, 1)),
+        np.array(moves),
+        count,
+    )
 
 
 def test_axes_travel_on_the_rapid_moves_between_two_cuts() -> None:

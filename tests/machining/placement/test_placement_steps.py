@@ -204,9 +204,16 @@ def test_moving_keeps_limits_speeds_and_clearance(kr60: fem.ArmModel) -> None:
     speeds = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
     scene = scene_of(cell, arm_of("kr60-3"))
     problem = problem_of(
-        kr60, cell, dome(40, 0.5, feed=0.05), "ksf", ANY, (80.0, 40.0, -60.0), drive=Drive(speed=speeds), scene=scene,
+        kr60,
+        cell,
+        dome(40, 0.5, feed=0.05),
+        "ksf",
+        ANY,
+        (80.0, 40.0, -60.0),
+        drive=Drive(speed=speeds),
+        scene=scene,
         clearance=0.01,
-    )  # fmt: skip
+    )
     placed = place(problem, How("moving"))
     assert placed.fixed is not None
     assert placed.after.k_sf > placed.fixed.k_sf
@@ -287,9 +294,16 @@ def motions_of(path: ToolPath) -> Motions:
     n = path.n
     whole = np.zeros(n, dtype=np.int64)
     return Motions(
-        points=path.points, axes=path.axes, rapid=np.zeros(n, dtype=np.bool_), feed=np.full(n, 0.05),
-        line=np.arange(n), tool=whole, spindle=np.zeros(n), dwell=np.zeros(n), operation=whole,
-    )  # fmt: skip
+        points=path.points,
+        axes=path.axes,
+        rapid=np.zeros(n, dtype=np.bool_),
+        feed=np.full(n, 0.05),
+        line=np.arange(n),
+        tool=whole,
+        spindle=np.zeros(n),
+        dwell=np.zeros(n),
+        operation=whole,
+    )
 
 
 @pytest.mark.slow
@@ -325,9 +339,17 @@ def test_a_placement_is_read_back_and_posted(kr60: fem.ArmModel, tmp_path: Path)
 
 def test_moves_off_the_path_share_the_way_of_the_axes() -> None:
     placement = Placement(
-        "r", "c", ("rail",), np.array([[0.0], [0.0], [0.9], [0.9]]), 0.0, np.zeros(4), ("q1_deg",), np.zeros((4, 1)),
-        np.array([1, 2, 5, 6]), 8,
-    )  # fmt: skip
+        "r",
+        "c",
+        ("rail",),
+        np.array([[0.0], [0.0], [0.9], [0.9]]),
+        0.0,
+        np.zeros(4),
+        ("q1_deg",),
+        np.zeros((4, 1)),
+        np.array([1, 2, 5, 6]),
+        8,
+    )
     np.testing.assert_allclose(placement.at_moves()[:, 0], [0.0, 0.0, 0.0, 0.3, 0.6, 0.9, 0.9, 0.9])
 
 

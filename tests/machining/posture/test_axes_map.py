@@ -54,9 +54,13 @@ def by_hand(model: fem.ArmModel, task: Task, drive: Drive, i: int, gamma: float)
             if soft:
                 values[Zone.SINGULAR].append(value)
     order = {
-        "open": Zone.OPEN, "soft": Zone.SINGULAR, "collision": Zone.COLLISION, "singular": Zone.SINGULAR,
-        "limits": Zone.LIMITS, "gone": Zone.UNREACHABLE,
-    }  # fmt: skip
+        "open": Zone.OPEN,
+        "soft": Zone.SINGULAR,
+        "collision": Zone.COLLISION,
+        "singular": Zone.SINGULAR,
+        "limits": Zone.LIMITS,
+        "gone": Zone.UNREACHABLE,
+    }
     name = next(name for name in order if name in seen)
     zone = order[name]
     return zone, max(values[zone]) if name in ("open", "soft") else np.nan
@@ -65,9 +69,12 @@ def by_hand(model: fem.ArmModel, task: Task, drive: Drive, i: int, gamma: float)
 @pytest.mark.parametrize("limit_least_deg", [0.0, 4.0])
 def test_every_cell_is_what_its_branches_are(kr60: fem.ArmModel, limit_least_deg: float) -> None:
     drive = Drive(
-        clearance_of=clearance, clearance_least=0.05, singular_zone=0.35, singular_least=0.25,
+        clearance_of=clearance,
+        clearance_least=0.05,
+        singular_zone=0.35,
+        singular_least=0.25,
         limit_least=float(np.radians(limit_least_deg)),
-    )  # fmt: skip
+    )
     task, gamma = leaving(8), GAMMA[::2]
     made = axes_map(kr60, task, drive=drive, gamma=gamma)
     assert made.zone.shape == made.value.shape == made.branch.shape == (8, len(gamma))

@@ -214,9 +214,15 @@ def test_soft_costs_are_what_they_say(kr60: fem.ArmModel) -> None:
         return np.asarray(0.05 + 0.1 * np.cos(q[:, 0]) ** 2)
 
     drive = Drive(
-        motion=0.2, limit=0.3, limit_zone=1.5, singular=0.4, singular_zone=0.9, clearance=0.5, clearance_zone=0.3,
+        motion=0.2,
+        limit=0.3,
+        limit_zone=1.5,
+        singular=0.4,
+        singular_zone=0.9,
+        clearance=0.5,
+        clearance_zone=0.3,
         clearance_of=clearance,
-    )  # fmt: skip
+    )
     found = optimise_path(kr60, task, gammas=GammaRange(count=18), drive=drive, passes=1)
     q = found.course.q
     soft = sum(

@@ -138,10 +138,15 @@ def test_programs_with_it_are_read_back(name: str, kind: Any) -> None:
 
 @pytest.mark.parametrize(
     "asked",
-    [lambda: Approach(np.zeros(6)), lambda: Approach(np.full(6, 0.5)), lambda: Approach(WAYS, 0.0),
-     lambda: Approach(WAYS, 0.1), lambda: Approach(WAYS, np.nan),
-     lambda: approached(program("RF"), Approach(np.ones(5)))],
-)  # fmt: skip
+    [
+        lambda: Approach(np.zeros(6)),
+        lambda: Approach(np.full(6, 0.5)),
+        lambda: Approach(WAYS, 0.0),
+        lambda: Approach(WAYS, 0.1),
+        lambda: Approach(WAYS, np.nan),
+        lambda: approached(program("RF"), Approach(np.ones(5))),
+    ],
+)
 def test_ways_and_angles_that_cannot_be_are_refused(asked: Any) -> None:
     with pytest.raises(InputError):
         asked()

@@ -46,20 +46,38 @@ def truth_and_model() -> tuple[Truth, fem.ArmModel]:
     for j, joint in enumerate(data["joint"]):
         name, other = joint["name"], "j4" if joint["name"] != "j4" else "j5"
         x, rx, zero, ratio, per, s1, c2 = 4e-4 * rng.normal(size=7)
-        numbers |= {f"{name}.frame.x": x, f"{name}.frame.rx": rx, f"{name}.zero": zero, f"{name}.ratio": ratio,
-                    f"{name}.per.{other}": per, f"{name}.sin1": s1, f"{name}.cos2": c2}  # fmt: skip
+        numbers |= {
+            f"{name}.frame.x": x,
+            f"{name}.frame.rx": rx,
+            f"{name}.zero": zero,
+            f"{name}.ratio": ratio,
+            f"{name}.per.{other}": per,
+            f"{name}.sin1": s1,
+            f"{name}.cos2": c2,
+        }
         joint["zero_error"] = figure(zero, "rad")
         joint["error"] = {
-            "x": figure(x, "m"), "rx": figure(rx, "rad"), "ratio": figure(ratio, "1"),
+            "x": figure(x, "m"),
+            "rx": figure(rx, "rad"),
+            "ratio": figure(ratio, "1"),
             "turns_with": [{"joint": other, "factor": figure(per, "1")}],
-            "curve": {"sin_mrad": [1e3 * s1, *[0.0] * 47], "cos_mrad": [0.0, 1e3 * c2, *[0.0] * 46],
-                      "height_mrad": 1.0, "source": "assumed",
-                      "identified_deg": [[-180.0, 180.0]] if j else [[0.0, 0.0]]},
-        }  # fmt: skip
+            "curve": {
+                "sin_mrad": [1e3 * s1, *[0.0] * 47],
+                "cos_mrad": [0.0, 1e3 * c2, *[0.0] * 46],
+                "height_mrad": 1.0,
+                "source": "assumed",
+                "identified_deg": [[-180.0, 180.0]] if j else [[0.0, 0.0]],
+            },
+        }
         joint["stiffness"]["value"] *= STIFFER
         numbers[f"{name}.stiffness"] = 1.0 / (joint["stiffness"]["value"] * 1e-3)  # the file has N mm/rad
-    data["positions"] = {"data": "made up", "data_sha256": "0", "before_rms_mm": 2.0, "rms_mm": 0.1,
-                         "left_out_rms_mm": 0.1}  # fmt: skip
+    data["positions"] = {
+        "data": "made up",
+        "data_sha256": "0",
+        "before_rms_mm": 2.0,
+        "rms_mm": 0.1,
+        "left_out_rms_mm": 0.1,
+    }
     assert all(joint["stiffness"]["unit"] == "N mm/rad" for joint in data["joint"])
     return Truth(numbers), fem.build_model(parse_description(tomlkit.dumps(data), "off"), "rigid")
 

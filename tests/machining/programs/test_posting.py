@@ -146,10 +146,13 @@ def test_a_tool_that_rests_keeps_its_posture(kr60: fem.ArmModel) -> None:
     again = np.array([0, 1, 2, 2, 3, 4, 5])
     motions = motions_of(path)
     motions = replace(
-        motions, **{name: getattr(motions, name)[again] for name in (
-            "points", "axes", "rapid", "feed", "line", "tool", "spindle", "operation")},
+        motions,
+        **{
+            name: getattr(motions, name)[again]
+            for name in ("points", "axes", "rapid", "feed", "line", "tool", "spindle", "operation")
+        },
         dwell=np.array([0.0, 0.0, 0.0, 1.5, 0.0, 0.0, 0.0]),
-    )  # fmt: skip
+    )
     program = post(kr60, cell_of(), motions, asked()).program
     at = int(np.flatnonzero(program.motions.dwell)[0])
     assert program.motions.dwell.sum() == 1.5

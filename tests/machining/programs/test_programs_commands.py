@@ -151,9 +151,12 @@ def test_a_command_that_is_missing_exchanged_or_conditional_is_found(tmp_path: P
     )
     assert "not in the tool path" in difference([*lines[:place], on, *lines[place:]])
     opens, closes = {
-        "krl": ("IF $IN[9] THEN", "ENDIF"), "rapid": ("IF x=1 THEN", "ENDIF"), "val3": ("if x==true", "endIf"),
-        "sinumerik": ("IF R1==1", "ENDIF"), "urscript": ("if x:", "end"),
-    }[name]  # fmt: skip
+        "krl": ("IF $IN[9] THEN", "ENDIF"),
+        "rapid": ("IF x=1 THEN", "ENDIF"),
+        "val3": ("if x==true", "endIf"),
+        "sinumerik": ("IF R1==1", "ENDIF"),
+        "urscript": ("if x:", "end"),
+    }[name]
     assert difference([*lines[:place], opens, lines[place], closes, *lines[place + 1 :]]) != ""
     # A shop's own rests and outputs, and calls that it does not name, are its own.
     own = {"krl": "WAIT SEC 2", "rapid": "WaitTime 2;", "val3": "delay(2)", "sinumerik": "G4 F2"}.get(name, "sleep(2)")
@@ -270,11 +273,21 @@ FINI
 def test_commands_of_apt_stay_where_they_stood(tmp_path: Path) -> None:
     found = [(e.move, e.line, e.kind) for e in ordered(read(tmp_path, APT, "part.apt")) if e.kind]
     assert found == [
-        (0, 2, "tool"), (0, 4, "spindle"), (0, 5, "coolant"), (2, 10, "dwell"), (3, 12, "optional stop"),
+        (0, 2, "tool"),
+        (0, 4, "spindle"),
+        (0, 5, "coolant"),
+        (2, 10, "dwell"),
+        (3, 12, "optional stop"),
         # The tool is not changed in a turning spindle.
-        (3, 13, "spindle"), (3, 13, "tool"), (3, 15, "spindle"), (3, 16, "probe"), (4, 18, "probe"), (4, 19, "stop"),
-        (5, 21, "spindle"), (5, 22, "coolant"),
-    ]  # fmt: skip
+        (3, 13, "spindle"),
+        (3, 13, "tool"),
+        (3, 15, "spindle"),
+        (3, 16, "probe"),
+        (4, 18, "probe"),
+        (4, 19, "stop"),
+        (5, 21, "spindle"),
+        (5, 22, "coolant"),
+    ]
 
 
 def test_a_coolant_that_is_not_known_is_said_and_is_no_command(tmp_path: Path) -> None:

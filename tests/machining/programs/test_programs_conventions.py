@@ -48,18 +48,30 @@ def shift(x: float, y: float, z: float) -> Array:
 def kuka_kr60(A: Array) -> tuple[Array, Array]:
     """Flange and wrist centre of the KR60 as KUKA counts: at zero the arm lies forward; from its data sheet."""
     wrist = (
-        turn("z", -A[0]) @ shift(0.35, 0, 0.815) @ turn("y", A[1]) @ shift(0.85, 0, 0) @ turn("y", A[2])
-        @ shift(0.82, 0, 0.145) @ turn("x", -A[3]) @ turn("y", A[4])
-    )  # fmt: skip
+        turn("z", -A[0])
+        @ shift(0.35, 0, 0.815)
+        @ turn("y", A[1])
+        @ shift(0.85, 0, 0)
+        @ turn("y", A[2])
+        @ shift(0.82, 0, 0.145)
+        @ turn("x", -A[3])
+        @ turn("y", A[4])
+    )
     return wrist @ turn("x", -A[5]) @ shift(0.17, 0, 0) @ turn("y", 90.0), wrist[:3, 3]
 
 
 def staubli_tx200(j: Array) -> tuple[Array, Array]:
     """Flange and wrist centre of the TX200 as VAL3 counts: at zero the arm stands straight up."""
     wrist = (
-        turn("z", j[0]) @ shift(0.25, 0, 0.642) @ turn("y", j[1]) @ shift(0, 0, 0.95) @ turn("y", j[2])
-        @ shift(0, 0, 0.8) @ turn("z", j[3]) @ turn("y", j[4])
-    )  # fmt: skip
+        turn("z", j[0])
+        @ shift(0.25, 0, 0.642)
+        @ turn("y", j[1])
+        @ shift(0, 0, 0.95)
+        @ turn("y", j[2])
+        @ shift(0, 0, 0.8)
+        @ turn("z", j[3])
+        @ turn("y", j[4])
+    )
     return wrist @ turn("z", j[5]) @ shift(0, 0, 0.194), wrist[:3, 3]
 
 

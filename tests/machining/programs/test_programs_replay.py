@@ -25,8 +25,14 @@ from machining.verification import Demands, Verification, verify
 from machining.verification.offences import Kind
 from robots import InputError, load_description, load_robot
 
-MAIN = {"krl": "part.src", "rapid": "part.mod", "fanuc": "PART.LS", "sinumerik": "PART.MPF", "val3": "start.pgx",
-        "urscript": "part.script"}  # fmt: skip
+MAIN = {
+    "krl": "part.src",
+    "rapid": "part.mod",
+    "fanuc": "PART.LS",
+    "sinumerik": "PART.MPF",
+    "val3": "start.pgx",
+    "urscript": "part.script",
+}
 KINDS = [(name, kind) for name in MAIN for kind in FORMATS[name].kinds]
 NUMBERED = {"spindle_clockwise": 5, "spindle_speed": 1, "spindle_full_rpm": 24000.0, "coolant_flood": 6}
 NAMED = {"spindle_clockwise": "doCw", "spindle_speed": "aoSpeed", "spindle_full_rpm": 24000.0, "coolant_flood": "doAir"}
@@ -46,9 +52,11 @@ def commands(name: str, **more: Any) -> CommandsTable:
 def turning(cell: Cell, n: int = 8) -> JointProgram:
     """A path that starts the spindle and coolant before its first cut, and stops them at the end."""
     events = (
-        Event(10, 1, "S", "", "spindle", RPM), Event(10, 1, "M8", "flood", "coolant"),
-        Event(99, n, "M5", "", "spindle", 0.0), Event(99, n, "M9", "off", "coolant"),
-    )  # fmt: skip
+        Event(10, 1, "S", "", "spindle", RPM),
+        Event(10, 1, "M8", "flood", "coolant"),
+        Event(99, n, "M5", "", "spindle", 0.0),
+        Event(99, n, "M9", "off", "coolant"),
+    )
     return program_of(n=n, cell=cell, events=events, spindle=np.where(np.arange(n) < 1, 0.0, RPM))
 
 
@@ -89,12 +97,17 @@ def edited(path: Path, number: re.Pattern[str], by: float) -> None:
 
 
 FIRST_NUMBER = {
-    ("krl", "cartesian"): r"LIN \{X (-?[\d.]+)", ("krl", "joint"): r"PTP \{A1 (-?[\d.]+)",
-    ("rapid", "cartesian"): r"MoveL \[\[(-?[\d.]+)", ("rapid", "joint"): r"MoveAbsJ \[\[(-?[\d.]+)",
-    ("fanuc", "cartesian"): r"\tX = (-?[\d.]+) mm", ("fanuc", "joint"): r"\tJ1 = (-?[\d.]+) deg",
-    ("sinumerik", "joint"): r"G1 A1=(-?[\d.]+)", ("val3", "cartesian"): r'" x="(-?[\d.]+)" y="-?[\d.]+" z="[^"]*" rx',
-    ("val3", "joint"): r' j1="(-?[\d.]+)"', ("urscript", "joint"): r"movej\(\[(-?[\d.]+)",
-}  # fmt: skip
+    ("krl", "cartesian"): r"LIN \{X (-?[\d.]+)",
+    ("krl", "joint"): r"PTP \{A1 (-?[\d.]+)",
+    ("rapid", "cartesian"): r"MoveL \[\[(-?[\d.]+)",
+    ("rapid", "joint"): r"MoveAbsJ \[\[(-?[\d.]+)",
+    ("fanuc", "cartesian"): r"\tX = (-?[\d.]+) mm",
+    ("fanuc", "joint"): r"\tJ1 = (-?[\d.]+) deg",
+    ("sinumerik", "joint"): r"G1 A1=(-?[\d.]+)",
+    ("val3", "cartesian"): r'" x="(-?[\d.]+)" y="-?[\d.]+" z="[^"]*" rx',
+    ("val3", "joint"): r' j1="(-?[\d.]+)"',
+    ("urscript", "joint"): r"movej\(\[(-?[\d.]+)",
+}
 
 
 @pytest.mark.parametrize(("name", "kind"), KINDS)
@@ -133,14 +146,25 @@ def test_a_start_of_the_spindle_that_nothing_waits_for_is_found(tmp_path: Path, 
     table = commands(name) if how == "input" else commands(name, spindle_dwell_s=2.5)
     program, kind = turning(cell_of(commands=table)), FORMATS[name].kinds[-1]
     path, texts = written(tmp_path / name, program, name, kind)
-    waits = {
-        "krl": "WAIT FOR $IN[7]", "rapid": "WaitDI diReady,1;", "fanuc": "WAIT DI[7]=ON", "val3": "wait(diReady==true)",
-        "sinumerik": "WHILE NOT $A_IN[7]\nENDWHILE",
-        "urscript": "while not get_standard_digital_in(7):\n    sync()\n  end",
-    } if how == "input" else {
-        "krl": "WAIT SEC 2.500", "rapid": "WaitTime 2.500;", "fanuc": "WAIT 2.500(sec)", "val3": "delay(2.500)",
-        "sinumerik": "G4 F2.500", "urscript": "sleep(2.500)",
-    }  # fmt: skip
+    waits = (
+        {
+            "krl": "WAIT FOR $IN[7]",
+            "rapid": "WaitDI diReady,1;",
+            "fanuc": "WAIT DI[7]=ON",
+            "val3": "wait(diReady==true)",
+            "sinumerik": "WHILE NOT $A_IN[7]\nENDWHILE",
+            "urscript": "while not get_standard_digital_in(7):\n    sync()\n  end",
+        }
+        if how == "input"
+        else {
+            "krl": "WAIT SEC 2.500",
+            "rapid": "WaitTime 2.500;",
+            "fanuc": "WAIT 2.500(sec)",
+            "val3": "delay(2.500)",
+            "sinumerik": "G4 F2.500",
+            "urscript": "sleep(2.500)",
+        }
+    )
     whole = "".join(texts.values())
     assert whole.count(waits[name]) == 1
     assert told(path, program) == []
@@ -177,8 +201,13 @@ def test_programs_go_home_and_operations_are_led_in_and_out() -> None:
     points, axes = np.zeros((n, 3)), np.tile([0.0, 0.0, 1.0], (n, 1))
     points[:, 0] = np.arange(n) * 0.01
     operation = np.array([0, 0, 0, 1, 1, 1])
-    motions = motions_of(points, axes, operation=operation, operations=("a", "b"),
-                         events=(Event(13, 3, "M5", "", "spindle", 0.0), Event(99, n, "END", "")))  # fmt: skip
+    motions = motions_of(
+        points,
+        axes,
+        operation=operation,
+        operations=("a", "b"),
+        events=(Event(13, 3, "M5", "", "spindle", 0.0), Event(99, n, "END", "")),
+    )
     led, row, added = with_leads(motions, cell.moves)
     assert row.tolist() == [0, 0, 1, 2, 2, 3, 3, 4, 5, 5]
     assert np.flatnonzero(added).tolist() == [0, 4, 5, 9]
@@ -227,8 +256,14 @@ def test_a_payload_is_written_read_back_and_missed(name: str) -> None:
     texts = made.texts()
     assert round_trip(program, texts, name, kind, options()).within()
     assert not any("mass_kg" in note for note in made.notes)
-    figure = {"krl": "M 12.500", "rapid": "[12.5,", "urscript": "set_payload(12.500", "fanuc": "PAYLOAD[1]",
-              "val3": "M 12.5 CM", "sinumerik": "M 12.5 CM"}[name]  # fmt: skip
+    figure = {
+        "krl": "M 12.500",
+        "rapid": "[12.5,",
+        "urscript": "set_payload(12.500",
+        "fanuc": "PAYLOAD[1]",
+        "val3": "M 12.5 CM",
+        "sinumerik": "M 12.5 CM",
+    }[name]
     assert sum(text.count(figure) for text in texts.values()) == 1
     for changed in (figure.replace("12", "13").replace("[1]", "[2]"), ""):
         wrong = {file: text.replace(figure, changed) for file, text in texts.items()}

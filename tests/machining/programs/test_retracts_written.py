@@ -72,17 +72,46 @@ CASES = {
     "g153": Case("mpf", f"{SIEMENS}G0 G153 Z0\nG0 G153 X0 Y0\nG0 X80 Y40\nZ5\n{CUT}M30"),
     "cycle_behind": Case("mpf", f"{SIEMENS}G0 G53 Z0\nG0 X80 Y40\nG0 Z5\nCYCLE81(5,0,2,-10)\nG0 G53 Z0\nM30"),
     # Heidenhain
-    "m140_and_m91": Case("h", _klartext(
-        *KLARTEXT, "L M140 MB MAX", "L X+80 Y+40 R0 FMAX", "L Z+5 R0 FMAX", "L Z-5 F300", "L X+100", "L Z+15 R0 FMAX",
-        "L Z-1 R0 FMAX M91",
-    )),
-    "m91_with_xy": Case("h", _klartext(
-        *KLARTEXT, "L Z-1 R0 FMAX M91", "L X+0 Y+0 R0 FMAX M91", "TOOL CALL 2 Z S3000", "L X+80 Y+40 R0 FMAX M3",
-        "L Z+5 R0 FMAX", "L Z-5 F300", "L X+100", "L Z+0 FMAX M92",
-    )),
-    "m140_by_a_way": Case("h", _klartext(
-        *KLARTEXT, "L M140 MB 50", "L X+80 Y+40 R0 FMAX", "L Z+5 R0 FMAX", "L Z-5 F300", "L X+100", "M140 MB MAX",
-    ), 45.0),
+    "m140_and_m91": Case(
+        "h",
+        _klartext(
+            *KLARTEXT,
+            "L M140 MB MAX",
+            "L X+80 Y+40 R0 FMAX",
+            "L Z+5 R0 FMAX",
+            "L Z-5 F300",
+            "L X+100",
+            "L Z+15 R0 FMAX",
+            "L Z-1 R0 FMAX M91",
+        ),
+    ),
+    "m91_with_xy": Case(
+        "h",
+        _klartext(
+            *KLARTEXT,
+            "L Z-1 R0 FMAX M91",
+            "L X+0 Y+0 R0 FMAX M91",
+            "TOOL CALL 2 Z S3000",
+            "L X+80 Y+40 R0 FMAX M3",
+            "L Z+5 R0 FMAX",
+            "L Z-5 F300",
+            "L X+100",
+            "L Z+0 FMAX M92",
+        ),
+    ),
+    "m140_by_a_way": Case(
+        "h",
+        _klartext(
+            *KLARTEXT,
+            "L M140 MB 50",
+            "L X+80 Y+40 R0 FMAX",
+            "L Z+5 R0 FMAX",
+            "L Z-5 F300",
+            "L X+100",
+            "M140 MB MAX",
+        ),
+        45.0,
+    ),
     # APT
     "gohome": Case("apt", f"{APT}GOHOME\nRAPID\nGOTO/80,40,5\nGOTO/80,40,-5\nGOTO/100,40,-5\nGOHOME\nFINI\n"),
     "retrct": Case("apt", f"{APT}RETRCT\nRAPID\nGOTO/80,40,5\nGOTO/80,40,-5\nGOTO/100,40,-5\nRETRCT\nGOHOME\nFINI\n"),
@@ -92,7 +121,7 @@ CASES = {
         f"{APT}SPINDL/OFF\nGOHOME\nLOADTL/2\nSPINDL/RPM,900,CLW\nRAPID\nGOTO/80,40,5\nGOTO/80,40,-5\nGOTO/100,40,-5\n"
         "GOHOME\nFINI\n",
     ),
-}  # fmt: skip
+}
 
 
 def at(x: float, y: float, z: float) -> Array:

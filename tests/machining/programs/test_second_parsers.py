@@ -90,13 +90,17 @@ def krl(texts: dict[str, str]) -> dict[str, Any]:
     axes = [dict(re.findall(r"(A\d) (-?[\d.]+)", line)) for line in moves]
     m, cm, inertia = re.fullmatch(r"\$LOAD = \{M ([\d.]+),CM \{(.*)\},J \{(.*)\}\}", head["$LOAD"]).groups()  # type: ignore[union-attr]
     return {
-        "tool": xyzabc(head["$TOOL"]), "base": xyzabc(head["$BASE"]),
+        "tool": xyzabc(head["$TOOL"]),
+        "base": xyzabc(head["$BASE"]),
         "joints": [[float(a[f"A{i}"]) for i in range(1, 7)] for a in axes if len(a) == 6],
         "frames": [xyzabc(line) for line in moves if " S " in line or ",S " in line],
-        "sides": [tuple(map(int, re.search(r",S (\d+),T (\d+)", line).groups()))  # type: ignore[union-attr]
-                  for line in moves if ",S " in line],
+        "sides": [
+            tuple(map(int, re.search(r",S (\d+),T (\d+)", line).groups()))  # type: ignore[union-attr]
+            for line in moves
+            if ",S " in line
+        ],
         "load": (float(m), xyzabc(cm), numbers(re.sub(r"[XYZ]", "", inertia))),
-    }  # fmt: skip
+    }
 
 
 def rapid(texts: dict[str, str]) -> dict[str, Any]:
@@ -111,12 +115,13 @@ def rapid(texts: dict[str, str]) -> dict[str, Any]:
     rows = [line.strip() for line in body.splitlines() if line.strip().startswith("Move")]
     values = [numbers(line.replace("9E9", "9").partition(" ")[2].partition("],v")[0]) for line in rows]
     return {
-        "tool": pose(tool[:7]), "base": pose(base[:7]),
+        "tool": pose(tool[:7]),
+        "base": pose(base[:7]),
         "joints": [v[:6] for line, v in zip(rows, values, strict=True) if line.startswith("MoveAbsJ")],
         "frames": [pose(v[:7]) for line, v in zip(rows, values, strict=True) if not line.startswith("MoveAbsJ")],
         "sides": [tuple(map(int, v[7:11])) for line, v in zip(rows, values, strict=True) if "AbsJ" not in line],
         "load": (tool[7], pose(tool[8:15]), tool[15:18]),
-    }  # fmt: skip
+    }
 
 
 def ls(texts: dict[str, str]) -> dict[str, Any]:
@@ -154,9 +159,13 @@ def ls(texts: dict[str, str]) -> dict[str, Any]:
     said = re.search(r"M 14\.5 CM ([\d. -]+)", " ".join(main.splitlines()))
     assert said is not None
     return {
-        "tool": xyzwpr(frames["UTOOL"]), "base": xyzwpr(frames["UFRAME"]), "joints": joints, "frames": poses,
-        "sides": sides, "payload": tool_number,
-    }  # fmt: skip
+        "tool": xyzwpr(frames["UTOOL"]),
+        "base": xyzwpr(frames["UFRAME"]),
+        "joints": joints,
+        "frames": poses,
+        "sides": sides,
+        "payload": tool_number,
+    }
 
 
 def quarter(deg: float) -> int:

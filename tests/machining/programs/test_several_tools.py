@@ -116,9 +116,18 @@ def test_the_way_from_the_changer_is_a_joint_move_and_no_point_is_put_in(kr60: f
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [("krl", "cartesian"), ("krl", "joint"), ("rapid", "cartesian"), ("val3", "joint"), ("val3", "cartesian"),
-     ("sinumerik", "joint"), ("urscript", "joint"), ("json", "joint"), ("csv", "joint")],
-)  # fmt: skip
+    [
+        ("krl", "cartesian"),
+        ("krl", "joint"),
+        ("rapid", "cartesian"),
+        ("val3", "joint"),
+        ("val3", "cartesian"),
+        ("sinumerik", "joint"),
+        ("urscript", "joint"),
+        ("json", "joint"),
+        ("csv", "joint"),
+    ],
+)
 def test_every_language_comes_back(kr60: fem.ArmModel, motions: Motions, name: str, kind: str) -> None:
     program = posted(kr60, motions)
     options = parse_options({"arm": PLAIN} if name in ("rapid", "val3", "urscript") else {}, "options")
@@ -142,8 +151,10 @@ def test_another_tools_frame_is_found(
     program = posted(kr60, motions)
     options = parse_options({} if name == "krl" else {"arm": PLAIN}, "options")
     texts = write_program(program, name, kind, options).texts()  # type: ignore[arg-type]
-    spoilt = {file: change(text) if file.endswith((".src", ".mod", ".pgx", ".script")) else text  # type: ignore[operator]
-              for file, text in texts.items()}  # fmt: skip
+    spoilt = {
+        file: change(text) if file.endswith((".src", ".mod", ".pgx", ".script")) else text  # type: ignore[operator]
+        for file, text in texts.items()
+    }
     assert spoilt != texts
     wrong = round_trip(program, spoilt, name, kind, options).difference()  # type: ignore[arg-type]
     assert wrong is not None

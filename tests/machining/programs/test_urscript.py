@@ -49,8 +49,9 @@ def test_corners_never_meet() -> None:
     program = program_of(n=8)
     radii = [
         float(re.search(r"r=([\d.]+)\)", line)[1])  # type: ignore[index]
-        for line in lines_of(program, options(blend_mm=1000.0)) if "movej" in line
-    ]  # fmt: skip
+        for line in lines_of(program, options(blend_mm=1000.0))
+        if "movej" in line
+    ]
     away = np.linalg.norm(np.diff(program.T_part_tool[:, :3, 3], axis=0), axis=1)
     assert max(radii) > 0.0
     assert (radii[0], radii[-1]) == (0.0, 0.0)

@@ -54,9 +54,7 @@ def test_best_angle_is_that_of_best_postures(session: Session, kr60: fem.ArmMode
     R = turned_part()[:3, :3]
     path = tool_path([[0.0, 0.0, 0.0]], normal, axes=np.array([POINT["tool_axis"]]))
     wanted = best_postures(kr60, Task(path, spindle(), turned_part(), X), Objective(quantity, R @ force))
-    answer = ask(
-        session, "best_angle", quantity=quantity, force_N=force.tolist(), direction=normal.tolist(), **POINT
-    )  # fmt: skip
+    answer = ask(session, "best_angle", quantity=quantity, force_N=force.tolist(), direction=normal.tolist(), **POINT)
     key, factor = ("displacement_mm", 1e3) if quantity == "displacement" else (f"{quantity}_N_per_mm", 1e-3)
     # Equal up to the tie of flip and no flip: the value is the same, and the posture has it.
     assert answer[key] == pytest.approx(wanted.value[0] * factor, rel=1e-9)
@@ -172,8 +170,15 @@ def test_best_base_is_the_placement(kr60: fem.ArmModel, aim: Any) -> None:
     # The stiffness that is said is that of the pose, at that travel; 0 is not better.
     key = f"{aim}_directional_N_per_mm"
     for travel, better in ((answer["travel_mm"], True), ([0.0], False)):
-        course = ask(session, "best_path", travel_mm=travel, gamma_deg=-60, quantity="directional",
-                     direction=force.tolist(), **block(path))  # fmt: skip
+        course = ask(
+            session,
+            "best_path",
+            travel_mm=travel,
+            gamma_deg=-60,
+            quantity="directional",
+            direction=force.tolist(),
+            **block(path),
+        )
         if better:
             assert course[key] == pytest.approx(answer[key], rel=1e-6)
         assert course[key] <= answer[key] * (1.0 + 1e-6)

@@ -242,7 +242,12 @@ def test_an_infinite_stiffness_is_null(session: Session) -> None:
     n = np.array([1.0, 0.0, 0.0])
     F = np.linalg.solve(C, np.array([0.0, 0.0, 1.0]))
     answer = ask(
-        session, "stiffness", q_deg=POSE, direction=n.tolist(), force_N=(F / 1e6).tolist(), indices="nspi",
+        session,
+        "stiffness",
+        q_deg=POSE,
+        direction=n.tolist(),
+        force_N=(F / 1e6).tolist(),
+        indices="nspi",
         relative_to="base",
-    )  # fmt: skip
+    )
     assert answer["nspi_N_per_mm"] is None or answer["nspi_N_per_mm"] > 1e8

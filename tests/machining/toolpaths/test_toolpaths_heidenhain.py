@@ -23,9 +23,7 @@ def klartext(tmp_path: Path, text: str, **options: object) -> Motions:
 
 def ends(m: Motions) -> list[list[float]]:
     """Last point mm of each line of the file."""
-    return [
-        np.round(m.points[m.line == line][-1] * 1e3, 6).tolist() for line in dict.fromkeys(m.line.tolist())
-    ]  # fmt: skip
+    return [np.round(m.points[m.line == line][-1] * 1e3, 6).tolist() for line in dict.fromkeys(m.line.tolist())]
 
 
 def test_a_whole_program() -> None:

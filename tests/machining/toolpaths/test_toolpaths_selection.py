@@ -83,14 +83,22 @@ def test_an_operation_keeps_its_commands_and_stops_what_it_started(file: Path) -
     assert {m.operations[i] for i in m.operation} == {"HOLES"}
     # The flood of the operation before still runs here; what runs behind the last move is stopped.
     assert said(m) == [
-        (0, "coolant", "flood"), (0, "tool", "1"), (0, "spindle", "1500"), (0, "coolant", "mist"),
-        (m.n, "spindle", "0"), (m.n, "coolant", "off"),
-    ]  # fmt: skip
+        (0, "coolant", "flood"),
+        (0, "tool", "1"),
+        (0, "spindle", "1500"),
+        (0, "coolant", "mist"),
+        (m.n, "spindle", "0"),
+        (m.n, "coolant", "off"),
+    ]
     first = select(read_toolpath(file), operations=["ROUGH"])
     assert said(first) == [
-        (0, "tool", "0"), (0, "spindle", "4000"), (0, "coolant", "flood"), (3, "dwell", ""), (3, "spindle", "0"),
+        (0, "tool", "0"),
+        (0, "spindle", "4000"),
+        (0, "coolant", "flood"),
+        (3, "dwell", ""),
+        (3, "spindle", "0"),
         (3, "coolant", "off"),
-    ]  # fmt: skip
+    ]
 
 
 def test_a_tools_operations_and_the_way_into_one_that_begins_at_feed(file: Path) -> None:
@@ -101,8 +109,12 @@ def test_a_tools_operations_and_the_way_into_one_that_begins_at_feed(file: Path)
     assert m.rapid.tolist() == [True, False, False, True, False, False]
     assert any("begin at feed" in note.text for note in m.notes)
     assert said(m)[-5:] == [
-        (3, "coolant", "mist"), (3, "spindle", "0"), (3, "spindle", "6000"), (6, "coolant", "off"), (6, "spindle", "0"),
-    ]  # fmt: skip
+        (3, "coolant", "mist"),
+        (3, "spindle", "0"),
+        (3, "spindle", "6000"),
+        (6, "coolant", "off"),
+        (6, "spindle", "0"),
+    ]
     both = select(whole, operations=["Finish"], tool_numbers=[1])
     np.testing.assert_array_equal(both.points, m.points[3:])
     assert select(whole) is whole

@@ -123,10 +123,20 @@ def test_the_mesh_is_even_and_on_the_mid_surface(tube: ImportedLink) -> None:
 
 def test_the_report_names_every_change_and_the_quality(tube: ImportedLink) -> None:
     text = "\n".join(tube.report)
-    for words in ("read 192 triangles", "taken as the metre", "corners merged", "remeshed from 192 to",
-                  "inward by half the wall, 3 mm", "interface root: band",
-                  "interface tip: band", "as read: 1 body, 0 open edges",
-                  "minimum angle", "watertight yes", "bodies 1", "folds 0"):  # fmt: skip
+    for words in (
+        "read 192 triangles",
+        "taken as the metre",
+        "corners merged",
+        "remeshed from 192 to",
+        "inward by half the wall, 3 mm",
+        "interface root: band",
+        "interface tip: band",
+        "as read: 1 body, 0 open edges",
+        "minimum angle",
+        "watertight yes",
+        "bodies 1",
+        "folds 0",
+    ):
         assert words in text
     assert not set(tube.mesh.interfaces["root"]) & set(tube.mesh.interfaces["tip"])
 

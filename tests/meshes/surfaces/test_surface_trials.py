@@ -69,9 +69,16 @@ def test_if_every_trial_fails_the_message_has_link_figures_and_the_width_to_ask_
     with pytest.raises(InputError) as caught:
         by_trial("arm", SIZE_M, "auto", attempt)
     message = str(caught.value)
-    for words in ("surface arm: no closing width", "within two elements (40 mm)", "40 mm (grid): 2 bodies, gap 0.3 m",
-                  "120 mm (grid): off by 77", "240 mm (grid): off by 56.4", "800 mm (grid): off by 81",
-                  "--close-mm 240 takes the nearest of them, off by 56.4 mm, with a", "--rigid arm"):  # fmt: skip
+    for words in (
+        "surface arm: no closing width",
+        "within two elements (40 mm)",
+        "40 mm (grid): 2 bodies, gap 0.3 m",
+        "120 mm (grid): off by 77",
+        "240 mm (grid): off by 56.4",
+        "800 mm (grid): off by 81",
+        "--close-mm 240 takes the nearest of them, off by 56.4 mm, with a",
+        "--rigid arm",
+    ):
         assert words in message
     attempt, _ = scripted(*[SurfaceFault("surface arm: no room")] * 4)
     with pytest.raises(InputError, match="--close-mm does not help up to 800"):

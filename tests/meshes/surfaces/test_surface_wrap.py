@@ -102,9 +102,16 @@ def test_a_messy_surface_becomes_one_clean_casing(wrapped) -> None:
 
 def test_the_report_says_why_and_how_it_was_wrapped(wrapped) -> None:
     text = "\n".join(wrapped.report)
-    for words in ("as read: 4 bodies, 3 open edges", "not taken as it is:", "wrapped (distance grid) 15 mm outside",
-                  "openings up to 60 mm closed", "smaller bodies dropped", "95 % of what is seen is off by less than",
-                  "interface root: disc of", "minimum angle"):  # fmt: skip
+    for words in (
+        "as read: 4 bodies, 3 open edges",
+        "not taken as it is:",
+        "wrapped (distance grid) 15 mm outside",
+        "openings up to 60 mm closed",
+        "smaller bodies dropped",
+        "95 % of what is seen is off by less than",
+        "interface root: disc of",
+        "minimum angle",
+    ):
         assert words in text
 
 

@@ -224,7 +224,12 @@ GOOD = {"schema": published.FORM, "stage": ".partial-0", "backup": "previous/202
 @pytest.mark.parametrize(
     "journal",
     [
-        "", "[]", "{}", "null", "[" * 100_000, "\udcff",
+        "",
+        "[]",
+        "{}",
+        "null",
+        "[" * 100_000,
+        "\udcff",
         GOOD | {"schema": "other"},
         GOOD | {"stage": ".partial-0/../.."},
         GOOD | {"stage": "precious"},
@@ -236,7 +241,7 @@ GOOD = {"schema": published.FORM, "stage": ".partial-0", "backup": "previous/202
         GOOD | {"sha256": 3},
         GOOD | {"made": ["../precious"]},
     ],
-)  # fmt: skip
+)
 def test_a_journal_of_somebody_else_moves_nothing(journal: object, tmp_path: Path) -> None:
     target = filled(tmp_path / "out")
     (tmp_path / "precious.txt").write_text("precious", encoding="utf-8")

@@ -78,11 +78,13 @@ def test_a_slip_in_the_model_is_named_with_its_size(wrong: Robot, code: str, siz
     [
         (lambda r: replace(r, q=np.radians(r.q)), ("radians",)),
         (lambda r: replace(r, position=r.position - [0.0, 0.0, 0.78]), ("base",)),
-        (lambda r: replace(r, position=r.position @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])),
-         ("offset:j1",)),
+        (
+            lambda r: replace(r, position=r.position @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])),
+            ("offset:j1",),
+        ),
     ],
     ids=["radians", "base", "turned"],
-)  # fmt: skip
+)
 def test_a_slip_in_the_table_is_named(
     change: Callable[[PendantReadings], PendantReadings], code: tuple[str, ...]
 ) -> None:

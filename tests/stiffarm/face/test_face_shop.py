@@ -51,8 +51,14 @@ def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     assert made.arm.model.link_kind == "shell"
     assert made.plot().png == (tmp_path / "out" / "import.png").read_bytes()
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "model.toml", "meshes", "import.json", "import.png", "run.json", "report.html", "figures",
-    }  # fmt: skip
+        "model.toml",
+        "meshes",
+        "import.json",
+        "import.png",
+        "run.json",
+        "report.html",
+        "figures",
+    }
 
 
 @pytest.mark.slow
@@ -109,9 +115,20 @@ def test_a_placement_is_that_of_the_command_line_and_draws_itself(tmp_path: Path
     gamma = (-180.0, 180.0, 30.0)
     found = sa.place(arm, path, cell, force_N=(80, 40, -60), gamma_deg=gamma, collisions=False)
     asked = run_here(
-        "place", "kr60-3", path, "--cell", cell, "--links", "rigid", "--force", "80,40,-60", "--gamma", "-180:180:30",
-        "--no-collisions", "--json",
-    )  # fmt: skip
+        "place",
+        "kr60-3",
+        path,
+        "--cell",
+        cell,
+        "--links",
+        "rigid",
+        "--force",
+        "80,40,-60",
+        "--gamma",
+        "-180:180:30",
+        "--no-collisions",
+        "--json",
+    )
     assert asked.code == 0, asked.err
     assert list(found.to_frame()["e1_mm"]) == asked.json["points"]["e1_mm"]
     picture = found.plot(tmp_path / "placement.png").png

@@ -38,13 +38,26 @@ def span(low: float, high: float, shown: Callable[[float], str]) -> str:
 
 def test_the_page_on_postures(tmp_path: Path) -> None:
     found = asked(
-        "posture", "kr60-3", POSTURE / "path.csv", "--cell", POSTURE / "cell.toml", "--milling",
-        POSTURE / "milling.toml", "--links", "rigid", "--before", "90", "--out", tmp_path / "posture",
-    )  # fmt: skip
+        "posture",
+        "kr60-3",
+        POSTURE / "path.csv",
+        "--cell",
+        POSTURE / "cell.toml",
+        "--milling",
+        POSTURE / "milling.toml",
+        "--links",
+        "rigid",
+        "--before",
+        "90",
+        "--out",
+        tmp_path / "posture",
+    )
     names = {
-        "recommended": "recommended", "as_programmed": "as programmed (gamma 90)", "fixed_gamma": "best fixed gamma",
+        "recommended": "recommended",
+        "as_programmed": "as programmed (gamma 90)",
+        "fixed_gamma": "best fixed gamma",
         "each_point": "each point by itself (the paper's rule)",
-    }  # fmt: skip
+    }
     rows = []
     for key, name in names.items():
         one = found["courses"][key]
@@ -91,8 +104,10 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
 
     rest = place("rest")
     one = rest["placements"]["recommended"]
-    assert all(rest[gain]["present_place_best_gamma"]["value"] == pytest.approx(1.0, abs=0.005)
-               for gain in ("gain", "gain_of_worst"))  # fmt: skip
+    assert all(
+        rest[gain]["present_place_best_gamma"]["value"] == pytest.approx(1.0, abs=0.005)
+        for gain in ("gain", "gain_of_worst")
+    )
     moving = place("moving", "--mode", "moving")
     go = moving["placements"]["recommended"]
     off = max(format["off_path_um"] for format in program("rest", "val3,sinumerik,json")["programs"].values())

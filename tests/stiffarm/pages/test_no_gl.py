@@ -54,8 +54,13 @@ def without_gl(*command: str | Path) -> subprocess.CompletedProcess[str]:
     variables = {k: v for k, v in environment(OMP_NUM_THREADS="1").items() if k != "STIFFARM_NO_GL"}
     return subprocess.run(  # noqa: S603
         [*namespace(), sys.executable, *map(str, command)],
-        capture_output=True, text=True, check=False, env=variables, cwd=ROOT, timeout=300,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        env=variables,
+        cwd=ROOT,
+        timeout=300,
+    )
 
 
 def said(outcome: subprocess.CompletedProcess[str]) -> int:

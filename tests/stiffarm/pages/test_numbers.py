@@ -45,9 +45,17 @@ def test_a_cell_is_a_number_without_a_unit() -> None:
 
 @pytest.mark.parametrize(
     ("value", "shown"),
-    [(12345.0, "12,300"), (999.6, "1,000"), (0.01234, "0.0123"), (-4.5, "−4.50"), (2e-15, "2·10⁻¹⁵"), (0.0, "0"),
-     (math.nan, "–"), (math.inf, "∞")],
-)  # fmt: skip
+    [
+        (12345.0, "12,300"),
+        (999.6, "1,000"),
+        (0.01234, "0.0123"),
+        (-4.5, "−4.50"),
+        (2e-15, "2·10⁻¹⁵"),
+        (0.0, "0"),
+        (math.nan, "–"),
+        (math.inf, "∞"),
+    ],
+)
 def test_significant_digits(value: float, shown: str) -> None:
     assert significant(value) == shown
 

@@ -114,8 +114,13 @@ def test_commands_in_backticks_are_code_and_all_else_is_escaped() -> None:
     table = Table("of `a`", ("x",), (("run `b <c>`",),))
     blocks = (Text("see `stiffarm plan X`"), Note("`one` and `two`, a single ` stays"), Bullets(("<i>`d`</i>",)), table)
     page = render("t", "lede", (), (Section("s", blocks),), "f")
-    for part in ("<code>stiffarm plan X</code>", "<code>one</code> and <code>two</code>, a single ` stays",
-                 "&lt;i&gt;<code>d</code>&lt;/i&gt;", "of <code>a</code>", "<code>b &lt;c&gt;</code>"):  # fmt: skip
+    for part in (
+        "<code>stiffarm plan X</code>",
+        "<code>one</code> and <code>two</code>, a single ` stays",
+        "&lt;i&gt;<code>d</code>&lt;/i&gt;",
+        "of <code>a</code>",
+        "<code>b &lt;c&gt;</code>",
+    ):
         assert part in page
 
 

@@ -120,11 +120,9 @@ SAME = {"coordinate": "q3_deg", "terms": [{"axis": "q2_deg", "factor": 1}, {"axi
         ({"axes": AXES, "angle": [{"coordinate": "q3_deg", "terms": [{"axis": "J9_deg", "factor": 1}]}]}, "J9_deg"),
         ({"axes": AXES, "angle": [{"coordinate": "q3_deg", "terms": [{"axis": "J2_deg", "factor": 1}]}]}, "determine"),
         ({"angle": [FANUC]}, "no axes"),
-        ({"axes": ["J1_deg", "q2_deg", "q3_deg", "J4_deg", "J5_deg", "J6_deg"],
-          "angle": [SAME]},
-         "same name"),
+        ({"axes": ["J1_deg", "q2_deg", "q3_deg", "J4_deg", "J5_deg", "J6_deg"], "angle": [SAME]}, "same name"),
     ],
-)  # fmt: skip
+)
 def test_a_table_that_makes_no_sense_is_one_message(controller: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         robot_from(described(**controller))

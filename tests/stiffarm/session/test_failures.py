@@ -89,10 +89,11 @@ def test_an_example_is_a_message_of_its_entry() -> None:
         for _, failure in entries_of(site):
             by_code.setdefault(failure.code, []).extend(part.strip() for part in site.words.split("\0"))
     missing = [
-        f.code for f in ALL
+        f.code
+        for f in ALL
         if any(len(part) > 4 for part in by_code.get(f.code, []))
         and not any(len(part) > 4 and part in f.example for part in by_code[f.code])
-    ]  # fmt: skip
+    ]
     assert missing == []
 
 

@@ -20,7 +20,9 @@ def asked(*read: str, kind: str | None = None, units: str | None = None, tcp: bo
     ("name", "text", "remedy", "options"),
     [
         (
-            "a.apt", "UNITS/MM\nGOTO/0,0,0\nMSYS/1,0,0,1,0,0,0,1,0\nGOTO/1,0,0\nFINI\n", "frames=written",
+            "a.apt",
+            "UNITS/MM\nGOTO/0,0,0\nMSYS/1,0,0,1,0,0,0,1,0\nGOTO/1,0,0\nFINI\n",
+            "frames=written",
             ["frames=written"],
         ),
         ("b.nc", "G21\nG1 X5 F100\nM30\n", "start=X,Y,Z", ["start=0,0,5"]),
@@ -28,7 +30,9 @@ def asked(*read: str, kind: str | None = None, units: str | None = None, tcp: bo
         ("d.apt", "UNITS/MM\nGOTO/0,0,0\nSMIL/3\nFINI\n", "unknown_motion=report", ["unknown_motion=report"]),
         ("e.nc", "G21\nG0 X0 Y0 Z0\nG51 X2\nM30\n", "unknown_motion=report", ["unknown_motion=report"]),
         (
-            "f.nc", "G21\nG54 G0 X0 Y0 Z0\nG55 G0 X1 Y0 Z0\nM30\n", "G54=X,Y,Z --read G55=X,Y,Z",
+            "f.nc",
+            "G21\nG54 G0 X0 Y0 Z0\nG55 G0 X1 Y0 Z0\nM30\n",
+            "G54=X,Y,Z --read G55=X,Y,Z",
             ["G54=0,0,0", "g55=100,0,0"],
         ),
         ("h.nc", "G21\nG0 X0 Y0 Z0\nG41 D1 X5\nM30\n", "compensation=centre", ["compensation=centre"]),
@@ -36,7 +40,7 @@ def asked(*read: str, kind: str | None = None, units: str | None = None, tcp: bo
         ("j.nc", "G21\nG0 X0 Y0 Z0 A10\nM30\n", "pivot=X,Y,Z", ["pivot=0,0,-50", "rotary_reversed=A"]),
         ("g.nc", "G21\nG0 X0 Y0 Z0\nG1 X1 F60\nG1 X2\nG1 X3\nM30\n", "max_moves=N", ["max_moves=100"]),
     ],
-)  # fmt: skip
+)
 def test_a_remedy_can_be_typed_and_helps(tmp_path: Path, name: str, text: str, remedy: str, options: list[str]) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     before = asked(*(["max_moves=2"] if "max_moves" in remedy else []))
@@ -76,10 +80,20 @@ def test_no_remedy_of_a_reader_names_an_argument_alone() -> None:
 
 def test_all_keys_together() -> None:
     found = asked(
-        "frames=absolute", "unknown_motion=report", "start=1,2,3", "G59.1=0,0,10", "arc_absolute=yes",
-        "circle_axis=left", "dwell_unit=ms", "skip_deleted=no", "chord_tolerance_um=5", "arc_tolerance_um=20",
-        "max_moves=10", "max_bytes=1000", "retract=42.5",
-    ).options  # fmt: skip
+        "frames=absolute",
+        "unknown_motion=report",
+        "start=1,2,3",
+        "G59.1=0,0,10",
+        "arc_absolute=yes",
+        "circle_axis=left",
+        "dwell_unit=ms",
+        "skip_deleted=no",
+        "chord_tolerance_um=5",
+        "arc_tolerance_um=20",
+        "max_moves=10",
+        "max_bytes=1000",
+        "retract=42.5",
+    ).options
     assert (found.frames, found.unknown_motion, found.circle_axis, found.dwell_unit) == (
         "absolute",
         "report",

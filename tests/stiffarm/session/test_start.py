@@ -30,8 +30,12 @@ def modules(*arguments: str | Path) -> set[str]:
     """Modules that a command loads."""
     run = subprocess.run(  # noqa: S603 - our own interpreter
         [sys.executable, "-c", CODE, *map(str, arguments)],
-        env=environment(), capture_output=True, encoding="utf-8", timeout=120, check=False,
-    )  # fmt: skip
+        env=environment(),
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr
     return set(json.loads(run.stdout.splitlines()[-1]))
 

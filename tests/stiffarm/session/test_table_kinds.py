@@ -17,8 +17,10 @@ TABLES = {
     "deflections": (f"pose,q1_deg,q2_deg,{LOADS}\nA,0,10,-100,-0.2\n", kinds.DEFLECTIONS),
     "sheet": (f"pose;q2_deg;q3real_deg;{LOADS.replace(',', ';')}\nA;0;77;-100;\n", kinds.DEFLECTIONS),
     "twists": ("joint,phase,q1_deg,q2_deg,fz_N,rz_mrad\nj1,loading,0,10,-100,0.1\n", kinds.TWISTS),
-    "reflectors": ("joint,phase,q1_deg,fz_N,reading,arm,reflector,x0_mm\nj1,loading,0,-100,1,before,a,0\n",
-                   kinds.TWISTS),
+    "reflectors": (
+        "joint,phase,q1_deg,fz_N,reading,arm,reflector,x0_mm\nj1,loading,0,-100,1,before,a,0\n",
+        kinds.TWISTS,
+    ),
     "pendant": ("q1_deg,q2_deg,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg\n0,10,900,0,1000,0,90,0\n", kinds.PENDANT),
     "dh": ("joint,alpha_deg,a_mm,d_mm,theta_deg,lower_deg,upper_deg\nj1,0,0,800,0,-180,180\n", kinds.DH),
     "poses": ("pose,q1_deg,q2_deg\nA,0,10\n", kinds.POSES),
@@ -26,7 +28,7 @@ TABLES = {
     "motions": ("# stiffarm motions 1\nx_mm\n", kinds.PATH),
     "program": ("# stiffarm-program/2\nline\n", kinds.PROGRAM),
     "other": ("a,b\n1,2\n", None),
-}  # fmt: skip
+}
 # Each command with its place for a file, and kinds that it refuses with the name of the command that takes them.
 COMMANDS = {
     "calibrate kr60-3 FILE": ("twists", "pendant", "dh", "path", "program"),
@@ -40,8 +42,15 @@ COMMANDS = {
     "posture kr60-3 FILE --gamma 0": ("deflections", "pendant", "poses"),
     "robots FILE": ("deflections", "twists", "dh"),
 }
-NAMED = {"deflections": "calibrate", "twists": "identify", "pendant": "robots check", "dh": "new", "path": "posture",
-         "program": "verify", "poses": "index"}  # fmt: skip
+NAMED = {
+    "deflections": "calibrate",
+    "twists": "identify",
+    "pendant": "robots check",
+    "dh": "new",
+    "path": "posture",
+    "program": "verify",
+    "poses": "index",
+}
 
 
 @pytest.fixture

@@ -80,9 +80,14 @@ def test_a_table_held_out_is_asked_too(cli: Command, tmp_path: Path, data_file: 
 
 def test_all_that_read_tables_have_the_flag() -> None:
     commands = (
-        calibration.calibrate, chain.run, diagnosis.diagnose, identification.identify, models.simulate, planning.plan,
+        calibration.calibrate,
+        chain.run,
+        diagnosis.diagnose,
+        identification.identify,
+        models.simulate,
+        planning.plan,
         sensitivity.sensitivity,
-    )  # fmt: skip
+    )
     for command in commands:
         assert "confirm_units" in inspect.signature(command).parameters, command
 

@@ -61,9 +61,13 @@ def test_a_map_of_a_store_has_all_it_needs(tmp_path: Path) -> None:
     data = map_data(made, store.finished(), {"robot": "kr60-3"})
     assert isinstance(data.points.base, np.memmap) or isinstance(data.points, np.memmap)
     assert list(data.fields) == [
-        "stiffness_N_per_mm", "isotropy", "softest_part", "softest_part_share",
-        "jacobian_smallest_singular_value", "near_singular",
-    ]  # fmt: skip
+        "stiffness_N_per_mm",
+        "isotropy",
+        "softest_part",
+        "softest_part_share",
+        "jacobian_smallest_singular_value",
+        "near_singular",
+    ]
     lost = ~np.asarray(data.reached)
     assert lost.any()
     assert np.isnan(data.fields["stiffness_N_per_mm"].values[lost]).all()

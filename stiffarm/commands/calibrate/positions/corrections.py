@@ -65,14 +65,16 @@ def remarks(c: Positions, w: Written) -> tuple[str, ...]:
 def content(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> dict[str, Any]:
     """What positions.json says of it."""
     return {
-        "model": MODEL, "urdf": URDF, "controller": CONTROLLER,
+        "model": MODEL,
+        "urdf": URDF,
+        "controller": CONTROLLER,
         "model_rms_mm": number(1e3 * float(np.sqrt(np.mean(np.sum(w.fit.residual[c.right] ** 2, axis=1))))),
         "springs_without_value": list(w.silent),
         "leaving_them_out_moves_rms_mm": number(1e3 * w.moved_m),
         "found_without_place_in_the_model": list(w.elsewhere),
         "remarks": list(remarks(c, w)),
         "controllers": [controller(one) for one in found],
-    }  # fmt: skip
+    }
 
 
 def controller(one: ControllerOffsets) -> dict[str, Any]:
@@ -92,7 +94,7 @@ def controller(one: ControllerOffsets) -> dict[str, Any]:
             {"target": name, "x_mm": 1e3 * float(p[0]), "y_mm": 1e3 * float(p[1]), "z_mm": 1e3 * float(p[2])}
             for name, p in one.tools.items()
         ],
-    }  # fmt: skip
+    }
 
 
 def write(c: Positions, w: Written, found: tuple[ControllerOffsets, ...], folder: OutputFolder) -> None:
@@ -103,8 +105,15 @@ def write(c: Positions, w: Written, found: tuple[ControllerOffsets, ...], folder
     comment = f"stiffarm: calibrated from positions {c.found.data.source}, SHA-256 {c.found.data.sha256}"
     points = {link: at[k] for k, link in enumerate(links)}
     folder.write_text(URDF, urdf_text(robot_from(w.description), points, comment))
-    folder.write_json(CONTROLLER, {"schema": SCHEMA, "robot": w.description.name, "zeros": ZERO_WORDS,
-                                   "controllers": [controller(one) for one in found]})  # fmt: skip
+    folder.write_json(
+        CONTROLLER,
+        {
+            "schema": SCHEMA,
+            "robot": w.description.name,
+            "zeros": ZERO_WORDS,
+            "controllers": [controller(one) for one in found],
+        },
+    )
 
 
 def _link_names(targets: tuple[str, ...]) -> list[str]:

@@ -27,8 +27,12 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
         "robot": given.description.name,
         "readings": len(data),
         "sessions": [
-            {"name": name, "readings": int((data.session.number == s).sum()),
-             "rotation": found.frames[s].R.tolist(), "position_mm": (1e3 * found.frames[s].t).tolist()}
+            {
+                "name": name,
+                "readings": int((data.session.number == s).sum()),
+                "rotation": found.frames[s].R.tolist(),
+                "position_mm": (1e3 * found.frames[s].t).tolist(),
+            }
             for s, name in enumerate(data.session.names)
         ],
         "targets": list(data.target.names),
@@ -41,15 +45,13 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
         "settled": found.settled,
         "parameters": [finding(one) for one in c.findings],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in c.twins],
-        "left_open_by_these_readings": [
-            {"names": list(o.names), "combinations": o.directions} for o in c.open
-        ],
+        "left_open_by_these_readings": [{"names": list(o.names), "combinations": o.directions} for o in c.open],
         "curves": [curve(one) for one in c.curves],
         "wrong_readings": [
             {"line": g.line, "distance_mm": number(1e3 * g.distance), "cause": g.cause} for g in c.gross
         ],
         "remarks": list(c.remarks),
-    }  # fmt: skip
+    }
     if c.holdout is not None:
         table, there, _ = c.holdout
         new = [name for name in table.session.names if name not in data.session.names]
@@ -60,9 +62,11 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
 def distances(d: Array) -> dict[str, float | None]:
     """Mean, RMS, 95 % and largest of distances (n,) m."""
     return {
-        "mean_mm": number(1e3 * float(d.mean())), "rms_mm": number(1e3 * float(np.sqrt(np.mean(d**2)))),
-        "p95_mm": number(1e3 * float(np.quantile(d, 0.95))), "largest_mm": number(1e3 * float(d.max())),
-    }  # fmt: skip
+        "mean_mm": number(1e3 * float(d.mean())),
+        "rms_mm": number(1e3 * float(np.sqrt(np.mean(d**2)))),
+        "p95_mm": number(1e3 * float(np.quantile(d, 0.95))),
+        "largest_mm": number(1e3 * float(d.max())),
+    }
 
 
 def predicted(p: Predicted) -> dict[str, Any]:
@@ -74,18 +78,23 @@ def finding(f: Finding) -> dict[str, Any]:
     """A parameter; null where nothing is identified, an upper end null where there is none."""
     low, high = (number(x) for x in f.interval95)
     return {
-        "name": f.name, "unit": f.unit, "value": None if f.value is None else number(f.value),
-        "interval95": None if low is None and high is None else [low, high], "status": f.status,
-    }  # fmt: skip
+        "name": f.name,
+        "unit": f.unit,
+        "value": None if f.value is None else number(f.value),
+        "interval95": None if low is None and high is None else [low, high],
+        "status": f.status,
+    }
 
 
 def curve(c: Curve) -> dict[str, Any]:
     """A joint's error curve: where it is identified, and its size there."""
     rms = float(np.sqrt(np.mean(c.error[c.known] ** 2))) if c.is_known else math.nan
     return {
-        "joint": c.joint, "identified_deg": [list(r) for r in c.ranges_deg], "rms_mrad": number(1e3 * rms),
+        "joint": c.joint,
+        "identified_deg": [list(r) for r in c.ranges_deg],
+        "rms_mrad": number(1e3 * rms),
         "prior_sd_mrad": number(1e3 * c.height),
-    }  # fmt: skip
+    }
 
 
 def parameters_csv(c: Positions) -> str:
@@ -110,9 +119,7 @@ def errors_csv(c: Positions) -> str:
     """One row a reading: how far off before, after, and where it was left out; mm."""
     rows: list[tuple[str, ...]] = [("line", "session", "target", "before_mm", "after_mm", "left_out_mm", "weight")]
     data = c.found.data
-    for k, (before, after, out) in enumerate(
-        zip(_mm(c.before), _mm(c.found), 1e3 * c.left_out.distance, strict=True)
-    ):  # fmt: skip
+    for k, (before, after, out) in enumerate(zip(_mm(c.before), _mm(c.found), 1e3 * c.left_out.distance, strict=True)):
         names = data.session.names[data.session.number[k]], data.target.names[data.target.number[k]]
         weight = min(float(c.found.weight[k]), 1.0)
         rows.append((str(data.line[k]), *names, f"{before:.5f}", f"{after:.5f}", f"{out:.5f}", f"{weight:.4f}"))

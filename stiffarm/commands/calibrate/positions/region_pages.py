@@ -26,16 +26,21 @@ _VIEWS: Final = ((0, 1, "from above"), (0, 2, "from the side"))
 def payload(r: Regions) -> dict[str, Any]:
     """All regions, keys with units; mm in the arm's base frame."""
     return {
-        "edge_mm": number(1e3 * r.edge), "words": r.words,
+        "edge_mm": number(1e3 * r.edge),
+        "words": r.words,
         "regions": [
             {
-                "low_mm": (1e3 * one.low).round(6).tolist(), "high_mm": (1e3 * one.high).round(6).tolist(),
-                "readings": one.readings, "before": _figures(one.before), "after": _figures(one.after),
-                "left_out": _figures(one.left_out), "verdict": one.verdict,
+                "low_mm": (1e3 * one.low).round(6).tolist(),
+                "high_mm": (1e3 * one.high).round(6).tolist(),
+                "readings": one.readings,
+                "before": _figures(one.before),
+                "after": _figures(one.after),
+                "left_out": _figures(one.left_out),
+                "verdict": one.verdict,
             }
             for one in r.regions
         ],
-    }  # fmt: skip
+    }
 
 
 def _figures(a: Accuracy) -> dict[str, float | None]:

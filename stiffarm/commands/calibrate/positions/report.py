@@ -20,9 +20,12 @@ QUESTION = "where is the tool really, and why?"
 
 
 def write_report(
-    given: Arm, c: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], by_region: Regions,
+    given: Arm,
+    c: Positions,
+    back: tuple[Written, tuple[ControllerOffsets, ...]],
+    by_region: Regions,
     folder: OutputFolder,
-) -> None:  # fmt: skip
+) -> None:
     """Draw all figures and write report.html; ``back``: the calibrated model and what controllers take of it."""
     pictures = Pictures(folder)
     key = [
@@ -45,8 +48,9 @@ def write_report(
     )
     todo = (
         "Measure where the robot will work: outside the measured angles the joints' errors are not identified."
-        if c.curves else "Also free `periodic`: joint errors over their angles are often the largest part."
-    )  # fmt: skip
+        if c.curves
+        else "Also free `periodic`: joint errors over their angles are often the largest part."
+    )
     title = given.description.title.split(" (")[0]
     words = f"{c.found.data.source}, {len(c.found.data)} positions"
     write_page(folder, title, f"{accuracy_words(c)}.", key, sections, QUESTION, words, Answer(sure, todo))
@@ -100,9 +104,7 @@ def _open(c: Positions) -> Section:
 
 def _readings(c: Positions) -> Section:
     data = c.found.data
-    rows = tuple(
-        (name, str(int((data.session.number == s).sum()))) for s, name in enumerate(data.session.names)
-    )  # fmt: skip
+    rows = tuple((name, str(int((data.session.number == s).sum()))) for s, name in enumerate(data.session.names))
     tail = "" if c.found.tail == float("inf") else f", with tails of Student's t of {c.found.tail:g} degrees of freedom"
     text = (
         f"{len(data)} positions of {len(data.target.names)} target(s) in {len(rows)} session(s). A coordinate scatters "

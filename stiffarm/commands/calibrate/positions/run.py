@@ -21,9 +21,16 @@ from stiffarm.session.outputs import OutputFolder
 
 
 def calibrate_tables(
-    frame: Frame, given: Arm, data: Sequence[Path], refused: Mapping[str, Any], *, free: str | None,
-    holdout: Path | None, robust: bool, seed: int,
-) -> None:  # fmt: skip
+    frame: Frame,
+    given: Arm,
+    data: Sequence[Path],
+    refused: Mapping[str, Any],
+    *,
+    free: str | None,
+    holdout: Path | None,
+    robust: bool,
+    seed: int,
+) -> None:
     """Calibrate on tables of positions; options in ``refused`` have no meaning here.
 
     Raises
@@ -41,16 +48,12 @@ def calibrate_tables(
     names = parsing.parse_names(free, None, "--free")
     with frame.folder_if(seed) as folder:
         with progress("steps") as bar:
-            found = calibrate_positions(
-                given.model, table, names, holdout=kept, robust=robust, seed=seed, progress=bar
-            )  # fmt: skip
+            found = calibrate_positions(given.model, table, names, holdout=kept, robust=robust, seed=seed, progress=bar)
         made = written(found, given.description)
         taken = corrections.offsets(found, made)
         content = payload.positions(given, found)
         by_region = accuracy_regions(found, seed=seed)
-        content |= {
-            "regions": region_pages.payload(by_region), "corrections": corrections.content(found, made, taken)
-        }  # fmt: skip
+        content |= {"regions": region_pages.payload(by_region), "corrections": corrections.content(found, made, taken)}
         if folder is not None:
             _write(given, found, (made, taken), by_region, content, folder)
     frame.answer(content, lambda: tables.show(found, by_region))
@@ -60,9 +63,13 @@ def calibrate_tables(
 
 
 def _write(
-    given: Arm, found: Positions, back: tuple[Written, tuple[ControllerOffsets, ...]], by_region: Regions,
-    content: dict[str, Any], folder: OutputFolder,
-) -> None:  # fmt: skip
+    given: Arm,
+    found: Positions,
+    back: tuple[Written, tuple[ControllerOffsets, ...]],
+    by_region: Regions,
+    content: dict[str, Any],
+    folder: OutputFolder,
+) -> None:
     """positions.json, the corrections, parameters.csv, curves.csv, errors.csv, pictures and report.html."""
     from stiffarm.commands.calibrate.positions.report import write_report
 

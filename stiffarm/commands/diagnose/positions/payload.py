@@ -38,7 +38,7 @@ def missing(given: Arm, m: Missing) -> dict[str, Any]:
         ],
         "springs_can_be_told": m.weighs,
         "calibrate_free": free(m),
-    }  # fmt: skip
+    }
     if m.holdout is not None:
         _, first, last = m.holdout
         out["holdout"] = {"before": predicted(first), "after": predicted(last)}
@@ -56,18 +56,31 @@ def effect(m: Missing, one: FoundEffect, *, sure: bool) -> dict[str, Any]:
     names = {x.name for x in one.unknowns}
     told = [f for f in findings(m.after) if f.name in names]
     return {
-        "code": one.candidate.code, "words": one.candidate.words, "sure": sure,
-        "probability": number(one.probability), "log_evidence_gain": number(one.gain),
-        "acts_rms_mm": number(1e3 * one.acts), "rivals": list(one.rivals), "parameters": [finding(f) for f in told],
-    }  # fmt: skip
+        "code": one.candidate.code,
+        "words": one.candidate.words,
+        "sure": sure,
+        "probability": number(one.probability),
+        "log_evidence_gain": number(one.gain),
+        "acts_rms_mm": number(1e3 * one.acts),
+        "rivals": list(one.rivals),
+        "parameters": [finding(f) for f in told],
+    }
 
 
 def look(one: Look) -> dict[str, Any]:
     """A look: the most probable hypotheses, and what no reading shows."""
     lines = [
-        {"code": x.code, "probability": number(x.probability), "log_evidence_gain": number(x.gain),
-         "acts_rms_mm": None if x.code in (NONE, UNKNOWN) else number(1e3 * x.acts)}
+        {
+            "code": x.code,
+            "probability": number(x.probability),
+            "log_evidence_gain": number(x.gain),
+            "acts_rms_mm": None if x.code in (NONE, UNKNOWN) else number(1e3 * x.acts),
+        }
         for x in one.lines[:LINES]
-    ]  # fmt: skip
-    return {"hypotheses": lines, "unknown_along": one.axis, "scatter_sd_mm": number(1e3 * one.scatter),
-            "not_testable": list(one.hidden)}  # fmt: skip
+    ]
+    return {
+        "hypotheses": lines,
+        "unknown_along": one.axis,
+        "scatter_sd_mm": number(1e3 * one.scatter),
+        "not_testable": list(one.hidden),
+    }

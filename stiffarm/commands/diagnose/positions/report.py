@@ -36,14 +36,21 @@ def write_report(given: Arm, m: Missing, folder: OutputFolder) -> None:
     sections.append(Section("Remarks", (Bullets(tuple(f"{r}." for r in words.remarks(m))),)))
     names = free(m)
     todo = (
-        "Nothing: the calibrated geometry explains these readings." if names is None
+        "Nothing: the calibrated geometry explains these readings."
+        if names is None
         else f"Calibrate with these effects: `stiffarm calibrate MODEL FILE --free {names}`."
-    )  # fmt: skip
+    )
     title, data = given.description.title.split(" (")[0], m.after.data
     write_page(
-        folder, title, f"{words.answer(m)}.", key, sections, QUESTION, f"{data.source}, {len(data)} positions",
+        folder,
+        title,
+        f"{words.answer(m)}.",
+        key,
+        sections,
+        QUESTION,
+        f"{data.source}, {len(data)} positions",
         Answer(words.errors(m), todo),
-    )  # fmt: skip
+    )
 
 
 def _found(m: Missing, pictures: Pictures) -> Section:

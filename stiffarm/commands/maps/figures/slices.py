@@ -294,9 +294,17 @@ def _legend(data: MapData, look: Look, planes: Sequence[Plane], robot: bool) -> 
             if len(planes) > 1:
                 text = f"{name} of each slice; of all {text.split(': ')[1]}"
             out.append(
-                Line2D([], [], marker=marker, markersize=0.85 * size, color="white", markeredgecolor=INK, label=text,
-                       linestyle="none")
-            )  # fmt: skip
+                Line2D(
+                    [],
+                    [],
+                    marker=marker,
+                    markersize=0.85 * size,
+                    color="white",
+                    markeredgecolor=INK,
+                    label=text,
+                    linestyle="none",
+                )
+            )
     if robot:
         which = (
             "in the middle" if look.kind == "category" else f"at the {look.ends[1 if look.kind == 'soft' else 0]} point"

@@ -170,9 +170,15 @@ def iso_figure(
 
 
 def cloud_figure(
-    data: MapData, look: Look, description: ModelDescription, robot: Robot, heading: str, facts: str, works: bool,
+    data: MapData,
+    look: Look,
+    description: ModelDescription,
+    robot: Robot,
+    heading: str,
+    facts: str,
+    works: bool,
     view: str = "oblique",
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw the reached points of any map as balls in their colours; those in front of the base's axis are left out.
 
     Raises
@@ -220,9 +226,16 @@ def robot_at_best(
 
 
 def _space(
-    scene: Scene, corners: Array, look: Look, levels: Sequence[float] | Array, heading: str, facts: str, works: bool,
-    *, flat: bool = False,
-) -> Figure:  # fmt: skip
+    scene: Scene,
+    corners: Array,
+    look: Look,
+    levels: Sequence[float] | Array,
+    heading: str,
+    facts: str,
+    works: bool,
+    *,
+    flat: bool = False,
+) -> Figure:
     figure, _ = style.new_figure("picture", rows=0)
     with style.house_style():
         every = np.vstack([corners, *[body.mesh.bounds for body in scene.bodies]])

@@ -162,9 +162,14 @@ def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Shown, *,
         known = np.isfinite(traded.score)
         look: dict[str, Any] = {"linestyle": "none", "markersize": 6}
         (dots,) = ax.plot(
-            traded.points[known], what.factor * traded.score[known], marker="o", color=FAINT, markeredgecolor="#777777",
-            label="a gamma that another beats in both", **look,
-        )  # fmt: skip
+            traded.points[known],
+            what.factor * traded.score[known],
+            marker="o",
+            color=FAINT,
+            markeredgecolor="#777777",
+            label="a gamma that another beats in both",
+            **look,
+        )
         at = list(traded.front)
         x, y = traded.points[at], what.factor * traded.score[at]
         (front,) = ax.plot(

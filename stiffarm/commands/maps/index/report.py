@@ -37,9 +37,14 @@ def write_report(made: IndexMap, given: Arm, folder: OutputFolder, content: Mapp
     answer = Answer(_sure(made, given, normal), _todo(content), first, tuple(_warnings(content)))
     sections += [_by_gamma(content), _method(content)]
     write_page(
-        folder, title, _lede(made, content), _key(made, content), sections,
-        "which gamma, and what does it cost?", answer=answer,
-    )  # fmt: skip
+        folder,
+        title,
+        _lede(made, content),
+        _key(made, content),
+        sections,
+        "which gamma, and what does it cost?",
+        answer=answer,
+    )
 
 
 _PICTURES = {
@@ -160,5 +165,12 @@ def _method(content: Mapping[str, Any]) -> Section:
 
 
 _FACTS = (
-    "tool_on_flange", "part_in_base", "normal", "tool_axis", "gamma_counts_from", "force_N", "links", "load_path",
-)  # fmt: skip
+    "tool_on_flange",
+    "part_in_base",
+    "normal",
+    "tool_axis",
+    "gamma_counts_from",
+    "force_N",
+    "links",
+    "load_path",
+)

@@ -189,9 +189,14 @@ def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]
     for name, line in courses.items():
         look: dict[str, Any] = {"marker": "o", "markersize": 3.4, "linewidth": 0.8} if line.dots else {"linewidth": 1.8}
         ax.plot(
-            x, what.factor * line.value, color=line.colour, linestyle=line.dash, label=name,
-            zorder=3.0 if line.dots or line.dash != "-" else 4.0, **look,
-        )  # fmt: skip
+            x,
+            what.factor * line.value,
+            color=line.colour,
+            linestyle=line.dash,
+            label=name,
+            zorder=3.0 if line.dots or line.dash != "-" else 4.0,
+            **look,
+        )
     ax.set_ylabel(what.label)
     ax.margins(y=0.08)
 

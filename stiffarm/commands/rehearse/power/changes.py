@@ -67,9 +67,15 @@ def by_world(given: Arm, world: WorldArm, set_ups: SetUps, p: Planned, code: str
     for k in range(draws):
         own = int(np.random.default_rng([seed, k, *code.encode()]).integers(2**31))
         one = hide(
-            world, code, set_ups.readings, set_ups.noise, seed=own, links=given.model.link_kind, read=set_ups.read,
+            world,
+            code,
+            set_ups.readings,
+            set_ups.noise,
+            seed=own,
+            links=given.model.link_kind,
+            read=set_ups.read,
             ranges=(size.low, size.high),
-        )  # fmt: skip
+        )
         out.append(p.of_readings(set_ups.filled(_change(one, compliance, without)).displacement))
     return np.stack(out, axis=1)
 

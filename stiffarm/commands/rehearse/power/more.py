@@ -42,8 +42,9 @@ def _extended(set_ups: SetUps, rows: Indices, changed: Measurements, step: Array
     if isinstance(floor, np.ndarray):
         own = floor[back]
         floor = np.concatenate([own, own[rows]])
-    return arranged(set_ups.source, table, np.vstack([read, read[rows]]), replace(set_ups.noise, floor_m=floor),
-                    set_ups.words)  # fmt: skip
+    return arranged(
+        set_ups.source, table, np.vstack([read, read[rows]]), replace(set_ups.noise, floor_m=floor), set_ups.words
+    )
 
 
 def _when(set_ups: SetUps) -> Array:
@@ -86,9 +87,13 @@ def _pose(world: WorldArm, set_ups: SetUps, seed: int) -> dict[str, SetUps]:
     t, when = set_ups.table, _when(set_ups)
     low, high = t.q.min(axis=0), t.q.max(axis=0)
     q = between(
-        world, (low + high) / 2, (high - low) / 2, TRIED, np.random.default_rng([seed, 5]),
+        world,
+        (low + high) / 2,
+        (high - low) / 2,
+        TRIED,
+        np.random.default_rng([seed, 5]),
         lambda q: allowed(world, q, 1.0, (-np.inf, -1.0)),
-    )  # fmt: skip
+    )
     if not len(q):
         return {}
     half = np.where(high > low, high - low, 1.0)

@@ -25,9 +25,10 @@ def write_report(r: Power, folder: OutputFolder) -> None:
     key = [
         KeyFigure(percent(r.mean[0]), "of effects of usual size would be found, in the mean"),
         KeyFigure(percent(r.mean[1]), "would be named"),
-        KeyFigure(f"{sum(p.found.value >= POWER for p in r.judged)} of {len(r.prospects)}",
-                  "effects found with 80 % or more"),
-    ]  # fmt: skip
+        KeyFigure(
+            f"{sum(p.found.value >= POWER for p in r.judged)} of {len(r.prospects)}", "effects found with 80 % or more"
+        ),
+    ]
     made = (
         f"{r.set_ups.source}; {given.model.link_kind} links, {given.model.load_path} load path; noise {r.set_ups.words}"
     )
@@ -75,9 +76,11 @@ def _more(r: Power, pictures: Pictures) -> Section:
 
 def _how(r: Power) -> Section:
     made_up = [p.code.partition(":")[0] for p in r.judged if not p.by_rehearsal]
-    other = f" Of {', '.join(dict.fromkeys(made_up))} the rehearsals have no laws: the catalogue's own stand in." if (
-        made_up
-    ) else ""  # fmt: skip
+    other = (
+        f" Of {', '.join(dict.fromkeys(made_up))} the rehearsals have no laws: the catalogue's own stand in."
+        if (made_up)
+        else ""
+    )
     return Section(
         "How it was done",
         (

@@ -120,9 +120,14 @@ class Power:
 
 
 def power(
-    given: Arm, sheet: Path | None, request: Request, *, codes: Sequence[str] | None = None, compare: bool = True,
+    given: Arm,
+    sheet: Path | None,
+    request: Request,
+    *,
+    codes: Sequence[str] | None = None,
+    compare: bool = True,
     progress: Progress | None = None,
-) -> Power:  # fmt: skip
+) -> Power:
     """What a sheet would show: a table's set-ups, the bundled table's, or a campaign.
 
     ``request.draws``: usual sizes of each effect; ``codes``: effects to judge, all by default; ``compare``: with one
@@ -149,8 +154,9 @@ def power(
         additions.append(_addition(what, more, base, after))
         report_progress(progress, k, steps)
     judged = [one for one in prospects if one.why_not is None]
-    mean = tuple(float(np.mean([getattr(one, name).value for one in judged])) if judged else 0.0
-                 for name in ("found", "named"))  # fmt: skip
+    mean = tuple(
+        float(np.mean([getattr(one, name).value for one in judged])) if judged else 0.0 for name in ("found", "named")
+    )
     springs = tuple(_springs(p))
     assumed = () if has_springs(world) else tuple(s.joint for s in springs)
     return Power(
@@ -161,8 +167,12 @@ def power(
 def _refuse_few(set_ups: SetUps) -> None:
     poses = len(set_ups.table.pose_groups())
     if poses < FEWEST:
-        raise InputError(f"{set_ups.table.source}: poses", value=poses, allowed=f"{FEWEST} or more",
-                         remedy="add set-ups: one pose tells nothing apart")  # fmt: skip
+        raise InputError(
+            f"{set_ups.table.source}: poses",
+            value=poses,
+            allowed=f"{FEWEST} or more",
+            remedy="add set-ups: one pose tells nothing apart",
+        )
 
 
 def _prospects(
@@ -179,9 +189,11 @@ def _prospects(
     for code in wanted:
         if code not in p.candidates:
             continue
-        by = by_world(given, world, set_ups, p, code, draws, seed) if code in hidden else (
-            by_catalogue(p, code, draws, seed)
-        )  # fmt: skip
+        by = (
+            by_world(given, world, set_ups, p, code, draws, seed)
+            if code in hidden
+            else (by_catalogue(p, code, draws, seed))
+        )
         if by.shape[1]:
             where[code] = slice(start, start + by.shape[1])
             start += by.shape[1]
@@ -213,11 +225,21 @@ def _prospect(
     effect = p.effects[code]
     q = effect.parameters[effect.amplitudes[0]] if effect.amplitudes else None
     return Prospect(
-        code, effect.words, "" if q is None else q.name, "" if q is None else q.unit,
+        code,
+        effect.words,
+        "" if q is None else q.name,
+        "" if q is None else q.unit,
         None if q is None else (_shown(q, q.size[0]), _shown(q, q.size[1])),
-        None if q is None or size is None else _shown(q, size), q is not None and q.scale == "compliance", found, named,
-        chi2, NORMAL95 / float(np.sqrt(chi2)) if q is not None and chi2 > 0.0 else None, twin, None, by_rehearsal,
-    )  # fmt: skip
+        None if q is None or size is None else _shown(q, size),
+        q is not None and q.scale == "compliance",
+        found,
+        named,
+        chi2,
+        NORMAL95 / float(np.sqrt(chi2)) if q is not None and chi2 > 0.0 else None,
+        twin,
+        None,
+        by_rehearsal,
+    )
 
 
 def _shown(q: EffectParameter, size: float) -> float:

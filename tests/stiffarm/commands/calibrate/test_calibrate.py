@@ -32,8 +32,17 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def found(small: Path) -> Path:
     """The folder of a calibration of that robot."""
     out = small / "out"
-    outcome = run_here("calibrate", small / "small.urdf", small / "readings.csv", "--holdout", small / "others.csv",
-                       "--bootstrap", "20", "--out", out)  # fmt: skip
+    outcome = run_here(
+        "calibrate",
+        small / "small.urdf",
+        small / "readings.csv",
+        "--holdout",
+        small / "others.csv",
+        "--bootstrap",
+        "20",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     return out
 
@@ -141,8 +150,16 @@ def test_a_pose_that_the_calibration_cannot_tell_is_not_predicted(cli: Command, 
     kept = [lines[0], *(line for line in lines[1:] if float(line.split(",")[7]) != 0.0)]
     (small / "down.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
     # Vertical loads do not turn the waist, sideways ones do.
-    outcome = cli("calibrate", small / "small.urdf", small / "down.csv", "--free", SPRINGS, "--holdout",
-                  small / "others.csv", "--json")  # fmt: skip
+    outcome = cli(
+        "calibrate",
+        small / "small.urdf",
+        small / "down.csv",
+        "--free",
+        SPRINGS,
+        "--holdout",
+        small / "others.csv",
+        "--json",
+    )
     held = outcome.json["holdout"]
     assert all("waist.stiffness" in reason for reason in held["not_predicted"].values())
     assert len(held["not_predicted"]) == 4

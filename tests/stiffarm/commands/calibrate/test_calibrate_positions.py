@@ -29,8 +29,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> Outcome:
-    outcome = run_here("calibrate", UR5 / "ur5.toml", folder / "some.csv", "--holdout", UR5 / "random.csv",
-                       "--free", "geometry,springs", "--out", folder / "out", "--json")  # fmt: skip
+    outcome = run_here(
+        "calibrate",
+        UR5 / "ur5.toml",
+        folder / "some.csv",
+        "--holdout",
+        UR5 / "random.csv",
+        "--free",
+        "geometry,springs",
+        "--out",
+        folder / "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     return outcome
 

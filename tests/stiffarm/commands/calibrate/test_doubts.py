@@ -27,8 +27,18 @@ DRIFT = Campaign(drift=60e-6, steps=True)
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the model of the arm."""
     out = tmp_path_factory.mktemp("doubts")
-    done = run_here("new", "mine", "--mdh", dh_table(out / "dh.csv"), "--payload-kg", PAYLOAD_kg,
-                    "--mass-kg", MASS_kg, "--out", out / "arm")  # fmt: skip
+    done = run_here(
+        "new",
+        "mine",
+        "--mdh",
+        dh_table(out / "dh.csv"),
+        "--payload-kg",
+        PAYLOAD_kg,
+        "--mass-kg",
+        MASS_kg,
+        "--out",
+        out / "arm",
+    )
     assert done.code == 0, done.err
     return out
 
@@ -218,9 +228,14 @@ def test_what_is_left_in_groups_is_that_of_least_squares_group_by_group() -> Non
 # --- size for the class ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("units", "way", "times"), [
-    ({"loads": 1.0 / 4.448}, "soft", 4.448), ({"deflections": 4.0}, "soft", 4.0), ({"deflections": 0.2}, "stiff", 5.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("units", "way", "times"),
+    [
+        ({"loads": 1.0 / 4.448}, "soft", 4.448),
+        ({"deflections": 4.0}, "soft", 4.0),
+        ({"deflections": 0.2}, "stiff", 5.0),
+    ],
+)
 def test_units_wrong_by_few_times_make_an_arm_soft_or_stiff_for_its_class(
     folder: Path, units: dict[str, float], way: str, times: float
 ) -> None:
@@ -258,8 +273,9 @@ def test_springs_that_the_model_states_are_a_narrower_class() -> None:
     from doe.tables.loaded import simulate
 
     for times, said in ((1.0, False), (3.0, True)):
-        table = replace(shown.table, displacement=times * np.where(shown.table.used, simulate(arm.model, shown.table),
-                                                                  np.nan))  # fmt: skip
+        table = replace(
+            shown.table, displacement=times * np.where(shown.table.used, simulate(arm.model, shown.table), np.nan)
+        )
         assert (class_doubt(arm.description, arm.model, table) is not None) == said
 
 

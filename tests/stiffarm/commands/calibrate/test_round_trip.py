@@ -190,9 +190,17 @@ def test_the_commands_say_the_same_error(tmp_path: Path) -> None:
     write_measurements(trip.data, csv, trip.back.robot)
     names = ",".join(CASES["point"][0].names)
     done = run_here(
-        "calibrate", tmp_path / "given.toml", csv, "--free", names, "--scheme", "global", "--json", "--out",
+        "calibrate",
+        tmp_path / "given.toml",
+        csv,
+        "--free",
+        names,
+        "--scheme",
+        "global",
+        "--json",
+        "--out",
         tmp_path / "out",
-    )  # fmt: skip
+    )
     assert done.code == 0, done.err
     simulated = run_here("simulate", tmp_path / "out" / "model.toml", csv, "--json")
     assert simulated.code == 0, simulated.err

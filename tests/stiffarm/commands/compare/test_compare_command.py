@@ -42,14 +42,25 @@ def model(
     R[0, 1:2] = R[1:2, 0] = -0.9
     V = R * np.outer(relative * u, relative * u)
     uncertainty = CalibrationUncertainty(
-        parameters=tuple(stiffness), unit=("N m/rad",) * len(u), variable=("1/value",) * len(u),
-        estimate=tuple(u.tolist()), covariance=tuple(map(tuple, V.tolist())), degrees_of_freedom=(50.0,) * len(u),
-        status=("determined",) * len(u), note="made up",
-    )  # fmt: skip
+        parameters=tuple(stiffness),
+        unit=("N m/rad",) * len(u),
+        variable=("1/value",) * len(u),
+        estimate=tuple(u.tolist()),
+        covariance=tuple(map(tuple, V.tolist())),
+        degrees_of_freedom=(50.0,) * len(u),
+        status=("determined",) * len(u),
+        note="made up",
+    )
     origin = Calibration(
-        scheme="global", load_path="serial", links="rigid", data="t.csv", data_sha256=name, rms_mm=0.1,
-        loads_N=(100.0,), uncertainty=uncertainty,
-    )  # fmt: skip
+        scheme="global",
+        load_path="serial",
+        links="rigid",
+        data="t.csv",
+        data_sha256=name,
+        rms_mm=0.1,
+        loads_N=(100.0,),
+        uncertainty=uncertainty,
+    )
     save_description(load_description(robot).model_copy(update={"calibration": origin}), folder / f"{name}.toml")
     return folder / f"{name}.toml"
 
@@ -82,8 +93,10 @@ def test_numbers_are_judged_in_their_variable_and_together(tmp_path: Path) -> No
     found = one(run_here("compare", a, b, "--json"))
     numbers = found["numbers"]
     assert {name: p["verdict"] for name, p in numbers.items()} == {
-        "j2.stiffness": "within the noise", "j3.stiffness": "within the noise", "j4.stiffness": "beyond the noise",
-    }  # fmt: skip
+        "j2.stiffness": "within the noise",
+        "j3.stiffness": "within the noise",
+        "j4.stiffness": "beyond the noise",
+    }
     assert numbers["j4.stiffness"]["change"] == pytest.approx(1.0)
     # Compliances 1e-5 and 0.5e-5 with standard deviations of a tenth of each.
     t = 0.5e-5 / math.hypot(1e-6, 0.5e-6)
@@ -225,13 +238,22 @@ def test_an_uncalibrated_model_is_refused(tmp_path: Path) -> None:
 def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     number = {"sd": 1.0, "unit": "N", "interval95": [28.0, 32.0], "plausible": [10, 80], "value": 30.0}
     content = {
-        "schema": "stiffarm-diagnosis/1", "robot": "kr60-3", "verdict": "named", "springs": {}, "gap": {},
-        "effects": [{"code": "payload", "parameters": {"force": number}}], "data_sha256": "x",
-    }  # fmt: skip
+        "schema": "stiffarm-diagnosis/1",
+        "robot": "kr60-3",
+        "verdict": "named",
+        "springs": {},
+        "gap": {},
+        "effects": [{"code": "payload", "parameters": {"force": number}}],
+        "data_sha256": "x",
+    }
     other = json.loads(json.dumps(content))
     other["effects"][0]["parameters"]["force"]["value"] = 60.0
-    placed = {"schema": "stiffarm-placement/1", "robot": "tx200", "cell": "wing",
-              "placements": {"recommended": {"K_sf": 1.0, "K_sf_95": [0.9, 1.1], "axes_mm": {}}}}  # fmt: skip
+    placed = {
+        "schema": "stiffarm-placement/1",
+        "robot": "tx200",
+        "cell": "wing",
+        "placements": {"recommended": {"K_sf": 1.0, "K_sf_95": [0.9, 1.1], "axes_mm": {}}},
+    }
     for name, text in (("a", content), ("b", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(text), encoding="utf-8")
     found = sa.compare(tmp_path / "a.json", tmp_path / "b.json")
@@ -260,8 +282,11 @@ def test_two_runs_are_compared_by_their_calibrations(cli: Command, tmp_path: Pat
 def test_points_that_several_poses_reach_are_told_apart_by_pose(tmp_path: Path) -> None:
     one = read_map(map_of(tmp_path / "m", kr60_slice(400.0)) / "map.vti", "m")
     twice = replace(
-        one, points=np.tile(one.points, (2, 1)), q=np.vstack([one.q, one.q + 1.0]), reached=np.tile(one.reached, 2),
+        one,
+        points=np.tile(one.points, (2, 1)),
+        q=np.vstack([one.q, one.q + 1.0]),
+        reached=np.tile(one.reached, 2),
         values={name: np.tile(v, 2) for name, v in one.values.items()},
-    )  # fmt: skip
+    )
     both = compare_maps(twice, twice)
     assert (both.only_a, both.only_b, len(both.points)) == (0, 0, 2 * int(one.reached.sum()))

@@ -262,8 +262,18 @@ def test_friction_is_not_judged_where_the_loads_chosen_cut_its_cycles(sets: Path
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick_diagnoses")
 def test_without_a_history_friction_is_not_testable(cli: Command, sets: Path) -> None:
-    r = cli("diagnose", sets / "backlash/model.toml", _plain(sets), "--links", "rigid", "--next", "0",
-            "--folds", "0", "--json").json  # fmt: skip
+    r = cli(
+        "diagnose",
+        sets / "backlash/model.toml",
+        _plain(sets),
+        "--links",
+        "rigid",
+        "--next",
+        "0",
+        "--folds",
+        "0",
+        "--json",
+    ).json
     assert r["verdict"] in VERDICTS
     assert all("loading" in r["not_testable"][f"friction:j{k}"] for k in (2, 3, 4, 5))
     assert "order" in r["not_testable"]["drift"]

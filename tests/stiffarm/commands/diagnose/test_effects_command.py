@@ -132,8 +132,16 @@ def test_calibration_finds_an_effects_number_and_writes_it_back(
 ) -> None:
     table = write_cycles(tmp_path / "cycles.csv", model(FRICTION.format(friction=110)))
     start = model(FRICTION.format(friction=60), "start.toml")
-    outcome = cli("calibrate", start, table, "--free", "j2.stiffness,j3.stiffness,friction:j3.friction",
-                  "--out", tmp_path / "out", "--json")  # fmt: skip
+    outcome = cli(
+        "calibrate",
+        start,
+        table,
+        "--free",
+        "j2.stiffness,j3.stiffness,friction:j3.friction",
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     assert "with effects: friction:j3, base-tilt" in outcome.err
     numbers = {n["name"]: n for n in outcome.json["stages"][0]["numbers"]}
@@ -249,8 +257,18 @@ def test_the_example_of_the_page(
     run = json.loads((tmp_path / "simulated" / "run.json").read_text())
     assert "effect" in json.dumps(run)
     start = model("\n" + text.replace("value = 30", "value = 10"), "flange_start.toml")
-    outcome = cli("calibrate", start, table, "--effect", flange, "--free", "j2.stiffness,flange-settling.settling",
-                  "--out", tmp_path / "out", "--json")  # fmt: skip
+    outcome = cli(
+        "calibrate",
+        start,
+        table,
+        "--effect",
+        flange,
+        "--free",
+        "j2.stiffness,flange-settling.settling",
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     numbers = {n["name"]: n for n in outcome.json["stages"][0]["numbers"]}
     # 2 um of noise on fifty readings of some 25 um.
@@ -276,8 +294,10 @@ def test_the_example_of_the_page(
 def test_a_file_with_a_fault_ends_with_2(
     change: tuple[str, str], words: str, flange: Path, cli: Command, model: Callable[..., Path], tmp_path: Path
 ) -> None:
-    file = model('\n[[effect]]\ncode = "payload"\nparameters.force = { value = 20, unit = "N", source = "assumed" }\n',
-                 "payload.toml")  # fmt: skip
+    file = model(
+        '\n[[effect]]\ncode = "payload"\nparameters.force = { value = 20, unit = "N", source = "assumed" }\n',
+        "payload.toml",
+    )
     wrong = tmp_path / "wrong.py"
     wrong.write_text(flange.read_text(encoding="utf-8").replace(*change), encoding="utf-8")
     outcome = cli("simulate", file, *POSE, "--effect", wrong)

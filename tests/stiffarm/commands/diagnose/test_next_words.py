@@ -49,9 +49,15 @@ def open_between(right: float, verdict: str = "ambiguous", hidden: float = 0.0, 
     proposal = SimpleNamespace(expected=SimpleNamespace(right=right), labels=("next 1", "next 2"), rivals=[rival])
     found = SimpleNamespace(verdict=verdict, same=(), effects=[], provisional=[])
     return SimpleNamespace(
-        found=found, still_open={}, twins={}, nothing_next="", proposal=proposal, other_way=way, odd=[],
+        found=found,
+        still_open={},
+        twins={},
+        nothing_next="",
+        proposal=proposal,
+        other_way=way,
+        odd=[],
         rivals=("hardening:j2", "backlash:j2"),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

@@ -239,9 +239,14 @@ def test_the_matrix_beside_a_row_at_which_it_would_overflow(cli: Command, tmp_pa
     """A law of the sixth degree in the exponent is not asked where it has no meaning."""
     description = load_description("kr60-3")
     law = LogPolynomialLaw(
-        kind="log-polynomial", inputs=("q2_deg",), centre_deg=(0.0,), half_range_deg=(90.0,),
-        exponents=((0,), (6,)), coefficients=(13.0, -0.1), source="assumed",
-    )  # fmt: skip
+        kind="log-polynomial",
+        inputs=("q2_deg",),
+        centre_deg=(0.0,),
+        half_range_deg=(90.0,),
+        exponents=((0,), (6,)),
+        coefficients=(13.0, -0.1),
+        source="assumed",
+    )
     joints = tuple(j.model_copy(update={"stiffness": law}) if j.name == "j2" else j for j in description.joint)
     (tmp_path / "model.toml").write_text(to_toml(description.model_copy(update={"joint": joints})), encoding="utf-8")
     assert cli("fit", "model.toml", *TWO, "--basis", "factored", "--out", "out").code == 0

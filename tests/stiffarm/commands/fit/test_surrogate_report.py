@@ -169,8 +169,11 @@ def test_what_the_calibration_makes_of_it(page: str) -> None:
 
 def test_each_file_with_its_size(page: str) -> None:
     files = {r[0]: r[2] for r in rows(page, "<caption>Files")}
-    assert list(files) == ["surrogate.json", *(f"surrogate_{b}.json" for b in ("factored", "trigonometric")),
-                           "surrogate_errors.json"]  # fmt: skip
+    assert list(files) == [
+        "surrogate.json",
+        *(f"surrogate_{b}.json" for b in ("factored", "trigonometric")),
+        "surrogate_errors.json",
+    ]
     assert re.fullmatch(r"\d+(\.\d+)? kB", files["surrogate.json"])
 
 

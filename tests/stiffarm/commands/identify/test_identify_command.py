@@ -40,9 +40,16 @@ def content(made_up: Path) -> Any:
 def test_everything_is_written(made_up: Path) -> None:
     names = {p.name for p in made_up.iterdir()}
     assert names == {
-        "report.html", "model.toml", "identification.json", "stiffnesses.csv", "stiffness_map.csv", "run.json",
-        "figures", "synthetic_joint_twists.csv", "synthetic_truth.json",
-    }  # fmt: skip
+        "report.html",
+        "model.toml",
+        "identification.json",
+        "stiffnesses.csv",
+        "stiffness_map.csv",
+        "run.json",
+        "figures",
+        "synthetic_joint_twists.csv",
+        "synthetic_truth.json",
+    }
     assert {p.stem for p in (made_up / "figures").iterdir()} == set(FIGURES)
 
 
@@ -128,9 +135,21 @@ def held_out(path: Path, model: Path) -> None:
     wrench[:, :3] = [[0.0, 0.0, -600.0], [425.0, 425.0, 0.0], [0.0, 600.0, 0.0]]
     nan = np.full(3, np.nan)
     m = Measurements(
-        "held out", "0" * 64, q, wrench, deflection(arm, q, wrench), np.full((3, 3), np.nan), nan, ("A", "B", "C"),
-        (None,) * 3, (None,) * 3, nan, (2, 3, 4), {}, (),
-    )  # fmt: skip
+        "held out",
+        "0" * 64,
+        q,
+        wrench,
+        deflection(arm, q, wrench),
+        np.full((3, 3), np.nan),
+        nan,
+        ("A", "B", "C"),
+        (None,) * 3,
+        (None,) * 3,
+        nan,
+        (2, 3, 4),
+        {},
+        (),
+    )
     write_measurements(m, path, arm.robot)
 
 

@@ -137,9 +137,17 @@ def test_all_links_that_fail_are_named_with_the_way_out_and_nothing_is_left(tmp_
     urdf = arm.write(tmp_path / "arm")
     outcome = run_here("import", urdf, "--out", tmp_path / "out", *COARSE)
     assert outcome.code == 2
-    for words in ("3 problem(s)", "lost.stl", "mesh not found", "ROS_PACKAGE_PATH", "column",
-                  "surface forearm: no closing width by trial", "80 mm (grid): 2 separate bodies", "--close-mm",
-                  "--rigid NAME"):  # fmt: skip
+    for words in (
+        "3 problem(s)",
+        "lost.stl",
+        "mesh not found",
+        "ROS_PACKAGE_PATH",
+        "column",
+        "surface forearm: no closing width by trial",
+        "80 mm (grid): 2 separate bodies",
+        "--close-mm",
+        "--rigid NAME",
+    ):
         assert words in outcome.err
     assert not (tmp_path / "out").exists()
     rest = run_here("import", urdf, "--out", tmp_path / "out", *COARSE, "--rigid", "column,upper_arm,j3")

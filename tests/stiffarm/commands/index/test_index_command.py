@@ -23,9 +23,20 @@ TOOL = "80,0,200,0,90,0"
 
 def test_every_index_is_the_models(cli: Command) -> None:
     outcome = cli(
-        "index", "kr60-3", "--links", "rigid", "--pose", POSE, "--tool", TOOL, "--force", "200,100,-50",
-        "--normal", "0,3,4", "--json",
-    )  # fmt: skip
+        "index",
+        "kr60-3",
+        "--links",
+        "rigid",
+        "--pose",
+        POSE,
+        "--tool",
+        TOOL,
+        "--force",
+        "200,100,-50",
+        "--normal",
+        "0,3,4",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     model = fem.build_model(load_description("kr60-3"), links="rigid")
     q = np.radians([[10.0, -60.0, 40.0, 0.0, 40.0, 0.0]])

@@ -41,9 +41,25 @@ def test_the_page_of_indices_says_the_softest_direction_first(cli: Command, tmp_
 @pytest.mark.slow
 def test_the_page_of_map_index_says_what_the_best_gamma_costs(cli: Command, tmp_path: Path) -> None:
     outcome = cli(
-        "map", "index", "kr60-3", "--links", "rigid", "--x", "900:2000:275", "--y", "-500:500:250", "--z", "800",
-        "--gamma", "-180:180:30", "--tool", "120,0,250,0,0,0", "--out", "out", "--json",
-    )  # fmt: skip
+        "map",
+        "index",
+        "kr60-3",
+        "--links",
+        "rigid",
+        "--x",
+        "900:2000:275",
+        "--y",
+        "-500:500:250",
+        "--z",
+        "800",
+        "--gamma",
+        "-180:180:30",
+        "--tool",
+        "120,0,250,0,0,0",
+        "--out",
+        "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     front = outcome.json["trade_off"]
     reach = [one["points_reached"] for one in front]

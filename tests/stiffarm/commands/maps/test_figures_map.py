@@ -79,9 +79,13 @@ def swept() -> MapData:
     values = np.arange(layout.n, dtype=np.float64) + 300.0
     reached = np.arange(layout.n) != 7
     return MapData(
-        layout, points, np.where(reached[:, None], q, np.nan), reached, ROBOT.coordinates,
+        layout,
+        points,
+        np.where(reached[:, None], q, np.nan),
+        reached,
+        ROBOT.coordinates,
         {"stiffness_N_per_mm": Field(np.where(reached, values, np.nan), "N/mm", "stiffness along the load")},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("data", [a_slice(), a_box()], ids=["slice", "box"])

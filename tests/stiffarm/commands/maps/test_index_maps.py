@@ -51,9 +51,25 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
     """A map with pictures, a part frame and a workpiece, and what went to stdout."""
     out = tmp_path_factory.mktemp("map") / "out"
     outcome = run_here(
-        "map", "index", "kr60-3", *GRID, *TOOL, "--part", "0,0,100,0,0,10", "--gamma", "-180:180:60",
-        "--workpiece", "x=-150:150,y=750:900", "--show", "0,180", "--links", "rigid", "--json", "--out", str(out),
-    )  # fmt: skip
+        "map",
+        "index",
+        "kr60-3",
+        *GRID,
+        *TOOL,
+        "--part",
+        "0,0,100,0,0,10",
+        "--gamma",
+        "-180:180:60",
+        "--workpiece",
+        "x=-150:150,y=750:900",
+        "--show",
+        "0,180",
+        "--links",
+        "rigid",
+        "--json",
+        "--out",
+        str(out),
+    )
     assert outcome.code == 0, outcome.err
     return out, outcome.json
 
@@ -99,10 +115,16 @@ def test_the_grid_is_readable_by_plain_vtk(made: tuple[Path, Any]) -> None:
     assert (grid.GetNumberOfCells(), grid.GetCellType(0)) == (24, VTK_QUAD)
     # Asked for 0 and 180 deg; 180 is the angle -180 of the full turn.
     assert set(arrays) == {
-        "best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_-180_deg", "k_fs_N_per_mm_gamma_0_deg",
-        "share_of_gamma", "workpiece", "jacobian_smallest_singular_value", "near_singular",
+        "best_k_fs_N_per_mm",
+        "best_gamma_deg",
+        "k_fs_N_per_mm_gamma_-180_deg",
+        "k_fs_N_per_mm_gamma_0_deg",
+        "share_of_gamma",
+        "workpiece",
+        "jacobian_smallest_singular_value",
+        "near_singular",
         *(f"q{i}_deg" for i in range(1, 7)),
-    }  # fmt: skip
+    }
     for name in ("best_k_fs_N_per_mm", "best_gamma_deg", "k_fs_N_per_mm_gamma_0_deg"):
         np.testing.assert_allclose(arrays[name], table[name], rtol=1e-8)
     values = table.filter(regex="^k_fs_N_per_mm_gamma").to_numpy()

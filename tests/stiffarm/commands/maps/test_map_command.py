@@ -119,8 +119,11 @@ def test_load_tool_and_quantities_are_those_asked_for(cli: Command, tmp_path: Pa
     assert cli("map", "joints", "kr60-3", *options, *BARE).code == 0
     found = table(tmp_path / "out" / "map.csv")
     assert [n for n in found if "stiffness" in n or "direction" in n] == [
-        "stiffness_N_per_mm", "worst_direction_x", "worst_direction_y", "worst_direction_z",
-    ]  # fmt: skip
+        "stiffness_N_per_mm",
+        "worst_direction_x",
+        "worst_direction_y",
+        "worst_direction_z",
+    ]
     model = build_model(load_description("kr60-3"))
     k = numbers(found["stiffness_N_per_mm"])
     there = np.isfinite(k)

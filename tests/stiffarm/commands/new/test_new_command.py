@@ -15,11 +15,25 @@ from stiffarm.session.caution import CLASS_PRIOR, uncalibrated
 
 HEAD = "joint,alpha_deg,a_mm,d_mm,theta_deg,lower_deg,upper_deg,sign"
 # The KR60-3 once more, in Craig's parameters and in the standard ones.
-MODIFIED = (HEAD, "j1,0,0,815,0,-185,185,1", "j2,-90,350,0,0,-135,35,1", "j3,0,850,0,0,-210,68,1",
-            "j4,-90,145,820,0,-350,350,1", "j5,90,0,0,0,-119,119,1", "j6,-90,0,0,0,-350,350,1",
-            "flange,0,0,170,0,,,")  # fmt: skip
-STANDARD = (HEAD, "j1,-90,350,815,0,-185,185,1", "j2,0,850,0,0,-135,35,1", "j3,-90,145,0,0,-210,68,1",
-            "j4,90,0,820,0,-350,350,1", "j5,-90,0,0,0,-119,119,1", "j6,0,0,170,0,-350,350,1")  # fmt: skip
+MODIFIED = (
+    HEAD,
+    "j1,0,0,815,0,-185,185,1",
+    "j2,-90,350,0,0,-135,35,1",
+    "j3,0,850,0,0,-210,68,1",
+    "j4,-90,145,820,0,-350,350,1",
+    "j5,90,0,0,0,-119,119,1",
+    "j6,-90,0,0,0,-350,350,1",
+    "flange,0,0,170,0,,,",
+)
+STANDARD = (
+    HEAD,
+    "j1,-90,350,815,0,-185,185,1",
+    "j2,0,850,0,0,-135,35,1",
+    "j3,-90,145,0,0,-210,68,1",
+    "j4,90,0,820,0,-350,350,1",
+    "j5,-90,0,0,0,-119,119,1",
+    "j6,0,0,170,0,-350,350,1",
+)
 XACRO = """<robot name="two" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="L" value="0.5"/>
 <link name="base_link"/><link name="l1"/><link name="l2"/><link name="tool0"/>
 <joint name="j1" type="revolute"><parent link="base_link"/><child link="l1"/><origin xyz="0 0 ${L}"/>

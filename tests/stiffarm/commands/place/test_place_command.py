@@ -52,9 +52,17 @@ def small(tmp_path: Path) -> tuple[Path, Path]:
     u = np.linspace(0.0, 1.0, 12)
     wave = 2.0 * np.pi * u
     rows = np.stack(
-        [250 * (u - 0.5), 60 * np.sin(wave), 30 * np.cos(wave), 0.3 * np.sin(wave), 0.2 * np.cos(wave), 1 + 0 * u,
-         1500 + 0 * u], axis=1,
-    )  # fmt: skip
+        [
+            250 * (u - 0.5),
+            60 * np.sin(wave),
+            30 * np.cos(wave),
+            0.3 * np.sin(wave),
+            0.2 * np.cos(wave),
+            1 + 0 * u,
+            1500 + 0 * u,
+        ],
+        axis=1,
+    )
     path, cell = tmp_path / "dome.csv", tmp_path / "cell.toml"
     header = "x_mm,y_mm,z_mm,nx,ny,nz,feed_mm_per_min"
     path.write_text(header + "\n" + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows) + "\n")
@@ -136,8 +144,20 @@ def test_moving_with_collisions_and_two_axes(cli: Command, small: tuple[Path, Pa
 def test_json_alone_writes_nothing(cli: Command, small: tuple[Path, Path], tmp_path: Path) -> None:
     path, cell = small
     before = tree(tmp_path)
-    outcome = cli("place", "kr60-3", path, "--cell", cell, *FORCE, "--aim", "worst", "--json", "--range",
-                  "rail=-300:-100", "--no-collisions")  # fmt: skip
+    outcome = cli(
+        "place",
+        "kr60-3",
+        path,
+        "--cell",
+        cell,
+        *FORCE,
+        "--aim",
+        "worst",
+        "--json",
+        "--range",
+        "rail=-300:-100",
+        "--no-collisions",
+    )
     assert outcome.code == 0, outcome.err
     assert outcome.json["aim"] == "worst"
     low, high = outcome.json["placements"]["recommended"]["axes_mm"]["rail"]
@@ -148,12 +168,38 @@ def test_json_alone_writes_nothing(cli: Command, small: tuple[Path, Path], tmp_p
 def test_rapid_moves_of_a_program_are_where_the_base_may_move(
     cli: Command, small: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    lines = ["G21 G90 G17 G94", "G0 X-100 Y0 Z50", "G1 Z0 F1500", "G1 X0", "G1 X20 Y10", "G0 Z50", "G0 X100 Y0",
-             "G1 Z0 F1500", "G1 X110", "G1 X130 Y10", "G0 Z50", "M30"]  # fmt: skip
+    lines = [
+        "G21 G90 G17 G94",
+        "G0 X-100 Y0 Z50",
+        "G1 Z0 F1500",
+        "G1 X0",
+        "G1 X20 Y10",
+        "G0 Z50",
+        "G0 X100 Y0",
+        "G1 Z0 F1500",
+        "G1 X110",
+        "G1 X130 Y10",
+        "G0 Z50",
+        "M30",
+    ]
     path = tmp_path / "part.nc"
     path.write_text("\n".join(lines) + "\n")
-    outcome = cli("place", "kr60-3", path, "--cell", small[1], *FORCE, "--mode", "steps:2", "--cost", "0", "--json",
-                  "--no-collisions", "--jump", "90")  # fmt: skip
+    outcome = cli(
+        "place",
+        "kr60-3",
+        path,
+        "--cell",
+        small[1],
+        *FORCE,
+        "--mode",
+        "steps:2",
+        "--cost",
+        "0",
+        "--json",
+        "--no-collisions",
+        "--jump",
+        "90",
+    )
     assert outcome.code == 0, outcome.err
     assert outcome.json["source_moves"] > outcome.json["path_points"]
     # Two cuts of three points each: where the tool plunges nothing is judged.

@@ -37,8 +37,22 @@ def test_the_answer_comes_first(cli: Command, tmp_path: Path) -> None:
     rows = [f"{x},0,0,0,0,1" for x in (-50, 0, 50)]
     (tmp_path / "path.csv").write_text("\n".join(["x_mm,y_mm,z_mm,nx,ny,nz", *rows]) + "\n")
     out = tmp_path / "out"
-    outcome = cli("place", "kr60-3", tmp_path / "path.csv", "--cell", tmp_path / "cell.toml", "--force", "80,40,-60",
-                  "--links", "rigid", "--gamma", "-180:180:30", "--no-collisions", "--out", out)  # fmt: skip
+    outcome = cli(
+        "place",
+        "kr60-3",
+        tmp_path / "path.csv",
+        "--cell",
+        tmp_path / "cell.toml",
+        "--force",
+        "80,40,-60",
+        "--links",
+        "rigid",
+        "--gamma",
+        "-180:180:30",
+        "--no-collisions",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     page = (out / "report.html").read_text(encoding="utf-8")
     cards = re.findall(r"<li[^>]*><b>(.*?)</b>", page)

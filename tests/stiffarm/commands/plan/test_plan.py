@@ -48,8 +48,21 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 @pytest.mark.usefixtures("blank")
 def test_a_turned_frame_is_planned_for_on_the_fanuc(cli: Command) -> None:
-    outcome = cli("plan", "fanuc-r2000ic", "--free", "frame.rz,j2.stiffness,j3.stiffness", "--poses", "2",
-                  "--candidates", "60", "--repeats", "1", "--out", "o", "--json")  # fmt: skip
+    outcome = cli(
+        "plan",
+        "fanuc-r2000ic",
+        "--free",
+        "frame.rz,j2.stiffness,j3.stiffness",
+        "--poses",
+        "2",
+        "--candidates",
+        "60",
+        "--repeats",
+        "1",
+        "--out",
+        "o",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     turn, *_ = outcome.json["parameters"]
     assert (turn["name"], turn["unit"]) == ("frame.rz", "rad")
@@ -97,9 +110,14 @@ def test_six_poses_settle_what_nine_readings_cannot_tell(cli: Command) -> None:
 
 def test_files_of_a_plan(written: Path) -> None:
     assert {p.name for p in written.iterdir()} == {
-        "measurement_sheet.csv", "measurement_sheet.html", "plan.json", "plan.png", "report.html", "figures",
+        "measurement_sheet.csv",
+        "measurement_sheet.html",
+        "plan.json",
+        "plan.png",
+        "report.html",
+        "figures",
         "run.json",
-    }  # fmt: skip
+    }
     plan = json.loads((written / "plan.json").read_text(encoding="utf-8"))
     rows = rows_of(written / "measurement_sheet.csv")
     assert len(rows) == 2 * 2 * 3
@@ -155,8 +173,9 @@ def test_new_labels_are_not_those_of_the_data(written: Path) -> None:
 
 
 def test_a_first_campaign_of_a_robot_without_data(cli: Command) -> None:
-    outcome = cli("plan", "kr60-3", "--poses", "3", "--candidates", "200", "--directions", "+x,-z", "--read", "xz",
-                  "--json")  # fmt: skip
+    outcome = cli(
+        "plan", "kr60-3", "--poses", "3", "--candidates", "200", "--directions", "+x,-z", "--read", "xz", "--json"
+    )
     assert outcome.code == 0, outcome.err
     result = outcome.json
     assert result["data"] is None
@@ -280,8 +299,12 @@ def test_sentences() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["D", *(pytest.param(c, marks=pytest.mark.slow) for c in "AI")])
 def test_figure(criterion: str) -> None:
-    request = Request(3, candidates=60, criterion=criterion,  # type: ignore[arg-type]
-                      free=("j3.stiffness", "j4.stiffness", "j2.zero", "forearm.modulus"))  # fmt: skip
+    request = Request(
+        3,
+        candidates=60,
+        criterion=criterion,  # type: ignore[arg-type]
+        free=("j3.stiffness", "j4.stiffness", "j2.zero", "forearm.modulus"),
+    )
     planned = make_plan(XR701, None, request)
     figure = plan_figure(planned.made, planned.found, "$x_{")
     seen = texts(figure)

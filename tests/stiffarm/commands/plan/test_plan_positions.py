@@ -46,8 +46,19 @@ def test_the_filled_in_table_is_one_of_positions(planned: tuple[Outcome, Path], 
 
 
 def test_lost_motion_asks_for_every_pose_from_either_side(tmp_path: Path) -> None:
-    outcome = run_here("plan", "kr60-3", "--positions", "12", *COMMON, *TARGETS, "--free", "geometry,reversal",
-                       "--out", tmp_path / "out", "--json")  # fmt: skip
+    outcome = run_here(
+        "plan",
+        "kr60-3",
+        "--positions",
+        "12",
+        *COMMON,
+        *TARGETS,
+        "--free",
+        "geometry,reversal",
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     first, second = outcome.json["plan"][0]["approaches"]
     assert first == second.translate(str.maketrans("+-", "-+"))

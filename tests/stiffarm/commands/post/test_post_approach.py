@@ -62,8 +62,28 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 def test_holes_are_come_to_from_one_side(cli: Command, files: tuple[Path, Path], tmp_path: Path, rapid: str) -> None:
     cell, cls = files
     out = tmp_path / "out"
-    outcome = cli("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "65", "--format", "krl,json",
-                  "--rapid", rapid, "--approach", SIGNS, "--approach-deg", "0.25", "--out", out, "--json")  # fmt: skip
+    outcome = cli(
+        "post",
+        "kr60-3",
+        cls,
+        "--cell",
+        cell,
+        "--links",
+        "rigid",
+        "--gamma",
+        "65",
+        "--format",
+        "krl,json",
+        "--rapid",
+        rapid,
+        "--approach",
+        SIGNS,
+        "--approach-deg",
+        "0.25",
+        "--out",
+        out,
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     found = outcome.json["approach"]
     assert (found["signs"], found["angle_deg"]) == ("+-+00-", pytest.approx(0.25))
@@ -94,16 +114,28 @@ def test_verify_finds_what_stands_in_the_way_from_that_side(
     tip = moves.points[np.argmax(moves.rapid[:-1] & ~moves.rapid[1:]) - 1] * 1e3 + [1200, 200, 600]
     clamped = tmp_path / "clamped.toml"
     clamped.write_text(CELL + DRILL + FIXTURE.format(*tip))
-    codes = [cli("verify", "kr60-3", tmp_path / out / "json" / "holes.json", "--cell", clamped).code
-             for out in ("any", "side")]  # fmt: skip
+    codes = [
+        cli("verify", "kr60-3", tmp_path / out / "json" / "holes.json", "--cell", clamped).code
+        for out in ("any", "side")
+    ]
     assert codes == [0, 1]
 
 
 @pytest.mark.parametrize(
     ("signs", "deg"),
-    [("+-+00", None), ("+-+00+0", None), ("+-+x0+", None), ("", None), ("000000", None), ("+-+00+", 0.0),
-     ("+-+00+", -1.0), ("+-+00+", 5.1), ("+-+00+", float("nan")), (None, 0.5)],
-)  # fmt: skip
+    [
+        ("+-+00", None),
+        ("+-+00+0", None),
+        ("+-+x0+", None),
+        ("", None),
+        ("000000", None),
+        ("+-+00+", 0.0),
+        ("+-+00+", -1.0),
+        ("+-+00+", 5.1),
+        ("+-+00+", float("nan")),
+        (None, 0.5),
+    ],
+)
 def test_signs_and_angles_that_cannot_be_are_refused(signs: str | None, deg: float | None) -> None:
     with pytest.raises(InputError, match="--approach"):
         parse_approach(signs, deg, load_robot("kr60-3"))

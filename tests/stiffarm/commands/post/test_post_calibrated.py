@@ -38,8 +38,13 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for k, joint in enumerate(data["joint"]):
         joint["zero_error"] = {"value": 0.02 * (k - 2), "unit": "deg", "source": "assumed"}
         joint["error"] = {"x": {"value": 0.2 * k, "unit": "mm", "source": "assumed"}}
-    data["positions"] = {"data": "made up", "data_sha256": "0", "before_rms_mm": 2.0, "rms_mm": 0.1,
-                         "left_out_rms_mm": 0.12}  # fmt: skip
+    data["positions"] = {
+        "data": "made up",
+        "data_sha256": "0",
+        "before_rms_mm": 2.0,
+        "rms_mm": 0.1,
+        "left_out_rms_mm": 0.12,
+    }
     (folder / "model.toml").write_text(tomlkit.dumps(data), encoding="utf-8")
     (folder / "cell.toml").write_text(CELL, encoding="utf-8")
     (folder / "path.csv").write_text(PATH, encoding="utf-8")
@@ -47,8 +52,23 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def post(shop: Path, *more: str, out: str = "program") -> Outcome:
-    return run_here("post", shop / "model.toml", shop / "path.csv", "--cell", shop / "cell.toml", "--out", shop / out,
-                    "--format", "json,krl", "--gamma", "90", "--tolerance-um", "200", "--json", *more)  # fmt: skip
+    return run_here(
+        "post",
+        shop / "model.toml",
+        shop / "path.csv",
+        "--cell",
+        shop / "cell.toml",
+        "--out",
+        shop / out,
+        "--format",
+        "json,krl",
+        "--gamma",
+        "90",
+        "--tolerance-um",
+        "200",
+        "--json",
+        *more,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +104,7 @@ def test_programs_are_those_of_the_arm_as_designed(shop: Path, moved: Outcome) -
     # The program's decimals, and what zeros of a fiftieth of a degree make at two metres.
     assert away[0] < 1e-6
     assert away[1] > 1e-4
-    checked = run_here("verify", shop / "model.toml", file, "--cell", shop / "cell.toml", "--json")  # fmt: skip
+    checked = run_here("verify", shop / "model.toml", file, "--cell", shop / "cell.toml", "--json")
     assert checked.code in (0, 1), checked.err
 
 
@@ -111,8 +131,19 @@ def test_with_a_force_both_are_taken_off(shop: Path, moved: Outcome) -> None:
 
 @pytest.mark.slow
 def test_without_compensate_it_says_that_errors_are_known(shop: Path, moved: Outcome) -> None:
-    plain = run_here("post", shop / "model.toml", shop / "path.csv", "--cell", shop / "cell.toml", "--gamma", "90",
-                     "--tolerance-um", "200", "--out", shop / "plain")  # fmt: skip
+    plain = run_here(
+        "post",
+        shop / "model.toml",
+        shop / "path.csv",
+        "--cell",
+        shop / "cell.toml",
+        "--gamma",
+        "90",
+        "--tolerance-um",
+        "200",
+        "--out",
+        shop / "plain",
+    )
     assert plain.code == 0, plain.err
     assert "--compensate takes them in" in plain.err
     points = np.array([[float(v) for v in row.split(",")[:3]] for row in PATH.splitlines()[1:]])
@@ -142,8 +173,20 @@ def test_bad_input_is_one_message_and_leaves_nothing(shop: Path, more: tuple[str
 
 
 def test_payload_of_a_model_without_positions_is_refused(shop: Path) -> None:
-    outcome = run_here("post", "kr60-3", shop / "path.csv", "--cell", shop / "cell.toml", "--compensate", "--force",
-                       "0,0,10", "--payload", "25", "--out", shop / "bad")  # fmt: skip
+    outcome = run_here(
+        "post",
+        "kr60-3",
+        shop / "path.csv",
+        "--cell",
+        shop / "cell.toml",
+        "--compensate",
+        "--force",
+        "0,0,10",
+        "--payload",
+        "25",
+        "--out",
+        shop / "bad",
+    )
     assert outcome.code == 2
     assert "stiffarm calibrate" in outcome.err
 
@@ -161,12 +204,27 @@ def test_from_readings_to_a_program_whose_doubt_is_said(shop: Path) -> None:
         for q, p, t in zip(read.q, read.position, read.target.number, strict=True)
     ]
     (shop / "read.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    calibrated = run_here("calibrate", "kr60-3", shop / "read.csv", "--free", "geometry,springs", "--out", shop / "cal",
-                          "--json")  # fmt: skip
+    calibrated = run_here(
+        "calibrate", "kr60-3", shop / "read.csv", "--free", "geometry,springs", "--out", shop / "cal", "--json"
+    )
     assert calibrated.code == 0, calibrated.err
-    made = run_here("post", shop / "cal" / "model.toml", shop / "path.csv", "--cell", shop / "cell.toml", "--gamma",
-                    "90", "--compensate", "--force", "100,0,0", "--tolerance-um", "200", "--out", shop / "made",
-                    "--json")  # fmt: skip
+    made = run_here(
+        "post",
+        shop / "cal" / "model.toml",
+        shop / "path.csv",
+        "--cell",
+        shop / "cell.toml",
+        "--gamma",
+        "90",
+        "--compensate",
+        "--force",
+        "100,0,0",
+        "--tolerance-um",
+        "200",
+        "--out",
+        shop / "made",
+        "--json",
+    )
     assert made.code == 0, made.err
     c = made.json["correction"]
     assert 1.0 < c["place_sd_um"] < 100.0

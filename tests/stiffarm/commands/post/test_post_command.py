@@ -65,9 +65,22 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     cell, cls = files
     out = tmp_path / "out"
     outcome = cli(
-        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-60:0:10", "--format",
-        "krl,sinumerik,csv,json", "--travel", "100", "--out", out,
-    )  # fmt: skip
+        "post",
+        "kr60-3",
+        cls,
+        "--cell",
+        cell,
+        "--links",
+        "rigid",
+        "--gamma",
+        "-60:0:10",
+        "--format",
+        "krl,sinumerik,csv,json",
+        "--travel",
+        "100",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "post.json").read_text(encoding="utf-8"))
     assert set(content["programs"]) == {"krl_cartesian", "krl_joint", "sinumerik_joint", "csv", "json"}
@@ -101,9 +114,23 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
 def test_one_kind_of_coordinates_is_written_if_asked(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
     cell, cls = files
     outcome = cli(
-        "post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-30", "--format", "krl",
-        "--coordinates", "joint", "--out", tmp_path / "out", "--json",
-    )  # fmt: skip
+        "post",
+        "kr60-3",
+        cls,
+        "--cell",
+        cell,
+        "--links",
+        "rigid",
+        "--gamma",
+        "-30",
+        "--format",
+        "krl",
+        "--coordinates",
+        "joint",
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
     assert outcome.code == 0, outcome.err
     assert set(outcome.json["programs"]) == {"krl_joint"}
     assert outcome.json["gamma_deg"] == [-30.0, -30.0]
@@ -173,8 +200,9 @@ def test_a_point_out_of_reach_names_its_line(cli: Command, files: tuple[Path, Pa
     cell, _ = files
     far = tmp_path / "far.cls"
     far.write_text(CLS.replace("GOTO/40.0,0.0,0.0", "GOTO/4000.0,0.0,0.0"))
-    outcome = cli("post", "kr60-3", far, "--cell", cell, "--out", tmp_path / "o", "--tolerance-um", "1000",
-                  "--gamma", "-30")  # fmt: skip
+    outcome = cli(
+        "post", "kr60-3", far, "--cell", cell, "--out", tmp_path / "o", "--tolerance-um", "1000", "--gamma", "-30"
+    )
     assert outcome.code == 2
     assert "line 11: " in outcome.err
     assert "cannot be reached" in outcome.err
@@ -201,9 +229,17 @@ def test_a_placement_is_taken_as_it_is(cli: Command, files: tuple[Path, Path], t
     q[:, 4] *= -1.0
     q[:, 5] += np.where(q[:, 5] > 0.0, -np.pi, np.pi)
     placement = Placement(
-        "kr60-3", where.name, ("rail",), first.travel[given], 0.0, first.gamma[given], robot.coordinates, q,
-        np.arange(len(given)), len(given),
-    )  # fmt: skip
+        "kr60-3",
+        where.name,
+        ("rail",),
+        first.travel[given],
+        0.0,
+        first.gamma[given],
+        robot.coordinates,
+        q,
+        np.arange(len(given)),
+        len(given),
+    )
     file = tmp_path / "placement.json"
     file.write_text(json.dumps(placement_content(placement)))
     outcome = cli(*common, "--placement", file, "--out", tmp_path / "second")

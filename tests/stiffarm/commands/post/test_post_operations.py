@@ -64,8 +64,22 @@ def test_a_tools_program_does_what_the_file_says_and_a_missing_stop_is_found(
 ) -> None:
     cell, cls = files
     out = tmp_path / "out"
-    outcome = cli("post", "kr60-3", cls, "--cell", cell, *RIGID, "--gamma", "65", "--tool-number", "1", "--format",
-                  "krl,json", "--out", out)  # fmt: skip
+    outcome = cli(
+        "post",
+        "kr60-3",
+        cls,
+        "--cell",
+        cell,
+        *RIGID,
+        "--gamma",
+        "65",
+        "--tool-number",
+        "1",
+        "--format",
+        "krl,json",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "post.json").read_text(encoding="utf-8"))
     assert content["commands"] == {"operation": 1, "tool": 1, "spindle": 2, "coolant": 2, "optional stop": 1}

@@ -29,9 +29,14 @@ class Shop:
 
     def __call__(self, *arguments: str, code: int = 0) -> str:
         done = subprocess.run(  # noqa: S603 - our own command
-            [sys.executable, *arguments], cwd=self.folder, env=self.environment, capture_output=True, text=True,
-            check=False, timeout=300,
-        )  # fmt: skip
+            [sys.executable, *arguments],
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=300,
+        )
         assert done.returncode == code, done.stderr + done.stdout
         return done.stdout
 
@@ -56,8 +61,11 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
         shutil.copy(ROOT / name, source)
     made = subprocess.run(  # noqa: S603
         [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(place), str(source)],
-        capture_output=True, text=True, check=False, timeout=300,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
     if made.returncode and re.search("connection|index|resolve|network", made.stderr, re.IGNORECASE):
         pytest.skip("no package index, so no setuptools to build a wheel with")
     assert made.returncode == 0, made.stderr
@@ -91,11 +99,23 @@ def test_from_cam_to_a_checked_program(shop: Shop, file: str) -> None:
     program = shop.post(file, "--format", "krl,sinumerik,json", "--out", out)
     assert [number for kind, number in commands(program) if kind == "tool"] == [1, 2, 3]
     assert commands(program) == [
-        ("tool", 1), ("spindle", 8000), ("coolant", "flood"), ("coolant", "off"), ("spindle", 0),
-        ("tool", 2), ("spindle", 12000), ("coolant", "mist"), ("coolant", "off"), ("spindle", 0),
+        ("tool", 1),
+        ("spindle", 8000),
+        ("coolant", "flood"),
+        ("coolant", "off"),
+        ("spindle", 0),
+        ("tool", 2),
+        ("spindle", 12000),
+        ("coolant", "mist"),
+        ("coolant", "off"),
+        ("spindle", 0),
         ("optional stop", None),
-        ("tool", 3), ("spindle", 3000), ("coolant", "flood"), ("coolant", "off"), ("spindle", 0),
-    ]  # fmt: skip
+        ("tool", 3),
+        ("spindle", 3000),
+        ("coolant", "flood"),
+        ("coolant", "off"),
+        ("spindle", 0),
+    ]
     krl = (shop.folder / out / "krl_cartesian" / "bracket_001.src").read_text("utf-8")
     order = re.findall(r"CHANGE_TOOL\(\d\)|^\$TOOL|\$OUT\[12\]=\w+|HALT", krl, re.MULTILINE)
     on, off = "$OUT[12]=TRUE", "$OUT[12]=FALSE"
@@ -103,8 +123,17 @@ def test_from_cam_to_a_checked_program(shop: Shop, file: str) -> None:
     assert order == [*each[0], *each[1], "HALT", *each[2]]
     sinumerik = (shop.folder / out / "sinumerik_joint" / "BRACKET_001.SPF").read_text("utf-8")
     assert re.findall(r"^(T\d M6|M1|S\d+\S* M3|M5)$", sinumerik, re.MULTILINE) == [
-        "T1 M6", "S8000.000 M3", "M5", "T2 M6", "S12000.000 M3", "M5", "M1", "T3 M6", "S3000.000 M3", "M5",
-    ]  # fmt: skip
+        "T1 M6",
+        "S8000.000 M3",
+        "M5",
+        "T2 M6",
+        "S12000.000 M3",
+        "M5",
+        "M1",
+        "T3 M6",
+        "S3000.000 M3",
+        "M5",
+    ]
     said = shop.stiffarm("verify", ARM, f"{out}/json/bracket.json", "--cell", "cell.toml", "--json")
     found = json.loads(said)
     assert found["offences"] == []
@@ -119,8 +148,9 @@ def test_both_dialects_lead_the_tools_alike(shop: Shop) -> None:
         at = {name: i for i, name in enumerate(program["columns"])}
         ends[file] = [
             (program["tools"][row[at["tool"]]]["number"], *(round(row[at[c]], 3) for c in ("x_mm", "y_mm", "z_mm")))
-            for row in program["moves"] if not row[at["rapid"]] and not row[at["inserted"]]
-        ]  # fmt: skip
+            for row in program["moves"]
+            if not row[at["rapid"]] and not row[at["inserted"]]
+        ]
     assert ends["bracket.cls"] == ends["bracket.mpf"]
     assert len(ends["bracket.cls"]) == 106
 

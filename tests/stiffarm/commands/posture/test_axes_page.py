@@ -175,8 +175,15 @@ def drag_and_keys(page: Any, api: str) -> None:
     x, y = page.run(f"[{api}.across({api}.length[{i}]), {api}.up({api}.gamma[{i}])]")
     before = page.run(f"[...{api}.gamma]")
     for kind, dy in (("mousePressed", 0), ("mouseMoved", -6), ("mouseMoved", -30), ("mouseReleased", -30)):
-        page.ask("Input.dispatchMouseEvent", type=kind, x=box[0] + x, y=box[1] + y + dy, button="left", buttons=1,
-                 clickCount=1)  # fmt: skip
+        page.ask(
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=box[0] + x,
+            y=box[1] + y + dy,
+            button="left",
+            buttons=1,
+            clickCount=1,
+        )
     after = page.run(f"[...{api}.gamma]")
     moved = np.abs((np.array(after) - before + 180.0) % 360.0 - 180.0)
     assert page.run(f"{api}.state.at") == i

@@ -27,9 +27,21 @@ def error(level_um: float, s: Array = S) -> SurfaceError:
     about = Uncertain(one, 0.01 * np.eye(1), one, np.zeros((1, 1)), ("all", "F"), ("made up",))
     sd = 0.1 * np.abs(normal)
     return SurfaceError(
-        s, np.full(n, 1.0 / n), none, none, none, normal, normal, sd, sd, 0.0 * sd, normal[:, None, None], 0.0 * sd,
-        about, None,
-    )  # fmt: skip
+        s,
+        np.full(n, 1.0 / n),
+        none,
+        none,
+        none,
+        normal,
+        normal,
+        sd,
+        sd,
+        0.0 * sd,
+        normal[:, None, None],
+        0.0 * sd,
+        about,
+        None,
+    )
 
 
 def comparison(before: SurfaceError, after: SurfaceError) -> Comparison:

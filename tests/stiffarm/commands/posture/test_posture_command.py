@@ -31,9 +31,17 @@ def dome(tmp_path: Path) -> Path:
     u = np.linspace(0.0, 1.0, 12)
     wave = 2.0 * np.pi * u
     rows = np.stack(
-        [150 * (u - 0.5), 60 * np.sin(wave), 30 * np.cos(wave), 0.3 * np.sin(wave), 0.2 * np.cos(wave), 1 + 0 * u,
-         3000 + 0 * u], axis=1,
-    )  # fmt: skip
+        [
+            150 * (u - 0.5),
+            60 * np.sin(wave),
+            30 * np.cos(wave),
+            0.3 * np.sin(wave),
+            0.2 * np.cos(wave),
+            1 + 0 * u,
+            3000 + 0 * u,
+        ],
+        axis=1,
+    )
     file = tmp_path / "dome.csv"
     header = "x_mm,y_mm,z_mm,nx,ny,nz,feed_mm_per_min"
     file.write_text(header + "\n" + "\n".join(",".join(f"{v:.9f}" for v in row) for row in rows) + "\n")
@@ -44,9 +52,20 @@ def dome(tmp_path: Path) -> Path:
 def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     outcome = cli(
-        *posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--speed", SPEED, "--gamma",
-        "-180:180:10", "--out", out,
-    )  # fmt: skip
+        *posture_along(dome),
+        "--links",
+        "rigid",
+        "--tool",
+        TOOL,
+        "--part",
+        PART,
+        "--speed",
+        SPEED,
+        "--gamma",
+        "-180:180:10",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     with (out / "posture.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -79,8 +98,20 @@ def test_the_table_holds_a_course_that_can_be_driven(cli: Command, dome: Path, t
 
 def test_json_alone_writes_nothing(cli: Command, dome: Path, tmp_path: Path) -> None:
     before = tree(tmp_path)
-    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
-                  "--gamma", "-30:30:10", "--aim", "worst")  # fmt: skip
+    outcome = cli(
+        *posture_along(dome),
+        "--links",
+        "rigid",
+        "--tool",
+        TOOL,
+        "--part",
+        PART,
+        "--json",
+        "--gamma",
+        "-30:30:10",
+        "--aim",
+        "worst",
+    )
     assert outcome.code == 0, outcome.err
     assert outcome.json["aim"] == "worst"
     assert outcome.json["gamma_grid_deg"] == {"from": -30.0, "to": 30.0, "count": 7}
@@ -88,8 +119,20 @@ def test_json_alone_writes_nothing(cli: Command, dome: Path, tmp_path: Path) -> 
 
 
 def test_one_gamma_is_kept(cli: Command, dome: Path) -> None:
-    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--json",
-                  "--gamma", "20", "--before", "20")  # fmt: skip
+    outcome = cli(
+        *posture_along(dome),
+        "--links",
+        "rigid",
+        "--tool",
+        TOOL,
+        "--part",
+        PART,
+        "--json",
+        "--gamma",
+        "20",
+        "--before",
+        "20",
+    )
     assert outcome.code == 0, outcome.err
     courses = outcome.json["courses"]
     np.testing.assert_allclose(courses["recommended"]["gamma_deg"], 20.0, atol=1e-3)
@@ -98,8 +141,9 @@ def test_one_gamma_is_kept(cli: Command, dome: Path) -> None:
 
 
 def test_a_program_that_cannot_be_driven_is_said_to_be_so(cli: Command, dome: Path) -> None:
-    outcome = cli(*posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", "2000,200,500", "--json",
-                  "--before", "180")  # fmt: skip
+    outcome = cli(
+        *posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", "2000,200,500", "--json", "--before", "180"
+    )
     assert outcome.code == 0, outcome.err
     text = json.dumps(outcome.json["not_found"])
     assert "as_programmed" in outcome.json["not_found"]
@@ -189,8 +233,7 @@ def test_a_post_beside_the_part_is_kept_clear_of(cli: Command, dome: Path, tmp_p
     least = []
     for file in (cell, free):
         out = tmp_path / file.stem
-        outcome = cli(*posture_along(dome), "--links", "rigid", "--cell", file, "--gamma", "-180:180:20",
-                      "--out", out)  # fmt: skip
+        outcome = cli(*posture_along(dome), "--links", "rigid", "--cell", file, "--gamma", "-180:180:20", "--out", out)
         assert outcome.code == 0, outcome.err
         with (out / "posture.csv").open(encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
@@ -207,9 +250,22 @@ def test_a_milling_file_predicts_the_error_before_and_after(cli: Command, dome: 
     milling.write_text(MILLING)
     out = tmp_path / "out"
     outcome = cli(
-        *posture_along(dome), "--links", "rigid", "--tool", TOOL, "--part", PART, "--milling", milling, "--gamma",
-        "-180:180:20", "--quantity", "normal displacement", "--out", out,
-    )  # fmt: skip
+        *posture_along(dome),
+        "--links",
+        "rigid",
+        "--tool",
+        TOOL,
+        "--part",
+        PART,
+        "--milling",
+        milling,
+        "--gamma",
+        "-180:180:20",
+        "--quantity",
+        "normal displacement",
+        "--out",
+        out,
+    )
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "posture.json").read_text(encoding="utf-8"))
     error = content["surface_error"]

@@ -89,9 +89,23 @@ def wall(tmp_path: Path) -> Path:
 
 def posture(model: Path, wall: Path, out: Path, *more: str) -> tuple[dict[str, Any], Array]:
     outcome = run_here(
-        "posture", model, wall, "--tool", TOOL, "--part", PART, "--reference", "0,1,0", "--gamma", "-180:180:10",
-        "--force", ",".join(map(str, F)), "--out", out, *more,
-    )  # fmt: skip
+        "posture",
+        model,
+        wall,
+        "--tool",
+        TOOL,
+        "--part",
+        PART,
+        "--reference",
+        "0,1,0",
+        "--gamma",
+        "-180:180:10",
+        "--force",
+        ",".join(map(str, F)),
+        "--out",
+        out,
+        *more,
+    )
     assert outcome.code == 0, outcome.err
     names = load_description(model).joint
     with (out / "posture.csv").open(encoding="utf-8") as stream:
@@ -248,9 +262,24 @@ def test_a_program_s_stiffness_and_compensation_carry_it(
         ("assumed", kuka(tmp_path / "k.toml"), ("--links", "rigid")),
     ):
         outcome = run_here(
-            "post", model, wall, "--tool", TOOL, "--part", PART, "--reference", "0,1,0", "--gamma", "-30",
-            "--force", ",".join(map(str, F)), "--compensate", "--out", tmp_path / name, *more,
-        )  # fmt: skip
+            "post",
+            model,
+            wall,
+            "--tool",
+            TOOL,
+            "--part",
+            PART,
+            "--reference",
+            "0,1,0",
+            "--gamma",
+            "-30",
+            "--force",
+            ",".join(map(str, F)),
+            "--compensate",
+            "--out",
+            tmp_path / name,
+            *more,
+        )
         assert outcome.code == 0, outcome.err
         assert "95 % intervals rest on" in outcome.err
         found[name] = json.loads((tmp_path / name / "post.json").read_text(encoding="utf-8"))
@@ -279,9 +308,18 @@ def test_a_placement_carries_it_on_axes_that_give_way_too(
     np.testing.assert_array_equal(arm.influence(on_rail, q, None).D, arm.influence(model, q, None).D)
     assert not np.allclose(translational(on_rail, q), translational(model, q), rtol=1e-3)
     outcome = run_here(
-        "place", model_of(45.0), wall, "--cell", cell, "--force", ",".join(map(str, F)), "--gamma", "-180:180:20",
-        "--out", tmp_path / "placed",
-    )  # fmt: skip
+        "place",
+        model_of(45.0),
+        wall,
+        "--cell",
+        cell,
+        "--force",
+        ",".join(map(str, F)),
+        "--gamma",
+        "-180:180:20",
+        "--out",
+        tmp_path / "placed",
+    )
     assert outcome.code == 0, outcome.err
     content = json.loads((tmp_path / "placed" / "placement.json").read_text(encoding="utf-8"))
     assert content["stiffness_uncertainty"]["source"] == "calibration"

@@ -20,11 +20,13 @@ LAYOUTS = {
     "faro": (("faro.txt",), (), 20),
     "api": (("api.csv",), (), 36),
     "spatialanalyzer": (
-        ("spatialanalyzer.txt", "spatialanalyzer_angles.txt"), ("--names", "collection,pose,target,x_mm,y_mm,z_mm"), 24,
+        ("spatialanalyzer.txt", "spatialanalyzer_angles.txt"),
+        ("--names", "collection,pose,target,x_mm,y_mm,z_mm"),
+        24,
     ),
     "polyworks": (("polyworks.txt",), ("--axes", "base", "--sigma-mm", "0.01"), 10),
     "dial gauge": (("dial_gauge.xlsx",), (), 9),
-}  # fmt: skip
+}
 KEPT = {
     "leica": ("temperature_C", "time_s"),
     "faro": ("operator", "instrument", "time_s"),

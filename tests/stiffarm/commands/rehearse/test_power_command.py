@@ -52,8 +52,9 @@ def test_every_effect_has_its_chances_or_the_reason_why_not(made: Path) -> None:
     assert effects["gauge-scale"]["found"]["chance"] < 0.2
     assert set(result["one_more"]) == {"setup", "load", "repeat"}
     assert result["one_more"]["repeat"]["readings"] == 48
-    assert all(low < k for k, (low, _) in ((s["k_Nm_per_rad"], s["interval95_Nm_per_rad"])
-                                           for s in result["springs"].values()))  # fmt: skip
+    assert all(
+        low < k for k, (low, _) in ((s["k_Nm_per_rad"], s["interval95_Nm_per_rad"]) for s in result["springs"].values())
+    )
     assert {p.name for p in (made / "out").iterdir()} == {"figures", "power.json", "report.html", "run.json"}
 
 
@@ -84,8 +85,10 @@ def test_one_more_is_taken_where_it_belongs() -> None:
     more = one_more(world, given, 0)  # type: ignore[arg-type]
     n = given.table.n
     assert {what: s.table.n - n for what, s in more.items()} == {
-        "one more repeat": n // 3, "one more load": n // 3, "one more set-up": n // 3,
-    }  # fmt: skip
+        "one more repeat": n // 3,
+        "one more load": n // 3,
+        "one more set-up": n // 3,
+    }
     for s in more.values():
         r = s.readings
         # Loads go up and down within each cycle, and a pose is set up once.

@@ -237,7 +237,9 @@ def test_a_model_that_has_effects_is_refused(cli: Command, tmp_path: Path) -> No
     from robots.schema.effects import EffectTable
 
     d = load_description("kr60-3")
-    table = EffectTable.model_validate({"code": "payload", "parameters": {"force": {"value": 20, "unit": "N", "source": "assumed"}}})  # fmt: skip  # noqa: E501
+    table = EffectTable.model_validate(
+        {"code": "payload", "parameters": {"force": {"value": 20, "unit": "N", "source": "assumed"}}}
+    )
     save_description(d.model_copy(update={"effect": (table,)}), tmp_path / "model.toml")
     outcome = cli("rehearse", tmp_path / "model.toml")
     assert outcome.code == 2

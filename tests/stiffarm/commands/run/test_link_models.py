@@ -117,8 +117,12 @@ def test_a_spring_at_a_bound_has_no_change() -> None:
     for bound in (1e9, 1e3, NAN):
         assert not SpringPair("j2", (1.1e6, 1e6, 2e6), (bound, 1e6, INF)).has_values
     assert [signed(v) for v in (0.0, -0.0004, -0.0006, 0.123, 4.0)] == [
-        "0.0\u00a0%", "0.0\u00a0%", "−0.1\u00a0%", "+12\u00a0%", "+400\u00a0%",
-    ]  # fmt: skip
+        "0.0\u00a0%",
+        "0.0\u00a0%",
+        "−0.1\u00a0%",
+        "+12\u00a0%",
+        "+400\u00a0%",
+    ]
 
 
 def test_poses_are_counted_once_and_only_where_both_predict() -> None:
@@ -146,8 +150,10 @@ def test_the_sentences_of_equal_links_say_that_they_are_alike(both: LinkModels) 
 
 
 def test_the_sentences_name_the_better_links(both: LinkModels) -> None:
-    worse, better = (sentences(replace(shifted(both, by), other=replace(both.own, links="rigid")), BEST, 0.01)
-                     for by in (0.03, -0.03))  # fmt: skip
+    worse, better = (
+        sentences(replace(shifted(both, by), other=replace(both.own, links="rigid")), BEST, 0.01)
+        for by in (0.03, -0.03)
+    )
     assert "rigid links predict better by 0.030 mm" in worse[-1]
     assert "beams predict better by 0.030 mm" in better[-1]
     assert "0.044 mm, constant, parallelogram with beams" in better[-1]

@@ -23,8 +23,14 @@ from stiffarm.commands.run.doubts import PUBLISHED_TEXT
 from stiffarm.session.inputs import read_model
 from stiffarm.session.outputs import OutputFolder
 
-SECTIONS = ("What the model is missing", "The measurements", "Which calibration to trust", "The stiffness map",
-            "Sensitivity: which spring matters", "The surrogate and its error")  # fmt: skip
+SECTIONS = (
+    "What the model is missing",
+    "The measurements",
+    "Which calibration to trust",
+    "The stiffness map",
+    "Sensitivity: which spring matters",
+    "The surrogate and its error",
+)
 
 
 def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str, Any], str]:

@@ -76,9 +76,14 @@ def test_arrays_and_units_are_those_of_the_fields(fields: ArmFields, grid: Field
     seen = read(path)
     assert seen.point.keys() == {"displacement_mm", "rotation_mrad", "undeformed_mm"}
     assert seen.cell.keys() == {
-        "von_mises_MPa", "von_mises_front_MPa", "von_mises_back_MPa", "strain_energy_mJ", "energy_density_J_per_m3",
-        "thickness_mm", "part",
-    }  # fmt: skip
+        "von_mises_MPa",
+        "von_mises_front_MPa",
+        "von_mises_back_MPa",
+        "strain_energy_mJ",
+        "energy_density_J_per_m3",
+        "thickness_mm",
+        "part",
+    }
     assert seen.field["load"] == ["fz_N=-650"]
     assert seen.field["scale_factor"] == [200.0]
     assert "mm" in seen.field["units"][0]
@@ -157,8 +162,15 @@ def test_the_scale_is_round_and_draws_some_eight_per_cent(grid: FieldGrid) -> No
     assert 0.08 / 1.6 < drawn / size < 0.08 * 1.6
     assert f"{scale:e}"[:2] in ("1.", "2.", "5.")
     assert [round_scale(v) for v in (0.9, 1.3, 1.5, 3.0, 3.3, 8.0, 0.014, 1234.0)] == [
-        1.0, 1.0, 2.0, 2.0, 5.0, 10.0, 0.01, 1000.0,
-    ]  # fmt: skip
+        1.0,
+        1.0,
+        2.0,
+        2.0,
+        5.0,
+        10.0,
+        0.01,
+        1000.0,
+    ]
 
 
 def test_bad_scales_and_an_arm_that_does_not_move_are_refused(grid: FieldGrid, tmp_path: Path) -> None:

@@ -140,11 +140,12 @@ def test_the_page_of_a_study_of_every_kind(tmp_path: Path) -> None:
     right = Row("s", "single", ("backlash:j2",), excess=200.0, tags={"reads": "z"}, before_mm=0.2, after_mm=0.02)
     right = replace(right, verdict="named", named=("backlash:j2",), found=("backlash:j2",), probability=0.97)
     rows = [
-        right, replace(right, kind="none", hidden=(), verdict="none", named=(), found=(), tags={"reads": "xyz"}),
+        right,
+        replace(right, kind="none", hidden=(), verdict="none", named=(), found=(), tags={"reads": "xyz"}),
         replace(right, kind="outside", hidden=("other:x",), verdict="unknown", named=()),
         replace(right, kind="pair", hidden=("payload", "drift"), each=(90.0, 80.0)),
         replace(right, verdict="refused", named=(), found=(), reason="no pose"),
-    ]  # fmt: skip
+    ]
     with OutputFolder(tmp_path / "out", ["stiffarm", "study"], {}, None) as folder:
         write_report(rows, "sets", folder)
     page = (tmp_path / "out" / "report.html").read_text()

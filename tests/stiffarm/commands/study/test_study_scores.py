@@ -8,9 +8,20 @@ import pytest
 
 from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
 
-HIDDEN = Row("s", "single", ("backlash:j2",), excess=200.0, tags={"reads": "z"}, verdict="named",
-             named=("backlash:j2",), found=("backlash:j2",), probability=0.97, set95=("backlash:j2",),
-             before_mm=0.2, after_mm=0.02)  # fmt: skip
+HIDDEN = Row(
+    "s",
+    "single",
+    ("backlash:j2",),
+    excess=200.0,
+    tags={"reads": "z"},
+    verdict="named",
+    named=("backlash:j2",),
+    found=("backlash:j2",),
+    probability=0.97,
+    set95=("backlash:j2",),
+    before_mm=0.2,
+    after_mm=0.02,
+)
 NOTHING = Row("n", "none", (), verdict="none", set95=("none",))
 STRANGE = Row("o", "outside", ("other:sag:base",), ("clock",), ("base",), excess=90.0, verdict="unknown")
 
@@ -57,8 +68,15 @@ def test_the_table_counts_every_set_once() -> None:
 
 
 def test_pairs_need_each_of_them_to_show() -> None:
-    pair = Row("p", "pair", ("payload", "friction:j2"), excess=500.0, each=(60.0, 300.0), verdict="ambiguous",
-               found=("friction:j2", "payload"))  # fmt: skip
+    pair = Row(
+        "p",
+        "pair",
+        ("payload", "friction:j2"),
+        excess=500.0,
+        each=(60.0, 300.0),
+        verdict="ambiguous",
+        found=("friction:j2", "payload"),
+    )
     weak = replace(pair, each=(3.0, 300.0))
     half = replace(pair, found=("friction:j3",))
     got = counts([pair, weak, half, replace(pair, verdict="unknown")])

@@ -63,8 +63,14 @@ def test_a_collision_ends_with_1_and_its_line(cli: Command, tmp_path: Path, monk
     assert "line 47" in last
     assert "collision" in last
     assert {p.name for p in out.iterdir()} == {
-        "report.html", "replay.html", "verification.json", "offences.csv", "moves.csv", "run.json", "figures",
-    }  # fmt: skip
+        "report.html",
+        "replay.html",
+        "verification.json",
+        "offences.csv",
+        "moves.csv",
+        "run.json",
+        "figures",
+    }
     content = json.loads((out / "verification.json").read_text(encoding="utf-8"))
     (first, *_) = content["offences"]
     assert (first["kind"], first["line"], first["bodies"]) == ("collision", 47, ["mill", "clamp"])
@@ -187,8 +193,18 @@ def test_without_a_cell_the_frames_are_those_of_post(cli: Command, tmp_path: Pat
     rows = [f"{5 * i},0,0,0,0,1" for i in range(4)]
     (tmp_path / "line.csv").write_text("\n".join(["x_mm,y_mm,z_mm,nx,ny,nz", *rows]) + "\n", encoding="utf-8")
     frames = ("--tool", "200,0,80,0,90,0", "--part", "1200,200,600")
-    made = cli("post", "kr60-3", tmp_path / "line.csv", *frames, "--gamma", "-180:180:60", "--format",
-               "json", "--out", tmp_path / "program")  # fmt: skip
+    made = cli(
+        "post",
+        "kr60-3",
+        tmp_path / "line.csv",
+        *frames,
+        "--gamma",
+        "-180:180:60",
+        "--format",
+        "json",
+        "--out",
+        tmp_path / "program",
+    )
     assert made.code == 0, made.err
     (file,) = (tmp_path / "program" / "json").iterdir()
     assert cli("verify", "kr60-3", file, *frames).code == 0
