@@ -17,6 +17,7 @@ from machining.task import Task
 from machining.toolpaths.path_error import PathError
 from robots import InputError, require_one_of
 from robots.arrays import Array, Integers
+from robots.quantities import Quantity, quantity
 
 DISPLACEMENTS = ("displacement", "normal displacement")
 QUANTITIES = (*INDICES, *DISPLACEMENTS)
@@ -122,38 +123,13 @@ def displaced(quantity: str, d: Array, normal: Array) -> Array:
     return np.asarray(np.linalg.norm(d, axis=1) if quantity == "displacement" else along)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A quantity of an objective on screens and in files: SI times ``factor`` is in ``unit`` (empty: a number)."""
-
-    quantity: str
-    factor: float
-    unit: str
-
-    @property
-    def label(self) -> str:
-        """For axes: ``k_fs (N/mm)``."""
-        return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
-
-    @property
-    def column(self) -> str:
-        """For tables: ``k_fs_N_per_mm``."""
-        unit = self.unit.replace("/", "_per_")
-        return "_".join(part for part in (self.quantity.replace(" ", "_"), unit) if part)
-
-
-def shown(quantity: str) -> Shown:
-    """Unit of a quantity of :class:`machining.Objective`.
+def shown(name: str) -> Quantity:
+    """How a quantity of :class:`machining.Objective` is shown.
 
     Raises
     ------
     InputError
         No such quantity.
     """
-    require_one_of("quantity", quantity, (*QUANTITIES, ROOM))
-    if quantity == ROOM:
-        return Shown(quantity, 1.0, "")
-    if quantity in DISPLACEMENTS:
-        return Shown(quantity, 1e6, "um")
-    # An index of degree 1 is N/m.
-    return Shown(quantity, 1e-3, "N/mm") if INDICES[quantity].degree else Shown(quantity, 1.0, "")
+    require_one_of("quantity", name, (*QUANTITIES, ROOM))
+    return quantity(name)

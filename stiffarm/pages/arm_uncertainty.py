@@ -8,8 +8,8 @@ from typing import Any
 from fem.arm import Arm
 from machining.cutting import Estimated, StiffnessUncertainty, SurfaceError
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.session import stated as intervals
-from stiffarm.session.json_text import number
 from stiffarm.session.stated import propagated
 
 
@@ -38,15 +38,15 @@ def sentence(arm: StiffnessUncertainty) -> str:
 
 def interval(value: Estimated, factor: float = 1.0) -> list[float | None]:
     """The ends of a 95 % interval."""
-    return [number(value.low * factor), number(value.high * factor)]
+    return [rounded(value.low * factor), rounded(value.high * factor)]
 
 
 def estimated(value: Estimated, factor: float = 1e6) -> dict[str, float | None]:
     """A value with its 95 % interval."""
     return {
-        "value": number(value.value * factor),
-        "low95": number(value.low * factor),
-        "high95": number(value.high * factor),
+        "value": rounded(value.value * factor),
+        "low95": rounded(value.low * factor),
+        "high95": rounded(value.high * factor),
     }
 
 

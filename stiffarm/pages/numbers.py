@@ -6,9 +6,12 @@ picture shows of them goes through :func:`typeset`, so that the style is decided
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Final
+
+from robots.quantities import known_to, percent, ranged, significant, with_interval
+
+__all__ = ["grouped", "known_to", "percent", "ranged", "significant", "typeset", "typeset_cell", "with_interval"]
 
 # Below this power of ten a number is written out.
 _POWERS_FROM: Final = 5
@@ -47,57 +50,6 @@ def typeset_cell(text: str) -> str:
 def grouped(digits: str) -> str:
     """The digits of a whole number in groups of three: ``12,500``."""
     return re.sub(r"(?<=\d)(?=(?:\d{3})+$)", ",", digits)
-
-
-def significant(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits and no exponent, in groups of three: ``12,300``, ``0.0123``."""
-    if not math.isfinite(value) or value == 0.0:
-        return "0" if value == 0.0 else "∞" if value > 0.0 else "−∞" if value < 0.0 else "–"
-    if not 1e-6 <= abs(value) < 1e9:
-        return typeset(f"{value:.{digits - 1}e}")
-    places = digits - 1 - math.floor(math.log10(abs(value)))
-    # Rounding may carry into one more digit (999.6): decided by what it gives.
-    rounded = round(value, places)
-    places = digits - 1 - math.floor(math.log10(abs(rounded)))
-    return f"{round(value, places):,.{max(places, 0)}f}".replace("-", "−")
-
-
-def with_interval(value: float, low: float, high: float, digits: int = 3) -> str:
-    """A number with its interval: ``12,300 (11,900 to 12,800)``; ``digits`` of the number, three of the ends."""
-    return f"{significant(value, digits)} ({significant(low)} to {significant(high)})"
-
-
-def percent(value: float) -> str:
-    """A probability: ``82 %``; never 0 % or 100 % for what is neither."""
-    if 0.0 < value < 0.005:
-        return "below 1 %"
-    if value >= 0.995:
-        return "above 99 %"
-    return f"{100.0 * value:.0f} %"
-
-
-def known_to(value: float, low: float, high: float) -> str:
-    """A number with the digits that its interval leaves it: 44,717 within 20,000 and 90,000 is ``45,000``."""
-    return _to_place(value, high - low)
-
-
-def ranged(low: float, high: float, unit: str = "", digits: int = 2) -> str:
-    """``230 to 330 N/mm``, with the digits that tell the ends apart; open above it is ``at least 230 N/mm``.
-
-    ``digits``: so many of each end in any case.
-    """
-    behind = f" {unit}" if unit else ""
-    if math.isinf(high):
-        return f"at least {significant(low, digits)}{behind}"
-    return f"{_to_place(low, high - low, digits)} to {_to_place(high, high - low, digits)}{behind}"
-
-
-def _to_place(value: float, width: float, least: int = 2) -> str:
-    """A number to the digit that a quarter of this width has first, but ``least`` digits of it in any case."""
-    if not (math.isfinite(width) and width > 0.0 and value != 0.0 and math.isfinite(value)):
-        return significant(value, least)
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(width / 4.0)) + 1
-    return significant(value, min(max(digits, least), 6))
 
 
 def _power(lead: str, sign: str, exponent: str) -> str:

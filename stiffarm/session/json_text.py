@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from robots import InputError
 from robots.errors import listed
+from robots.quantities import rounded_all
 
 if TYPE_CHECKING:
     from rehearsal.scoring import Share
@@ -45,16 +46,6 @@ def _not_finite(node: Any, place: str) -> Iterator[str]:
             yield from _not_finite(inner, f"{place}[{i}]")
 
 
-def number(value: float, digits: int = 6) -> float | None:
-    """A JSON number with that many significant digits; None for NaN and infinity."""
-    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
-
-
-def numbers(values: Iterable[float], digits: int = 6) -> list[float | None]:
-    """The same for each of some values."""
-    return [number(float(value), digits) for value in values]
-
-
 def share(s: Share) -> dict[str, Any]:
     """A count with its exact interval."""
-    return {"count": s.count, "of": s.of, "interval95": [number(v) for v in s.interval95]}
+    return {"count": s.count, "of": s.of, "interval95": rounded_all(s.interval95)}

@@ -18,8 +18,8 @@ from robots import InputError, ModelDescription, require_positive
 from robots.arm_class import stated_load
 from robots.arrays import Array
 from robots.constants import DOWN, NORMAL_95
+from robots.quantities import rounded
 from robots.robot import trial_poses
-from stiffarm.session.json_text import number
 
 if TYPE_CHECKING:
     from doe.certainty.propagation import Propagated
@@ -154,7 +154,7 @@ def intervals_at(
 
 def interval_json(low: float, high: float) -> list[float | None] | None:
     """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
-    return [number(low), number(high) if np.isfinite(high) else None] if np.isfinite(low) else None
+    return [rounded(low), rounded(high) if np.isfinite(high) else None] if np.isfinite(low) else None
 
 
 def interval_ends(written: Sequence[float | None] | None) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from fem import ArmModel, compliance_budget, directional_stiffness
 from robots import InputError, ModelDescription, Robot, forward_kinematics, tool_position
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from stiffarm.session.json_text import number
+from robots.quantities import rounded
 from stiffarm.session.stated import half_widths, propagated, stiffness_interval
 from surrogate import default_sweep
 from surrogate.designs import space_filling_design
@@ -48,13 +48,13 @@ class Spot:
     def payload(self, coordinates: tuple[str, ...]) -> dict[str, Any]:
         """For results files."""
         return {
-            "stiffness_N_per_mm": number(self.stiffness),
-            "interval95_N_per_mm": [number(self.low), number(self.high)] if self.has_interval else None,
+            "stiffness_N_per_mm": rounded(self.stiffness),
+            "interval95_N_per_mm": [rounded(self.low), rounded(self.high)] if self.has_interval else None,
             "gives_most": self.part,
-            "share": number(self.share),
+            "share": rounded(self.share),
             "left_open": list(self.open_names),
-            "tool_mm": [number(v) for v in self.tool_mm],
-            "pose": {name: number(v) for name, v in zip(coordinates, self.q_deg, strict=True)},
+            "tool_mm": [rounded(v) for v in self.tool_mm],
+            "pose": {name: rounded(v) for name, v in zip(coordinates, self.q_deg, strict=True)},
         }
 
 

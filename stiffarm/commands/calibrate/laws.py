@@ -16,8 +16,8 @@ from fem.free.parameters import FreeLaw
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from
 from robots import Robot
 from robots.arrays import Array
+from robots.quantities import rounded
 from robots.schema.description import LogPolynomialLaw
-from stiffarm.session.json_text import number
 
 # Points of a grid along each of one, or of two angles.
 _POINTS = {1: 181, 2: 61}
@@ -137,9 +137,9 @@ def payload(curve: LawCurve) -> dict[str, Any]:
         "inputs": list(curve.inputs),
         "at_the_angles_read": [
             {
-                f"{curve.inputs[0].removesuffix('_deg')}_deg": number(float(a)),
-                "k_Nm_per_rad": number(float(k)),
-                "interval95": [number(float(low)), number(float(high))],
+                f"{curve.inputs[0].removesuffix('_deg')}_deg": rounded(float(a)),
+                "k_Nm_per_rad": rounded(float(k)),
+                "interval95": [rounded(float(low)), rounded(float(high))],
             }
             for a, k, low, high in rows
         ],

@@ -19,11 +19,11 @@ from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
 from robots.files.csv_text import rows_text
+from robots.quantities import rounded
 from stiffarm.commands.calibrate import laws as calibration_laws
 from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.session.json_text import number
 
 QUANTILES = (0.025, 0.5, 0.975)
 # A value this close to an end of its range (relative) stands there.
@@ -42,8 +42,8 @@ def calibration(c: Calibrated) -> dict[str, Any]:
         "loads_N": list(c.data.levels_N),
         "readings": len(found.overall),
         "parameters": parameters(c.found.count),
-        "rms_mm": number(found.rms_mm),
-        "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "rms_mm": rounded(found.rms_mm),
+        "left_one_pose_out_rms_mm": rounded(c.left_out_rms_mm),
         "left_out_in_interval95": coverage(c.coverage),
         "left_out_not_predicted": c.skipped,
         "doubts": [doubt(d) for d in c.doubts],
@@ -53,7 +53,7 @@ def calibration(c: Calibrated) -> dict[str, Any]:
     }
     if found.stages:
         last = found.stages[-1]
-        out["residual_sd_mm"] = number(last.estimate.noise.white[0] * 1e3)
+        out["residual_sd_mm"] = rounded(last.estimate.noise.white[0] * 1e3)
         out["degrees_of_freedom"] = len(last.estimate.problem) - int(last.estimate.seen.sum())
         out["springs"] = springs(c)
         out |= {spring_key(joint): one["k_Nm_per_rad"] for joint, one in springs(c).items()}
@@ -67,7 +67,7 @@ def calibration(c: Calibrated) -> dict[str, Any]:
 
 def doubt(d: Doubt) -> dict[str, Any]:
     """One thing that readings say against a calibration: its test, and how many times the expected it is."""
-    return {"code": d.code, "words": d.words, "p_value": number(d.p_value), "factor": number(d.factor, 3)}
+    return {"code": d.code, "words": d.words, "p_value": rounded(d.p_value), "factor": rounded(d.factor, 3)}
 
 
 def spring_key(joint: str) -> str:
@@ -84,17 +84,17 @@ def springs(c: Calibrated) -> dict[str, Any]:
 def spring(e: ParameterEstimate) -> dict[str, Any]:
     """A constant spring with its interval; no plain number where it stands at a bound or is not determined."""
     out = {
-        "k_Nm_per_rad": number(e.value) if words.known(e) else None,
-        "interval95_Nm_per_rad": [number(v) for v in e.interval],
+        "k_Nm_per_rad": rounded(e.value) if words.known(e) else None,
+        "interval95_Nm_per_rad": [rounded(v) for v in e.interval],
         "status": e.status,
     }
     bound = words.bound_of(e)
-    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": number(e.value)})
+    return out | ({} if bound is None else {"bound": bound, "bound_Nm_per_rad": rounded(e.value)})
 
 
 def coverage(c: Coverage) -> dict[str, Any]:
     """How many readings lie in the 95 % intervals of their predictions; those without an interval do not count."""
-    return {"inside": c.inside, "readings": c.readings, "share": number(c.share, 4)}
+    return {"inside": c.inside, "readings": c.readings, "share": rounded(c.share, 4)}
 
 
 def parameters(n: ParameterCount) -> dict[str, int]:
@@ -106,13 +106,13 @@ def pose_fit(fit: PoseFit) -> dict[str, Any]:
     """The springs of a level study at one pose."""
     return {
         "pose": fit.pose,
-        **{spring_key(joint): number(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
-        "error_mm": number(fit.error_mm),
+        **{spring_key(joint): rounded(k) for joint, k in zip(fit.joints, fit.stiffness, strict=True)},
+        "error_mm": rounded(fit.error_mm),
         "matched_within_gauge": fit.matched,
         "runs": fit.runs,
         "rounds": fit.rounds,
         "equivalent_range_Nm_per_rad": {
-            joint: [number(a), number(b)] for joint, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
+            joint: [rounded(a), rounded(b)] for joint, (a, b) in zip(fit.joints, fit.equivalent, strict=True)
         },
         "remarks": list(fit.remarks),
     }
@@ -124,8 +124,8 @@ def answer(c: Calibrated) -> dict[str, Any]:
         "loads_N": list(c.data.levels_N),
         "readings": len(c.found.overall),
         "parameters": parameters(c.found.count),
-        "rms_mm": number(c.found.rms_mm),
-        "left_one_pose_out_rms_mm": number(c.left_out_rms_mm),
+        "rms_mm": rounded(c.found.rms_mm),
+        "left_one_pose_out_rms_mm": rounded(c.left_out_rms_mm),
         "left_out_in_interval95": coverage(c.coverage),
         "springs": springs(c),
         "numbers": [estimate(e) for s in c.found.stages for e in s.certainty.estimates],
@@ -141,7 +141,7 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
         "name": r.stage.name,
         "readings": len(e.problem),
         "poses": list(e.problem.poses),
-        "rms_mm": number(rms_mm(e.residual, e.problem.component)),
+        "rms_mm": rounded(rms_mm(e.residual, e.problem.component)),
         "resumed": r.resumed,
         "settled": e.settled,
         "numbers": [estimate(one) for one in r.certainty.estimates],
@@ -151,33 +151,33 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
         "trade_offs": [
             {
                 "names": list(t.parameters),
-                "weights": [number(float(w)) for w in t.weights],
-                "value": number(t.best.value),
-                "sd": number(t.best.sd),
+                "weights": [rounded(float(w)) for w in t.weights],
+                "value": rounded(t.best.value),
+                "sd": rounded(t.best.sd),
                 "unit": t.best.unit,
                 "words": t.words,
             }
             for t in r.trade_offs
         ],
         "unseen": list(r.unseen),
-        "singular_values": [number(float(v)) for v in r.certainty.singular],
-        "condition": number(r.certainty.condition),
+        "singular_values": [rounded(float(v)) for v in r.certainty.singular],
+        "condition": rounded(r.certainty.condition),
         "lack_of_fit": {
-            "pure_error_mm": number(test.pure_error_m * 1e3),
+            "pure_error_mm": rounded(test.pure_error_m * 1e3),
             "pure_degrees_of_freedom": test.pure_dof,
-            "F": number(test.ratio),
+            "F": rounded(test.ratio),
             "degrees_of_freedom": test.fit_dof,
-            "p_value": number(test.p_value),
+            "p_value": rounded(test.p_value),
         },
         "chi_square": {
-            "value": number(test.chi_square),
+            "value": rounded(test.chi_square),
             "degrees_of_freedom": test.chi_dof,
-            "p_value": number(test.chi_p_value),
+            "p_value": rounded(test.chi_p_value),
         },
         "verdict": judged,
         "verdict_in_words": why,
         "outliers": outlier_rows(s),
-        "left_one_pose_out_rms_mm": number(rms_mm(s.left_out[known], e.problem.component[known])),
+        "left_one_pose_out_rms_mm": rounded(rms_mm(s.left_out[known], e.problem.component[known])),
         "left_out_not_predicted": s.skipped,
     }
     if r.laws:
@@ -186,8 +186,8 @@ def stage(s: StageFindings, gauge_mm: float) -> dict[str, Any]:
         out["study"] = {
             "runs": r.study.runs,
             "rounds": r.study.rounds,
-            "first_rms": number(r.study.first_rms),
-            "rms": number(r.study.rms),
+            "first_rms": rounded(r.study.first_rms),
+            "rms": rounded(r.study.rms),
             "at_bound": list(r.study.at_bound),
         }
     if s.drawn is not None:
@@ -200,16 +200,16 @@ def estimate(e: ParameterEstimate) -> dict[str, Any]:
     p, bound = e.parameter, words.bound_of(e)
     out = {
         "name": p.name,
-        "value": number(e.value) if words.known(e) else None,
+        "value": rounded(e.value) if words.known(e) else None,
         "unit": p.unit,
-        "interval95": [number(v) for v in e.interval],
+        "interval95": [rounded(v) for v in e.interval],
         "status": e.status,
         "variable": {"compliance": "1/value", "log": "ln value", "linear": "value"}[p.scale],
-        "sd_of_variable": number(e.sd),
-        "degrees_of_freedom": number(e.degrees_of_freedom),
-        "range": [number(p.lower), number(p.upper)],
-        "before": number(p.value),
-        "prior": None if p.prior is None else {"mean": number(p.prior[0]), "sd": number(p.prior[1])},
+        "sd_of_variable": rounded(e.sd),
+        "degrees_of_freedom": rounded(e.degrees_of_freedom),
+        "range": [rounded(p.lower), rounded(p.upper)],
+        "before": rounded(p.value),
+        "prior": None if p.prior is None else {"mean": rounded(p.prior[0]), "sd": rounded(p.prior[1])},
     }
     return out | ({} if bound is None else {"bound": bound})
 
@@ -225,7 +225,7 @@ def noise(found: Noise, p: Problem) -> dict[str, Any]:
         "set_up_mrad": (found.pose[1] * 1e3, read[1]),
         "set_up_share": (found.pose_share, True),
     }
-    found_sizes = {name: number(float(v)) if there else None for name, (v, there) in sizes.items()}
+    found_sizes = {name: rounded(float(v)) if there else None for name, (v, there) in sizes.items()}
     return found_sizes | noise_structure(found) | {"source": origin(p)}
 
 
@@ -233,13 +233,13 @@ def noise_structure(found: Noise) -> dict[str, Any]:
     """What readings' own scatter depends on beside white noise, with sizes; no ``tail`` unless heavier than normal."""
     return {
         "structure": found.structure,
-        "reading_vector_share": number(found.vector),
-        "reading_mm_per_kN": number(found.load[0] * 1e6),
-        "reading_mrad_per_kN": number(found.load[1] * 1e6),
-        "reading_axes_mm_mrad": [number(1e3 * math.hypot(found.white[k // 3], v)) for k, v in enumerate(found.axes)]
+        "reading_vector_share": rounded(found.vector),
+        "reading_mm_per_kN": rounded(found.load[0] * 1e6),
+        "reading_mrad_per_kN": rounded(found.load[1] * 1e6),
+        "reading_axes_mm_mrad": [rounded(1e3 * math.hypot(found.white[k // 3], v)) for k, v in enumerate(found.axes)]
         if any(found.axes)
         else None,
-        "tail_degrees_of_freedom": number(found.tail) if found.tail else None,
+        "tail_degrees_of_freedom": rounded(found.tail) if found.tail else None,
     }
 
 
@@ -253,11 +253,11 @@ def outlier_rows(s: StageFindings) -> list[dict[str, Any]]:
             "line": s.read.row_numbers[p.row[k]],
             "pose": p.poses[p.pose[k]],
             "component": DISPLACEMENTS[p.component[k]],
-            "load_N": number(float(s.loads_N[k])),
-            "measured": number(float(p.value[k]) * 1e3),
-            "predicted": number(float(e.prediction[k]) * 1e3),
-            "own_standard_deviations": number(float(e.own[k]), 3),
-            "weight": number(float(e.weight[k]), 3),
+            "load_N": rounded(float(s.loads_N[k])),
+            "measured": rounded(float(p.value[k]) * 1e3),
+            "predicted": rounded(float(e.prediction[k]) * 1e3),
+            "own_standard_deviations": rounded(float(e.own[k]), 3),
+            "weight": rounded(float(e.weight[k]), 3),
         }
         for k in outliers(e)
     ]
@@ -279,8 +279,8 @@ def bootstrap(s: StageFindings) -> dict[str, Any]:
         # Nearest draw, not between two: half way to a rigid joint is no stiffness.
         quantiles = np.quantile(values, QUANTILES, method="nearest")
         out[p.name] = {
-            "values": [number(float(v)) if low < v < high else None for v in quantiles],
-            "share_at_bound": number(float(at_end.mean()), 3),
+            "values": [rounded(float(v)) if low < v < high else None for v in quantiles],
+            "share_at_bound": rounded(float(at_end.mean()), 3),
         }
     return out
 
@@ -293,14 +293,14 @@ def holdout(h: Holdout) -> dict[str, Any]:
         mine = (p.pose == k) & ~np.isnan(h.error)
         shift = mine & (p.component < 3)
         rows[label] = {
-            "rms_mm": number(rms_mm(h.error[mine], p.component[mine])),
-            "noise_mm": number(float(np.sqrt(np.mean(h.expected[shift] ** 2))) * 1e3) if shift.any() else None,
+            "rms_mm": rounded(rms_mm(h.error[mine], p.component[mine])),
+            "noise_mm": rounded(float(np.sqrt(np.mean(h.expected[shift] ** 2))) * 1e3) if shift.any() else None,
         }
     return {
         "data": h.data.source,
         "data_sha256": h.data.sha256,
         "readings": len(p),
-        "rms_mm": number(h.rms_mm),
+        "rms_mm": rounded(h.rms_mm),
         "in_interval95": coverage(h.coverage),
         "poses": rows,
         "not_predicted": h.blind,
@@ -316,11 +316,11 @@ def poses(c: Calibrated) -> list[dict[str, Any]]:
             "line": int(c.data.row_numbers[p.row[i]]),
             "pose": p.poses[p.pose[i]],
             "component": DISPLACEMENTS[p.component[i]],
-            "measured": number(float(p.value[i]) * 1e3),
-            "simulated": number(float(c.predicted_mm[i])),
+            "measured": rounded(float(p.value[i]) * 1e3),
+            "simulated": rounded(float(c.predicted_mm[i])),
             # Simulated minus measured, as in the staged scheme.
-            "left_out_error": number(-float(c.left_out[i]) * 1e3),
-            "left_out_half_width95": number(float(c.left_out_half95[i]) * 1e3),
+            "left_out_error": rounded(-float(c.left_out[i]) * 1e3),
+            "left_out_half_width95": rounded(float(c.left_out_half95[i]) * 1e3),
         }
         for i in range(len(p))
     ]

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from robots.quantities import rounded, rounded_all
 from stiffarm.commands.compare import words
 from stiffarm.commands.compare.maps import MapPair, Quantity
 from stiffarm.commands.compare.numbers import Figure, Pair
 from stiffarm.commands.compare.sources import Source
 from stiffarm.commands.compare.step import Compared
-from stiffarm.session.json_text import number, numbers
 
 SCHEMA = "stiffarm-comparison/1"
 
@@ -46,9 +46,9 @@ def compared(c: Compared) -> dict[str, Any]:
         "all_at_once": None
         if c.joint is None
         else {
-            "chi_square": number(c.joint.chi2),
+            "chi_square": rounded(c.joint.chi2),
             "degrees_of_freedom": c.joint.freedom,
-            "p_value": number(c.joint.p, 3),
+            "p_value": rounded(c.joint.p, 3),
         },
     }
 
@@ -59,9 +59,9 @@ def pair(p: Pair) -> dict[str, Any]:
         "unit": p.unit,
         "first": figure(p.a),
         "second": figure(p.b),
-        "change": number(p.change, 4),
+        "change": rounded(p.change, 4),
         "change_is_share": p.is_share,
-        "p_value": number(p.p, 3),
+        "p_value": rounded(p.p, 3),
         "verdict": None if p.verdict == "other" else p.verdict,
     }
 
@@ -70,8 +70,8 @@ def figure(f: Figure | None) -> dict[str, Any] | None:
     """A number with its interval; null where a side is open."""
     if f is None:
         return None
-    ends = [None if v is None or not math.isfinite(v) else number(v) for v in (f.low, f.high)]
-    return {"value": None if f.value is None else number(f.value), "interval95": ends}
+    ends = [None if v is None or not math.isfinite(v) else rounded(v) for v in (f.low, f.high)]
+    return {"value": None if f.value is None else rounded(f.value), "interval95": ends}
 
 
 def of_maps(m: MapPair) -> dict[str, Any]:
@@ -92,10 +92,10 @@ def quantity(q: Quantity) -> dict[str, Any]:
         "label": q.label,
         "unit": q.unit,
         "points": int(good.sum()),
-        "first_median": number(float(np.median(q.a[good]))) if good.any() else None,
-        "second_median": number(float(np.median(q.b[good]))) if good.any() else None,
+        "first_median": rounded(float(np.median(q.a[good]))) if good.any() else None,
+        "second_median": rounded(float(np.median(q.b[good]))) if good.any() else None,
         "change_is_share": q.is_share,
-        "change_median": number(float(middle), 4),
-        "change_5_to_95": numbers((float(low), float(high)), 4),
-        "share_beyond_noise": None if q.beyond is None else number(float(np.mean(q.beyond[good])), 4),
+        "change_median": rounded(float(middle), 4),
+        "change_5_to_95": rounded_all((float(low), float(high)), 4),
+        "share_beyond_noise": None if q.beyond is None else rounded(float(np.mean(q.beyond[good])), 4),
     }

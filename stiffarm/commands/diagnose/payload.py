@@ -14,12 +14,12 @@ from doe.estimation.noise import origin
 from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from fem.effects.learned import axes_of, learned_place
+from robots.quantities import rounded
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.model import springs_of
 from stiffarm.commands.diagnose.next_words import advice
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-diagnosis/1"
 LEFT_OUT, NESTED = "leave-one-pose-out", "nested folds"
@@ -51,7 +51,7 @@ def diagnosis(d: Diagnosed) -> dict[str, Any]:
         "unknown_place": None if found.suspect is None else learned_place(found.suspect.code),
         "provisional": [effect(d, f) for f in found.provisional],
         "rejected": rejected(found.rejected),
-        "stated_probability": number(found.stated),
+        "stated_probability": rounded(found.stated),
         "checks": [check(c) for c in found.checks],
         "candidates": [candidate(h) for h in found.ranking.hypotheses if d.tells],
         "set95": list(d.credible),
@@ -79,8 +79,8 @@ def effect(d: Diagnosed, f: Found) -> dict[str, Any]:
     return {
         "code": f.code,
         "words": f.placed.effect.words,
-        "probability": number(f.probability),
-        "log_evidence_gain": number(f.log_gain),
+        "probability": rounded(f.probability),
+        "log_evidence_gain": rounded(f.log_gain),
         "parameters": {n.name: parameter(n) for n in mine},
     }
 
@@ -89,17 +89,17 @@ def rejected(r: Rejected | None) -> dict[str, Any] | None:
     """Effects that are not in the model because poses not seen get worse with them; mm."""
     if r is None:
         return None
-    return {"effects": list(r.codes), "before_rms_mm": number(r.before_mm), "after_rms_mm": number(r.after_mm)}
+    return {"effects": list(r.codes), "before_rms_mm": rounded(r.before_mm), "after_rms_mm": rounded(r.after_mm)}
 
 
 def parameter(n: Number) -> dict[str, Any]:
     """A number of an effect; ``sd`` is null where it was chosen among values tried."""
     return {
-        "value": number(n.value),
-        "sd": None if n.sd is None else number(n.sd),
+        "value": rounded(n.value),
+        "sd": None if n.sd is None else rounded(n.sd),
         "unit": n.unit,
-        "interval95": None if n.low is None or n.high is None else [number(n.low), number(n.high)],
-        "plausible": [number(v) for v in n.plausible],
+        "interval95": None if n.low is None or n.high is None else [rounded(n.low), rounded(n.high)],
+        "plausible": [rounded(v) for v in n.plausible],
     }
 
 
@@ -110,7 +110,7 @@ def check(c: Check) -> dict[str, Any]:
         "effect": c.effect or None,
         "passed": c.passed,
         "evidence": c.evidence,
-        "factor": number(c.factor),
+        "factor": rounded(c.factor),
     }
 
 
@@ -119,10 +119,10 @@ def candidate(h: Hypothesis) -> dict[str, Any]:
     return {
         "code": h.code,
         "kind": h.code if h.code in (NONE, UNKNOWN) else "effect",
-        "probability": number(h.probability),
-        "log_evidence": number(h.log_evidence),
-        "bic": number(h.bic),
-        "lopo_rms_mm": number(h.lopo_rms_mm),
+        "probability": rounded(h.probability),
+        "log_evidence": rounded(h.log_evidence),
+        "bic": rounded(h.bic),
+        "lopo_rms_mm": rounded(h.lopo_rms_mm),
     }
 
 
@@ -134,10 +134,10 @@ def group(g: Group, kind: str) -> dict[str, Any]:
     return {
         kind: g.label,
         "readings": g.readings,
-        "share": number(g.share, 4),
-        "share_sd": number(g.share_sd, 2),
-        "mean_square": number(g.mean_square, 4),
-        "mean_residual_mm": number(g.mean * 1e3, 4),
+        "share": rounded(g.share, 4),
+        "share_sd": rounded(g.share_sd, 2),
+        "mean_square": rounded(g.mean_square, 4),
+        "mean_residual_mm": rounded(g.mean * 1e3, 4),
     }
 
 
@@ -152,17 +152,17 @@ def gap(d: Diagnosed) -> dict[str, Any]:
     states = {"before": d.found.before, "after": d.found.after}
     for (name, state), far in zip(states.items(), d.unseen_rms_mm, strict=True):
         out[name] = {
-            "fit_rms_mm": number(state.fit_rms_mm),
-            "holdout_rms_mm": number(far),
-            "noise_floor_mm": number(noise_floor_mm(d.found)),
-            "left_one_pose_out_rms_mm": number(state.left_out_rms_mm),
+            "fit_rms_mm": rounded(state.fit_rms_mm),
+            "holdout_rms_mm": rounded(far),
+            "noise_floor_mm": rounded(noise_floor_mm(d.found)),
+            "left_one_pose_out_rms_mm": rounded(state.left_out_rms_mm),
         }
-    out["before"]["least_rms_of_any_springs_mm"] = number(least_rms_mm(d.found))
+    out["before"]["least_rms_of_any_springs_mm"] = rounded(least_rms_mm(d.found))
     out["nested"] = n and {
         "folds": n.folds,
         "seed": d.request.seed,
-        "before_rms_mm": number(n.rms_before_mm),
-        "after_rms_mm": number(n.rms_after_mm),
+        "before_rms_mm": rounded(n.rms_before_mm),
+        "after_rms_mm": rounded(n.rms_after_mm),
         "effects": [list(codes) for codes in n.found],
     }
     if h is not None:
@@ -173,7 +173,7 @@ def gap(d: Diagnosed) -> dict[str, Any]:
 def next_step(d: Diagnosed) -> dict[str, Any]:
     """What to do next; ``chance`` that the set-ups bring it, null without any; ``measure``: whether it is worth it."""
     a = advice(d)
-    return {"advice": a.text, "chance": None if a.chance is None else number(a.chance, 3), "measure": a.measure}
+    return {"advice": a.text, "chance": None if a.chance is None else rounded(a.chance, 3), "measure": a.measure}
 
 
 def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
@@ -184,9 +184,9 @@ def next_readings(d: Diagnosed) -> list[dict[str, Any]]:
     return [
         {
             "pose": label,
-            **{c: number(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
-            "load_direction": [number(float(v)) for v in way],
-            "loads_N": [number(float(v)) for v in n.protocol.forces],
+            **{c: rounded(float(v), 9) for c, v in zip(d.given.robot.coordinates, np.degrees(q), strict=True)},
+            "load_direction": [rounded(float(v)) for v in way],
+            "loads_N": [rounded(float(v)) for v in n.protocol.forces],
             "unloading": n.protocol.unloading,
             "repeats": n.protocol.repeats,
             "read": list(n.protocol.columns),
@@ -201,24 +201,24 @@ def expected(d: Diagnosed) -> dict[str, Any] | None:
     if n is None:
         return {"why_none": d.nothing_next} if d.nothing_next else None
     return {
-        "probability_now": number(n.before.belief, 3),
-        "probability_after": number(n.expected.belief, 3),
-        "chance_right": number(n.expected.right, 3),
-        "chance_wrong": number(n.expected.wrong, 3),
-        "chance_open": number(n.expected.open, 3),
+        "probability_now": rounded(n.before.belief, 3),
+        "probability_after": rounded(n.expected.belief, 3),
+        "chance_right": rounded(n.expected.right, 3),
+        "chance_wrong": rounded(n.expected.wrong, 3),
+        "chance_open": rounded(n.expected.open, 3),
         "by_rivals_alone": {
-            "probability_after": number(n.after.belief, 3),
-            "chance_right": number(n.after.right, 3),
-            "chance_wrong": number(n.after.wrong, 3),
-            "chance_open": number(n.after.open, 3),
+            "probability_after": rounded(n.after.belief, 3),
+            "chance_right": rounded(n.after.right, 3),
+            "chance_wrong": rounded(n.after.wrong, 3),
+            "chance_open": rounded(n.after.open, 3),
         },
         "rivals": [
             {
                 "code": r.code,
-                "probability": number(r.probability),
+                "probability": rounded(r.probability),
                 "hidden_so_far": r.hidden,
-                "log_evidence_against_none": number(r.against_none, 3),
-                "chance_right": number(r.after.right, 3),
+                "log_evidence_against_none": rounded(r.against_none, 3),
+                "chance_right": rounded(r.after.right, 3),
             }
             for r in n.rivals
         ],
@@ -247,8 +247,8 @@ def odd_reading(d: Diagnosed, k: int) -> dict[str, Any]:
         "line": d.used.row_numbers[row],
         "pose": p.poses[p.pose[k]],
         "component": DISPLACEMENTS[p.component[k]],
-        "load_N": number(float(d.used.loads_N[row])),
-        "weight": number(float(d.found.weight[k]), 3),
+        "load_N": rounded(float(d.used.loads_N[row])),
+        "weight": rounded(float(d.found.weight[k]), 3),
     }
 
 
@@ -256,10 +256,10 @@ def noise(state: State) -> dict[str, Any]:
     """Scatter that the best explanation leaves: of readings, and between set-ups; without repeats its residual."""
     n = state.refit.noise
     return {
-        "reading_mm": number(n.white[0] * 1e3),
-        "reading_share": number(n.share),
-        "set_up_mm": number(n.pose[0] * 1e3),
-        "set_up_share": number(n.pose_share),
+        "reading_mm": rounded(n.white[0] * 1e3),
+        "reading_share": rounded(n.share),
+        "set_up_mm": rounded(n.pose[0] * 1e3),
+        "set_up_share": rounded(n.pose_share),
         **calibration_payload.noise_structure(n),
         "source": origin(state.setting.data),
     }

@@ -13,10 +13,10 @@ from fem.statics.loads import LoadedPoses
 from robots import ModelDescription, content_hash
 from robots.arrays import Array
 from robots.constants import DOWN, M_TO_MM
+from robots.quantities import rounded
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Picture, Text
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.assembled import Figures, figures, swept_map
 from surrogate.maps.data import MapData
@@ -107,10 +107,10 @@ def payload(made: CostMap) -> dict[str, Any]:
     """What leaving the effects out costs, as JSON."""
     of = made.figures
     return {
-        "load_N": number(made.load_N),
+        "load_N": rounded(made.load_N),
         "poses": of.count,
-        "error_mm": {"min": number(of.least), "median": number(of.median), "max": number(of.greatest)},
-        "worst_pose": {name: number(v) for name, v in made.worst_pose_deg.items()},
+        "error_mm": {"min": rounded(of.least), "median": rounded(of.median), "max": rounded(of.greatest)},
+        "worst_pose": {name: rounded(v) for name, v in made.worst_pose_deg.items()},
     }
 
 

@@ -10,12 +10,12 @@ import typer
 
 from fem.arm import Arm
 from robots import InputError
+from robots.quantities import rounded
 from stiffarm import __version__
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
-from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, LoadPathOpt, ModelArg, Sets
 
 DEFAULT_LOAD = "fz_N=-650"
@@ -87,12 +87,12 @@ def export(
                 "flanges": {link.name: dict(link.flanges) for link in all_links(given.model)},
                 "load_path": given.model.load_path,
                 "joints_without_spring": list(given.joints_without_springs),
-                "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
-                "load": {n: number(v) for n, v in zip(parsing.WRENCH_NAMES, wrench, strict=True)},
+                "pose_deg": {n: rounded(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
+                "load": {n: rounded(v) for n, v in zip(parsing.WRENCH_NAMES, wrench, strict=True)},
                 "tool_node": deck.tool[0],
                 "tool_rotation_node": deck.tool[1],
                 "stiffarm": {
-                    n: number(1e3 * v) for n, v in zip(parsing.DISPLACEMENT_NAMES, deck.displacement, strict=True)
+                    n: rounded(1e3 * v) for n, v in zip(parsing.DISPLACEMENT_NAMES, deck.displacement, strict=True)
                 },
                 "nodes": deck.nodes,
                 "elements": deck.elements,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from fem.statics.stated import at_load_entry
+from robots.quantities import rounded
 from stiffarm.commands.fit.words import relative, share_words
 from stiffarm.commands.query.answers import surrogate_errors
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say
-from stiffarm.session.json_text import number
 from surrogate import Surrogate, Trained
 
 
@@ -20,7 +20,7 @@ def payload(trained: Trained) -> dict[str, Any]:
         "best": best.basis,
         "quantity": best.quantity.name,
         "whole_turns_do_not_matter": [n for n, p in zip(best.inputs, best.periodic, strict=True) if p],
-        "fixed_coordinates_would_change_it_by": {n: number(v) for n, v in best.fixed_influence.items()},
+        "fixed_coordinates_would_change_it_by": {n: rounded(v) for n, v in best.fixed_influence.items()},
         "calibration_uncertainty": _parameter_bars(best),
         "surrogates": [surrogate_errors(s) for s in trained.surrogates],
         "not_fitted": dict(trained.refused),
@@ -32,7 +32,7 @@ def _parameter_bars(surrogate: Surrogate) -> dict[str, Any] | None:
     p = surrogate.parameters
     if p is None:
         return None
-    return {"parameters": list(p.names), "undetermined": list(p.undetermined), "misfit": number(p.misfit)}
+    return {"parameters": list(p.names), "undetermined": list(p.undetermined), "misfit": rounded(p.misfit)}
 
 
 def errors_table(trained: Trained, of: str = "") -> Table:

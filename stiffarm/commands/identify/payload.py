@@ -13,8 +13,8 @@ from doe.joint_twists.laws import Law
 from doe.joint_twists.model_file import held_constant, rms_mm
 from doe.joint_twists.substitute import Errors, Window
 from robots.files.csv_text import rows_text
+from robots.quantities import rounded
 from stiffarm.commands.identify.step import AtFlange, JointTwists
-from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-joint-twists/1"
 AXES = ("x", "y", "z")
@@ -49,7 +49,7 @@ def identification(d: JointTwists) -> dict[str, Any]:
         "noise": [_noise(d, j) for j in range(d.given.robot.dof)],
         "scatter_of_set_ups_percent": {
             kind: _explained(
-                {"value": number(100.0 * s) if n else None, "freedoms": n}, value="too few set-ups at one angle"
+                {"value": rounded(100.0 * s) if n else None, "freedoms": n}, value="too few set-ups at one angle"
             )
             for kind, s, n in zip(KINDS, found.scatter, found.scatter_dof, strict=True)
         },
@@ -67,8 +67,8 @@ def identification(d: JointTwists) -> dict[str, Any]:
         if d.bending is None
         else {
             "joint": d.bending.joint,
-            "rx_over_rz": number(d.bending.ratio),
-            "interval95": [number(d.bending.low), number(d.bending.high)],
+            "rx_over_rz": rounded(d.bending.ratio),
+            "interval95": [rounded(d.bending.low), rounded(d.bending.high)],
         },
         "at_flange": None if d.flange is None else at_flange(d.flange),
         "why_not_at_flange": d.no_flange or None,
@@ -77,7 +77,7 @@ def identification(d: JointTwists) -> dict[str, Any]:
         if d.held_out is None
         else [
             _explained(
-                dict(zip(HELD_OUT, (row[0], *(number(v, 12) for v in row[1:])), strict=True)),
+                dict(zip(HELD_OUT, (row[0], *(rounded(v, 12) for v in row[1:])), strict=True)),
                 **dict.fromkeys(HELD_OUT, "the model gives no finite stiffness there"),
             )
             for row in held_out_rows(d)
@@ -106,7 +106,7 @@ def _has_null(value: Any) -> bool:
 def _noise(d: JointTwists, j: int) -> dict[str, Any]:
     """Noise of a joint's readings, where these tell it."""
     c = d.found.cycles
-    um, urad = (number(1e6 * float(c.noise[j, k])) if c.noise_dof[j, k] > 0 else None for k in (0, 1))
+    um, urad = (rounded(1e6 * float(c.noise[j, k])) if c.noise_dof[j, k] > 0 else None for k in (0, 1))
     why = [
         "not read without a standard deviation of its own (sigma_mm, sigma_twist_mrad)" if known else NO_NOISE
         for known in c.noise_known[j]
@@ -125,12 +125,12 @@ def _loop(x: Loop) -> dict[str, Any]:
     content = {
         "joint": x.joint,
         "row": x.row,
-        f"width_{unit}": number(1e6 * x.width),
-        f"width_sd_{unit}": number(1e6 * x.spread),
-        "share_of_range_percent": number(100.0 * x.share),
+        f"width_{unit}": rounded(1e6 * x.width),
+        f"width_sd_{unit}": rounded(1e6 * x.spread),
+        "share_of_range_percent": rounded(100.0 * x.share),
         "proven": x.proven,
         "load_cycles": x.cycles,
-        "stiffness_from_loading_only_percent": number(100.0 * x.loading_only),
+        "stiffness_from_loading_only_percent": rounded(100.0 * x.loading_only),
     }
     nothing = "nothing was read to move under the load"
     why = {f"width_sd_{unit}": NO_NOISE, "share_of_range_percent": nothing}
@@ -138,7 +138,7 @@ def _loop(x: Loop) -> dict[str, Any]:
 
 
 def _coupling(c: Coupling) -> dict[str, Any]:
-    content = {"rows": list(c.rows), "share": number(c.share), "p_value": number(c.p_value), "proven": c.proven}
+    content = {"rows": list(c.rows), "share": rounded(c.share), "p_value": rounded(c.p_value), "proven": c.proven}
     no_scale = "the diagonal entries or the noise are zero to the last digit: nothing to compare with"
     return _explained(content, share=no_scale, p_value=no_scale)
 
@@ -148,9 +148,9 @@ def at_flange(f: AtFlange) -> dict[str, Any]:
     gears = {
         "same_stiffness": errors(f.same),
         "refitted_to_flange": errors(f.refitted),
-        "effective_Nm_per_rad": [None if c == 0.0 else number(1.0 / c, 12) for c in f.effective.tolist()],
+        "effective_Nm_per_rad": [None if c == 0.0 else rounded(1.0 / c, 12) for c in f.effective.tolist()],
     }
-    half = {a: number(100.0 * v) for a, v in zip(AXES, f.spread.tolist(), strict=True)}
+    half = {a: rounded(100.0 * v) for a, v in zip(AXES, f.spread.tolist(), strict=True)}
     no_interval = "some stiffnesses have no interval, or no upper limit"
     return {
         "gears_only": _explained(gears, effective_Nm_per_rad="forces at the flange centre do not turn this joint"),
@@ -164,7 +164,7 @@ def errors(e: Errors) -> dict[str, dict[str, Any]]:
     names = ("bias", "mean", "p95", "worst")
     rigid = "at some poses the model compared is rigid along this axis"
     return {
-        a: _explained({n: number(100.0 * float(getattr(e, n)[k])) for n in names}, **dict.fromkeys(names, rigid))
+        a: _explained({n: rounded(100.0 * float(getattr(e, n)[k])) for n in names}, **dict.fromkeys(names, rigid))
         for k, a in enumerate(AXES)
     }
 
@@ -179,19 +179,19 @@ def direction(d: Direction) -> dict[str, Any]:
         "status": d.status,
         "law": None if d.law is None else _law(d.law),
         "left_out_scores": _explained(
-            {kind: number(score, 12) for kind, score in d.scores.items()},
+            {kind: rounded(score, 12) for kind, score in d.scores.items()},
             **dict.fromkeys(d.scores, "without one of the angles this law does not settle"),
         ),
         "angle_deg": np.degrees(d.angle).tolist(),
-        key: [number(v) for v in k.tolist()],
-        "interval95": [[number(a), number(b)] for a, b in zip(low.tolist(), high.tolist(), strict=True)],
+        key: [rounded(v) for v in k.tolist()],
+        "interval95": [[rounded(a), rounded(b)] for a, b in zip(low.tolist(), high.tolist(), strict=True)],
     }
     no_number = NO_NUMBER.get(d.status, "the law leaves what a number can hold")
     return _explained(content, **{"law": no_number, key: no_number}, interval95=NO_END.get(d.status, NO_UPPER))
 
 
 def _law(law: Law) -> dict[str, Any]:
-    covariance = [[number(v, 17) for v in row] for row in law.covariance.tolist()]
+    covariance = [[rounded(v, 17) for v in row] for row in law.covariance.tolist()]
     content = {"kind": law.kind, "ln_k_coefficients": law.coefficients.tolist(), "covariance": covariance}
     return _explained(content, covariance=NO_NOISE)
 

@@ -22,7 +22,7 @@ from machining import (
 from machining.stiffness.objective import shown
 from robots import Robot
 from robots.arrays import Array
-from stiffarm.session.json_text import number
+from robots.quantities import rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +95,10 @@ def payload(robot: Robot, found: IndexAnswer) -> dict[str, Any]:
     asked = found.question
     return {
         "robot": robot.name,
-        "tool_tip_mm": [number(v * 1e3) for v in asked.tip],
-        "normal": [number(v) for v in asked.normal],
-        "force_N": None if asked.force is None else [number(v) for v in asked.force],
-        "load": None if asked.load is None else [number(v) for v in asked.load],
+        "tool_tip_mm": [rounded(v * 1e3) for v in asked.tip],
+        "normal": [rounded(v) for v in asked.normal],
+        "force_N": None if asked.force is None else [rounded(v) for v in asked.force],
+        "load": None if asked.load is None else [rounded(v) for v in asked.load],
         "not_computed": dict.fromkeys(found.left_out, "needs --force"),
         "poses": [_pose(robot, found, i) for i in range(len(asked.q))],
     }
@@ -130,7 +130,7 @@ def alone_words(found: IndexAnswer) -> str:
 
 
 def _indices(values: Mapping[str, Array], i: int) -> dict[str, float | None]:
-    return {shown(name).column: number(float(v[i]) * shown(name).factor) for name, v in values.items()}
+    return {shown(name).column: rounded(float(v[i]) * shown(name).factor) for name, v in values.items()}
 
 
 def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
@@ -138,24 +138,24 @@ def _pose(robot: Robot, found: IndexAnswer, i: int) -> dict[str, Any]:
     out: dict[str, Any] = {
         "pose": found.question.labels[i],
         "joints_deg": {
-            name: number(v, 9) for name, v in zip(robot.coordinates, np.degrees(found.question.q[i]), strict=True)
+            name: rounded(v, 9) for name, v in zip(robot.coordinates, np.degrees(found.question.q[i]), strict=True)
         },
         "indices": _indices(found.values, i),
         "ellipsoid": [
             {
-                "stiffness_N_per_mm": number(float(axes.semi_axes[i, a]) * 1e-3),
-                "direction": [number(v) for v in axes.axes[i, :, a]],
+                "stiffness_N_per_mm": rounded(float(axes.semi_axes[i, a]) * 1e-3),
+                "direction": [rounded(v) for v in axes.axes[i, :, a]],
             }
             for a in range(3)
         ],
-        "compliance_mm_per_N": [[number(v * 1e3) for v in row] for row in found.compliance[i]],
+        "compliance_mm_per_N": [[rounded(v * 1e3) for v in row] for row in found.compliance[i]],
         "distances": {
-            "joint_limit_deg": number(float(np.degrees(found.limit_rad[i]))),
-            "singularity": number(float(found.singular[i])),
+            "joint_limit_deg": rounded(float(np.degrees(found.limit_rad[i]))),
+            "singularity": rounded(float(found.singular[i])),
         },
     }
     if found.joints_alone is not None:
         out["indices_with_rigid_links"] = _indices(found.joints_alone, i)
     if found.share is not None:
-        out["stiffness_share_taken_by_load"] = number(float(found.share[i]))
+        out["stiffness_share_taken_by_load"] = rounded(float(found.share[i]))
     return out

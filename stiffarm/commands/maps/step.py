@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from fem.arm import Arm
 from robots import InputError, content_hash
 from robots.progress import Progress
+from robots.quantities import rounded
 from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
 from stiffarm.commands.maps.options import Asked
 from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
 from stiffarm.session.caution import caveats, warned
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 from stiffarm.session.stated import stated_table
@@ -108,7 +108,7 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
         "pose": asked.pose_words,
         "grid_points": n,
         "points": reached,
-        "share_reached": number(reached / n),
+        "share_reached": rounded(reached / n),
         "quantities": {},
         "messages": messages,
     }
@@ -117,7 +117,7 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
             found = counts(field.values, len(field.categories))
             out["quantities"][name] = {
                 "label": field.label,
-                "share_of_points": {c: number(k / reached) for c, k in zip(field.categories, found, strict=True)},
+                "share_of_points": {c: rounded(k / reached) for c, k in zip(field.categories, found, strict=True)},
             }
             continue
         of = figures(field.values)
@@ -130,15 +130,15 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
             "label": field.label,
             "unit": field.unit,
             "points": of.count,
-            "min": number(of.least),
-            "median": number(of.median),
-            "max": number(highest.greatest),
+            "min": rounded(of.least),
+            "median": rounded(of.median),
+            "max": rounded(highest.greatest),
             "median_of_points": of.median_of,
             "least_at": _place(data, of.row_of_least),
             "greatest_at": _place(data, highest.row_of_greatest),
         }
         if highest.greatest < of.greatest:
-            out["quantities"][name]["max_near_singular"] = number(of.greatest)
+            out["quantities"][name]["max_near_singular"] = rounded(of.greatest)
     if isinstance(engine.rule, Extreme) and engine.arm is not None:
         out["search_check"] = _search_check(engine, engine.rule, data)
     return out
@@ -158,15 +158,15 @@ def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any
     found = found[np.isfinite(found)]
     if not len(found):
         return {"points": 0, "worst_shortfall_percent": None}
-    return {"points": len(found), "worst_shortfall_percent": number(100.0 * float(found.max()))}
+    return {"points": len(found), "worst_shortfall_percent": rounded(100.0 * float(found.max()))}
 
 
 def _place(data: MapData, row: int) -> dict[str, Any]:
     q = np.degrees(np.asarray(data.q[row]))
     return {
         "row": row,
-        **{f"{name}_mm": number(1e3 * float(v)) for name, v in zip("xyz", data.points[row], strict=True)},
-        **{name: number(float(v)) for name, v in zip(data.coordinates, q, strict=True)},
+        **{f"{name}_mm": rounded(1e3 * float(v)) for name, v in zip("xyz", data.points[row], strict=True)},
+        **{name: rounded(float(v)) for name, v in zip(data.coordinates, q, strict=True)},
     }
 
 

@@ -12,8 +12,8 @@ from fem.arm import Arm
 from robots import InputError, Robot, content_hash
 from robots.arrays import Array
 from robots.progress import Progress
+from robots.quantities import rounded
 from stiffarm.session.caution import warned
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers
 from surrogate import Surrogate, default_sweep, load_surrogate
@@ -139,8 +139,8 @@ def figures_of(made: MapData) -> dict[str, Any]:
         "points": int(np.count_nonzero(made.reached)),
         "cells": int(np.count_nonzero(cell_grid(made.layout, made.reached).first)),
         "stiffness_N_per_mm": {
-            "min": number(stiffness.least),
-            "median": number(stiffness.median),
-            "max": number(stiffness.greatest),
+            "min": rounded(stiffness.least),
+            "median": rounded(stiffness.median),
+            "max": rounded(stiffness.greatest),
         },
     }

@@ -8,10 +8,10 @@ import numpy as np
 
 from machining.placement import Along, axis_rates, placement_content
 from machining.placement.study import PlacedStep, placement_of
+from robots.quantities import rounded, rounded_all
 from stiffarm.commands.posture.payload import path_columns, posture_columns
 from stiffarm.pages.arm_uncertainty import estimated, interval
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
-from stiffarm.session.json_text import number, numbers
 
 # Every placement's error is drawn with the same arms and forces.
 SEED = 0
@@ -45,12 +45,12 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         "aim": problem.goal.aim,
         "mode": placed.how.mode,
         "by_length": problem.goal.by_length,
-        "alpha_mm2_per_N2": number(placed.after.criterion.alpha),
-        "beta_mm4_per_N4": number(placed.after.criterion.beta),
+        "alpha_mm2_per_N2": rounded(placed.after.criterion.alpha),
+        "beta_mm4_per_N4": rounded(placed.after.criterion.beta),
         "path_points": problem.path.n,
-        "path_length_mm": number(1e3 * problem.path.arc_length[-1]),
+        "path_length_mm": rounded(1e3 * problem.path.arc_length[-1]),
         "ranges": {
-            name: {f"from_{unit}": number(float(a * f)), f"to_{unit}": number(float(b * f))}
+            name: {f"from_{unit}": rounded(float(a * f)), f"to_{unit}": rounded(float(b * f))}
             for name, unit, f, a, b in zip(
                 problem.space.names,
                 problem.space.units,
@@ -75,25 +75,25 @@ def _summary(step: PlacedStep, one: Along) -> dict[str, Any]:
     error, stiffness = one.error.estimated(np.random.default_rng(SEED)), one.estimated()
     axes = step.cell.linear_axes
     return {
-        "K_sf": number(one.k_sf),
+        "K_sf": rounded(one.k_sf),
         "K_sf_95": interval(stiffness["K_sf"]),
-        "K_sf_squares": number(float(one.terms.squares)),
-        "K_sf_mean": number(float(one.terms.mean)),
-        "mean_stiffness_N_per_mm": number(one.mean * 1e-3),
+        "K_sf_squares": rounded(float(one.terms.squares)),
+        "K_sf_mean": rounded(float(one.terms.mean)),
+        "mean_stiffness_N_per_mm": rounded(one.mean * 1e-3),
         "mean_stiffness_N_per_mm_95": interval(stiffness["mean"], 1e-3),
-        "worst_stiffness_N_per_mm": number(one.worst * 1e-3),
+        "worst_stiffness_N_per_mm": rounded(one.worst * 1e-3),
         "worst_stiffness_N_per_mm_95": interval(stiffness["worst"], 1e-3),
-        "rms_error_um": number(error["rms"].value * 1e6),
+        "rms_error_um": rounded(error["rms"].value * 1e6),
         "rms_error_um_95": interval(error["rms"], 1e6),
-        "worst_error_um": number(error["worst"].value * 1e6),
+        "worst_error_um": rounded(error["worst"].value * 1e6),
         "worst_error_um_95": interval(error["worst"], 1e6),
         "axes_mm": {
-            axis.name: numbers((column.min() * 1e3, column.max() * 1e3))
+            axis.name: rounded_all((column.min() * 1e3, column.max() * 1e3))
             for axis, column in zip(axes, one.e.T, strict=True)
         },
-        "turntable_deg": number(float(np.degrees(one.table))),
-        "gamma_deg": numbers(np.degrees([one.course.gamma.min(), one.course.gamma.max()])),
-        "joint_travel_deg": number(float(np.degrees(np.abs(np.diff(one.course.q, axis=0)).sum()))),
+        "turntable_deg": rounded(float(np.degrees(one.table))),
+        "gamma_deg": rounded_all(np.degrees([one.course.gamma.min(), one.course.gamma.max()])),
+        "joint_travel_deg": rounded(float(np.degrees(np.abs(np.diff(one.course.q, axis=0)).sum()))),
     }
 
 
@@ -101,15 +101,15 @@ def columns(step: PlacedStep) -> dict[str, list[Any]]:
     """Columns over the path's points: where, base, gamma, joints, stiffness and error, and the same of the others."""
     given, after = step.given, step.placed.after
     out = {"point": list(range(given.path.n)), "move": given.moves.tolist(), **path_columns(given.path)}
-    out |= {f"e{j + 1}_mm": numbers(column * 1e3, 9) for j, column in enumerate(after.e.T)}
-    out["turntable_deg"] = numbers(np.full(given.path.n, np.degrees(after.table)), 9)
+    out |= {f"e{j + 1}_mm": rounded_all(column * 1e3, 9) for j, column in enumerate(after.e.T)}
+    out["turntable_deg"] = rounded_all(np.full(given.path.n, np.degrees(after.table)), 9)
     out |= posture_columns(step.placed.problem.model.robot, after.course)
     for name, one in named(step).items():
         prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
-        out[f"{prefix}stiffness_N_per_mm"] = numbers(one.stiffness * 1e-3)
-        out[f"{prefix}error_um"] = numbers(one.error.normal * 1e6)
+        out[f"{prefix}stiffness_N_per_mm"] = rounded_all(one.stiffness * 1e-3)
+        out[f"{prefix}error_um"] = rounded_all(one.error.normal * 1e6)
         if name == CHOSEN:
-            out["error_sd_um"] = numbers(one.error.sd * 1e6)
+            out["error_sd_um"] = rounded_all(one.error.sd * 1e6)
     return out
 
 

@@ -12,11 +12,11 @@ from machining.placement import Along, Look, Problem, Survey
 from machining.placement.search import COARSE_ROWS
 from machining.placement.study import PlacedStep
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.commands.place.figures import ZONES, curve_figure, map_figure
 from stiffarm.commands.place.payload import named
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Picture
-from stiffarm.session.json_text import number
 
 NAME = "positions.csv"
 # Distance (m) beyond the clearance to keep within which the pair that is too near is looked for.
@@ -114,14 +114,14 @@ def position_columns(grid: Survey) -> dict[str, list[Any]]:
     space = grid.problem.space
     shown = np.array([look.x for look in grid.grid]) * space.shown
     out: dict[str, list[Any]] = {
-        f"{name}_{unit}": [number(v, 9) for v in column]
+        f"{name}_{unit}": [rounded(v, 9) for v in column]
         for name, unit, column in zip(space.names, space.units, shown.T, strict=True)
     }
-    out["gamma_deg"] = ["" if look.why else number(float(np.degrees(look.gamma)), 9) for look in grid.grid]
+    out["gamma_deg"] = ["" if look.why else rounded(float(np.degrees(look.gamma)), 9) for look in grid.grid]
     values, label = position_values(grid)
     unit = label.rsplit(", ", 1)[-1].replace("/", "_per_")
     for name, value in values.items():
-        out[f"{name.replace(' ', '_')}_{unit}"] = ["" if np.isnan(v) else number(float(v)) for v in value]
+        out[f"{name.replace(' ', '_')}_{unit}"] = ["" if np.isnan(v) else rounded(float(v)) for v in value]
     out["stopped_by"] = [ZONES[look.why][0] if look.why else "" for look in grid.grid]
     out["nearest_posture"] = [why_words(grid.problem, look) if look.why else "" for look in grid.grid]
     return out

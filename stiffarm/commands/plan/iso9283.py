@@ -15,9 +15,9 @@ from doe.planning.protocol import Protocol
 from doe.planning.zones import Zone
 from robots import Robot, forward_kinematics, tool_position
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.commands.plan.options import resting_pose
 from stiffarm.commands.plan.sheets import Sheet
-from stiffarm.session.json_text import number
 from surrogate import default_sweep
 
 STEPS, REPEATS, COMPONENTS = 10, 3, (0, 1, 2)
@@ -80,12 +80,12 @@ def payload(robot: Robot, poses: Array, rated_N: float) -> dict[str, Any]:
         "schema": "stiffarm-plan/1",
         "kind": "iso9283",
         "robot": robot.name,
-        "rated_load_N": number(rated_N),
-        "loads_N": [number(f) for f in protocol(rated_N).forces.tolist()],
+        "rated_load_N": rounded(rated_N),
+        "loads_N": [rounded(f) for f in protocol(rated_N).forces.tolist()],
         "directions": [name for name, _ in DIRECTIONS],
         "repeats": REPEATS,
         "poses": [
-            {name: number(float(v)) for name, v in zip(robot.coordinates, np.degrees(q), strict=True)} for q in poses
+            {name: rounded(float(v)) for name, v in zip(robot.coordinates, np.degrees(q), strict=True)} for q in poses
         ],
     }
 

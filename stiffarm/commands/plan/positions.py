@@ -16,13 +16,13 @@ from robots import InputError, Robot, forward_kinematics
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from robots.files.csv_text import rows_text
+from robots.quantities import rounded
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Section, Table, Text, write_page
 from stiffarm.pages.style import OKABE_ITO
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers
 
@@ -117,13 +117,13 @@ def payload(given: Arm, p: PlannedCampaign) -> dict[str, Any]:
         "robot": given.robot.name,
         "poses": len(p.q),
         "readings": p.readings,
-        "scatter_sd_mm": number(1e3 * p.wanted.sigma),
+        "scatter_sd_mm": rounded(1e3 * p.wanted.sigma),
         "tracker_mm": (1e3 * p.wanted.tracker).tolist(),
         "targets": [one.name for one in p.wanted.targets],
         "candidates": p.candidates,
         "plan": [
             {
-                **{n: number(float(v)) for n, v in zip(names, row, strict=True)},
+                **{n: rounded(float(v)) for n, v in zip(names, row, strict=True)},
                 "targets": _seen(p, k),
                 "approaches": [text for text in approaches(p, k) if text],
             }
@@ -133,15 +133,15 @@ def payload(given: Arm, p: PlannedCampaign) -> dict[str, Any]:
             {
                 "name": e.name,
                 "unit": e.unit,
-                "sd": number(e.sd),
-                "sd_by_random_poses": number(e.random_sd),
-                "sd_before": number(e.before),
+                "sd": rounded(e.sd),
+                "sd_by_random_poses": rounded(e.random_sd),
+                "sd_before": rounded(e.before),
                 "identified": e.identified,
             }
             for e in p.expected
         ],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in p.twins],
-        "narrower_than_random_poses": number(gain(p)),
+        "narrower_than_random_poses": rounded(gain(p)),
         "notes": list(notes(p)),
     }
 

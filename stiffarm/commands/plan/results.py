@@ -15,13 +15,13 @@ from doe.tables.columns import DISPLACEMENTS
 from fem.arm import Arm
 from robots import Robot
 from robots.constants import NORMAL_95
+from robots.quantities import rounded
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.sheets import Sheet
 from stiffarm.commands.plan.step import Planned
 from stiffarm.session.console import say, show_table
-from stiffarm.session.json_text import number
 from stiffarm.session.words.directions import set_up_rows
 
 SCHEMA = "stiffarm-plan/1"
@@ -101,43 +101,43 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
         "links": given.model.link_kind,
         "data": None if data is None else data.source,
         "readings": start.readings,
-        "loads_N": [number(float(f)) for f in protocol.forces],
+        "loads_N": [rounded(float(f)) for f in protocol.forces],
         "read": list(protocol.columns),
         "repeats": protocol.repeats,
         "unloading": protocol.unloading,
         "noise": {
-            "reading_mm": number(noise.white[0] * 1e3),
-            "reading_mrad": number(noise.white[1] * 1e3),
-            "share_of_deflection": number(noise.share),
-            "setup_mm": number(noise.pose[0] * 1e3),
-            "setup_mrad": number(noise.pose[1] * 1e3),
-            "setup_share_of_deflection": number(noise.pose_share),
+            "reading_mm": rounded(noise.white[0] * 1e3),
+            "reading_mrad": rounded(noise.white[1] * 1e3),
+            "share_of_deflection": rounded(noise.share),
+            "setup_mm": rounded(noise.pose[0] * 1e3),
+            "setup_mrad": rounded(noise.pose[1] * 1e3),
+            "setup_share_of_deflection": rounded(noise.pose_share),
             "source": start.noise_origin,
         },
         "promise": {
             "aims_at": HOLDS,
             "kept_in_simulations": list(KEPT),
             "lack_of_fit": "of the readings" if planned.forecast.seen else "usual",
-            "share_of_deflection": number(planned.forecast.lack[1]),
-            "share_of_deflection_from_to": [number(v) for v in (planned.forecast.lack[0], planned.forecast.lack[2])],
+            "share_of_deflection": rounded(planned.forecast.lack[1]),
+            "share_of_deflection_from_to": [rounded(v) for v in (planned.forecast.lack[0], planned.forecast.lack[2])],
             "words": words.rests_on(start, planned.forecast),
         },
         "candidate_poses": planned.candidates,
-        "held_deg": {name: number(v) for name, v in planned.held_deg.items()},
+        "held_deg": {name: rounded(v) for name, v in planned.held_deg.items()},
         "setups": [_setup(given.robot, planned, k) for k in range(len(planned.labels))],
         "calibration": None if planned.calibrated is None else calibration_payload.answer(planned.calibrated),
         "parameters": [parameter_payload(f, found) for f, found in planned.rows],
         "criterion": made.criterion,
-        "value": number(made.value),
+        "value": rounded(made.value),
         "words": planned.sentences,
         "notes": list(planned.notes),
     }
     if not planned.request.plain:
         typical, random = made.per_parameter(made.value), made.per_parameter(made.random_median)
         out["random"] = {
-            "median_value": number(made.random_median),
-            "sd_ratio": number(float(random / typical), 4),
-            "efficiency": None if made.random_needed is None else number(made.random_needed / len(made.q), 3),
+            "median_value": rounded(made.random_median),
+            "sd_ratio": rounded(float(random / typical), 4),
+            "efficiency": None if made.random_needed is None else rounded(made.random_needed / len(made.q), 3),
             "setups_for_the_same": made.random_needed,
             "most_tried": len(made.random),
         }
@@ -147,12 +147,12 @@ def payload(given: Arm, data: Measurements | None, planned: Planned) -> dict[str
 def _setup(robot: Robot, planned: Planned, k: int) -> dict[str, Any]:
     q = np.degrees(planned.made.q[k])
     out: dict[str, Any] = {"pose": planned.labels[k]}
-    out |= {name: number(float(v)) for name, v in zip(robot.coordinates, q, strict=True)}
-    out["direction"] = [number(float(v)) for v in planned.made.direction[k]]
+    out |= {name: rounded(float(v)) for name, v in zip(robot.coordinates, q, strict=True)}
+    out["direction"] = [rounded(float(v)) for v in planned.made.direction[k]]
     if planned.expected is not None:
         read = planned.made.protocol.components
         out["expected_at_largest_load"] = {
-            DISPLACEMENTS[c]: number(1e3 * float(planned.expected[k, c]), 3) for c in read
+            DISPLACEMENTS[c]: rounded(1e3 * float(planned.expected[k, c]), 3) for c in read
         }
     return out
 
@@ -164,18 +164,18 @@ def parameter_payload(f: Foresight, found: ParameterEstimate | None) -> dict[str
         "name": p.name,
         "unit": p.unit,
         "status": "no readings" if found is None else found.status,
-        "interval95": None if found is None else [number(v) for v in found.interval],
-        "planned_for": number(f.planned_for),
+        "interval95": None if found is None else [rounded(v) for v in found.interval],
+        "planned_for": rounded(f.planned_for),
         "sd_of": "value" if p.scale == "linear" else "ln value",
-        "sd_before": number(f.before),
-        "sd_after": number(f.after),
-        "shrink": number(f.shrink, 4),
-        "promised_half_width95": number(NORMAL_95 * f.promised),
-        "promised_shrink": number(f.promised_shrink, 4),
+        "sd_before": rounded(f.before),
+        "sd_after": rounded(f.after),
+        "shrink": rounded(f.shrink, 4),
+        "promised_half_width95": rounded(NORMAL_95 * f.promised),
+        "promised_shrink": rounded(f.promised_shrink, 4),
         "seen": f.seen,
     }
     if p.scale == "compliance" and f.seen:
-        out["told_from_rigid_up_to"] = number(words.rigid_from(f), 3)
+        out["told_from_rigid_up_to"] = rounded(words.rigid_from(f), 3)
     return out
 
 

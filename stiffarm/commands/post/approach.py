@@ -10,7 +10,7 @@ from doe.absolute.table import ways_of
 from machining.programs.approach import ANGLE, LARGEST, Approach, Approached
 from machining.programs.run import PostRun
 from robots import InputError, Robot
-from stiffarm.session.json_text import number
+from robots.quantities import rounded
 
 DEGREES, LARGEST_DEG = round(float(np.degrees(ANGLE)), 9), round(float(np.degrees(LARGEST)), 9)
 SIGNS: Final = {1.0: "+", -1.0: "-", 0.0: "0"}
@@ -50,12 +50,12 @@ def payload(found: Approached, approach: Approach) -> dict[str, Any]:
     """Figures, keys with units."""
     return {
         "signs": "".join(SIGNS[float(way)] for way in approach.ways),
-        "angle_deg": number(float(np.degrees(approach.angle))),
+        "angle_deg": rounded(float(np.degrees(approach.angle))),
         "positioning_moves": found.targets,
         "points_put_in": len(found.moves),
         "no_room_within_limits": dict(found.left_out),
-        "farthest_from_target_mm": number(found.away * 1e3),
-        "deepest_beyond_target_mm": number(found.deeper * 1e3),
+        "farthest_from_target_mm": rounded(found.away * 1e3),
+        "deepest_beyond_target_mm": rounded(found.deeper * 1e3),
     }
 
 

@@ -10,11 +10,11 @@ from doe.absolute.readings import Payload
 from machining.programs.calibrated_arm import Corrected
 from machining.programs.run import PostRun
 from robots import InputError, ModelDescription
+from robots.quantities import rounded
 from robots.schema.joint_errors import Positions
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.report import Bullets, Picture, Section, Table, Text
-from stiffarm.session.json_text import number
 from stiffarm.session.parsing import parse_payload
 
 CONTROLLER: Final = (
@@ -58,20 +58,20 @@ def payload(found: Corrected, positions: Positions) -> dict[str, Any]:
     """Figures, keys with units."""
     sizes = {name: np.linalg.norm(getattr(found, name), axis=1) * 1e6 for name in PARTS}
     return {
-        "largest_um": number(float(found.moved.max(initial=0.0)) * 1e6),
-        "mean_um": number(float(found.moved.mean()) * 1e6),
+        "largest_um": rounded(float(found.moved.max(initial=0.0)) * 1e6),
+        "mean_um": rounded(float(found.moved.mean()) * 1e6),
         "by": {
-            name: {"largest_um": number(float(v.max(initial=0.0))), "mean_um": number(float(v.mean()))}
+            name: {"largest_um": rounded(float(v.max(initial=0.0))), "mean_um": rounded(float(v.mean()))}
             for name, v in sizes.items()
         },
-        "place_sd_um": number(found.place_sd * 1e6),
+        "place_sd_um": rounded(found.place_sd * 1e6),
         "turns_corrected": found.turns,
-        "turn_sd_urad": number(found.turn_sd * 1e6),
-        "largest_turn_urad": number(float(found.turned.max(initial=0.0)) * 1e6),
-        "left_um": number(float(found.left.max(initial=0.0)) * 1e6),
-        "between_points_um": {name: number(v * 1e6) for name, v in found.between.items()},
+        "turn_sd_urad": rounded(found.turn_sd * 1e6),
+        "largest_turn_urad": rounded(float(found.turned.max(initial=0.0)) * 1e6),
+        "left_um": rounded(float(found.left.max(initial=0.0)) * 1e6),
+        "between_points_um": {name: rounded(v * 1e6) for name, v in found.between.items()},
         "targets_where_a_joint_error_is_not_identified": dict(found.unread),
-        "error_sd_um": None if found.error is None else number(float(found.error.sd.max()) * 1e6),
+        "error_sd_um": None if found.error is None else rounded(float(found.error.sd.max()) * 1e6),
         "calibrated_rms_mm": {"readings_left_out": positions.left_out_rms_mm, "before": positions.before_rms_mm},
         "rounds": found.rounds,
         "controller": CONTROLLER,

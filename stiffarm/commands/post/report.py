@@ -19,6 +19,7 @@ from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
 from robots.arrays import Array
 from robots.inverse.following import is_redundant
+from robots.quantities import rounded
 from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import approach, corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
@@ -28,7 +29,6 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
 from stiffarm.pages.numbers import ranged
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 
 SCHEMA = "stiffarm-post-run/1"
@@ -47,28 +47,28 @@ def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:
         "moves_read": request.motions.n,
         "moves_written": program.n,
         "inserted": int(run.posted.program.inserted.sum()),
-        "tolerance_um": number(request.settings.tolerance * 1e6),
-        "largest_bend_um": number(float(run.posted.bend.max(initial=0.0)) * 1e6),
-        "largest_bend_of_cuts_um": number(run.posted.bend_of_cuts * 1e6),
-        "largest_bend_of_rapids_um": number(run.posted.bend_of_rapids * 1e6),
-        "gamma_counts_from": [number(float(v)) for v in np.asarray(run.posted.state.reference)],
-        "gamma_deg": [number(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
+        "tolerance_um": rounded(request.settings.tolerance * 1e6),
+        "largest_bend_um": rounded(float(run.posted.bend.max(initial=0.0)) * 1e6),
+        "largest_bend_of_cuts_um": rounded(run.posted.bend_of_cuts * 1e6),
+        "largest_bend_of_rapids_um": rounded(run.posted.bend_of_rapids * 1e6),
+        "gamma_counts_from": [rounded(float(v)) for v in np.asarray(run.posted.state.reference)],
+        "gamma_deg": [rounded(float(v)) for v in np.degrees([program.gamma.min(), program.gamma.max()])],
         "branches": sorted({program.names[b] for b in program.branch}),
         **elbow_range(run.model.robot, program.q),
-        "gain_of_turning_gamma": None if posted.course.forgone is None else number(posted.course.forgone),
+        "gain_of_turning_gamma": None if posted.course.forgone is None else rounded(posted.course.forgone),
         "chosen_by": posted.settings.objective.quantity,
-        f"mean_{objective.column}": number(posted.mean * objective.factor),
-        f"worst_{objective.column}": number(posted.worst * objective.factor),
+        f"mean_{objective.column}": rounded(posted.mean * objective.factor),
+        f"worst_{objective.column}": rounded(posted.worst * objective.factor),
         **_uncertain(run, objective.column, objective.factor),
-        "least_distance_to_singularity": number(float(singular_distance(run.model.robot, program.q).min())),
+        "least_distance_to_singularity": rounded(float(singular_distance(run.model.robot, program.q).min())),
         "commands": dict(Counter(event.kind for event in ordered(program.motions) if event.kind)),
         "reading_notes": [str(note) for note in program.motions.notes],
         "programs": {
             target.folder: {
                 "files": [file.name for file in run.written[target].files],
                 "sha256": run.digests.get(target, {}),
-                "off_path_um": number(trip.tip * 1e6),
-                "off_path_urad": number(trip.turned * 1e6),
+                "off_path_um": rounded(trip.tip * 1e6),
+                "off_path_urad": rounded(trip.turned * 1e6),
                 "notes": list(run.written[target].notes),
                 "undefined_commands": [
                     {"what": one.what, "count": one.count, "first_line": one.line}
@@ -112,12 +112,12 @@ def _compensation(found: Compensated) -> dict[str, Any]:
     length = np.linalg.norm(found.moved, axis=1) * 1e6
     left, milled = np.linalg.norm(found.left, axis=1) * 1e6, length[found.engaged]
     return {
-        "largest_um": number(float(length.max())),
-        "mean_um": number(float(milled.mean()) if len(milled) else 0.0),
-        "error_sd_um": number(float(found.error.sd.max()) * 1e6),
-        "unknown_95_um": number(NORMAL_95 * float(found.error.sd.max()) * 1e6),
+        "largest_um": rounded(float(length.max())),
+        "mean_um": rounded(float(milled.mean()) if len(milled) else 0.0),
+        "error_sd_um": rounded(float(found.error.sd.max()) * 1e6),
+        "unknown_95_um": rounded(NORMAL_95 * float(found.error.sd.max()) * 1e6),
         "capped_moves": int(found.capped.sum()),
-        "left_um": number(float(left.max())),
+        "left_um": rounded(float(left.max())),
         "rounds": found.rounds,
         "rests_on": list(found.error.uncertain.notes),
     }
@@ -186,8 +186,8 @@ def _key(run: PostRun) -> list[KeyFigure]:
         return "" if found is None else f"95 %: {ranged(found.low * it.factor, found.high * it.factor, it.unit, 3)}"
 
     stiffness = [
-        KeyFigure(f"{posted.worst * it.factor:.4g} {it.unit}", f"{it.quantity}, worst point", within(softest)),
-        KeyFigure(f"{posted.mean * it.factor:.4g} {it.unit}", f"{it.quantity}, mean", within(span)),
+        KeyFigure(f"{posted.worst * it.factor:.4g} {it.unit}", f"{it.name}, worst point", within(softest)),
+        KeyFigure(f"{posted.mean * it.factor:.4g} {it.unit}", f"{it.name}, mean", within(span)),
     ]
     return [
         KeyFigure(f"{worst:.2g} um", "programs read back, farthest from the tool path"),

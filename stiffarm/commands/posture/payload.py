@@ -14,10 +14,10 @@ from robots import Robot
 from robots.arrays import Array
 from robots.inverse.elbow_angle import elbow_angle
 from robots.inverse.following import is_redundant
+from robots.quantities import rounded, rounded_all
 from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.numbers import significant
-from stiffarm.session.json_text import number, numbers
 from stiffarm.session.parsing import frame_words, tool_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}
@@ -26,7 +26,7 @@ KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EA
 def quantity(objective: Objective) -> tuple[str, str, float]:
     """Key with unit, words with unit, and the factor from SI to that unit."""
     it = shown(objective.quantity)
-    return it.column, f"{it.quantity}, {it.unit}" if it.unit else it.quantity, it.factor
+    return it.column, it.heading, it.factor
 
 
 def payload(posed: Posed) -> dict[str, Any]:
@@ -40,16 +40,16 @@ def payload(posed: Posed) -> dict[str, Any]:
         "quantity": key,
         "aim": request.objective.aim,
         "points": request.task.path.n,
-        "path_length_mm": number(float(1e3 * request.task.path.arc_length[-1])),
+        "path_length_mm": rounded(float(1e3 * request.task.path.arc_length[-1])),
         "gamma_grid_deg": {
-            "from": number(float(np.degrees(request.gammas.lower))),
-            "to": number(float(np.degrees(request.gammas.upper))),
+            "from": rounded(float(np.degrees(request.gammas.lower))),
+            "to": rounded(float(np.degrees(request.gammas.upper))),
             "count": request.gammas.count,
         },
-        "gamma_counts_from": numbers(np.asarray(request.task.reference)),
+        "gamma_counts_from": rounded_all(np.asarray(request.task.reference)),
         "tool_on_flange": tool_words(request.task.T_flange_tool),
         "part_in_base": frame_words(request.task.T_base_part),
-        "as_programmed_gamma_deg": number(float(np.degrees(request.before))),
+        "as_programmed_gamma_deg": rounded(float(np.degrees(request.before))),
         "all_solutions_found": posed.found.sure,
         "stiffness_uncertainty": arm_uncertainty(posed.stiffness),
         "courses": {name: _course(posed, *course, key, factor) for name, course in courses.items()},
@@ -82,31 +82,33 @@ def _course(posed: Posed, name: str, course: Course, key: str, factor: float) ->
     mean, worst = posed.estimated(name)
     peak = np.degrees(moves.peak_speed)
     return {
-        f"mean_{key}": number(course.mean * factor),
+        f"mean_{key}": rounded(course.mean * factor),
         f"mean_{key}_95": interval(mean, factor),
-        f"worst_{key}": number(course.worst * factor),
+        f"worst_{key}": rounded(course.worst * factor),
         f"worst_{key}_95": interval(worst, factor),
-        "gamma_deg": numbers(np.degrees([course.gamma.min(), course.gamma.max()])),
+        "gamma_deg": rounded_all(np.degrees([course.gamma.min(), course.gamma.max()])),
         "branches": sorted({course.names[b] for b in course.branch}),
         **elbow_range(robot, course.q),
         "branch_changes": moves.branch_changes,
         "undrivable_segments": len(moves.undrivable),
         "largest_step_deg": _by_joint(robot.coordinates, np.degrees(moves.largest_step)),
         "peak_speed_deg_per_s": None if np.isnan(peak).all() else _by_joint(robot.coordinates, peak),
-        "joint_travel_deg": number(float(np.degrees(moves.travel))),
-        "least_distance_to_limit_deg": number(float(np.degrees(moves.limit_distance))),
-        "least_distance_to_singularity": number(moves.singular_distance),
+        "joint_travel_deg": rounded(float(np.degrees(moves.travel))),
+        "least_distance_to_limit_deg": rounded(float(np.degrees(moves.limit_distance))),
+        "least_distance_to_singularity": rounded(moves.singular_distance),
     }
 
 
 def _by_joint(names: tuple[str, ...], values: Array) -> dict[str, float | None]:
-    return dict(zip((name.removesuffix("_deg") for name in names), numbers(values), strict=True))
+    return dict(zip((name.removesuffix("_deg") for name in names), rounded_all(values), strict=True))
 
 
 def path_columns(path: ToolPath) -> dict[str, list[Any]]:
     """Columns of where the path's points are, mm."""
     places = 1e3 * np.column_stack([path.arc_length, path.points]).T
-    return {name: numbers(column, 9) for name, column in zip(("path_mm", "x_mm", "y_mm", "z_mm"), places, strict=True)}
+    return {
+        name: rounded_all(column, 9) for name, column in zip(("path_mm", "x_mm", "y_mm", "z_mm"), places, strict=True)
+    }
 
 
 def posture_columns(robot: Robot, course: Course) -> dict[str, list[Any]]:
@@ -114,17 +116,17 @@ def posture_columns(robot: Robot, course: Course) -> dict[str, list[Any]]:
     joints = zip(robot.coordinates, np.degrees(course.q).T, strict=True)
     elbow = elbow_angle(robot, course.q)
     return {
-        "gamma_deg": numbers(np.degrees(course.gamma), 9),
-        **({} if elbow is None else {"elbow_deg": numbers(np.degrees(elbow), 9)}),
+        "gamma_deg": rounded_all(np.degrees(course.gamma), 9),
+        **({} if elbow is None else {"elbow_deg": rounded_all(np.degrees(elbow), 9)}),
         "branch": [course.names[b] for b in course.branch],
-        **{name: numbers(column, 10) for name, column in joints},
+        **{name: rounded_all(column, 10) for name, column in joints},
     }
 
 
 def elbow_range(robot: Robot, q: Array) -> dict[str, list[float | None]]:
     """Least and largest angle of the elbow of a seven-axis arm at poses q (n, dof) rad; nothing of other arms."""
     elbow = elbow_angle(robot, q)
-    return {} if elbow is None else {"elbow_deg": numbers(np.degrees([elbow.min(), elbow.max()]))}
+    return {} if elbow is None else {"elbow_deg": rounded_all(np.degrees([elbow.min(), elbow.max()]))}
 
 
 def columns(posed: Posed) -> dict[str, list[Any]]:
@@ -133,13 +135,16 @@ def columns(posed: Posed) -> dict[str, list[Any]]:
     key, _, factor = quantity(request.objective)
     path = request.task.path
     out = {"point": list(range(path.n)), **path_columns(path), **posture_columns(robot, course)}
-    out[key] = numbers(course.value * factor)
-    out |= {f"{KEYS[name]}_{key}": numbers(c.value * factor) for name, c in posed.others.items()}
+    out[key] = rounded_all(course.value * factor)
+    out |= {f"{KEYS[name]}_{key}": rounded_all(c.value * factor) for name, c in posed.others.items()}
     for name, error in {} if posed.milling is None else posed.milling.errors.items():
         prefix = "" if name == CHOSEN else f"{KEYS[name]}_"
-        out |= {f"{prefix}error_um": numbers(error.normal * 1e6), f"{prefix}error_sd_um": numbers(error.sd * 1e6)}
-    out["limit_distance_deg"] = numbers(np.degrees(limit_distance(robot, course.q)))
-    out["singular_distance"] = numbers(singular_distance(robot, course.q))
+        out |= {
+            f"{prefix}error_um": rounded_all(error.normal * 1e6),
+            f"{prefix}error_sd_um": rounded_all(error.sd * 1e6),
+        }
+    out["limit_distance_deg"] = rounded_all(np.degrees(limit_distance(robot, course.q)))
+    out["singular_distance"] = rounded_all(singular_distance(robot, course.q))
     return out
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from fem.statics.small_displacements import FLAG
 from fem.statics.stated import stiffness_ends
 from robots.arrays import Array
+from robots.quantities import rounded, rounded_all
 from stiffarm.session.console import say, show_table
-from stiffarm.session.json_text import number, numbers
 from surrogate import QueryResult, Surrogate, compliance_matrix
 from surrogate.model import COMPLIANCE
 
@@ -54,10 +54,10 @@ def query_rows(
         "pose": labels,
         # In full: a bar may be far below the sixth digit.
         **{n: _known(v, v.tolist()) for n, v in query_columns(surrogate, poses_deg, result).items()},
-        "relative_error95": numbers(result.relative_error),
-        "relative_error95_surrogate": numbers(result.model_error),
-        "relative_error95_calibration": numbers(result.parameter_error),
-        "max_relative_error_seen": [number(surrogate.errors.max_relative)] * len(poses_deg),
+        "relative_error95": rounded_all(result.relative_error),
+        "relative_error95_surrogate": rounded_all(result.model_error),
+        "relative_error95_calibration": rounded_all(result.parameter_error),
+        "max_relative_error_seen": [rounded(surrogate.errors.max_relative)] * len(poses_deg),
         "inside_domain": result.inside_domain.tolist(),
         "reachable": result.reachable.tolist(),
         "error_is_lower_bound": [i in result.open for i in range(len(poses_deg))],
@@ -120,15 +120,15 @@ def surrogate_errors(surrogate: Surrogate) -> dict[str, Any]:
         "quantity": surrogate.quantity.name,
         "runs_fitted": e.n_train,
         "runs_held_out": e.n_test,
-        "rms_relative_error": number(e.rms_relative),
-        "p95_relative_error": number(e.p95_relative),
-        "max_relative_error": number(e.max_relative),
-        "interior_rms_relative_error": number(e.rms_interior),
-        "interior_max_relative_error": number(e.max_interior),
-        "coverage_of_95_percent_bars": number(e.coverage95),
-        "condition_number": number(e.condition_number),
-        "matrix_rms_relative_error": None if e.matrix_rms is None else number(e.matrix_rms),
-        "matrix_max_relative_error": None if e.matrix_max is None else number(e.matrix_max),
+        "rms_relative_error": rounded(e.rms_relative),
+        "p95_relative_error": rounded(e.p95_relative),
+        "max_relative_error": rounded(e.max_relative),
+        "interior_rms_relative_error": rounded(e.rms_interior),
+        "interior_max_relative_error": rounded(e.max_interior),
+        "coverage_of_95_percent_bars": rounded(e.coverage95),
+        "condition_number": rounded(e.condition_number),
+        "matrix_rms_relative_error": None if e.matrix_rms is None else rounded(e.matrix_rms),
+        "matrix_max_relative_error": None if e.matrix_max is None else rounded(e.matrix_max),
     }
 
 
@@ -160,7 +160,7 @@ def show_answers(surrogate: Surrogate, rows: Sequence[dict[str, Any]]) -> None:
 
 def _entries(C: Any, answered: bool) -> dict[str, float | None]:
     return {
-        f"c_{a}_{b}": number(float(C[i, j])) if answered else None
+        f"c_{a}_{b}": rounded(float(C[i, j])) if answered else None
         for i, a in enumerate(_AXES)
         for j, b in enumerate(_AXES)
         if j >= i

@@ -8,9 +8,10 @@ from typing import Any
 
 from rehearsal.possible import NOTHING
 from rehearsal.scoring import DETECTABLE
+from robots.quantities import rounded
 from stiffarm.commands.rehearse import words
 from stiffarm.commands.rehearse.step import Number, Rehearsed
-from stiffarm.session.json_text import number, share
+from stiffarm.session.json_text import share
 
 SCHEMA = "stiffarm-rehearsal/1"
 
@@ -50,8 +51,8 @@ def draw(r: Rehearsed) -> dict[str, Any]:
         "in_words": words.outcome(r),
         "right_family_first": r.is_right,
         "visible": r.is_visible,
-        "excess_chi2": number(r.excess, 4),
-        "gap": None if r.gap_mm is None else {"before_mm": number(r.gap_mm[0]), "after_mm": number(r.gap_mm[1])},
+        "excess_chi2": rounded(r.excess, 4),
+        "gap": None if r.gap_mm is None else {"before_mm": rounded(r.gap_mm[0]), "after_mm": rounded(r.gap_mm[1])},
         "parameters": {n.name: parameter(n) for n in r.numbers},
         "not_testable": r.world.code in v.not_testable,
     }
@@ -61,8 +62,8 @@ def parameter(n: Number) -> dict[str, Any]:
     """A true number beside the one found."""
     return {
         "unit": n.unit,
-        "true": number(n.true),
-        "found": None if n.found is None else number(n.found),
-        "interval95": None if n.interval95 is None else [number(v) for v in n.interval95],
+        "true": rounded(n.true),
+        "found": None if n.found is None else rounded(n.found),
+        "interval95": None if n.interval95 is None else [rounded(v) for v in n.interval95],
         "inside": n.is_inside,
     }

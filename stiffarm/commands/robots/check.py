@@ -13,12 +13,12 @@ from robots.frames import rpy_of
 from robots.pendant.check import PendantCheck, check_pendant
 from robots.pendant.explanations import Explanation
 from robots.pendant.slips import Slip
+from robots.quantities import rounded
 from robots.robot import robot_from
 from stiffarm.commands.robots import check_words as words
 from stiffarm.commands.robots.pendant_table import read_pendant
 from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import Frame
-from stiffarm.session.json_text import number
 
 # Explanations that are written out.
 MOST_TOLD = 4
@@ -60,16 +60,16 @@ def check_payload(
         turned = {
             "convention": convention,
             "agrees_as": compared.convention,
-            "largest_deg": number(float(np.degrees(compared.angle.max()))),
+            "largest_deg": rounded(float(np.degrees(compared.angle.max()))),
             "constant_tool_turn_rpy_deg": None if turn is None else turn.tolist(),
         }
     return {
         "robot": description.name,
         "verdict": verdict,
         "poses": len(found.readings.q),
-        "tolerance_mm": number(1e3 * found.tolerance),
+        "tolerance_mm": rounded(1e3 * found.tolerance),
         "frame": "controller" if robot.controller is not None and robot.controller.T_base is not None else "base",
-        "largest_mm": number(float(1e3 * found.distance.max())),
+        "largest_mm": rounded(float(1e3 * found.distance.max())),
         "by_pose": _by_pose(robot, found),
         "still_joints": list(found.still),
         "misread_poses": list(found.misread),
@@ -96,12 +96,12 @@ def _by_pose(robot: Robot, found: PendantCheck) -> list[dict[str, Any]]:
         {
             "pose": given.labels[k],
             "angles_deg": dict(
-                zip(robot.coordinates, map(number, np.degrees(given.q[k]).round(6).tolist()), strict=True)
+                zip(robot.coordinates, map(rounded, np.degrees(given.q[k]).round(6).tolist()), strict=True)
             ),
-            "read_mm": [number(v) for v in (1e3 * given.position[k]).tolist()],
-            "read_less_model_mm": [number(v) for v in ((1e3 * found.left[k]).round(6) + 0.0).tolist()],
-            "distance_mm": number(float(1e3 * found.distance[k])),
-            "then_mm": number(float(1e3 * then[k])),
+            "read_mm": [rounded(v) for v in (1e3 * given.position[k]).tolist()],
+            "read_less_model_mm": [rounded(v) for v in ((1e3 * found.left[k]).round(6) + 0.0).tolist()],
+            "distance_mm": rounded(float(1e3 * found.distance[k])),
+            "then_mm": rounded(float(1e3 * then[k])),
         }
         for k in range(len(given.q))
     ]
@@ -120,7 +120,7 @@ def _explanation(robot: Robot, e: Explanation) -> dict[str, Any]:
                 "remedy": "nothing, if the controller's world frame was set so; else read positions in its robot frame",
             }
         )
-    return {"largest_mm": number(1e3 * e.fit.worst), "changes": changes}
+    return {"largest_mm": rounded(1e3 * e.fit.worst), "changes": changes}
 
 
 def _slip(robot: Robot, slip: Slip, size: float | None) -> dict[str, Any]:
@@ -141,7 +141,7 @@ def _slip(robot: Robot, slip: Slip, size: float | None) -> dict[str, Any]:
     return {
         "code": slip.code,
         "words": words,
-        "size": None if size is None else number(size),
+        "size": None if size is None else rounded(size),
         "unit": unit,
         "remedy": remedy,
     }

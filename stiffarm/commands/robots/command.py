@@ -15,12 +15,12 @@ from robots import InputError, ModelDescription, Robot, bundled_names, load_desc
 from robots.arm_class import ArmClass, arm_class
 from robots.joint_errors import designed
 from robots.library.models import library_table
+from robots.quantities import rounded
 from robots.robot import robot_from
 from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import command
-from stiffarm.session.json_text import number
 from stiffarm.session.options import Debug, Json, ModelArg
 from stiffarm.session.table_kinds import described
 
@@ -177,9 +177,9 @@ def _masses_payload(masses: RobotMasses) -> dict[str, Any]:
     """Masses of the parts; null where nothing is declared."""
     links = {
         link.name: {
-            "casing_kg": number(link.casing.kg),
+            "casing_kg": rounded(link.casing.kg),
             "declared_kg": link.declared_kg,
-            "rest_kg": None if link.rest_kg is None else number(link.rest_kg),
+            "rest_kg": None if link.rest_kg is None else rounded(link.rest_kg),
         }
         for link in masses.links
     }
@@ -190,7 +190,7 @@ def _masses_payload(masses: RobotMasses) -> dict[str, Any]:
         "robot_kg": masses.robot_kg,
         "difference_kg": masses.difference_kg,
     }
-    return {"links": links} | {name: None if kg is None else number(kg) for name, kg in sums.items()}
+    return {"links": links} | {name: None if kg is None else rounded(kg) for name, kg in sums.items()}
 
 
 def _class_payload(robot: Robot, prior: ArmClass) -> dict[str, Any]:
@@ -198,7 +198,7 @@ def _class_payload(robot: Robot, prior: ArmClass) -> dict[str, Any]:
     return {
         "size": prior.size,
         "stiffness_Nm_per_rad": {
-            name: [number(low), number(high)]
+            name: [rounded(low), rounded(high)]
             for name, low, high in zip(robot.joint_names, prior.low.tolist(), prior.high.tolist(), strict=True)
         },
     }

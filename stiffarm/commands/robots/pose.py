@@ -12,10 +12,10 @@ from robots import ModelDescription, Robot, forward_kinematics
 from robots.arrays import Array
 from robots.controller import shown_base, shown_tool
 from robots.frames import inverse
+from robots.quantities import rounded
 from robots.robot import robot_from
 from stiffarm.session.console import say, show_table
 from stiffarm.session.frame import Frame
-from stiffarm.session.json_text import number
 from stiffarm.session.parsing import parse_pose
 
 
@@ -61,7 +61,7 @@ def _named(names: tuple[str, ...], values: Array) -> dict[str, Any]:
 
 
 def _rounded(values: Array, digits: int = 4) -> list[Any]:
-    return [number(v, 12) for v in (np.round(values, digits) + 0.0).tolist()]
+    return [rounded(v, 12) for v in (np.round(values, digits) + 0.0).tolist()]
 
 
 def _show(description: ModelDescription, content: dict[str, Any]) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from robots.quantities import rounded
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.session.json_text import number
 
 
 def of_variants(variants: Sequence[Calibrated]) -> dict[str, Holdout]:
@@ -24,7 +24,7 @@ def payload(found: dict[str, Holdout]) -> dict[str, Any]:
         "data": data.source,
         "data_sha256": data.sha256,
         "readings": int(data.used.sum()),
-        "rms_mm": {name: number(h.rms_mm) for name, h in found.items()},
+        "rms_mm": {name: rounded(h.rms_mm) for name, h in found.items()},
         "beyond_the_laws": {name: list(h.beyond) for name, h in found.items() if h.beyond},
     }
 

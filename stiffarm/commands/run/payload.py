@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from robots.quantities import rounded
 from stiffarm.commands.calibrate.payload import poses as pose_rows
 from stiffarm.commands.run.link_models import LinkModels, Pair
-from stiffarm.session.json_text import number
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from stiffarm.session.words.springs import at_widest_bound
 
@@ -17,10 +17,10 @@ def rigid(result: RigidJoints) -> dict[str, Any]:
     """The rigid-joint model against the readings."""
     return {
         "poses": list(result.pose),
-        "measured_mm": [number(v) for v in result.measured_mm],
-        "simulated_mm": [number(v) for v in result.simulated_mm],
-        "factor_measured_over_simulated": [number(v) for v in result.factor],
-        "median_factor": number(float(np.median(result.factor))),
+        "measured_mm": [rounded(v) for v in result.measured_mm],
+        "simulated_mm": [rounded(v) for v in result.simulated_mm],
+        "factor_measured_over_simulated": [rounded(v) for v in result.factor],
+        "median_factor": rounded(float(np.median(result.factor))),
     }
 
 
@@ -30,7 +30,7 @@ def link_models(compared: LinkModels) -> dict[str, Any]:
         "own": compared.own.links,
         "beside": compared.other.links,
         "rigid_joints_readings": {
-            side.links: {path: [number(v) for v in alone] for path, alone in side.alone_mm.items()}
+            side.links: {path: [rounded(v) for v in alone] for path, alone in side.alone_mm.items()}
             for side in (compared.own, compared.other)
         },
         "calibrations": [_link_pair(pair, compared) for pair in compared.pairs],
@@ -45,14 +45,14 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
         "scheme": pair.own.scheme,
         **{
             side.links: {
-                "rms_mm": number(one.found.rms_mm),
-                "left_one_pose_out_rms_mm": number(one.left_out_rms_mm),
-                "links_bar_and_crank_share": [number(float(v)) for v in side.share[one.name]],
+                "rms_mm": rounded(one.found.rms_mm),
+                "left_one_pose_out_rms_mm": rounded(one.left_out_rms_mm),
+                "links_bar_and_crank_share": [rounded(float(v)) for v in side.share[one.name]],
                 "poses": pose_rows(one),
             }
             for side, one in ((compared.own, pair.own), (compared.other, pair.other))
         },
-        "left_out_difference_mm": number(pair.left_out_difference_mm),
+        "left_out_difference_mm": rounded(pair.left_out_difference_mm),
         "poses_predicted_better": better,
         "poses_predicted": poses,
         "springs": [
@@ -61,8 +61,8 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
                 **({} if s.where is None else {"stage": s.where[0], "pose": s.where[1]}),
                 **{
                     side.links: {
-                        "k_Nm_per_rad": None if at_widest_bound(value) else number(value),
-                        "interval_Nm_per_rad": [number(low), number(high)],
+                        "k_Nm_per_rad": None if at_widest_bound(value) else rounded(value),
+                        "interval_Nm_per_rad": [rounded(low), rounded(high)],
                     }
                     for side, (value, low, high) in ((compared.own, s.own), (compared.other, s.other))
                 },
@@ -75,5 +75,5 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
 
 def factorial(runs: FactorialRuns) -> dict[str, Any]:
     """The factorial runs as columns."""
-    columns = {name: [number(v) for v in runs.poses_deg[:, i]] for i, name in enumerate(runs.inputs)}
-    return columns | {"stiffness_N_per_mm": [number(v) for v in runs.stiffness_N_per_mm]}
+    columns = {name: [rounded(v) for v in runs.poses_deg[:, i]] for i, name in enumerate(runs.inputs)}
+    return columns | {"stiffness_N_per_mm": [rounded(v) for v in runs.stiffness_N_per_mm]}

@@ -16,6 +16,7 @@ from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import InputError, save_description
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
@@ -32,7 +33,6 @@ from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say
 from stiffarm.session.frame import Frame
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import at_load
 from stiffarm.session.steps import FactorialRuns
@@ -237,9 +237,9 @@ def _write_results(
         "measured_poses": [
             {
                 "pose": label,
-                "surrogate_N_per_mm": number(a),
-                "model_N_per_mm": number(b),
-                "relative_difference": number(a / b - 1.0),
+                "surrogate_N_per_mm": rounded(a),
+                "model_N_per_mm": rounded(b),
+                "relative_difference": rounded(a / b - 1.0),
             }
             for label, a, b in zip(labels, learned, exact, strict=True)
         ],

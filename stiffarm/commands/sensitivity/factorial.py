@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from doe import PoseEffects
+from robots.quantities import rounded
 from stiffarm.session.console import show_table
-from stiffarm.session.json_text import number
 
 
 def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
@@ -16,8 +16,8 @@ def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
         {
             "pose": e.pose,
             "read": f"d{'xyz'[e.component]}",
-            "effect_mm": {joint: number(v) for joint, v in zip(e.joints, e.effect_mm, strict=True)},
-            "share": {joint: number(v) for joint, v in zip(e.joints, e.share, strict=True)},
+            "effect_mm": {joint: rounded(v) for joint, v in zip(e.joints, e.effect_mm, strict=True)},
+            "share": {joint: rounded(v) for joint, v in zip(e.joints, e.share, strict=True)},
             "ranking": list(e.ranking),
         }
         for e in results

@@ -19,8 +19,8 @@ from fem.free.parameters import FreeLaw, Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError, require_one_of
 from robots.arrays import Array, Indices
+from robots.quantities import rounded
 from stiffarm.commands.calibrate.words import spoken_unit
-from stiffarm.session.json_text import number
 from stiffarm.session.words.directions import direction_words
 
 Method = Literal["morris", "sobol", "derivative"]
@@ -170,14 +170,14 @@ def payload(s: Study) -> dict[str, Any]:
         "component": s.component,
         "runs": f.runs,
         "seed": s.seed,
-        "ranges": {p.name: {"low": number(p.lower), "high": number(p.upper), "unit": p.unit} for p in s.parameters},
+        "ranges": {p.name: {"low": rounded(p.lower), "high": rounded(p.upper), "unit": p.unit} for p in s.parameters},
         "poses": [
             {
                 "pose": label,
-                "load_N": number(float(s.loads_N[o])),
+                "load_N": rounded(float(s.loads_N[o])),
                 "direction": s.directions[o],
                 "numbers": {
-                    p.name: {name: number(float(values[o, k])) for name, values in columns.items()}
+                    p.name: {name: rounded(float(values[o, k])) for name, values in columns.items()}
                     for k, p in enumerate(s.parameters)
                 },
             }

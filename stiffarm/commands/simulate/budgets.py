@@ -14,7 +14,7 @@ from fem import ArmModel, Budget, PartKind, compliance_budget
 from robots import forward_kinematics, tool_position
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
-from stiffarm.session.json_text import number
+from robots.quantities import rounded
 from stiffarm.session.workspace import DOWN, WORKSPACE_POSES, workspace_poses
 
 # A part is named as leading where it leads in this share of the poses at least.
@@ -67,21 +67,22 @@ class PoseBudget:
     def payload(self) -> dict[str, Any]:
         """For budget.json: parts by size, with units."""
         total = float(self.energy.sum())
-        out: dict[str, Any] = {"strain_energy_mJ": number(total * 1e3), "largest": self.largest, "leader": self.leader}
+        out: dict[str, Any] = {"strain_energy_mJ": rounded(total * 1e3), "largest": self.largest, "leader": self.leader}
         if self.along is not None:
-            out[f"along_load_{self.along_unit}"] = number(float(self.along.sum()))
+            out[f"along_load_{self.along_unit}"] = rounded(float(self.along.sum()))
         out["parts"] = [
             {
                 "part": self.parts[i],
                 "kind": self.kinds[i],
-                "share": number(float(self.share[i])),
-                "strain_energy_mJ": number(float(self.energy[i]) * 1e3),
-                **({} if self.along is None else {f"along_load_{self.along_unit}": number(float(self.along[i]))}),
+                "share": rounded(float(self.share[i])),
+                "strain_energy_mJ": rounded(float(self.energy[i]) * 1e3),
+                **({} if self.along is None else {f"along_load_{self.along_unit}": rounded(float(self.along[i]))}),
             }
             for i in self.order
         ]
         out["share_by_kind"] = {
-            kind: number(float(self.share[[k == kind for k in self.kinds]].sum())) for kind in dict.fromkeys(self.kinds)
+            kind: rounded(float(self.share[[k == kind for k in self.kinds]].sum()))
+            for kind in dict.fromkeys(self.kinds)
         }
         return out
 
@@ -145,14 +146,14 @@ class WorkspaceBudget:
                 {
                     "part": name,
                     "kind": kind,
-                    "median_share": number(float(middle[i])),
-                    "share_5_to_95_percent": [number(float(low[i])), number(float(high[i]))],
+                    "median_share": rounded(float(middle[i])),
+                    "share_5_to_95_percent": [rounded(float(low[i])), rounded(float(high[i]))],
                 }
                 for i, (name, kind) in enumerate(zip(self.budget.parts, self.budget.kinds, strict=True))
             ],
-            "reach_edges_mm": [number(float(v)) for v in edges],
+            "reach_edges_mm": [rounded(float(v)) for v in edges],
             "mean_share_by_reach": {
-                name: [number(float(v)) for v in mean[:, i]] for i, name in enumerate(self.budget.parts)
+                name: [rounded(float(v)) for v in mean[:, i]] for i, name in enumerate(self.budget.parts)
             },
         }
 

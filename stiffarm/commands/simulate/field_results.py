@@ -12,13 +12,13 @@ from fem import ArmModel, arm_fields
 from fem.statics.budget import whole_joints
 from robots import ModelDescription, Robot, content_hash
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.commands.simulate.budgets import pose_budget
 from stiffarm.commands.simulate.field_files import automatic_scale, field_grid, write_field
 from stiffarm.commands.simulate.field_picture import DeformedArm, load_text, render_field
 from stiffarm.commands.simulate.figures import energy_share_figure
 from stiffarm.pages.style import save_png
 from stiffarm.session.caution import caution
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import WRENCH_NAMES
 
@@ -51,8 +51,8 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
         "load_path": model.load_path,
         "rigid_joints": rigid_joints,
         "warning": caution() or None,
-        "pose_deg": {n: number(v) for n, v in zip(arm.robot.coordinates, np.degrees(arm.q), strict=True)},
-        "load": {n: number(v) for n, v in zip(WRENCH_NAMES, arm.wrench, strict=True)},
+        "pose_deg": {n: rounded(v) for n, v in zip(arm.robot.coordinates, np.degrees(arm.q), strict=True)},
+        "load": {n: rounded(v) for n, v in zip(WRENCH_NAMES, arm.wrench, strict=True)},
         **arm.budget.payload(),
     }
     folder.write_json("budget.json", content)
@@ -61,7 +61,7 @@ def write(arm: DeformedArm, model: ArmModel, folder: OutputFolder, rigid_joints:
     return {
         "files": ["field.vtu", "field.png", "energy_share.png", "budget.json"],
         "scale_factor": arm.scale,
-        "largest_von_mises_MPa": number(float(stress[worst]) * 1e-6),
+        "largest_von_mises_MPa": rounded(float(stress[worst]) * 1e-6),
         "largest_von_mises_in": arm.grid.parts[arm.grid.part[worst]],
         "messages": [picture] if picture else [],
         "budget": arm.budget.payload(),

@@ -10,9 +10,9 @@ from doe import Measurements
 from doe.tables.loaded import history_of, simulate
 from fem.arm import Arm
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.commands.simulate.step import head
 from stiffarm.session.console import say_notes
-from stiffarm.session.json_text import number
 from stiffarm.session.parsing import DISPLACEMENT_NAMES
 from stiffarm.session.reading_checks import history_notes
 from stiffarm.session.softness import flagged
@@ -33,11 +33,11 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, An
         row: dict[str, Any] = {
             "line": data.row_numbers[i],
             "pose": data.pose[i],
-            "load_N": number(float(data.loads_N[i])),
+            "load_N": rounded(float(data.loads_N[i])),
         }
         for k in np.flatnonzero(data.used[i]):
-            row[f"{DISPLACEMENT_NAMES[k]}_measured"] = number(data.displacement[i, k] * 1e3)
-            row[f"{DISPLACEMENT_NAMES[k]}_simulated"] = number(d[i, k] * 1e3)
+            row[f"{DISPLACEMENT_NAMES[k]}_measured"] = rounded(data.displacement[i, k] * 1e3)
+            row[f"{DISPLACEMENT_NAMES[k]}_simulated"] = rounded(d[i, k] * 1e3)
         rows.append(row | marks[i])
     error = (d - data.displacement) * 1e3
     return head(given, model, rigid_joints) | {
@@ -53,8 +53,8 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> dict[str, An
 
 
 def _ratio(error: Array, measured: Array) -> float | None:
-    return number(float(np.linalg.norm(error) / np.linalg.norm(measured))) if np.any(measured) else None
+    return rounded(float(np.linalg.norm(error) / np.linalg.norm(measured))) if np.any(measured) else None
 
 
 def _rms(error: Array) -> float | None:
-    return number(float(np.sqrt(np.mean(error**2)))) if error.size else None
+    return rounded(float(np.sqrt(np.mean(error**2)))) if error.size else None

@@ -15,9 +15,9 @@ from fem.effects.secant import StatedLoad
 from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description, require_positive
 from robots.arrays import Array
+from robots.quantities import rounded
 from stiffarm.pages.numbers import ranged
 from stiffarm.session.console import say, show_table
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
 from stiffarm.session.softness import flagged
@@ -67,13 +67,13 @@ def of_pose(
         stated = given.at_load(StatedLoad(force)).model
         low, high = intervals_at(given.description, stated, q[None], force, np.array([1e-3 / along]))
     return head(given, model, rigid_joints) | {
-        "pose_deg": {n: number(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
-        "load": {n: number(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
-        "displacement": {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
-        "stiffness_N_per_mm": number(1e-3 / along) if along > 0.0 else None,
+        "pose_deg": {n: rounded(v) for n, v in zip(given.robot.coordinates, np.degrees(q), strict=True)},
+        "load": {n: rounded(v) for n, v in zip(WRENCH_NAMES, wrench, strict=True)},
+        "displacement": {n: rounded(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, d, strict=True)},
+        "stiffness_N_per_mm": rounded(1e-3 / along) if along > 0.0 else None,
         "interval95_N_per_mm": interval_json(low[0], high[0]),
         "by_part": {
-            name: {n: number(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
+            name: {n: rounded(v * 1e3) for n, v in zip(DISPLACEMENT_NAMES, part[0], strict=True)}
             for name, part in parts.items()
         },
     }

@@ -8,8 +8,9 @@ from typing import Any
 
 from rehearsal.scoring import DETECTABLE
 from robots.files.csv_text import rows_text
+from robots.quantities import rounded
 from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
-from stiffarm.session.json_text import number, share
+from stiffarm.session.json_text import share
 
 SCHEMA = "stiffarm-study/1"
 COLUMNS = (
@@ -46,7 +47,7 @@ def study(rows: Sequence[Row]) -> dict[str, Any]:
             for s in scores(rows)
         ],
         "held_out_after_over_before": {
-            kind: {"median": number(median), "sets": count} for kind, (median, count) in shrinkage(rows).items()
+            kind: {"median": rounded(median), "sets": count} for kind, (median, count) in shrinkage(rows).items()
         },
         "by_effect": {
             name: {"sets": count, "right_family": share(right), "exact": share(exact), "named_right": share(named)}
@@ -57,7 +58,7 @@ def study(rows: Sequence[Row]) -> dict[str, Any]:
             for tag, value, right, wrong in by_tag(rows)
         ],
         "reliability": [
-            {"from": b.low, "to": b.high, "stated": number(b.stated), "right": share(b.right), "holds": b.holds}
+            {"from": b.low, "to": b.high, "stated": rounded(b.stated), "right": share(b.right), "holds": b.holds}
             for b in reliability(rows)
         ],
         "rows": [one(r) for r in rows],
@@ -73,22 +74,22 @@ def one(r: Row) -> dict[str, Any]:
         "hidden": list(r.hidden),
         "axes": list(r.axes),
         "places": list(r.places),
-        "excess_chi2": number(r.excess, 5),
+        "excess_chi2": rounded(r.excess, 5),
         "detectable": r.is_detectable,
         "tags": dict(r.tags),
         "verdict": r.verdict,
         "reason": r.reason,
         "named": list(r.named),
         "found": list(r.found),
-        "probability": number(r.probability, 5),
+        "probability": rounded(r.probability, 5),
         "set95": list(r.set95),
         "learned": [list(one) for one in r.learned],
         "right": r.is_right,
         "named_right": r.is_named_right,
         "wrong_names": list(r.wrong_names),
-        "before_mm": number(r.before_mm),
-        "after_mm": number(r.after_mm),
-        "seconds": number(r.seconds, 3),
+        "before_mm": rounded(r.before_mm),
+        "after_mm": rounded(r.after_mm),
+        "seconds": rounded(r.seconds, 3),
     }
 
 

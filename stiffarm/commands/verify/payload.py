@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from machining.verification import Offence, Verification
+from robots.quantities import rounded
 from stiffarm.commands.verify.words import REMEDIES, sentence, shown, verdict
 from stiffarm.failures import finding_code
-from stiffarm.session.json_text import number
 
 # Offences in verification.json and on stdout; all of them are counted.
 LISTED = 200
@@ -43,16 +43,16 @@ def payload(found: Verification) -> dict[str, Any]:
         "tolerance_mm": demands.tolerance * 1e3,
         "smoothing_ms": demands.smoothing * 1e3,
         "poses_measured": swept.samples + (0 if found.rapid is None else found.rapid.samples),
-        "least_distance_mm": None if swept.distance[nearest] < 0.0 else number(float(swept.distance[nearest] * 1e3)),
+        "least_distance_mm": None if swept.distance[nearest] < 0.0 else rounded(float(swept.distance[nearest] * 1e3)),
         "least_distance_bodies": None if pair is None else list(pair),
         "least_distance_move": nearest,
         "distances_worked_out_up_to_mm": swept.within * 1e3,
-        "time_s": number(float(found.timing.total + program.motions.dwell.sum())),
+        "time_s": rounded(float(found.timing.total + program.motions.dwell.sum())),
         "greatest_speed_share": _shares(found, found.timing.speed, found.axes.speed),
         "greatest_acceleration_share": _shares(found, found.timing.acceleration, found.axes.acceleration),
         "greatest_linearisation_error_um": _greatest(path.line * 1e6),
         "greatest_point_deviation_um": _greatest(path.point * 1e6),
-        "least_singular_distance": number(float(path.singular.min())),
+        "least_singular_distance": rounded(float(path.singular.min())),
         "not_looked_at": list(found.not_looked_at),
         "notes": list(found.notes),
     }
@@ -98,7 +98,7 @@ def _offence(found: Verification, offence: Offence) -> dict[str, Any]:
     pose = {}
     for j, name in enumerate(axes.names):
         there, at = shown(float(offence.values[j]), axes.unit(j))
-        pose[f"{name}_{at}"] = number(there)
+        pose[f"{name}_{at}"] = rounded(there)
     return {
         "kind": str(offence.kind),
         "code": finding_code(offence.kind),
@@ -107,9 +107,9 @@ def _offence(found: Verification, offence: Offence) -> dict[str, Any]:
         "program_file_line": offence.nc_line,
         "move": offence.move,
         "moves": offence.moves,
-        "share_of_move": number(offence.at),
-        "value": number(value),
-        "limit": number(limit),
+        "share_of_move": rounded(offence.at),
+        "value": rounded(value),
+        "limit": rounded(limit),
         "unit": unit,
         "axis": offence.axis or None,
         "bodies": None if offence.bodies is None else list(offence.bodies),
@@ -124,9 +124,9 @@ def _shares(found: Verification, rates: Any, limits: Any) -> dict[str, float | N
     out = {}
     for name, column, limit in zip(found.axes.names, rates.T, limits, strict=True):
         known = np.isfinite(limit) and np.isfinite(column).any()
-        out[name] = number(float(np.nanmax(column) / limit)) if known else None
+        out[name] = rounded(float(np.nanmax(column) / limit)) if known else None
     return out
 
 
 def _greatest(values: Any) -> float | None:
-    return number(float(np.nanmax(values))) if np.isfinite(values).any() else None
+    return rounded(float(np.nanmax(values))) if np.isfinite(values).any() else None

@@ -13,10 +13,10 @@ from doe.absolute.written import Written
 from machining.programs.controller_offsets import ControllerOffsets, controller_offsets, orientations
 from robots import save_description
 from robots.frames import framed
+from robots.quantities import rounded
 from robots.robot import robot_from
 from robots.urdf.writing import urdf_text
 from stiffarm.pages.report import Bullets, Section, Table, Text
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 
 MODEL, URDF, CONTROLLER = "model.toml", "calibrated.urdf", "controller.json"
@@ -68,9 +68,9 @@ def content(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> d
         "model": MODEL,
         "urdf": URDF,
         "controller": CONTROLLER,
-        "model_rms_mm": number(1e3 * float(np.sqrt(np.mean(np.sum(w.fit.residual[c.right] ** 2, axis=1))))),
+        "model_rms_mm": rounded(1e3 * float(np.sqrt(np.mean(np.sum(w.fit.residual[c.right] ** 2, axis=1))))),
         "springs_without_value": list(w.silent),
-        "leaving_them_out_moves_rms_mm": number(1e3 * w.moved_m),
+        "leaving_them_out_moves_rms_mm": rounded(1e3 * w.moved_m),
         "found_without_place_in_the_model": list(w.elsewhere),
         "remarks": list(remarks(c, w)),
         "controllers": [controller(one) for one in found],
@@ -82,7 +82,7 @@ def controller(one: ControllerOffsets) -> dict[str, Any]:
     return {
         "formats": list(one.formats),
         "joint_zeros": [
-            {"axis": name, "really_beyond_shown_deg": number(float(v))}
+            {"axis": name, "really_beyond_shown_deg": rounded(float(v))}
             for name, v in zip(one.axes, one.zeros_deg, strict=True)
         ],
         "robot_frame": "the controller's" if one.knows_robot_frame else "the model's base frame",

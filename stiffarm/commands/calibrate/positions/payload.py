@@ -14,7 +14,7 @@ from doe.absolute.prediction import Predicted
 from fem.arm import Arm
 from robots.arrays import Array
 from robots.files.csv_text import rows_text
-from stiffarm.session.json_text import number
+from robots.quantities import rounded
 
 SCHEMA = "stiffarm-positions/1"
 
@@ -40,15 +40,15 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
         "after": distances(c.distances()["after"]),
         "left_out": predicted(c.left_out.take(c.right)),
         "left_out_sessions": None if c.sessions_out is None else predicted(c.sessions_out.take(c.right)),
-        "scatter_sd_mm": number(1e3 * found.variances.sigma),
-        "scatter_tail": number(found.tail),
+        "scatter_sd_mm": rounded(1e3 * found.variances.sigma),
+        "scatter_tail": rounded(found.tail),
         "settled": found.settled,
         "parameters": [finding(one) for one in c.findings],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in c.twins],
         "left_open_by_these_readings": [{"names": list(o.names), "combinations": o.directions} for o in c.open],
         "curves": [curve(one) for one in c.curves],
         "wrong_readings": [
-            {"line": g.line, "distance_mm": number(1e3 * g.distance), "cause": g.cause} for g in c.gross
+            {"line": g.line, "distance_mm": rounded(1e3 * g.distance), "cause": g.cause} for g in c.gross
         ],
         "remarks": list(c.remarks),
     }
@@ -62,10 +62,10 @@ def positions(given: Arm, c: Positions) -> dict[str, Any]:
 def distances(d: Array) -> dict[str, float | None]:
     """Mean, RMS, 95 % and largest of distances (n,) m."""
     return {
-        "mean_mm": number(1e3 * float(d.mean())),
-        "rms_mm": number(1e3 * float(np.sqrt(np.mean(d**2)))),
-        "p95_mm": number(1e3 * float(np.quantile(d, 0.95))),
-        "largest_mm": number(1e3 * float(d.max())),
+        "mean_mm": rounded(1e3 * float(d.mean())),
+        "rms_mm": rounded(1e3 * float(np.sqrt(np.mean(d**2)))),
+        "p95_mm": rounded(1e3 * float(np.quantile(d, 0.95))),
+        "largest_mm": rounded(1e3 * float(d.max())),
     }
 
 
@@ -76,11 +76,11 @@ def predicted(p: Predicted) -> dict[str, Any]:
 
 def finding(f: Finding) -> dict[str, Any]:
     """A parameter; null where nothing is identified, an upper end null where there is none."""
-    low, high = (number(x) for x in f.interval95)
+    low, high = (rounded(x) for x in f.interval95)
     return {
         "name": f.name,
         "unit": f.unit,
-        "value": None if f.value is None else number(f.value),
+        "value": None if f.value is None else rounded(f.value),
         "interval95": None if low is None and high is None else [low, high],
         "status": f.status,
     }
@@ -92,8 +92,8 @@ def curve(c: Curve) -> dict[str, Any]:
     return {
         "joint": c.joint,
         "identified_deg": [list(r) for r in c.ranges_deg],
-        "rms_mrad": number(1e3 * rms),
-        "prior_sd_mrad": number(1e3 * c.height),
+        "rms_mrad": rounded(1e3 * rms),
+        "prior_sd_mrad": rounded(1e3 * c.height),
     }
 
 

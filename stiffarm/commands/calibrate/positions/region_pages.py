@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from doe.absolute.regions import Accuracy, Region, Regions, where
 from robots.arrays import Array
 from robots.files.csv_text import rows_text
+from robots.quantities import rounded
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.report import Block, Section, Table, Text
-from stiffarm.session.json_text import number
 
 # Regions in the page's table: the most and the least accurate.
 SHOWN: Final = 5
@@ -26,7 +26,7 @@ _VIEWS: Final = ((0, 1, "from above"), (0, 2, "from the side"))
 def payload(r: Regions) -> dict[str, Any]:
     """All regions, keys with units; mm in the arm's base frame."""
     return {
-        "edge_mm": number(1e3 * r.edge),
+        "edge_mm": rounded(1e3 * r.edge),
         "words": r.words,
         "regions": [
             {
@@ -44,7 +44,7 @@ def payload(r: Regions) -> dict[str, Any]:
 
 
 def _figures(a: Accuracy) -> dict[str, float | None]:
-    return {"mean_mm": number(1e3 * a.mean), "rms_mm": number(1e3 * a.rms), "largest_mm": number(1e3 * a.largest)}
+    return {"mean_mm": rounded(1e3 * a.mean), "rms_mm": rounded(1e3 * a.rms), "largest_mm": rounded(1e3 * a.largest)}
 
 
 def regions_csv(r: Regions) -> str:

@@ -8,8 +8,8 @@ from doe.absolute.identified import findings
 from doe.absolute.missing.diagnose import FoundEffect, Look, Missing
 from doe.absolute.missing.evidence import NONE, UNKNOWN
 from fem.arm import Arm
+from robots.quantities import rounded
 from stiffarm.commands.calibrate.positions.payload import finding, predicted
-from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-positions-diagnosis/1"
 # Lines of each look that are written.
@@ -27,14 +27,14 @@ def missing(given: Arm, m: Missing) -> dict[str, Any]:
         "reason": m.reason,
         "effects": [effect(m, one, sure=True) for one in m.effects],
         "provisional": [effect(m, one, sure=False) for one in m.provisional],
-        "left_out_rms_before_mm": number(1e3 * before),
-        "left_out_rms_after_mm": number(1e3 * after),
-        "scatter_sd_before_mm": number(1e3 * m.before.variances.sigma),
-        "scatter_sd_after_mm": number(1e3 * m.after.variances.sigma),
+        "left_out_rms_before_mm": rounded(1e3 * before),
+        "left_out_rms_after_mm": rounded(1e3 * after),
+        "scatter_sd_before_mm": rounded(1e3 * m.before.variances.sigma),
+        "scatter_sd_after_mm": rounded(1e3 * m.after.variances.sigma),
         "looks": [look(one) for one in m.looks],
         "not_told_apart_by_any_readings": [{"name": t.name, "moved_by": list(t.others)} for t in m.twins],
         "wrong_readings": [
-            {"line": g.line, "distance_mm": number(1e3 * g.distance), "cause": g.cause} for g in m.gross
+            {"line": g.line, "distance_mm": rounded(1e3 * g.distance), "cause": g.cause} for g in m.gross
         ],
         "springs_can_be_told": m.weighs,
         "calibrate_free": free(m),
@@ -59,9 +59,9 @@ def effect(m: Missing, one: FoundEffect, *, sure: bool) -> dict[str, Any]:
         "code": one.candidate.code,
         "words": one.candidate.words,
         "sure": sure,
-        "probability": number(one.probability),
-        "log_evidence_gain": number(one.gain),
-        "acts_rms_mm": number(1e3 * one.acts),
+        "probability": rounded(one.probability),
+        "log_evidence_gain": rounded(one.gain),
+        "acts_rms_mm": rounded(1e3 * one.acts),
         "rivals": list(one.rivals),
         "parameters": [finding(f) for f in told],
     }
@@ -72,15 +72,15 @@ def look(one: Look) -> dict[str, Any]:
     lines = [
         {
             "code": x.code,
-            "probability": number(x.probability),
-            "log_evidence_gain": number(x.gain),
-            "acts_rms_mm": None if x.code in (NONE, UNKNOWN) else number(1e3 * x.acts),
+            "probability": rounded(x.probability),
+            "log_evidence_gain": rounded(x.gain),
+            "acts_rms_mm": None if x.code in (NONE, UNKNOWN) else rounded(1e3 * x.acts),
         }
         for x in one.lines[:LINES]
     ]
     return {
         "hypotheses": lines,
         "unknown_along": one.axis,
-        "scatter_sd_mm": number(1e3 * one.scatter),
+        "scatter_sd_mm": rounded(1e3 * one.scatter),
         "not_testable": list(one.hidden),
     }

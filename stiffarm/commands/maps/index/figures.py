@@ -13,9 +13,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from machining.stiffness.distribution import PRICE, Distribution, GammaChoice, TradeOff, trade_off
-from machining.stiffness.objective import Shown, shown
+from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array, Bools
+from robots.quantities import Quantity
 from stiffarm.commands.maps.figures.slices import panel, panels
 from stiffarm.commands.maps.looks import look_bar, look_of
 from stiffarm.commands.maps.planes import Plane, edges
@@ -67,7 +68,7 @@ def draw_index_maps(
         f"best of each point, {WITHIN}"
     ] * (not single)
     values = what.factor * np.column_stack([found.value[:, list(columns)], best.value])[rows][..., : len(names)]
-    look = look_of(what.column, Field(values.ravel(), what.unit, what.quantity))
+    look = look_of(what.column, Field(values.ravel(), what.unit, what.name))
     drawn = [(name, values[..., k], look) for k, name in enumerate(names)]
     if not single:
         degrees = np.degrees(best.gamma[rows])
@@ -118,7 +119,7 @@ def draw_gamma_statistics(
             axes[3].axhline(100.0 * found.common.mean(), linestyle="--", color=OKABE_ITO["vermillion"])
         names = ("mean", "standard deviation", "peak to valley")
         for ax, name in zip(axes, names, strict=False):
-            ax.set(title=name, ylabel=what.label)
+            ax.set(title=name, ylabel=what.heading)
         axes[3].set(title="share of the points reached", ylabel="share (%)", ylim=(0.0, 104.0))
         for ax in axes:
             ax.set_xticks(angle_ticks(degrees))
@@ -134,7 +135,7 @@ def draw_gamma_statistics(
     return figure
 
 
-def price_words(traded: TradeOff, choice: GammaChoice, what: Shown) -> str:
+def price_words(traded: TradeOff, choice: GammaChoice, what: Quantity) -> str:
     """A chosen gamma and its value; what another would have, and which points that costs or gains."""
     unit = f" {what.unit}".rstrip()
     value = f"{what.factor * choice.value:.4g}{unit}"
@@ -156,7 +157,7 @@ def price_words(traded: TradeOff, choice: GammaChoice, what: Shown) -> str:
     ).replace("-", "−")
 
 
-def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Shown, *, title: str) -> Figure:
+def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Quantity, *, title: str) -> Figure:
     """Mean (or worst) value of each gamma against how many points it reaches; the line is what no other gamma beats."""
     with drawing(title, (8.0, 5.0)) as (figure, (ax,)):
         known = np.isfinite(traded.score)
@@ -191,7 +192,7 @@ def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Shown, *,
             )
         ax.margins(x=0.12, y=0.12)
         ax.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
-        ax.set(xlabel=f"points reached, of {traded.n}", ylabel=f"{traded.aim} over the points reached: {what.label}")
+        ax.set(xlabel=f"points reached, of {traded.n}", ylabel=f"{traded.aim} over the points reached: {what.heading}")
         figure.legend(handles=handles, loc="outside lower left", ncols=1)
     return figure
 

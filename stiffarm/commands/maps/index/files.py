@@ -23,18 +23,18 @@ from machining.stiffness.distribution import (
     trade_off,
     why_not_reached,
 )
-from machining.stiffness.objective import Shown, shown
+from machining.stiffness.objective import shown
 from robots import InputError
 from robots.arrays import Array, Bools
 from robots.files.csv_text import columns_text
 from robots.progress import Progress
+from robots.quantities import Quantity, rounded
 from stiffarm.commands.maps.files import Files, write_arrays, write_table
 from stiffarm.commands.maps.index.request import IndexRequest, map_request
 from stiffarm.commands.maps.planes import layer_of
 from stiffarm.commands.maps.request import MapRequest
 from stiffarm.commands.maps.step import evaluated
 from stiffarm.session.caution import warned
-from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words
 from surrogate.maps.assembled import map_data
@@ -69,7 +69,7 @@ class IndexMap:
         return trade_off(self.found, self.inside, None if self.choice is None else self.choice.aim)
 
     @property
-    def shown(self) -> Shown:
+    def shown(self) -> Quantity:
         """Quantity and unit."""
         return shown(self.found.objective.quantity)
 
@@ -84,12 +84,12 @@ class IndexMap:
         own, unit, within = found.steady_at_points(), what.unit or "1", f"within {100.0 * PRICE:g} % of the best"
         inside = np.ones(len(found.value)) if self.inside is None else self.inside.astype(np.float64)
         fields = {
-            f"best_{what.column}": Field(what.factor * own.value, unit, f"{what.quantity}, {within}"),
+            f"best_{what.column}": Field(what.factor * own.value, unit, f"{what.name}, {within}"),
             "best_gamma_deg": Field(np.degrees(own.gamma), "deg", f"gamma, {within}"),
         }
         for c in columns:
             name = angle_name(found.gamma[c])
-            label = f"{what.quantity}, {name.removesuffix('_deg').replace('_', ' ')} deg"
+            label = f"{what.name}, {name.removesuffix('_deg').replace('_', ' ')} deg"
             fields[f"{what.column}_{name}"] = Field(what.factor * found.value[:, c], unit, label)
         fields["share_of_gamma"] = Field(
             found.reached.mean(axis=1), "", "share of the angles gamma that reach the point"
@@ -211,7 +211,7 @@ def write(
 
     ``normal`` of the surface, base axes. Returns what the JSON file holds, with the names of all files.
     """
-    title = f"Map of {made.shown.quantity} of the {given.description.title.split(' (')[0]}"
+    title = f"Map of {made.shown.name} of the {given.description.title.split(' (')[0]}"
     names = write_arrays(given, made.with_values(made.drawn), folder, files, "index_map", title)
     names += ["index_map.csv", "gamma_statistics.csv", "index_map.json"]
     write_table(made.with_values(range(len(made.found.gamma))), folder.path("index_map.csv"))
@@ -233,7 +233,7 @@ def payload(made: IndexMap) -> dict[str, Any]:
     return {
         "schema": "stiffarm-index-map/1",
         **made.data.metadata,
-        "quantity": what.quantity,
+        "quantity": what.name,
         "unit": what.unit or "1",
         "points": made.data.layout.n,
         "counts": list(made.data.layout.shape[::-1]),
@@ -247,7 +247,7 @@ def payload(made: IndexMap) -> dict[str, Any]:
         else {
             "gamma_deg": _degrees(made.choice.gamma),
             "aim": made.choice.aim,
-            "value": number(what.factor * made.choice.value),
+            "value": rounded(what.factor * made.choice.value),
             "points_reached": int(traded.points[made.choice.column]),
         },
         "why_no_best_gamma": made.why_no_choice,
@@ -255,8 +255,8 @@ def payload(made: IndexMap) -> dict[str, Any]:
             {
                 "gamma_deg": _degrees(traded.gamma[c]),
                 "points_reached": int(traded.points[c]),
-                "share_reached": number(traded.points[c] / traded.n),
-                "value": number(what.factor * float(traded.score[c])),
+                "share_reached": rounded(traded.points[c] / traded.n),
+                "value": rounded(what.factor * float(traded.score[c])),
             }
             for c in traded.front
         ],
@@ -277,7 +277,7 @@ def _messages(found: Distribution) -> list[str]:
 
 def _range(values: Array) -> dict[str, Any]:
     figures = {"min": values.min(), "median": np.median(values), "mean": values.mean(), "max": values.max()}
-    return {name: number(float(value)) for name, value in figures.items()}
+    return {name: rounded(float(value)) for name, value in figures.items()}
 
 
 def _degrees(gamma: float) -> float:
@@ -287,7 +287,7 @@ def _degrees(gamma: float) -> float:
 def _by_gamma(made: IndexMap) -> list[dict[str, Any]]:
     sets = [made.found.statistics("reached"), made.found.statistics("common")]
     return [
-        {"gamma_deg": _degrees(gamma), "share_reached": number(float(sets[0].share[i]))}
+        {"gamma_deg": _degrees(gamma), "share_reached": rounded(float(sets[0].share[i]))}
         | {s.over: _figures(s, i, made.shown) for s in sets}
         for i, gamma in enumerate(made.found.gamma)
     ]
@@ -296,9 +296,9 @@ def _by_gamma(made: IndexMap) -> list[dict[str, Any]]:
 _FIGURES: Final = ("mean", "standard_deviation", "peak_to_valley", "smallest", "largest")
 
 
-def _figures(s: Statistics, i: int, what: Shown) -> dict[str, Any]:
+def _figures(s: Statistics, i: int, what: Quantity) -> dict[str, Any]:
     found = {name: what.factor * float(getattr(s, name)[i]) for name in _FIGURES}
-    return {"points": int(s.points[i])} | {k: number(v) if np.isfinite(v) else None for k, v in found.items()}
+    return {"points": int(s.points[i])} | {k: rounded(v) if np.isfinite(v) else None for k, v in found.items()}
 
 
 def _statistics_table(made: IndexMap) -> str:
@@ -318,7 +318,7 @@ def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> l
     from stiffarm.commands.maps.figures.whole import save_figure
     from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps, draw_trade_off
 
-    name = f"{made.shown.quantity} of the {made.data.metadata['robot']}"
+    name = f"{made.shown.name} of the {made.data.metadata['robot']}"
     plane = layer_of(made.data.layout, _busiest_layer(made))
     maps = draw_index_maps(plane, made.found, made.drawn, title=name, inside=made.inside)
     names = save_figure(maps, folder, "index_map", formats)

@@ -24,7 +24,7 @@ JUDGED = 200
 
 def write_report(made: IndexMap, given: Arm, folder: OutputFolder, content: Mapping[str, Any], normal: Any) -> None:
     """Write report.html beside the pictures that are in the folder. ``normal`` (3,): of the surface, base axes."""
-    title = f"{made.shown.quantity} of the {given.description.title.split(' (')[0]} by gamma"
+    title = f"{made.shown.name} of the {given.description.title.split(' (')[0]} by gamma"
     pictures = {
         name: Picture(folder.path(name), *words) for name, words in _PICTURES.items() if name in content["files"]
     }
@@ -79,7 +79,7 @@ def _lede(made: IndexMap, content: Mapping[str, Any]) -> str:
     if made.choice is None:
         return f"No single gamma is best: {content['why_no_best_gamma']}."
     words = price_words(made.traded, made.choice, made.shown).replace("\n", " ")
-    return f"Best gamma for the {made.choice.aim} of {made.shown.quantity}: {words}."
+    return f"Best gamma for the {made.choice.aim} of {made.shown.name}: {words}."
 
 
 def _key(made: IndexMap, content: Mapping[str, Any]) -> list[KeyFigure]:

@@ -132,7 +132,7 @@ def _cells(figure: Figure, ax: Axes, x: Array, degrees: Array, made: AxesMap) ->
     finite = value[np.isfinite(value)]
     xe, ye = steps(x), steps(rows)
     if finite.size:
-        look = look_of(what.column, Field(finite, what.unit, what.quantity))
+        look = look_of(what.column, Field(finite, what.unit, what.name))
         edges = np.append(xe[::2], xe[-1]), np.append(ye[::2], ye[-1])
         ax.pcolormesh(*edges, np.ma.masked_invalid(value.T), norm=look.norm, cmap=look.colours, rasterized=True)
         look_bar(figure, look, axes=ax)
@@ -197,7 +197,7 @@ def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]
             zorder=3.0 if line.dots or line.dash != "-" else 4.0,
             **look,
         )
-    ax.set_ylabel(what.label)
+    ax.set_ylabel(what.heading)
     ax.margins(y=0.08)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from doe.power.chances import POWER, Chance
+from robots.quantities import rounded
 from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, SpringProspect
-from stiffarm.session.json_text import number
 
 SCHEMA = "stiffarm-power/1"
 
@@ -25,8 +25,8 @@ def power(r: Power, seed: int) -> dict[str, Any]:
         "draws": r.draws,
         "seed": seed,
         "power": POWER,
-        "mean_found": number(r.mean[0], 4),
-        "mean_named": number(r.mean[1], 4),
+        "mean_found": rounded(r.mean[0], 4),
+        "mean_named": rounded(r.mean[1], 4),
         "effects": {p.code: prospect(p) for p in r.prospects},
         "springs": {s.joint: spring(s) for s in r.springs},
         "springs_assumed": list(r.assumed),
@@ -40,13 +40,13 @@ def prospect(p: Prospect) -> dict[str, Any]:
         "words": p.words,
         "parameter": p.parameter or None,
         "unit": p.unit or None,
-        "smallest_found": None if p.smallest is None else number(p.smallest, 3),
+        "smallest_found": None if p.smallest is None else rounded(p.smallest, 3),
         "is_stiffness": p.is_stiffness,
-        "usual": None if p.usual is None else [number(v) for v in p.usual],
+        "usual": None if p.usual is None else [rounded(v) for v in p.usual],
         "found": _chance(p.found),
         "named": _chance(p.named),
-        "chi2_of_usual": number(p.chi2, 4),
-        "size_interval95_share": None if p.accuracy95 is None else number(p.accuracy95, 3),
+        "chi2_of_usual": rounded(p.chi2, 4),
+        "size_interval95_share": None if p.accuracy95 is None else rounded(p.accuracy95, 3),
         "twin": p.twin or None,
         "why_not": p.why_not,
         "sizes_from": "rehearsals" if p.by_rehearsal else "catalogue",
@@ -56,8 +56,8 @@ def prospect(p: Prospect) -> dict[str, Any]:
 def spring(s: SpringProspect) -> dict[str, Any]:
     """A spring; the upper end is null where rigid is possible."""
     return {
-        "k_Nm_per_rad": number(s.stiffness),
-        "interval95_Nm_per_rad": [number(s.low), None if s.high is None else number(s.high)],
+        "k_Nm_per_rad": rounded(s.stiffness),
+        "interval95_Nm_per_rad": [rounded(s.low), None if s.high is None else rounded(s.high)],
     }
 
 
@@ -65,12 +65,12 @@ def addition(a: Addition) -> dict[str, Any]:
     """What one more adds to the chances in the mean over effects."""
     return {
         "readings": a.readings,
-        "found": number(a.found, 3),
-        "named": number(a.named, 3),
+        "found": rounded(a.found, 3),
+        "named": rounded(a.named, 3),
         "gains_most": a.most or None,
-        "most_gain": number(a.most_gain, 3),
+        "most_gain": rounded(a.most_gain, 3),
     }
 
 
 def _chance(c: Chance) -> dict[str, Any]:
-    return {"chance": number(c.value, 3), "interval95": [number(c.low, 3), number(c.high, 3)]}
+    return {"chance": rounded(c.value, 3), "interval95": [rounded(c.low, 3), rounded(c.high, 3)]}
