@@ -96,7 +96,7 @@ FUNCTIONS: dict[str, Callable[[Path], object]] = {
     "rehearse": lambda _: sa.rehearse(sa.load("kr60-3"), hide="friction:j2", poses=9).to_frame(),
     "fit": lambda _: _surrogate().to_frame(),
     "query": _query,
-    "index": lambda _: sa.index(_calibrated().arm, POSE, force_N=(0.0, 0.0, -650.0)).to_frame(),
+    "index": lambda _: sa.index(_calibrated().arm, pose=POSE, force=(0.0, 0.0, -650.0)).to_frame(),
     "map_joints": lambda _: sa.map_joints(_calibrated().arm, points=5).points(),
     "map_slice": _slice,
     "posture": lambda _: sa.posture(sa.load("kr60-3"), BRACKET / "bracket.cls", cell=BRACKET / "cell.toml").to_frame(),

@@ -7,6 +7,7 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.commands.index.command import index
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
-    from stiffarm.face.indices import Indices, index
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
+    from stiffarm.result import Result
 
     __version__: str
 
@@ -42,7 +43,6 @@ __all__ = [
     "Diagnosis",
     "Identification",
     "Imported",
-    "Indices",
     "InputError",
     "InputErrors",
     "KinematicsCheck",
@@ -58,6 +58,7 @@ __all__ = [
     "Readings",
     "Rehearsal",
     "Replayed",
+    "Result",
     "Simulation",
     "Surrogate",
     "bundled",

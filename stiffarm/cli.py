@@ -89,12 +89,20 @@ class _Commands(TyperGroup):
 def command_of(name: str) -> Any:
     """The command itself, imported; one with commands of its own is a Typer."""
     entry = COMMANDS[name]
-    found = getattr(importlib.import_module(f"stiffarm.commands.{entry.folder}.command"), entry.function)
+    module = importlib.import_module(f"stiffarm.commands.{entry.folder}.command")
+    found: Any = made_of_requests().get(name) or getattr(module, entry.function)
     if not isinstance(found, typer.Typer):
         one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         one.command(name)(found)
         found = one
     return typer.main.get_command(found)
+
+
+def made_of_requests() -> dict[str, Any]:
+    """Commands that are made of requests, by name."""
+    from stiffarm.capability import COMMANDS as MADE
+
+    return MADE
 
 
 def _refuse_empty(args: list[str]) -> None:

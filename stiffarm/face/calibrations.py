@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Literal
 
 from doe.certainty.uncertainty import ParameterEstimate
 from robots import InputError
-from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.arms import Arm, as_face
 from stiffarm.face.calls import called, numbers, words_of
 from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 from stiffarm.session.words.loads import loads_words
 
 if TYPE_CHECKING:

@@ -3,39 +3,19 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError, InputErrors, require_one_of
-from robots.files.reading import recording
-from stiffarm.session.console import kept_messages
+from robots import InputError, require_one_of
+from stiffarm.capability import called
+
+__all__ = ["ByName", "called", "in_order", "numbers", "one_or_several", "words_of"]
 
 # Numbers by name, or all of them in the order of the names.
 ByName = Mapping[str, float] | Sequence[float]
-_OPTION = re.compile(r"--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)")
-
-
-@contextmanager
-def called() -> Iterator[list[str]]:
-    """Run a step: its messages become the list that is handed out.
-
-    Raises
-    ------
-    InputError
-        As the step raises it, with the names of options as those of arguments: ``--load-path`` is ``load_path``.
-    """
-    with kept_messages() as messages, recording():
-        try:
-            yield messages
-        except InputErrors as error:
-            raise InputErrors(_words(error.what), [_of_arguments(e) for e in error.errors], error.count) from error
-        except InputError as error:
-            raise _of_arguments(error) from error
 
 
 def in_order(values: ByName, names: Sequence[str], argument: str, unit: str = "number") -> list[float]:
@@ -108,12 +88,3 @@ def numbers(given: ArrayLike | None, argument: str) -> tuple[float, ...] | None:
     if row.ndim != 1:
         raise InputError(argument, value=str(given), allowed="numbers in a row")
     return tuple(row.tolist())
-
-
-def _of_arguments(error: InputError) -> InputError:
-    allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
-    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy, site=error.site)
-
-
-def _words(text: str) -> str:
-    return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
-from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.arms import Arm, as_face
 from stiffarm.face.calls import called, numbers, words_of
 from stiffarm.face.readings import AnyReadings, table_of
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from robots import InputError
-from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.arms import Arm, as_face
 from stiffarm.face.calls import called
 from stiffarm.face.readings import Readings
 from stiffarm.face.shown import Shown
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

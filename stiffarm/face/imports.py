@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from robots import InputError, require_positive
-from stiffarm.face.arms import Arm, Picture, load
+from stiffarm.face.arms import Arm, load
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,9 +12,10 @@ import numpy as np
 from robots import InputError, require_one_of, require_positive
 from robots.arrays import Array
 from robots.constants import DOWN
-from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 from stiffarm.session.caution import cautioned, caveats
 from stiffarm.session.stated import stated_words
 from surrogate.maps.data import MapData

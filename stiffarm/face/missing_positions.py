@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.positions import read_positions
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import fem.arm
 from robots import InputError, ModelDescription, Robot, require_one_of, require_positive
-from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.arms import Arm, as_face
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,10 +12,11 @@ import numpy as np
 from fem import LinkKind
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.face.arms import Arm, Picture, as_face
+from stiffarm.face.arms import Arm, as_face
 from stiffarm.face.calibrations import Identified
 from stiffarm.face.calls import called, words_of
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

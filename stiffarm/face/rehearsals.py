@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stiffarm.commands.rehearse.sheet import SETUP_PERCENT
-from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 
 if TYPE_CHECKING:
     import pandas as pd

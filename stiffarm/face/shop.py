@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from robots import InputError
-from stiffarm.face.arms import Arm, Picture
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.pages.picture import Picture
 from stiffarm.session.table_kinds import PATH, expect
 
 if TYPE_CHECKING:

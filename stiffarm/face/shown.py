@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from stiffarm.result import as_html, as_text
+
 if TYPE_CHECKING:
     import pandas as pd
-
-ROWS_SHOWN = 12
 
 
 def frame(rows: dict[str, Any] | Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -30,20 +30,7 @@ class Shown:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        frame = self.to_frame()
-        if frame.empty:
-            return self.title()
-        shown = frame.head(ROWS_SHOWN).to_string(index=False, na_rep="-", float_format=lambda v: f"{v:.6g}")
-        return "\n".join([self.title(), shown, *_more(len(frame))])
+        return as_text(self.title(), self.to_frame())
 
     def _repr_html_(self) -> str:
-        import html
-
-        frame = self.to_frame()
-        table = frame.head(ROWS_SHOWN).to_html(index=False, na_rep="-", border=0, float_format=lambda v: f"{v:.6g}")
-        more = "".join(f"<p>{line}</p>" for line in _more(len(frame)))
-        return f"<p>{html.escape(self.title())}</p>{table}{more}"
-
-
-def _more(rows: int) -> list[str]:
-    return [f"({ROWS_SHOWN} of {rows} rows; to_frame() has all)"] if rows > ROWS_SHOWN else []
+        return as_html(self.title(), self.to_frame())

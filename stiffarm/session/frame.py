@@ -45,7 +45,7 @@ class Frame:
     """One command at work.
 
     ``files``: what it has read, by name: a path, or a hash; for run.json. ``caution``: what every picture and page in
-    its folder says of the model; ``named``: the model, as it was asked for.
+    its folder says of the model; ``named``: the model, as it was asked for; ``asked``: the request, for run.json.
     """
 
     out: Path | None
@@ -53,6 +53,7 @@ class Frame:
     files: dict[str, Path | str] = field(default_factory=dict)
     caution: str = ""
     named: str = "MODEL"
+    asked: Mapping[str, Any] | None = None
     _folder: OutputFolder | None = None
 
     def model(
@@ -134,7 +135,7 @@ class Frame:
         """The folder of ``--out``, of a command that must have one."""
         if self.out is None:
             raise InputError("--out", value="none", allowed="a folder for the results", remedy="give --out FOLDER")
-        folder = OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed)
+        folder = OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed, self.asked)
         with cautioned(self.caution), folder as self._folder:
             yield self._folder
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import datetime as dt
+import functools
 import platform
 import sys
 import time
@@ -39,9 +41,16 @@ class OutputFolder:
         result (a file where a sub-folder belongs).
     """
 
-    def __init__(self, target: Path, command: list[str], inputs: Mapping[str, Path | str], seed: int | None) -> None:
+    def __init__(
+        self,
+        target: Path,
+        command: list[str],
+        inputs: Mapping[str, Path | str],
+        seed: int | None,
+        asked: Mapping[str, Any] | None = None,
+    ) -> None:
         self.target = target
-        self._command, self._inputs, self._seed = command, inputs, seed
+        self._command, self._inputs, self._seed, self._asked = command, inputs, seed, asked
         self._timings: dict[str, float] = {}
         self._made: list[Path] = []
         self._published: tuple[str, ...] = ()
@@ -110,7 +119,8 @@ class OutputFolder:
 
     def at_end(self, name: str, write: Callable[[], None]) -> None:
         """Write a file of this name once all other results are there: a page that leads to them."""
-        self._last[name] = write
+        # With what pictures and pages must warn of at this moment.
+        self._last[name] = functools.partial(contextvars.copy_context().run, write)
 
     def names(self) -> list[str]:
         """The results so far and those still to come at the end, by name."""
@@ -135,6 +145,7 @@ class OutputFolder:
         return {
             "schema": "stiffarm-run/1",
             "command": self._command,
+            **({} if self._asked is None else {"request": dict(self._asked)}),
             "finished_utc": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
             "versions": {name: _version(name) for name in _PACKAGES} | {"python": platform.python_version()},
             "platform": f"{sys.platform} {platform.machine()}",

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from doe.tables.columns import drop_ragged, numbers, read_table, sorted_columns, texts
+from doe.tables.columns import drop_ragged, numbers, read_table, sorted_columns, table_of_frame, texts
 from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
 from robots.faults import Faults
 from stiffarm.session.table_kinds import POSES, expect
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 def read_pose_table(
-    names: tuple[str, ...], fixed_deg: Mapping[str, float], file: Path
+    names: tuple[str, ...], fixed_deg: Mapping[str, float], file: Path | pd.DataFrame
 ) -> tuple[Array, list[str], list[str]]:
-    """Coordinates (n, k) in deg from a CSV or XLSX, the labels of its ``pose`` column, and remarks.
+    """Coordinates (n, k) in deg from a CSV, an XLSX or a data frame, the labels of its ``pose`` column, and remarks.
 
     A missing joint column is taken as 0 and remarked upon; so are other columns, which are not used.
 
@@ -30,10 +34,13 @@ def read_pose_table(
     InputError
         The file is missing, or cannot be read.
     """
-    if not file.is_file():
+    if not isinstance(file, Path):
+        table = table_of_frame(file, "data frame of poses")
+    elif not file.is_file():
         raise InputError("pose table", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path")
-    expect(file, POSES)
-    table = read_table(file, "table of poses", "pose")
+    else:
+        expect(file, POSES)
+        table = read_table(file, "table of poses", "pose")
     faults = Faults(table.name)
     columns, _ = sorted_columns(table, (*names, *fixed_deg, "pose"), faults)
     table = drop_ragged(table, faults)
@@ -52,9 +59,9 @@ def read_pose_table(
                 remedy=f"fit a surrogate with {name} among its inputs, or leave the column out",
             )
     faults.raise_if_any("pose table")
-    remarks = [f"{file}: column {name} is missing and taken as 0" for name in missing]
-    remarks += [f"{file}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []
-    remarks += [f"{file}: {note}" for note in table.notes]
+    remarks = [f"{table.name}: column {name} is missing and taken as 0" for name in missing]
+    remarks += [f"{table.name}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []
+    remarks += [f"{table.name}: {note}" for note in table.notes]
     at = columns.known.get("pose")
     labels = [str(i + 1) for i in range(len(values))] if at is None else list(texts(table, at))
     return values[:, : len(names)], labels, remarks

@@ -74,6 +74,7 @@ def _cut(ax: Axes, C: Array, plane: tuple[str, str], normal: Array, top: float) 
         ax.annotate("", tip, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0})
     ax.plot(0.0, 0.0, "+", color=INK, markersize=7)
     ax.set_aspect("equal", adjustable="box")
+    ax.locator_params(nbins=5)
     ax.set(
         xlim=(-1.08 * top, 1.08 * top),
         ylim=(-1.08 * top, 1.08 * top),

@@ -14,7 +14,8 @@ import pytest
 from cli_runs import run_here
 
 import stiffarm as sa
-from stiffarm.face.shown import ROWS_SHOWN, Shown
+from stiffarm.face.shown import Shown
+from stiffarm.result import IN_BRIEF
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -51,7 +52,7 @@ def test_no_public_function_is_hidden_by_a_folder() -> None:
 def test_results_are_short_tables(readings: sa.Readings, calibration: sa.Calibration) -> None:
     for result in (readings, calibration):
         assert isinstance(result, Shown)
-        assert len(repr(result).splitlines()) <= ROWS_SHOWN + 3
+        assert len(repr(result).splitlines()) <= IN_BRIEF + 3
         assert "<table" in result._repr_html_()
 
 
@@ -205,7 +206,7 @@ def test_a_plan_is_a_sheet_that_can_be_filled_in(arm: sa.Arm, readings: sa.Readi
 def test_indices_are_found_by_name() -> None:
     arm = sa.load("kr60-3")
     pose = {"q2_deg": -60, "q3_deg": 40, "q5_deg": 40}
-    found = sa.index(arm, [pose, pose], force_N=[200, 200, 200])
+    found = sa.index(arm, pose=[pose, pose], force=[200, 200, 200])
     assert found["k_fs"][0] == found["k_fs"][1] > 0
     with pytest.raises(sa.InputError, match="k_fs"):
         found["stiffness"]

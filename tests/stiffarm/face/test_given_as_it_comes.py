@@ -26,7 +26,7 @@ def test_rows_of_numbers_are_what_names_say(arm: sa.Arm, form: Any) -> None:
     wanted = sa.simulate(arm, by_name, {"fz_N": -650})
     found = sa.simulate(arm, form(POSE), form(LOAD))
     assert found.displacement == wanted.displacement
-    one, several = sa.index(arm, form(POSE)), sa.index(arm, [form(POSE), by_name])
+    one, several = sa.index(arm, pose=form(POSE)), sa.index(arm, pose=[form(POSE), by_name])
     assert several["directional"].tolist() == [one["directional"][0]] * 2
 
 

@@ -29,7 +29,7 @@ def test_the_page_of_indices_says_the_softest_direction_first(cli: Command, tmp_
     outcome = cli("index", "kr60-3", "--links", "rigid", *POSE, "--out", "out", "--json")
     assert outcome.code == 0, outcome.err
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    soft = outcome.json["poses"][0]["indices"]["weakest_N_per_mm"]
+    soft = outcome.json["poses"][0]["weakest_N_per_mm"]
     first = answer_of(page)
     assert f"{soft:.4g} N/mm" in first
     assert "deflects most there" in first

@@ -1,0 +1,165 @@
+"""Capabilities: a request and what answers it, made into a command and a Python function that take the same fields."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar, get_type_hints
+
+import typer
+
+import fem.arm
+from robots import InputError, InputErrors
+from robots.files.reading import recording
+from stiffarm.request import Option, Request, options_of, spelled
+from stiffarm.result import Result
+from stiffarm.session.console import kept_messages
+from stiffarm.session.inputs import read_model
+from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Result)
+Arm = TypeVar("Arm", bound=fem.arm.Arm)
+_OPTION: Final = re.compile(r"--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)")
+COMMANDS: Final[dict[str, Callable[..., None]]] = {}
+"""The command line's functions of the capabilities that have been imported, by name."""
+
+
+def capability(
+    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R]
+) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
+    """The Python function of a capability; its command is :data:`COMMANDS`'s of that name.
+
+    ``request``: a :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of.
+    """
+    assert isinstance(request, type)  # noqa: S101 - a dataclass; typed as what makes one, for the sake of `P`
+    kind: type[Request] = request
+
+    def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with called():
+            given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
+            return answer(given, request(*args, **kwargs))
+
+    call.__name__ = call.__qualname__ = name
+    call.__module__ = answer.__module__
+    call.__doc__ = _docstring(kind)
+    own = list(inspect.signature(kind).parameters.values())
+    arm = inspect.Parameter("arm", inspect.Parameter.POSITIONAL_ONLY, annotation="Arm | str | Path")
+    call.__signature__ = inspect.Signature([arm, *own], return_annotation="Result")  # type: ignore[attr-defined]
+    COMMANDS[name] = _command(name, kind, answer)
+    return call
+
+
+@contextmanager
+def called() -> Iterator[list[str]]:
+    """Run a step: its messages become the list that is handed out.
+
+    Raises
+    ------
+    InputError
+        As the step raises it, with the names of options as those of arguments: ``--load-path`` is ``load_path``.
+    """
+    with kept_messages() as messages, recording():
+        try:
+            yield messages
+        except InputErrors as error:
+            raise InputErrors(_words(error.what), [_of_arguments(e) for e in error.errors], error.count) from error
+        except InputError as error:
+            raise _of_arguments(error) from error
+
+
+def _of_arguments(error: InputError) -> InputError:
+    allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
+    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy, site=error.site)
+
+
+def _words(text: str) -> str:
+    return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)
+
+
+def _docstring(request: type[Request]) -> str:
+    """What Python's help says: the request's own words, then each field."""
+    text, _, examples = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")
+    lines = [text.rstrip(), "", "Parameters", "----------", "arm : the arm, or the name or file of a model"]
+    lines += [f"{name} : {how.help}" for name, how in options_of(request).items()]
+    lines += ["", "Raises", "------", "InputError", "    A value out of its range, or one that does not fit the arm."]
+    return "\n".join([*lines, *(["", "Examples", examples.lstrip("\n")] if examples else [])])
+
+
+def _command(name: str, request: type[Request], answer: Callable[[Any, Any], Result]) -> Callable[..., None]:
+    """The function that typer makes the command of: the model, the request's fields, then what all commands have."""
+    options = options_of(request)
+
+    def command(**given: Any) -> None:
+        from stiffarm.session.caution import cautioned, caveats
+        from stiffarm.session.frame import command as framed
+
+        with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
+            asked = request(**dict(_values(options, given)))
+            arm = frame.model(given["model"], given["links"], given["load_path"], sets=given["sets"], shown=True)
+            frame.reads(**{key: v for key in options if isinstance(v := getattr(asked, key), Path)})
+            frame.asked = asked.as_json()
+            with frame.folder_if(getattr(asked, "seed", None)) as folder:
+                result = answer(arm, asked)
+                if folder is not None:
+                    with cautioned(caveats(result.arm or arm)):
+                        result.write(folder)
+            frame.answer(result.as_json, lambda: _shown(result))
+
+    command.__name__ = name
+    command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
+    parameters = list(_parameters(request, options))
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in parameters}
+    return command
+
+
+def _shown(result: Result) -> None:
+    from stiffarm.session.console import say_notes
+
+    result.show()
+    say_notes(result.remarks)
+
+
+def _values(options: dict[str, Option], given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Fields that were given on the command line, as values."""
+    for name, how in options.items():
+        value = given[name]
+        if value is None or value == []:
+            continue
+        if how.kind is not None:
+            read, option = how.kind.read, spelled(name, how)
+            value = tuple(read(text, option) for text in value) if how.several else read(value, option)
+        yield name, value
+
+
+def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[inspect.Parameter]:
+    hints, defaults = get_type_hints(request), {f.name: f.default for f in fields(request)}
+
+    def parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+        return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+    yield parameter("model", ModelArg, inspect.Parameter.empty)
+    for name, how in sorted(options.items(), key=lambda item: not item[1].is_argument):
+        default = None if defaults[name] in (MISSING, ()) else defaults[name]
+        annotation: Any = hints[name]
+        if how.kind is not None:
+            annotation = list[str] | None if how.several else str | None
+            default = None if default is None else how.kind.text(default)
+        elif how.is_argument:
+            annotation = Path | None
+        metavar = how.metavar or (how.kind.metavar if how.kind else None)
+        if how.is_argument:
+            info: Any = typer.Argument(metavar=metavar, help=how.help)
+        else:
+            names = how.spelled or (f"--{name.replace('_', '-')}",)
+            info = typer.Option(*names, metavar=metavar, help=how.help, min=how.least, max=how.most)
+        yield parameter(name, Annotated[annotation, info], default)
+    for name, common in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets), ("out", Out)):
+        yield parameter(name, common, None)
+    yield parameter("as_json", Json, False)
+    yield parameter("debug", Debug, False)

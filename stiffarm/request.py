@@ -1,0 +1,351 @@
+"""Requests: what a capability is asked, as a dataclass, of which its command line and Python function are made.
+
+A field is declared once, by :func:`option` or :func:`argument`, with its help. A field whose value is more than a
+number, a word or a file has a :class:`Kind`, which turns the command line's text into the same value that Python
+passes, and checks it. Nothing behind the command line is text that would be parsed again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, cast, get_args
+
+import numpy as np
+
+from robots import InputError, Robot, require_one_of
+from robots.arrays import Array
+from robots.frames import frame_mm_deg
+from stiffarm.session.parsing import FRAME_FORM, LARGEST_LOAD, WRENCH_NAMES, angles_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    Poses = Path | pd.DataFrame
+else:
+    # What the command line takes of it; pandas is loaded when it is needed.
+    Poses = Path
+
+# Numbers by name, or all of them in the order of the names.
+ByName = Mapping[str, float] | Sequence[float]
+# One of them or several; a request holds a tuple of them.
+Given = ByName | Sequence[ByName]
+_OPTION: Final = "option"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of value: ``read`` makes it of the command line's text, ``checked`` tests it, ``text`` writes it.
+
+    Both get the name of the option, for their InputError.
+    """
+
+    metavar: str | None
+    read: Callable[[str, str], Any]
+    checked: Callable[[Any, str], Any] = lambda value, name: value
+    text: Callable[[Any], str] = str
+
+
+@dataclass(frozen=True)
+class Option:
+    """How a field of a request stands on the command line.
+
+    ``several``: it may be given more than once, and its value is a tuple; ``spelled``: other spellings than ``--`` and
+    the field's name; ``by_default``: what the help says of the default, where the default itself does not say it.
+    """
+
+    help: str
+    kind: Kind | None = None
+    metavar: str | None = None
+    several: bool = False
+    is_argument: bool = False
+    spelled: tuple[str, ...] = ()
+    least: float | None = None
+    most: float | None = None
+
+
+def option(help: str, kind: Kind | None = None, *, default: Any = None, several: bool = False, **more: Any) -> Any:
+    """A field that is an option; further keywords as :class:`Option`."""
+    return dataclasses.field(
+        default=() if several and default is None else default,
+        metadata={_OPTION: Option(help, kind, several=several, **more)},
+    )
+
+
+def argument(help: str, kind: Kind | None = None, *, metavar: str, **more: Any) -> Any:
+    """A field that stands without a name on the command line, and may be left out."""
+    return dataclasses.field(
+        default=None, metadata={_OPTION: Option(help, kind, metavar=metavar, is_argument=True, **more)}
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a capability is asked. Values are checked as they come in, whoever made them."""
+
+    def __post_init__(self) -> None:
+        for name, how in options_of(type(self)).items():
+            value = getattr(self, name)
+            if how.several:
+                value = _several(value, how)
+            if how.kind is not None and value is not None:
+                checked = how.kind.checked
+                typed = spelled(name, how)
+                value = tuple(checked(one, typed) for one in value) if how.several else checked(value, typed)
+            elif value is not None:
+                _check_range(value, how, spelled(name, how))
+            object.__setattr__(self, name, value)
+
+    def as_json(self) -> dict[str, Any]:
+        """The request for run.json: numbers, texts and lists."""
+        return {name: _plain(getattr(self, name)) for name in options_of(type(self))}
+
+
+def options_of(request: type[Request]) -> dict[str, Option]:
+    """Fields of a request by name."""
+    return {f.name: f.metadata[_OPTION] for f in dataclasses.fields(request) if _OPTION in f.metadata}
+
+
+def spelled(name: str, how: Option) -> str:
+    """A field as the command line spells it; at the Python function it is the name of the argument again."""
+    if how.is_argument:
+        return how.metavar.strip("[]") if how.metavar else name
+    return how.spelled[0] if how.spelled else f"--{name.replace('_', '-')}"
+
+
+def _several(value: Any, how: Option) -> tuple[Any, ...]:
+    """One value, or some of them, as a tuple."""
+    if value is None:
+        return ()
+    is_one = isinstance(value, str | Path | Mapping) or (
+        how.kind is not None
+        and isinstance(value, Sequence | np.ndarray)
+        and len(value) > 0
+        and not any(isinstance(v, Mapping | Sequence | np.ndarray) for v in value)
+    )
+    return (value,) if is_one else tuple(value)
+
+
+def _check_range(value: Any, how: Option, name: str) -> None:
+    low, high = how.least, how.most
+    if low is None and high is None:
+        return
+    good = isinstance(value, int | float) and math.isfinite(value)
+    if not good or (low is not None and value < low) or (high is not None and value > high):
+        ends = [f"{low:g} or more" if low is not None else "", f"up to {high:g}" if high is not None else ""]
+        raise InputError(name, value=value, allowed=", ".join(filter(None, ends)))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
+
+# Reading and checking of values.
+
+
+def numbers_of(value: Any, name: str, allowed: str) -> tuple[float, ...]:
+    """Finite numbers in a row, from a sequence, an array or one number.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    try:
+        row = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        row = np.full((1, 1), np.nan)
+    if row.ndim != 1 or not np.isfinite(row).all():
+        raise InputError(name, value=value, allowed=allowed)
+    return tuple(row.tolist())
+
+
+def _split(text: str, name: str, allowed: str, example: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(name, value=text, allowed=allowed, remedy=f"write it as in {name} {example}") from None
+
+
+def _row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
+    """Numbers between commas, so many of them; ``zero``: all of them may be 0."""
+
+    def checked(value: Any, name: str) -> tuple[float, ...]:
+        row = numbers_of(value, name, allowed)
+        if len(row) not in counts or not (zero or any(row)):
+            raise InputError(name, value=value, allowed=allowed, remedy=f"write it as in {name} {example}")
+        return row
+
+    metavar = "X,Y,Z" if counts == (3,) else "X,Y,Z[,A,B,C]"
+    return Kind(metavar, lambda text, name: _split(text, name, allowed, example), checked, _joined)
+
+
+def _joined(values: Sequence[float]) -> str:
+    return ",".join(f"{v:g}" for v in values)
+
+
+def _named(text: str, name: str) -> dict[str, float] | tuple[float, ...]:
+    """``a=1,b=2`` by name, ``1,2`` in order; what the names may be, the arm says."""
+    if "=" not in text:
+        return _split(text, name, "name=value pairs separated by commas", "q2_deg=5,q3_deg=77")
+    found: dict[str, float] = {}
+    for item in text.split(","):
+        key, _, number = (part.strip() for part in item.partition("="))
+        if key in found:
+            raise InputError(f"{name}: {key} is given twice", allowed="each name once", remedy="remove one")
+        try:
+            found[key] = float(number)
+        except ValueError:
+            found[key] = math.nan
+        if not math.isfinite(found[key]):
+            raise InputError(
+                f"{name}: {key}",
+                value=number,
+                allowed="a finite number",
+                remedy=f"write it with a decimal point and without a unit, as in {key}=5",
+            )
+    return found
+
+
+def _paired(value: ByName) -> str:
+    if isinstance(value, Mapping):
+        return ",".join(f"{key}={number:g}" for key, number in value.items())
+    return _joined(value)
+
+
+def in_order(values: Any, names: Sequence[str], name: str, unit: str = "number") -> Array:
+    """The values of ``names`` (k,), 0 where one is not given; a row of numbers has them all.
+
+    Raises
+    ------
+    InputError
+        A name that is not one of them, a row of another length, or a value that is not finite.
+    """
+    if not isinstance(values, Mapping):
+        row = numbers_of(values, name, f"finite numbers by name, as in {names[0]}=5")
+        if len(row) != len(names):
+            raise InputError(
+                name,
+                value=f"{len(row)} numbers",
+                allowed=f"{len(names)}, those of {', '.join(names)}, or by name, as in {names[0]}=5",
+            )
+        return np.array(row)
+    for key, value in values.items():
+        require_one_of(f"{name}: name", key, names, remedy="use these names")
+        numbers_of(value, f"{name}: {key}", f"a finite {unit}")
+    return np.array([float(values.get(key, 0.0)) for key in names])
+
+
+def pose_of(robot: Robot, value: ByName, name: str) -> Array:
+    """Joint coordinates (dof,) in rad of a pose in degrees: by the model's or the controller's names, or in order.
+
+    Raises
+    ------
+    InputError
+        A name that the robot does not have, an angle that is no finite number, or a pose that it cannot take.
+    """
+    names = robot.angle_names if isinstance(value, Mapping) else robot.coordinates
+    degrees = dict(zip(names, in_order(value, names, name, "number of degrees"), strict=True))
+    given = {key: degrees[key] for key in (value if isinstance(value, Mapping) else names)}
+    q = angles_of(robot, given, name)
+    if wrong := robot.violations(q):
+        raise InputError(
+            f"{name}: {robot.name} cannot take this pose: {'; '.join(wrong)}",
+            remedy="keep the ranges named (a coordinate that is not given stands at 0)",
+        )
+    return np.asarray(q)
+
+
+def poses_asked(robot: Robot, given: Given, table: Poses | None, what: str) -> tuple[Array, tuple[str, ...], list[str]]:
+    """Poses (n, dof) rad that are given one by one or in a table, their labels, and remarks.
+
+    Raises
+    ------
+    InputError
+        Neither of the two or both, or a pose that the robot cannot take.
+    """
+    if (table is None) == (not given):
+        raise InputError(
+            f"{what} needs poses",
+            allowed="either --pose (one or more) or a table of poses",
+            remedy=f"give one of the two, as in --pose {robot.coordinates[0]}=5",
+        )
+    if table is None:
+        labels = tuple(str(i + 1) for i in range(len(given)))
+        return np.stack([pose_of(robot, one, "--pose") for one in cast("Sequence[ByName]", given)]), labels, []
+    from stiffarm.session.pose_tables import read_pose_table
+
+    degrees, texts, remarks = read_pose_table(robot.coordinates, {}, table)
+    q = np.radians(degrees)
+    outside = np.flatnonzero(~robot.reachable(q))
+    if len(outside):
+        first = int(outside[0])
+        raise InputError(
+            f"table of poses: {len(outside)} of {len(q)} poses cannot be taken; the first is pose {texts[first]}",
+            value="; ".join(robot.violations(q[first])),
+            remedy="correct or remove them",
+        )
+    return q, tuple(texts), remarks
+
+
+def wrench_of(value: Any, name: str) -> Array:
+    """A wrench (6,) in N and N m, by name or in order, not zero.
+
+    Raises
+    ------
+    InputError
+        Another name, or nothing that loads the arm.
+    """
+    wrench = in_order(value, WRENCH_NAMES, name)
+    if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
+        raise InputError(
+            name,
+            value=value,
+            allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
+            remedy="give the load in N and N m, as in fz_N=-650",
+        )
+    return wrench
+
+
+def _frame(value: Any, name: str) -> Array:
+    if np.shape(value) == (4, 4):
+        return np.array(value, dtype=np.float64)
+    row = numbers_of(value, name, FRAME_FORM)
+    if len(row) not in (3, 6):
+        raise InputError(name, value=value, allowed=FRAME_FORM, remedy=f"write it as in {name} 0,0,250,0,0,0")
+    return frame_mm_deg(row)
+
+
+def word(alias: Any) -> Kind:
+    """One of the words of a ``Literal``."""
+    words = get_args(alias)
+
+    def checked(value: Any, name: str) -> Any:
+        require_one_of(name, value, words, remedy="choose one of them")
+        return value
+
+    return Kind("|".join(words), lambda text, name: text, checked)
+
+
+DIRECTION: Final = _row(3, allowed="three finite numbers x,y,z, not all zero: base axes", example="0,0,1", zero=False)
+FORCE: Final = _row(
+    3, allowed="three finite numbers x,y,z, not all zero: N in base axes", example="0,0,-650", zero=False
+)
+FRAME: Final = Kind(
+    "X,Y,Z[,A,B,C]", lambda text, name: _split(text, name, FRAME_FORM, "0,0,250,0,0,0"), _frame, lambda T: str(T)
+)
+TABLE: Final = Kind(
+    None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
+)
+# Checked against the arm's names, by `pose_of`.
+POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
+WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)

@@ -1,0 +1,305 @@
+"""Results: what a capability answers, held once, from which screen, page, JSON, CSV and data frame are made.
+
+A result is an answer in three sentences, facts that hold for all of it, and tables of named quantities. It is what the
+Python function returns; the command line shows the same object and writes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from robots import InputError, require_one_of
+from robots.arrays import Array
+from robots.files.csv_text import records_text
+from robots.quantities import Quantity, rounded
+from stiffarm.session.console import say, show_table
+from stiffarm.session.stated import interval_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from fem.arm import Arm
+    from stiffarm.pages import report as page
+    from stiffarm.pages.picture import Picture
+    from stiffarm.session.outputs import OutputFolder
+
+# Rows of a table that a screen, a notebook and a page show; files have all.
+SHOWN: Final = 30
+IN_BRIEF: Final = 12
+INTERVAL: Final = "interval95"
+# Rows up to which a wide table stands on its side for people: a column a row.
+TURNED: Final = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of named quantities.
+
+    ``labels``: texts of each row by name; ``values``: SI values (n,) by quantity, NaN where one is not known;
+    ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is no upper one;
+    ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each row.
+    """
+
+    name: str
+    caption: str
+    labels: Mapping[str, Sequence[str]]
+    values: Mapping[Quantity, Array]
+    intervals: Mapping[Quantity, tuple[Array, Array]] = field(default_factory=dict)
+    in_files: Mapping[Quantity, Array] = field(default_factory=dict)
+    extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    folded: bool = False
+
+    def __len__(self) -> int:
+        return len(next(iter(self.labels.values())))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One dictionary a row, for JSON: numbers in shown units, None where one is not known."""
+        columns: dict[str, Sequence[Any]] = dict(self.labels)
+        for quantity, values in {**self.in_files, **self.values}.items():
+            columns[quantity.column] = quantity.stored_values(values)
+            if quantity in self.intervals:
+                low, high = (quantity.factor * end for end in self.intervals[quantity])
+                columns[quantity.column_of(INTERVAL)] = [interval_json(a, b) for a, b in zip(low, high, strict=True)]
+        columns |= self.extra
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """The rows for CSV and data frames: the ends of an interval are columns of their own."""
+        out = []
+        for row in self.rows():
+            flat = {key: value for key, value in row.items() if key not in self.extra}
+            for quantity in self.intervals:
+                low, high = flat.pop(quantity.column_of(INTERVAL)) or (None, None)
+                flat |= {quantity.column_of("low95"): low, quantity.column_of("high95"): high}
+            out.append(flat)
+        return out
+
+    def frame(self) -> pd.DataFrame:
+        """All rows as a data frame, numbers in shown units."""
+        import pandas as pd
+
+        made = pd.DataFrame(self.records())
+        numbers = [name for name in made if name not in self.labels]
+        return made.astype(dict.fromkeys(numbers, "float64"))
+
+    def texts(self, rows: int = SHOWN) -> tuple[list[str], list[list[str]]]:
+        """Headings and cells of the first rows for people; few rows of many quantities stand on their side."""
+        n = min(len(self), rows)
+        names = [*self.labels, *(q.heading for q in self.values)]
+        columns = [[str(text) for text in texts[:n]] for texts in self.labels.values()]
+        for quantity, values in self.values.items():
+            cells = [quantity.text(value) for value in values[:n]]
+            if quantity in self.intervals:
+                ends = zip(*self.intervals[quantity], strict=True)
+                cells = [
+                    cell
+                    if np.isnan(low)
+                    else f"{cell} ({quantity.between(low, high).removesuffix(quantity.unit).strip()})"
+                    for cell, (low, high) in zip(cells, ends, strict=False)
+                ]
+            columns.append(cells)
+        if len(self) <= TURNED < len(names):
+            label = next(iter(self.labels))
+            return ["", *(f"{label} {text}" for text in columns[0])], [
+                [name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)
+            ]
+        return names, [list(row) for row in zip(*columns, strict=True)]
+
+    def show(self) -> None:
+        """The table on the screen."""
+        show_table(self.caption, *self.texts())
+        if len(self) > SHOWN:
+            say(f"({len(self) - SHOWN} more rows are in the files of --out and with --json)")
+
+    def block(self) -> page.Table:
+        """The table on a page."""
+        from stiffarm.pages import report as page
+
+        names, cells = self.texts(2 * SHOWN)
+        texts = tuple(range(len(self.labels))) if names[0] else (0,)
+        return page.Table(self.caption, tuple(names), tuple(map(tuple, cells)), texts)
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """A picture of a result, drawn when it is asked for; ``caption`` says what to see, ``alt`` what it is."""
+
+    name: str
+    caption: str
+    alt: str
+    draw: Callable[[], Figure]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result:
+    """What a capability found.
+
+    ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key; ``key``:
+    figures to see first; ``sections``: what a page says besides; ``remarks``: what the reader must know; ``arm``: the
+    arm that it is about; ``found``: the arrays and objects behind it.
+    """
+
+    name: str
+    title: str
+    question: str
+    answer: str
+    how_sure: str = ""
+    what_next: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    tables: tuple[Table, ...] = ()
+    drawings: tuple[Drawing, ...] = ()
+    key: tuple[page.KeyFigure, ...] = ()
+    sections: tuple[page.Section, ...] = ()
+    remarks: tuple[str, ...] = ()
+    arm: Arm | None = None
+    found: Any = None
+
+    @cached_property
+    def as_json(self) -> dict[str, Any]:
+        """The result as JSON: the answer, facts, then each table as a list of rows."""
+        sentences = {"answer": self.answer, "how_sure": self.how_sure, "what_next": self.what_next}
+        return {
+            "schema": f"stiffarm-{self.name}/2",
+            **{key: text for key, text in sentences.items() if text},
+            **self.facts,
+            **({"remarks": list(self.remarks)} if self.remarks else {}),
+            **{table.name: table.rows() for table in self.tables},
+        }
+
+    def to_frame(self, table: str | None = None) -> pd.DataFrame:
+        """A table as a data frame, units in the names of its columns; by default the first.
+
+        Raises
+        ------
+        InputError
+            No table of that name.
+        """
+        names = [one.name for one in self.tables]
+        if table is not None:
+            require_one_of("table", table, names)
+        return self.tables[0 if table is None else names.index(table)].frame()
+
+    def __getitem__(self, name: str) -> Array:
+        """Values (n,) of a quantity by its key, in SI.
+
+        Raises
+        ------
+        InputError
+            No table has it.
+        """
+        known: dict[str, Array] = {}
+        for table in reversed(self.tables):
+            known |= {quantity.key: values for quantity, values in [*table.in_files.items(), *table.values.items()]}
+        require_one_of("quantity", name, known)
+        return known[name]
+
+    def interval(self, name: str) -> tuple[Array, Array]:
+        """Ends (n,), (n,) of the 95 % interval of a quantity, in SI; NaN where nothing is known of one.
+
+        Raises
+        ------
+        InputError
+            No table has an interval of it.
+        """
+        known = {quantity.key: ends for table in self.tables for quantity, ends in table.intervals.items()}
+        require_one_of("quantity with an interval", name, known)
+        return known[name]
+
+    def plot(self, name: str | None = None, file: str | Path | None = None) -> Picture:
+        """One of the result's pictures, by default the first; ``file``: a PNG to write.
+
+        Raises
+        ------
+        InputError
+            The result has no picture of that name.
+        """
+        from stiffarm.pages.picture import Picture
+
+        names = [one.name for one in self.drawings]
+        if not names:
+            raise InputError(f"picture of {self.name}", value=name, allowed="none: this result has no picture")
+        if name is not None:
+            require_one_of("picture", name, names)
+        return Picture.of(self.drawings[0 if name is None else names.index(name)].draw()).kept(file)
+
+    def __repr__(self) -> str:
+        return as_text(f"{self.title}\n{self.answer}", self.to_frame() if self.tables else None)
+
+    def _repr_html_(self) -> str:
+        return as_html(f"{self.title}. {self.answer}", self.to_frame() if self.tables else None)
+
+    # What the command line does with it.
+
+    def show(self) -> None:
+        """The result on the screen: the answer, the first table, remarks."""
+        say(self.answer)
+        for text in (self.how_sure, self.what_next):
+            if text:
+                say(text)
+        for table in self.tables:
+            if not table.folded:
+                table.show()
+
+    def write(self, folder: OutputFolder, made_of: str = "") -> None:
+        """JSON, CSV, pictures and the page into a folder."""
+        from stiffarm.pages import report as page
+        from stiffarm.pages.style import save_png
+
+        folder.write_json(f"{self.name}.json", self.as_json)
+        for i, table in enumerate(self.tables):
+            folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
+        pictures = []
+        for drawing in self.drawings:
+            path = folder.path(f"{drawing.name}.png")
+            save_png(drawing.draw(), path)
+            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
+        sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in self.tables]
+        sections.append(page.Section("Pictures", tuple(pictures[1:])))
+        if self.remarks:
+            sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))
+        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None)
+        page.write_page(
+            folder,
+            self.title,
+            self.answer,
+            self.key,
+            (*sections, *self.sections),
+            self.question,
+            made_of,
+            answer,
+        )
+
+
+def as_text(title: str, table: pd.DataFrame | None) -> str:
+    """A result in a terminal: never pages of arrays."""
+    if table is None or table.empty:
+        return title
+    shown = table.head(IN_BRIEF).to_string(index=False, na_rep="-", float_format=lambda v: f"{v:.6g}")
+    return "\n".join([title, shown, *_more(len(table))])
+
+
+def as_html(title: str, table: pd.DataFrame | None) -> str:
+    """The same in a notebook."""
+    import html
+
+    if table is None:
+        return f"<p>{html.escape(title)}</p>"
+    shown = table.head(IN_BRIEF).to_html(index=False, na_rep="-", border=0, float_format=lambda v: f"{v:.6g}")
+    more = "".join(f"<p>{line}</p>" for line in _more(len(table)))
+    return f"<p>{html.escape(title)}</p>{shown}{more}"
+
+
+def _more(rows: int) -> list[str]:
+    return [f"({IN_BRIEF} of {rows} rows; to_frame() has all)"] if rows > IN_BRIEF else []
+
+
+def plain(values: Sequence[float] | Array, factor: float = 1.0) -> list[float | None]:
+    """A vector or point among a result's facts."""
+    return [rounded(factor * float(v)) for v in values]
