@@ -84,8 +84,8 @@ def _positions(_: Path) -> pd.DataFrame:
 
 FUNCTIONS: dict[str, Callable[[Path], object]] = {
     "load": lambda _: _xr701().describe(),
-    "simulate": lambda _: sa.simulate(_xr701(), POSE, {"fz_N": -650.0}).to_frame(),
-    "replay": lambda _: sa.replay(_xr701(), sa.bundled("xr701")).to_frame(),
+    "simulate": lambda _: sa.simulate(_xr701(), pose=POSE, load={"fz_N": -650.0}).to_frame(),
+    "replay": lambda _: sa.simulate(_xr701(), data=sa.bundled("xr701")).to_frame(),
     "read_readings": lambda _: sa.read_readings(sa.bundled("xr701"), _xr701()).to_frame(),
     "convert_readings": _converted,
     "calibrate": lambda _: _calibrated().to_frame(),

@@ -16,13 +16,13 @@ readings = sa.read_readings(sa.bundled("fanuc-r2000ic"), arm)
 cal = sa.calibrate(arm, readings)
 print(cal)
 
-frame = sa.replay(cal.arm, readings).to_frame()
+frame = sa.simulate(cal.arm, data=readings).to_frame()
 assert len(frame) == 43
-measured = np.concatenate([frame[f"d{axis}_mm_measured"] for axis in "xyz"])
+measured = np.concatenate([frame[f"d{axis}_measured_mm"] for axis in "xyz"])
 figure, ax = plt.subplots(layout="constrained")
 for axis in "xyz":
     ax.scatter(
-        frame[f"d{axis}_mm_measured"], frame[f"d{axis}_mm_simulated"], s=18, label=axis
+        frame[f"d{axis}_measured_mm"], frame[f"d{axis}_simulated_mm"], s=18, label=axis
     )
 ax.axline((0.0, 0.0), slope=1.0, color="grey")
 ax.set(xlabel="measured (mm)", ylabel="calibrated model (mm)")

@@ -12,7 +12,7 @@ import stiffarm as sa
 arm = sa.load("xr701")
 readings = sa.read_readings(sa.bundled("xr701"), arm)
 arm = sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness"]).arm
-sag = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
+sag = sa.simulate(arm, pose={"q2_deg": 5, "q3real_deg": 77.5}, load={"fz_N": -650})
 print(sag)
 
 parts = (
@@ -27,7 +27,7 @@ parts.plot.barh(ax=ax, xlabel="downwards (mm)", ylabel="")
 # the forearm little, the other parts next to nothing.
 figure.savefig("how_much_does_it_sag.png")
 
-down = -sag.displacement["dz_mm"]
+down = -sag.as_json["dz_mm"]
 share = 100 * parts["j3"] / down
 print(f"The tool sags {down:.2f} mm; joint 3 alone makes {share:.0f} % of it")
 assert parts.idxmax() == "j3"

@@ -11,12 +11,12 @@ import stiffarm as sa
 
 arm = sa.load("xr701")
 readings = sa.read_readings(sa.bundled("xr701"), arm)
-first = sa.replay(arm, readings)
-print(first.title())
+first = sa.simulate(arm, data=readings)
+print(first.answer)
 
 frame = first.to_frame()
 figure, ax = plt.subplots(layout="constrained")
-ax.loglog(-frame["dz_mm_measured"], -frame["dz_mm_simulated"], "o")
+ax.loglog(-frame["dz_measured_mm"], -frame["dz_simulated_mm"], "o")
 ax.axline((0.1, 0.1), (1.0, 1.0), color="grey", linestyle=":", label="what should be")
 ax.set(xlabel="measured (mm)", ylabel="simulated with rigid joints (mm)")
 ax.legend()
@@ -24,7 +24,7 @@ ax.legend()
 # lie far below the diagonal.
 figure.savefig("how_wrong_is_the_first_model.png")
 
-times = (frame["dz_mm_measured"] / frame["dz_mm_simulated"]).median()
+times = (frame["dz_measured_mm"] / frame["dz_simulated_mm"]).median()
 print(f"The arm deflects {times:.0f} times as much as its links alone (median)")
 assert times > 5
 

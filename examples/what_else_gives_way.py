@@ -20,7 +20,7 @@ print(why.to_frame().head(6).to_string(index=False, float_format="{:.3g}".format
 figure, ax = plt.subplots(layout="constrained")
 models = {"six springs": sa.calibrate(arm, readings).arm, "diagnosed": why.arm}
 for name, model in models.items():
-    frame = sa.replay(model, readings).to_frame()
+    frame = sa.simulate(model, data=readings).to_frame()
     simulated, measured = frame.filter(like="simulated"), frame.filter(like="measured")
     off = np.linalg.norm(simulated.to_numpy() - measured.to_numpy(), axis=1)
     ax.step(np.sort(off), np.linspace(0, 100, len(off)), label=name)

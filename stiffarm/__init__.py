@@ -8,6 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.simulate.command import simulate
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.rehearsals import Rehearsal, rehearse
     from stiffarm.face.shop import Placement, Posture, place, posture
-    from stiffarm.face.simulations import Replayed, Simulation, replay, simulate
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
 
@@ -57,9 +57,7 @@ __all__ = [
     "Program",
     "Readings",
     "Rehearsal",
-    "Replayed",
     "Result",
-    "Simulation",
     "Surrogate",
     "bundled",
     "calibrate",
@@ -88,11 +86,13 @@ __all__ = [
     "power",
     "read_readings",
     "rehearse",
-    "replay",
     "robots_bundled",
     "simulate",
     "verify",
 ]
+
+# What had another name in 0.1.
+_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
 
 
 def __getattr__(name: str) -> object:
@@ -101,6 +101,8 @@ def __getattr__(name: str) -> object:
         from importlib.metadata import version
 
         return version("stiffarm")
+    if name in _MOVED:
+        raise AttributeError(f"stiffarm.{name} is {_MOVED[name]} now")
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     refuse_strangers()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar, get_type_hints
 
@@ -19,7 +20,7 @@ from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
-from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+from stiffarm.session.options import Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -30,11 +31,12 @@ COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 
 
 def capability(
-    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R]
+    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R], *, own_effects: bool = False
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
     """The Python function of a capability; its command is :data:`COMMANDS`'s of that name.
 
-    ``request``: a :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of.
+    ``request``: a :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of;
+    ``own_effects``: the command takes files of a user's own effects, as :func:`stiffarm.load` does.
     """
     assert isinstance(request, type)  # noqa: S101 - a dataclass; typed as what makes one, for the sake of `P`
     kind: type[Request] = request
@@ -50,7 +52,7 @@ def capability(
     own = list(inspect.signature(kind).parameters.values())
     arm = inspect.Parameter("arm", inspect.Parameter.POSITIONAL_ONLY, annotation="Arm | str | Path")
     call.__signature__ = inspect.Signature([arm, *own], return_annotation="Result")  # type: ignore[attr-defined]
-    COMMANDS[name] = _command(name, kind, answer)
+    COMMANDS[name] = _command(name, kind, answer, own_effects)
     return call
 
 
@@ -90,7 +92,9 @@ def _docstring(request: type[Request]) -> str:
     return "\n".join([*lines, *(["", "Examples", examples.lstrip("\n")] if examples else [])])
 
 
-def _command(name: str, request: type[Request], answer: Callable[[Any, Any], Result]) -> Callable[..., None]:
+def _command(
+    name: str, request: type[Request], answer: Callable[[Any, Any], Result], own_effects: bool
+) -> Callable[..., None]:
     """The function that typer makes the command of: the model, the request's fields, then what all commands have."""
     options = options_of(request)
 
@@ -100,19 +104,28 @@ def _command(name: str, request: type[Request], answer: Callable[[Any, Any], Res
 
         with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
             asked = request(**dict(_values(options, given)))
-            arm = frame.model(given["model"], given["links"], given["load_path"], sets=given["sets"], shown=True)
-            frame.reads(**{key: v for key in options if isinstance(v := getattr(asked, key), Path)})
+            frame.files |= {key: v for key in options if isinstance(v := getattr(asked, key), Path) and v.is_file()}
+            arm = frame.model(
+                given["model"],
+                asked.links(given["model"], given["links"]),
+                given["load_path"],
+                effect=given.get("effect"),
+                sets=given["sets"],
+            )
             frame.asked = asked.as_json()
             with frame.folder_if(getattr(asked, "seed", None)) as folder:
                 result = answer(arm, asked)
+                # To copy: what leads on names the model as it was typed.
+                typed = shlex.quote(given["model"])
+                result = replace(result, what_next=result.what_next.replace("MODEL", typed))
                 if folder is not None:
-                    with cautioned(caveats(result.arm or arm)):
+                    with cautioned(caveats(result.arm or arm) if result.caution is None else result.caution):
                         result.write(folder)
             frame.answer(result.as_json, lambda: _shown(result))
 
     command.__name__ = name
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
-    parameters = list(_parameters(request, options))
+    parameters = list(_parameters(request, options, own_effects))
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -137,7 +150,7 @@ def _values(options: dict[str, Option], given: dict[str, Any]) -> Iterator[tuple
         yield name, value
 
 
-def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[inspect.Parameter]:
+def _parameters(request: type[Request], options: dict[str, Option], own_effects: bool) -> Iterator[inspect.Parameter]:
     hints, defaults = get_type_hints(request), {f.name: f.default for f in fields(request)}
 
     def parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -159,6 +172,8 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
             names = how.spelled or (f"--{name.replace('_', '-')}",)
             info = typer.Option(*names, metavar=metavar, help=how.help, min=how.least, max=how.most)
         yield parameter(name, Annotated[annotation, info], default)
+    if own_effects:
+        yield parameter("effect", EffectFile, None)
     for name, common in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets), ("out", Out)):
         yield parameter(name, common, None)
     yield parameter("as_json", Json, False)

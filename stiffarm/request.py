@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, cast, get_args
+from typing import TYPE_CHECKING, Any, Final, Protocol, cast, get_args
 
 import numpy as np
 
@@ -24,10 +24,22 @@ from stiffarm.session.parsing import FRAME_FORM, LARGEST_LOAD, WRENCH_NAMES, ang
 if TYPE_CHECKING:
     import pandas as pd
 
+    from doe import Measurements
+    from fem.arm import Arm
+
     Poses = Path | pd.DataFrame
+
+    class Read(Protocol):
+        """Readings that were read and checked before (:func:`stiffarm.read_readings`)."""
+
+        @property
+        def table(self) -> Measurements:
+            """The readings."""
+
+    Readings = Path | str | pd.DataFrame | Read
 else:
-    # What the command line takes of it; pandas is loaded when it is needed.
-    Poses = Path
+    # What the command line takes of these; pandas is loaded when it is needed.
+    Poses = Readings = Path
 
 # Numbers by name, or all of them in the order of the names.
 ByName = Mapping[str, float] | Sequence[float]
@@ -98,6 +110,10 @@ class Request:
             elif value is not None:
                 _check_range(value, how, spelled(name, how))
             object.__setattr__(self, name, value)
+
+    def links(self, model: str, given: str | None) -> str | None:
+        """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
+        return given
 
     def as_json(self) -> dict[str, Any]:
         """The request for run.json: numbers, texts and lists."""
@@ -297,6 +313,33 @@ def poses_asked(robot: Robot, given: Given, table: Poses | None, what: str) -> t
     return q, tuple(texts), remarks
 
 
+def readings_asked(given: Arm, data: Readings | None, *, confirm_units: bool = False) -> Measurements:
+    """Readings from a table, a data frame or as they were read before, checked; None: the bundled table.
+
+    Raises
+    ------
+    InputError
+        A table that cannot be read, or readings that no arm like this gives.
+    """
+    if (table := getattr(data, "table", None)) is not None:
+        return cast("Measurements", table)
+    from doe.tables.columns import table_of_frame
+    from doe.tables.reading import measurements_of
+    from stiffarm.session.reading_checks import check_readings
+    from stiffarm.session.readings import BUNDLED, read_data
+    from stiffarm.session.table_kinds import DEFLECTIONS, expect
+
+    if data is None or isinstance(data, Path):
+        file = None if data is None or str(data) == BUNDLED else data
+        if file is not None:
+            expect(file, DEFLECTIONS)
+        found = read_data(given.robot, file)
+    else:
+        found = measurements_of(table_of_frame(cast("pd.DataFrame", data), "data frame"), given.robot)
+    check_readings(given, found, confirm_units=confirm_units)
+    return found
+
+
 def wrench_of(value: Any, name: str) -> Array:
     """A wrench (6,) in N and N m, by name or in order, not zero.
 
@@ -343,9 +386,11 @@ FORCE: Final = _row(
 FRAME: Final = Kind(
     "X,Y,Z[,A,B,C]", lambda text, name: _split(text, name, FRAME_FORM, "0,0,250,0,0,0"), _frame, lambda T: str(T)
 )
-TABLE: Final = Kind(
+# Files of tables, or what Python has in their place.
+READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
 )
+TABLE: Final = READINGS
 # Checked against the arm's names, by `pose_of`.
 POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
 WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)

@@ -44,7 +44,9 @@ class Table:
 
     ``labels``: texts of each row by name; ``values``: SI values (n,) by quantity, NaN where one is not known;
     ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is no upper one;
-    ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each row.
+    ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each row;
+    ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and no
+    file has it.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Table:
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
+    is_extract: bool = False
 
     def __len__(self) -> int:
         return len(next(iter(self.labels.values())))
@@ -127,6 +130,15 @@ class Table:
         return page.Table(self.caption, tuple(names), tuple(map(tuple, cells)), texts)
 
 
+@dataclass(frozen=True)
+class Number:
+    """One number of a result, SI, and the ends of its 95 % interval: NaN where it has none, infinite without an end."""
+
+    value: float
+    low: float = np.nan
+    high: float = np.nan
+
+
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """A picture of a result, drawn when it is asked for; ``caption`` says what to see, ``alt`` what it is."""
@@ -141,9 +153,11 @@ class Drawing:
 class Result:
     """What a capability found.
 
-    ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key; ``key``:
-    figures to see first; ``sections``: what a page says besides; ``remarks``: what the reader must know; ``arm``: the
-    arm that it is about; ``found``: the arrays and objects behind it.
+    ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key;
+    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``remarks``:
+    what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and pictures warn of, where
+    that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes further files into the
+    folder and returns facts about them; ``made_of``: which readings a page was made of.
     """
 
     name: str
@@ -153,13 +167,17 @@ class Result:
     how_sure: str = ""
     what_next: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
+    numbers: Mapping[Quantity, Number] = field(default_factory=dict)
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     key: tuple[page.KeyFigure, ...] = ()
     sections: tuple[page.Section, ...] = ()
     remarks: tuple[str, ...] = ()
     arm: Arm | None = None
+    caution: str | None = None
     found: Any = None
+    more: Callable[[OutputFolder], Mapping[str, Any]] | None = None
+    made_of: str = ""
 
     @cached_property
     def as_json(self) -> dict[str, Any]:
@@ -169,8 +187,14 @@ class Result:
             "schema": f"stiffarm-{self.name}/2",
             **{key: text for key, text in sentences.items() if text},
             **self.facts,
+            **{quantity.column: quantity.stored_value(one.value) for quantity, one in self.numbers.items()},
+            **{
+                quantity.column_of(INTERVAL): interval_json(quantity.factor * one.low, quantity.factor * one.high)
+                for quantity, one in self.numbers.items()
+                if not np.isnan(one.low)
+            },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
-            **{table.name: table.rows() for table in self.tables},
+            **{table.name: table.rows() for table in self.tables if not table.is_extract},
         }
 
     def to_frame(self, table: str | None = None) -> pd.DataFrame:
@@ -187,28 +211,33 @@ class Result:
         return self.tables[0 if table is None else names.index(table)].frame()
 
     def __getitem__(self, name: str) -> Array:
-        """Values (n,) of a quantity by its key, in SI.
+        """Values (n,) of a quantity, or its one value (): by its key in SI, by its column in that unit.
+
+        ``found["k_fs"]`` is in N/m, ``found["k_fs_N_per_mm"]`` in N/mm.
 
         Raises
         ------
         InputError
             No table has it.
         """
-        known: dict[str, Array] = {}
+        known: dict[Quantity, Array] = {quantity: np.array(one.value) for quantity, one in self.numbers.items()}
         for table in reversed(self.tables):
-            known |= {quantity.key: values for quantity, values in [*table.in_files.items(), *table.values.items()]}
-        require_one_of("quantity", name, known)
-        return known[name]
+            known |= {**table.in_files, **table.values}
+        by_name = {quantity.key: values for quantity, values in known.items()}
+        by_name |= {q.column: q.factor * values for q, values in known.items() if q.unit}
+        require_one_of("quantity", name, by_name)
+        return by_name[name]
 
     def interval(self, name: str) -> tuple[Array, Array]:
-        """Ends (n,), (n,) of the 95 % interval of a quantity, in SI; NaN where nothing is known of one.
+        """Ends (n,), (n,) of the 95 % interval of a quantity, or of its one value, in SI; NaN where none is known.
 
         Raises
         ------
         InputError
             No table has an interval of it.
         """
-        known = {quantity.key: ends for table in self.tables for quantity, ends in table.intervals.items()}
+        known = {quantity.key: (np.array(one.low), np.array(one.high)) for quantity, one in self.numbers.items()}
+        known |= {quantity.key: ends for table in self.tables for quantity, ends in table.intervals.items()}
         require_one_of("quantity with an interval", name, known)
         return known[name]
 
@@ -247,13 +276,14 @@ class Result:
             if not table.folded:
                 table.show()
 
-    def write(self, folder: OutputFolder, made_of: str = "") -> None:
+    def write(self, folder: OutputFolder) -> None:
         """JSON, CSV, pictures and the page into a folder."""
         from stiffarm.pages import report as page
         from stiffarm.pages.style import save_png
 
-        folder.write_json(f"{self.name}.json", self.as_json)
-        for i, table in enumerate(self.tables):
+        further = {} if self.more is None else self.more(folder)
+        folder.write_json(f"{self.name}.json", {**self.as_json, **further})
+        for i, table in enumerate(table for table in self.tables if not table.is_extract):
             folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
         pictures = []
         for drawing in self.drawings:
@@ -272,7 +302,7 @@ class Result:
             self.key,
             (*sections, *self.sections),
             self.question,
-            made_of,
+            self.made_of,
             answer,
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 import shutil
 from functools import cache
@@ -29,7 +30,8 @@ from robots.robot import Robot, robot_from
 from stiffarm.commands.calibrate.step import Request, calibrate
 from stiffarm.commands.maps.options import read_map_options
 from stiffarm.commands.maps.request import MapRequest, evaluate
-from stiffarm.commands.simulate.step import of_pose
+from stiffarm.commands.simulate.command import SimulateRequest
+from stiffarm.commands.simulate.pose import at_pose
 from stiffarm.session.inputs import read_model
 from surrogate.asking import query
 from surrogate.designs import space_filling_design
@@ -134,8 +136,8 @@ def _model(path: Path) -> object:
         scaled = np.nan_to_num(C[0] / np.outer(scale, scale))
     require(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() > -1e-6, "model compliance: energy out of nothing")
     given = Arm(description, model.robot, model, reading_effects(description, model))
-    found = of_pose(given, q[0], np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]), False)
-    require(None not in found["displacement"].values(), "model deflection: not finite")
+    found = at_pose(given, q[0], [0.0, 0.0, -100.0, 0.0, 0.0, 0.0], SimulateRequest())
+    require(all(math.isfinite(one.value) for one in found.numbers.values()), "model deflection: not finite")
     return model
 
 

@@ -150,9 +150,9 @@ def test_the_same_pose_and_load_have_the_same_answer_everywhere(
     found: dict[str, tuple[float, float, float]] = {}
 
     s = run_here("simulate", c.file, "--pose", pose, "--load", f"fz_N={-LOAD_N}", "--json").json
-    found["simulate"] = told(s, "stiffness_N_per_mm", "interval95_N_per_mm")
-    simulated = sa.simulate(arm, q_deg, load)
-    found["sa.simulate"] = told(vars(simulated), "stiffness_N_per_mm", "interval95_N_per_mm")
+    names = "stiffness_N_per_mm", "stiffness_interval95_N_per_mm"
+    found["simulate"] = told(s, *names)
+    found["sa.simulate"] = told(sa.simulate(arm, pose=q_deg, load=load).as_json, *names)
 
     one = run_here("index", c.file, "--pose", pose, *at, "--json").json["poses"][0]
     found["index"] = told(one, "directional_N_per_mm", "directional_interval95_N_per_mm")
@@ -218,9 +218,9 @@ def test_cards_say_of_their_poses_what_a_simulation_says(case: Callable[[str, st
     spots = workspace_stiffness(arm.description, arm.model)
     for spot in spots.spots:
         q_deg = dict(zip(arm.coordinates, spot.q_deg, strict=True))
-        simulated = sa.simulate(sa.load(c.file), q_deg, {"fz_N": -LOAD_N})
-        assert simulated.stiffness_N_per_mm == pytest.approx(spot.stiffness, rel=SIX_DIGITS)
-        assert simulated.interval95_N_per_mm == pytest.approx((spot.low, spot.high), rel=2e-5)
+        simulated = sa.simulate(sa.load(c.file), pose=q_deg, load={"fz_N": -LOAD_N}).as_json
+        assert simulated["stiffness_N_per_mm"] == pytest.approx(spot.stiffness, rel=SIX_DIGITS)
+        assert simulated["stiffness_interval95_N_per_mm"] == pytest.approx((spot.low, spot.high), rel=2e-5)
 
 
 def test_two_models_that_are_the_same_compare_as_the_same(case: Callable[[str, str], Case], tmp_path: Path) -> None:

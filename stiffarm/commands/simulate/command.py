@@ -1,116 +1,121 @@
-"""The command `simulate`."""
+"""How far the tool moves: at one pose under one load, or for every reading of a table beside what was measured."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
 
-import typer
-
-from stiffarm.commands.simulate import step as simulation
-from stiffarm.session import inputs, parsing
-from stiffarm.session.caution import RIGID_AS_ASKED
-from stiffarm.session.frame import command
-from stiffarm.session.options import (
-    ConfirmUnits,
-    DataArg,
-    Debug,
-    EffectFile,
-    Json,
-    Links,
-    LoadPathOpt,
-    ModelArg,
-    Out,
-    Sets,
+from fem.arm import Arm
+from robots import InputError, load_description, require_positive
+from stiffarm.capability import capability
+from stiffarm.commands.simulate.pose import at_pose
+from stiffarm.commands.simulate.readings import of_table
+from stiffarm.request import (
+    POSE,
+    READINGS,
+    WRENCH,
+    ByName,
+    Readings,
+    Request,
+    argument,
+    option,
+    pose_of,
+    readings_asked,
 )
+from stiffarm.result import Result
+
+# A load of 650 N downward, as the XR701's campaign has it.
+USUAL = {"fz_N": -650.0}
 
 
-def simulate(
-    model: ModelArg,
-    data: DataArg = None,
-    pose: Annotated[
-        str | None,
-        typer.Option(
-            "--pose", help="Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0."
-        ),
-    ] = None,
-    load: Annotated[
-        str | None,
-        typer.Option(
-            "--load",
-            help="With --pose: load at the tool point in base axes, in N and N m, as in fz_N=-650,mx_Nm=10. "
-            "Default: fz_N=-650.",
-        ),
-    ] = None,
-    unload_from: Annotated[
-        str | None,
-        typer.Option(
-            "--unload-from", help="With --pose: --load is reached by unloading from this larger load, as in fz_N=-1300."
-        ),
-    ] = None,
-    rigid_joints: Annotated[
-        bool,
-        typer.Option("--rigid-joints", help="Treat the joints as rigid: only the links deflect and no effect acts."),
-    ] = False,
-    effect: EffectFile = None,
-    field: Annotated[
-        bool,
-        typer.Option(
-            "--field",
-            help="With --pose and --out: write the deformed arm (.vtu, .png) and the share of each part in the"
-            " deflection.",
-        ),
-    ] = False,
-    scale: Annotated[
-        float | None,
-        typer.Option(
-            "--scale", help="With --field: magnification of the drawn deflection; 1 is true scale. Default: automatic."
-        ),
-    ] = None,
-    confirm_units: ConfirmUnits = False,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    out: Out = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SimulateRequest(Request):
     """Compute tool-point deflections at a pose or for a table.
 
     At one pose under one load, or for every reading of a measurement table.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> found = sa.simulate("xr701", pose={"q2_deg": 5, "q3real_deg": 77.5}, load={"fz_N": -650})
+    >>> bool(found["dz"] < 0)
+    True
     """
-    with command(out, as_json=as_json, debug=debug) as frame:
-        simulation.check_request(pose, data, load, out, field, scale, unload_from)
-        asked = simulation.field_links(model, links) if field else links
-        left = "the fields" if field else None
-        given = frame.model(model, asked, load_path, effect=effect, without=left, sets=sets, shown=True)
-        if rigid_joints:
-            frame.caution = RIGID_AS_ASKED
-        if pose is not None:
-            q, wrench = parsing.parse_pose(given.robot, pose), parsing.parse_load("fz_N=-650" if load is None else load)
-            before = None if unload_from is None else parsing.parse_load(unload_from, "--unload-from")
-        else:
-            from stiffarm.commands.simulate.readings import of_table
 
-            table = frame.readings(given, data, confirm_units=confirm_units)
-        with frame.folder_if() as folder:
-            result = (
-                of_table(given, table, rigid_joints)
-                if pose is None
-                else simulation.of_pose(given, q, wrench, rigid_joints, before)
-            )
-            for_fields = "as --field needs; without --field the model may use another link model"
-            result["links_because"] = (
-                for_fields if field and links is None else inputs.why_links(given.description, links)
-            )
-            if field and folder is not None:
-                result["field"] = simulation.field_of_pose(given, q, wrench, rigid_joints, scale, folder)
-            if folder is not None:
-                folder.write_json("simulation.json", result)
-                from stiffarm.commands.simulate import report
-                from stiffarm.pages.report import data_words
+    data: Readings | None = argument(
+        "Measurement table (CSV/XLSX). Default: the robot's bundled table.", READINGS, metavar="[DATA]"
+    )
+    pose: ByName | None = option(
+        "Joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5; coordinates not given are 0.", POSE
+    )
+    load: ByName | None = option(
+        "With --pose: load at the tool point in base axes, in N and N m, as in fz_N=-650,mx_Nm=10. Default: fz_N=-650.",
+        WRENCH,
+    )
+    unload_from: ByName | None = option(
+        "With --pose: --load is reached by unloading from this larger load, as in fz_N=-1300.", WRENCH
+    )
+    rigid_joints: bool = option("Treat the joints as rigid: only the links deflect and no effect acts.", default=False)
+    field: bool = option(
+        "With --pose and --out: write the deformed arm (.vtu, .png) and the share of each part in the deflection.",
+        default=False,
+    )
+    scale: float | None = option(
+        "With --field: magnification of the drawn deflection; 1 is true scale. Default: automatic."
+    )
+    confirm_units: bool = option(
+        "Accept the table although its values look like other units; use it after checking them.", default=False
+    )
 
-                if pose is None:
-                    report.write_table_report(given, result, data_words(table), folder, model)
-                else:
-                    report.write_pose_report(given, result, q, wrench, folder, model)
-        frame.answer(result, lambda: simulation.show(result))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.pose is not None and self.data is not None:
+            raise InputError(
+                "simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA"
+            )
+        if self.field and self.pose is None:
+            raise InputError(
+                "--field",
+                value="a measurement table",
+                allowed="one pose and load",
+                remedy="give --pose, as in --pose q2_deg=5, and --load if it is not 650 N downward",
+            )
+        if not self.field and self.scale is not None:
+            raise InputError("--scale: only with --field", remedy="add --field or leave it out")
+        require_positive("--scale", self.scale, remedy="1 draws motion at its true size")
+        given = {"--load": self.load, "--unload-from": self.unload_from}
+        if self.pose is None and (names := [name for name, value in given.items() if value is not None]):
+            why_not = "only with --pose: a measurement table has its own loads and phases"
+            raise InputError(f"{', '.join(names)}: {why_not}", remedy="leave it out")
+
+    def links(self, model: str, given: str | None) -> str | None:
+        """Shells where fields are asked for, unless solids were asked for or calibrated with."""
+        if not self.field:
+            return given
+        _require_meshed("--links with --field", given)
+        calibration = load_description(model).calibration
+        kind = given or (None if calibration is None else calibration.links)
+        _require_meshed(f"--field: model {model} was calibrated with links", kind)
+        return kind or "shell"
+
+
+def _require_meshed(what: str, links: str | None) -> None:
+    if links not in (None, "shell", "solid"):
+        raise InputError(
+            what,
+            value=links,
+            allowed="shell or solid: only these have displacements, stresses and energies to show",
+            remedy="give --links shell, or calibrate with --links shell",
+        )
+
+
+def answer(given: Arm, asked: SimulateRequest) -> Result:
+    """Displacements with all effects of the arm, and what the reader must know of them."""
+    if asked.field:
+        _require_meshed("--field: links of the arm", given.model.link_kind)
+    if asked.pose is None:
+        return of_table(given, readings_asked(given, asked.data, confirm_units=asked.confirm_units), asked.rigid_joints)
+    q = pose_of(given.robot, asked.pose, "--pose")
+    return at_pose(given, q, USUAL if asked.load is None else asked.load, asked)
+
+
+simulate = capability("simulate", SimulateRequest, answer, own_effects=True)

@@ -182,18 +182,20 @@ def test_the_command_line_says_so_too(tmp_path: Path) -> None:
 
 
 def test_a_pose_is_simulated_as_on_the_command_line(arm: sa.Arm) -> None:
-    found = sa.simulate(arm, {"q2_deg": 5, "q3real_deg": 77.5}, {"fz_N": -650})
-    total = found.to_frame().set_index("part").loc["total", "dz_mm"]
+    found = sa.simulate(arm, pose={"q2_deg": 5, "q3real_deg": 77.5}, load={"fz_N": -650})
+    parts = found.to_frame().set_index("part")["dz_mm"]
     # Each part is rounded to six digits.
-    assert sum(part["dz_mm"] for part in found.by_part.values()) == pytest.approx(total, rel=1e-5)
+    assert parts.drop("total").sum() == pytest.approx(parts["total"], rel=1e-5)
     with pytest.raises(sa.InputError, match="load: name"):
-        sa.simulate(arm, {"q3real_deg": 77.5}, {"fz_n": -650})
+        sa.simulate(arm, pose={"q3real_deg": 77.5}, load={"fz_n": -650})
 
 
 def test_calibrated_readings_are_replayed_at_their_rms(arm: sa.Arm, readings: sa.Readings) -> None:
     of_all_loads = sa.calibrate(arm, readings, free=["j2.stiffness", "j3.stiffness"], loads_N=[])
     # The command prints six digits.
-    assert sa.replay(of_all_loads.arm, readings).rms_mm == pytest.approx(of_all_loads.rms_mm, rel=1e-5)
+    assert sa.simulate(of_all_loads.arm, data=readings).as_json["rms_mm"] == pytest.approx(
+        of_all_loads.rms_mm, rel=1e-5
+    )
 
 
 def test_a_plan_is_a_sheet_that_can_be_filled_in(arm: sa.Arm, readings: sa.Readings, tmp_path: Path) -> None:

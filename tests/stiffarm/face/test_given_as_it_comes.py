@@ -23,17 +23,17 @@ def arm() -> sa.Arm:
 @pytest.mark.parametrize("form", [list, tuple, np.array])
 def test_rows_of_numbers_are_what_names_say(arm: sa.Arm, form: Any) -> None:
     by_name = dict(zip(arm.coordinates, POSE, strict=True))
-    wanted = sa.simulate(arm, by_name, {"fz_N": -650})
-    found = sa.simulate(arm, form(POSE), form(LOAD))
-    assert found.displacement == wanted.displacement
+    wanted = sa.simulate(arm, pose=by_name, load={"fz_N": -650})
+    found = sa.simulate(arm, pose=form(POSE), load=form(LOAD))
+    assert found["dz"] == wanted["dz"]
     one, several = sa.index(arm, pose=form(POSE)), sa.index(arm, pose=[form(POSE), by_name])
     assert several["directional"].tolist() == [one["directional"][0]] * 2
 
 
 @pytest.mark.parametrize("wrong", [POSE[:4], "abc", [[1.0]], ["x"] * 6, 3.0, {"q2_deg": "x"}, {"q2_deg": None}])
 def test_what_is_no_pose_is_one_clear_error(arm: sa.Arm, wrong: Any) -> None:
-    with pytest.raises(InputError, match="q_deg"):
-        sa.simulate(arm, wrong, LOAD)
+    with pytest.raises(InputError, match="pose"):
+        sa.simulate(arm, pose=wrong, load=LOAD)
 
 
 def test_files_and_data_frames_are_readings(arm: sa.Arm) -> None:
@@ -45,7 +45,7 @@ def test_files_and_data_frames_are_readings(arm: sa.Arm) -> None:
         # The bundled readings in any form and order: the published loads, and the same springs.
         assert found.loads_N == wanted.loads_N == (650.0,)
         assert found["j2.stiffness"].value == pytest.approx(wanted["j2.stiffness"].value, rel=1e-6)
-    assert sa.replay(arm, table).rms_mm == sa.replay(arm, file).rms_mm
+    assert sa.simulate(arm, data=table).as_json == sa.simulate(arm, data=file).as_json
 
 
 def test_loads_may_be_one_number_and_names_must_be_names(arm: sa.Arm) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from cli_runs import Command
 
+import stiffarm as sa
 from fem import build_model
 from machining.cell import Cell
 from machining.service import Session
@@ -19,7 +20,6 @@ from stiffarm.commands.identify import command as identification
 from stiffarm.commands.plan import command as planning
 from stiffarm.commands.run import command as chain
 from stiffarm.commands.sensitivity import command as sensitivity
-from stiffarm.commands.simulate import command as models
 from stiffarm.session.softness import FLAG
 
 POSE = "q2_deg=5,q3real_deg=77.5"
@@ -84,12 +84,12 @@ def test_all_that_read_tables_have_the_flag() -> None:
         chain.run,
         diagnosis.diagnose,
         identification.identify,
-        models.simulate,
         planning.plan,
         sensitivity.sensitivity,
     )
     for command in commands:
         assert "confirm_units" in inspect.signature(command).parameters, command
+    assert "confirm_units" in inspect.signature(sa.simulate).parameters
 
 
 def test_readings_beyond_small_displacements_are_refused_though_confirmed(

@@ -13,7 +13,7 @@ from fem import build_model
 from robots import load_description
 from stiffarm.commands.importing import results as import_results
 from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
-from stiffarm.commands.simulate import step as simulation
+from stiffarm.commands.simulate import pose as simulation
 
 
 @pytest.mark.parametrize("ratio", [1.0, 2.99, 1 / 2.99])

@@ -14,6 +14,7 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 from fem import ArmFields, arm_fields, build_model
 from robots import InputError, load_description
+from stiffarm.commands.simulate.command import SimulateRequest
 from stiffarm.commands.simulate.field_files import (
     FieldGrid,
     automatic_scale,
@@ -21,7 +22,6 @@ from stiffarm.commands.simulate.field_files import (
     round_scale,
     write_field,
 )
-from stiffarm.commands.simulate.step import check_request
 
 W = np.array([0.0, 0.0, -650.0, 0.0, 0.0, 0.0])
 
@@ -176,7 +176,7 @@ def test_the_scale_is_round_and_draws_some_eight_per_cent(grid: FieldGrid) -> No
 def test_bad_scales_and_an_arm_that_does_not_move_are_refused(grid: FieldGrid, tmp_path: Path) -> None:
     for wrong in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="--scale"):
-            check_request("q2_deg=5", None, None, tmp_path, True, wrong)
+            SimulateRequest(pose={"q2_deg": 5}, field=True, scale=wrong)
     with pytest.raises(InputError, match="largest displacement"):
         automatic_scale(replace(grid, displacement=np.zeros_like(grid.displacement)))
     with pytest.raises(InputError, match=r"\.vtu"):
