@@ -104,6 +104,8 @@ def _command(
 
         with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
             asked = request(**dict(_values(options, given)))
+            if asked.writes_by is not None and frame.out is None:
+                raise InputError(f"{asked.writes_by} writes files and has no folder for them", remedy="give --out DIR")
             frame.files |= {key: v for key in options if isinstance(v := getattr(asked, key), Path) and v.is_file()}
             arm = frame.model(
                 given["model"],

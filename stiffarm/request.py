@@ -18,6 +18,7 @@ import numpy as np
 
 from robots import InputError, Robot, require_one_of
 from robots.arrays import Array
+from robots.errors import raise_any
 from robots.frames import frame_mm_deg
 from stiffarm.session.parsing import FRAME_FORM, LARGEST_LOAD, WRENCH_NAMES, angles_of
 
@@ -114,6 +115,11 @@ class Request:
     def links(self, model: str, given: str | None) -> str | None:
         """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
         return given
+
+    @property
+    def writes_by(self) -> str | None:
+        """The option that was given and writes files, so that the command needs a folder."""
+        return None
 
     def as_json(self) -> dict[str, Any]:
         """The request for run.json: numbers, texts and lists."""
@@ -214,21 +220,25 @@ def _named(text: str, name: str) -> dict[str, float] | tuple[float, ...]:
     if "=" not in text:
         return _split(text, name, "name=value pairs separated by commas", "q2_deg=5,q3_deg=77")
     found: dict[str, float] = {}
+    faults = []
     for item in text.split(","):
         key, _, number = (part.strip() for part in item.partition("="))
         if key in found:
-            raise InputError(f"{name}: {key} is given twice", allowed="each name once", remedy="remove one")
+            faults.append(InputError(f"{name}: {key} is given twice", allowed="each name once", remedy="remove one"))
         try:
             found[key] = float(number)
         except ValueError:
             found[key] = math.nan
         if not math.isfinite(found[key]):
-            raise InputError(
-                f"{name}: {key}",
-                value=number,
-                allowed="a finite number",
-                remedy=f"write it with a decimal point and without a unit, as in {key}=5",
+            faults.append(
+                InputError(
+                    f"{name}: {key}",
+                    value=number,
+                    allowed="a finite number",
+                    remedy=f"write it with a decimal point and without a unit, as in {key}=5",
+                )
             )
+    raise_any(name, faults)
     return found
 
 
@@ -352,7 +362,7 @@ def wrench_of(value: Any, name: str) -> Array:
     if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
         raise InputError(
             name,
-            value=value,
+            value=_paired(value),
             allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
             remedy="give the load in N and N m, as in fz_N=-650",
         )

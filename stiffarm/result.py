@@ -42,16 +42,16 @@ TURNED: Final = 6
 class Table:
     """Rows of named quantities.
 
-    ``labels``: texts of each row by name; ``values``: SI values (n,) by quantity, NaN where one is not known;
-    ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is no upper one;
-    ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each row;
-    ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and no
-    file has it.
+    ``labels``: texts of each row by name, or whether something holds of it; ``values``: SI values (n,) by quantity, NaN
+    where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
+    no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
+    row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
+    no file has it.
     """
 
     name: str
     caption: str
-    labels: Mapping[str, Sequence[str]]
+    labels: Mapping[str, Sequence[str | bool]]
     values: Mapping[Quantity, Array]
     intervals: Mapping[Quantity, tuple[Array, Array]] = field(default_factory=dict)
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
@@ -96,7 +96,7 @@ class Table:
         """Headings and cells of the first rows for people; few rows of many quantities stand on their side."""
         n = min(len(self), rows)
         names = [*self.labels, *(q.heading for q in self.values)]
-        columns = [[str(text) for text in texts[:n]] for texts in self.labels.values()]
+        columns = [[_word(text) for text in texts[:n]] for texts in self.labels.values()]
         for quantity, values in self.values.items():
             cells = [quantity.text(value) for value in values[:n]]
             if quantity in self.intervals:
@@ -132,11 +132,19 @@ class Table:
 
 @dataclass(frozen=True)
 class Number:
-    """One number of a result, SI, and the ends of its 95 % interval: NaN where it has none, infinite without an end."""
+    """One number of a result, SI, and the ends of its 95 % interval: NaN where they are not known.
+
+    None: a number of this kind has no interval; infinite: no upper end.
+    """
 
     value: float
-    low: float = np.nan
-    high: float = np.nan
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends, NaN where there are none."""
+        return (np.nan, np.nan) if self.low is None or self.high is None else (self.low, self.high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +197,9 @@ class Result:
             **self.facts,
             **{quantity.column: quantity.stored_value(one.value) for quantity, one in self.numbers.items()},
             **{
-                quantity.column_of(INTERVAL): interval_json(quantity.factor * one.low, quantity.factor * one.high)
+                quantity.column_of(INTERVAL): interval_json(*(quantity.factor * end for end in one.ends))
                 for quantity, one in self.numbers.items()
-                if not np.isnan(one.low)
+                if one.low is not None
             },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
             **{table.name: table.rows() for table in self.tables if not table.is_extract},
@@ -220,9 +228,10 @@ class Result:
         InputError
             No table has it.
         """
-        known: dict[Quantity, Array] = {quantity: np.array(one.value) for quantity, one in self.numbers.items()}
+        known: dict[Quantity, Array] = {}
         for table in reversed(self.tables):
             known |= {**table.in_files, **table.values}
+        known |= {quantity: np.array(one.value) for quantity, one in self.numbers.items()}
         by_name = {quantity.key: values for quantity, values in known.items()}
         by_name |= {q.column: q.factor * values for q, values in known.items() if q.unit}
         require_one_of("quantity", name, by_name)
@@ -236,7 +245,7 @@ class Result:
         InputError
             No table has an interval of it.
         """
-        known = {quantity.key: (np.array(one.low), np.array(one.high)) for quantity, one in self.numbers.items()}
+        known = {quantity.key: (np.array(one.ends[0]), np.array(one.ends[1])) for quantity, one in self.numbers.items()}
         known |= {quantity.key: ends for table in self.tables for quantity, ends in table.intervals.items()}
         require_one_of("quantity with an interval", name, known)
         return known[name]
@@ -257,6 +266,22 @@ class Result:
         if name is not None:
             require_one_of("picture", name, names)
         return Picture.of(self.drawings[0 if name is None else names.index(name)].draw()).kept(file)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the page, JSON, CSV, pictures and all other files into a folder, whole or not at all; returns it.
+
+        Raises
+        ------
+        InputError
+            The folder cannot be made or written.
+        """
+        from stiffarm.session.caution import cautioned, caveats
+        from stiffarm.session.outputs import OutputFolder
+
+        caution = self.caution if self.caution is not None or self.arm is None else caveats(self.arm)
+        with OutputFolder(Path(folder), [f"stiffarm.{self.name}"], {}, None) as out, cautioned(caution or ""):
+            self.write(out)
+        return Path(folder)
 
     def __repr__(self) -> str:
         return as_text(f"{self.title}\n{self.answer}", self.to_frame() if self.tables else None)
@@ -305,6 +330,10 @@ class Result:
             self.made_of,
             answer,
         )
+
+
+def _word(label: str | bool) -> str:
+    return label if isinstance(label, str) else "yes" if label else ""
 
 
 def as_text(title: str, table: pd.DataFrame | None) -> str:

@@ -136,7 +136,7 @@ def _model(path: Path) -> object:
         scaled = np.nan_to_num(C[0] / np.outer(scale, scale))
     require(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)).min() > -1e-6, "model compliance: energy out of nothing")
     given = Arm(description, model.robot, model, reading_effects(description, model))
-    found = at_pose(given, q[0], [0.0, 0.0, -100.0, 0.0, 0.0, 0.0], SimulateRequest())
+    found = at_pose(given, q[0], np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0]), SimulateRequest())
     require(all(math.isfinite(one.value) for one in found.numbers.values()), "model deflection: not finite")
     return model
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fem.arm import Arm
 from robots import InputError, load_description, require_positive
 from stiffarm.capability import capability
@@ -20,6 +22,7 @@ from stiffarm.request import (
     option,
     pose_of,
     readings_asked,
+    wrench_of,
 )
 from stiffarm.result import Result
 
@@ -87,6 +90,11 @@ class SimulateRequest(Request):
             why_not = "only with --pose: a measurement table has its own loads and phases"
             raise InputError(f"{', '.join(names)}: {why_not}", remedy="leave it out")
 
+    @property
+    def writes_by(self) -> str | None:
+        """The option that was given and writes files."""
+        return "--field" if self.field else None
+
     def links(self, model: str, given: str | None) -> str | None:
         """Shells where fields are asked for, unless solids were asked for or calibrated with."""
         if not self.field:
@@ -115,7 +123,8 @@ def answer(given: Arm, asked: SimulateRequest) -> Result:
     if asked.pose is None:
         return of_table(given, readings_asked(given, asked.data, confirm_units=asked.confirm_units), asked.rigid_joints)
     q = pose_of(given.robot, asked.pose, "--pose")
-    return at_pose(given, q, USUAL if asked.load is None else asked.load, asked)
+    wrench = wrench_of(USUAL, "--load") if asked.load is None else np.asarray(asked.load)
+    return at_pose(given, q, wrench, asked)
 
 
 simulate = capability("simulate", SimulateRequest, answer, own_effects=True)

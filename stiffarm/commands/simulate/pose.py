@@ -35,9 +35,8 @@ MOTION = length("motion")
 STIFFNESS = QUANTITIES["stiffness"]
 
 
-def at_pose(given: Arm, q: Array, load: Any, asked: SimulateRequest) -> Result:
+def at_pose(given: Arm, q: Array, wrench: Array, asked: SimulateRequest) -> Result:
     """Displacement and directional stiffness at pose q (dof,) under a wrench (6,), split by part."""
-    wrench = np.asarray(load)
     model = given.model.with_rigid_joints() if asked.rigid_joints else given.model
     parts = deflections(given, q, wrench, asked)
     d = np.sum(list(parts.values()), axis=0) if parts else np.zeros(6)
@@ -53,7 +52,7 @@ def at_pose(given: Arm, q: Array, load: Any, asked: SimulateRequest) -> Result:
     lengths_um = {name: 1e6 * float(np.linalg.norm(part[:3])) for name, part in parts.items()}
     figure = partial(ranked_figure, "How far each part moves the tool", lengths_um, "length of the motion (um)")
     rows = np.array([*parts.values(), d])
-    known = stiffness is not None and not np.isnan(stiffness.low)
+    known = stiffness is not None and np.isfinite(stiffness.ends[0])
     return Result(
         name="simulation",
         title=given.description.title.split(" (")[0],
@@ -64,7 +63,7 @@ def at_pose(given: Arm, q: Array, load: Any, asked: SimulateRequest) -> Result:
             " Stiffness along the force: none (no force, or a rigid model)."
             if stiffness is None
             else f" Stiffness along the force: {STIFFNESS.text(stiffness.value, unit=True)}"
-            + (f" (95 %: {STIFFNESS.between(stiffness.low, stiffness.high)})." if known else ".")
+            + (f" (95 %: {STIFFNESS.between(*stiffness.ends)})." if known else ".")
         ),
         how_sure=how_sure(given, facts),
         what_next=what_next(given),
@@ -93,12 +92,12 @@ def _key(motion: float, most: str, stiffness: Number | None) -> tuple[KeyFigure,
     moved = KeyFigure(MOTION.text(motion, unit=True), f"motion of the tool; {most} contributes most")
     if stiffness is None:
         return (moved,)
-    value, low, high = (STIFFNESS.factor * v for v in (stiffness.value, stiffness.low, stiffness.high))
+    value, low, high = (STIFFNESS.factor * v for v in (stiffness.value, *stiffness.ends))
     if np.isnan(low):
         return KeyFigure(
             STIFFNESS.text(stiffness.value, unit=True), "stiffness along the force", "no interval: not calibrated"
         ), moved
-    interval = f"95\u00a0%: {STIFFNESS.between(stiffness.low, stiffness.high)}"
+    interval = f"95\u00a0%: {STIFFNESS.between(*stiffness.ends)}"
     return KeyFigure(f"{known_to(value, low, high)} N/mm", "stiffness along the force", interval), moved
 
 
@@ -140,7 +139,7 @@ def _stiffness(
     if along <= 0.0:
         return None
     if rigid_joints or wrench[3:].any():
-        return Number(1.0 / along)
+        return Number(1.0 / along, np.nan, np.nan)
     stated = given.at_load(StatedLoad(force)).model
     low, high = intervals_at(given.description, stated, q[None], force, np.array([1.0 / along]))
     return Number(1.0 / along, float(low[0]), float(high[0]))

@@ -9,6 +9,7 @@ import numpy as np
 from doe import Measurements
 from doe.tables.loaded import history_of, simulate
 from fem.arm import Arm
+from fem.statics.small_displacements import FLAG
 from robots.arrays import Array, Indices
 from robots.quantities import Quantity, rounded
 from stiffarm.commands.simulate.figures import readings_figure
@@ -50,9 +51,9 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
             one = MOTIONS[k]
             values[Quantity(f"{one.key}_{what}", one.unit, one.factor, f"{one.key} {what}")] = some
     values[difference] = off
-    labels = {"line": [str(line) for line in data.row_numbers], "pose": list(data.pose)}
+    labels: dict[str, list[str | bool]] = {"line": [str(line) for line in data.row_numbers], "pose": list(data.pose)}
     if any(marks):
-        labels["flag"] = [", ".join(mark) for mark in marks]
+        labels[FLAG] = [bool(mark) for mark in marks]
     worst = np.argsort(-np.abs(off), kind="stable")
     names = naturally(data.pose)
     by_pose = np.array(sorted(range(data.n), key=lambda k: (names.index(data.pose[k]), data.loads_N[k])))
@@ -103,7 +104,7 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
 def _rows(
     name: str,
     caption: str,
-    labels: dict[str, list[str]],
+    labels: dict[str, list[str | bool]],
     values: dict[Quantity, Array],
     rows: Indices,
     folded: bool = False,

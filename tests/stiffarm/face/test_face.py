@@ -211,7 +211,7 @@ def test_indices_are_found_by_name() -> None:
     found = sa.index(arm, pose=[pose, pose], force=[200, 200, 200])
     assert found["k_fs"][0] == found["k_fs"][1] > 0
     with pytest.raises(sa.InputError, match="k_fs"):
-        found["stiffness"]
+        found["nothing"]
 
 
 @pytest.mark.slow
