@@ -129,7 +129,7 @@ def quantity(key: str) -> Quantity:
         No such quantity.
     """
     key = key.replace(" ", "_")
-    require_one_of("quantity", key, QUANTITIES)
+    require_one_of("quantity", key, QUANTITIES, code="S015")
     return QUANTITIES[key]
 
 

@@ -76,7 +76,7 @@ def called() -> Iterator[list[str]]:
 
 def _of_arguments(error: InputError) -> InputError:
     allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
-    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy, site=error.site)
+    return InputError(_words(error.what), code=error.code, value=error.value, allowed=allowed, remedy=remedy)
 
 
 def _words(text: str) -> str:
@@ -105,7 +105,9 @@ def _command(
         with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
             asked = request(**dict(_values(options, given)))
             if asked.writes_by is not None and frame.out is None:
-                raise InputError(f"{asked.writes_by} writes files and has no folder for them", remedy="give --out DIR")
+                raise InputError(
+                    f"{asked.writes_by} writes files and has no folder for them", code="A003", remedy="give --out DIR"
+                )
             frame.files |= {key: v for key in options if isinstance(v := getattr(asked, key), Path) and v.is_file()}
             arm = frame.model(
                 given["model"],

@@ -158,7 +158,7 @@ def _check_range(value: Any, how: Option, name: str) -> None:
     good = isinstance(value, int | float) and math.isfinite(value)
     if not good or (low is not None and value < low) or (high is not None and value > high):
         ends = [f"{low:g} or more" if low is not None else "", f"up to {high:g}" if high is not None else ""]
-        raise InputError(name, value=value, allowed=", ".join(filter(None, ends)))
+        raise InputError(name, code="A004", value=value, allowed=", ".join(filter(None, ends)))
 
 
 def _plain(value: Any) -> Any:
@@ -187,7 +187,7 @@ def numbers_of(value: Any, name: str, allowed: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         row = np.full((1, 1), np.nan)
     if row.ndim != 1 or not np.isfinite(row).all():
-        raise InputError(name, value=value, allowed=allowed)
+        raise InputError(name, code="A004", value=value, allowed=allowed)
     return tuple(row.tolist())
 
 
@@ -195,7 +195,9 @@ def _split(text: str, name: str, allowed: str, example: str) -> tuple[float, ...
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
-        raise InputError(name, value=text, allowed=allowed, remedy=f"write it as in {name} {example}") from None
+        raise InputError(
+            name, code="A004", value=text, allowed=allowed, remedy=f"write it as in {name} {example}"
+        ) from None
 
 
 def _row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
@@ -204,7 +206,7 @@ def _row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
     def checked(value: Any, name: str) -> tuple[float, ...]:
         row = numbers_of(value, name, allowed)
         if len(row) not in counts or not (zero or any(row)):
-            raise InputError(name, value=value, allowed=allowed, remedy=f"write it as in {name} {example}")
+            raise InputError(name, code="A004", value=value, allowed=allowed, remedy=f"write it as in {name} {example}")
         return row
 
     metavar = "X,Y,Z" if counts == (3,) else "X,Y,Z[,A,B,C]"
@@ -224,7 +226,9 @@ def _named(text: str, name: str) -> dict[str, float] | tuple[float, ...]:
     for item in text.split(","):
         key, _, number = (part.strip() for part in item.partition("="))
         if key in found:
-            faults.append(InputError(f"{name}: {key} is given twice", allowed="each name once", remedy="remove one"))
+            faults.append(
+                InputError(f"{name}: {key} is given twice", code="A004", allowed="each name once", remedy="remove one")
+            )
         try:
             found[key] = float(number)
         except ValueError:
@@ -233,6 +237,7 @@ def _named(text: str, name: str) -> dict[str, float] | tuple[float, ...]:
             faults.append(
                 InputError(
                     f"{name}: {key}",
+                    code="A004",
                     value=number,
                     allowed="a finite number",
                     remedy=f"write it with a decimal point and without a unit, as in {key}=5",
@@ -261,12 +266,13 @@ def in_order(values: Any, names: Sequence[str], name: str, unit: str = "number")
         if len(row) != len(names):
             raise InputError(
                 name,
+                code="A004",
                 value=f"{len(row)} numbers",
                 allowed=f"{len(names)}, those of {', '.join(names)}, or by name, as in {names[0]}=5",
             )
         return np.array(row)
     for key, value in values.items():
-        require_one_of(f"{name}: name", key, names, remedy="use these names")
+        require_one_of(f"{name}: name", key, names, code="A004", remedy="use these names")
         numbers_of(value, f"{name}: {key}", f"a finite {unit}")
     return np.array([float(values.get(key, 0.0)) for key in names])
 
@@ -286,6 +292,7 @@ def pose_of(robot: Robot, value: ByName, name: str) -> Array:
     if wrong := robot.violations(q):
         raise InputError(
             f"{name}: {robot.name} cannot take this pose: {'; '.join(wrong)}",
+            code="A005",
             remedy="keep the ranges named (a coordinate that is not given stands at 0)",
         )
     return np.asarray(q)
@@ -302,6 +309,7 @@ def poses_asked(robot: Robot, given: Given, table: Poses | None, what: str) -> t
     if (table is None) == (not given):
         raise InputError(
             f"{what} needs poses",
+            code="A003",
             allowed="either --pose (one or more) or a table of poses",
             remedy=f"give one of the two, as in --pose {robot.coordinates[0]}=5",
         )
@@ -317,6 +325,7 @@ def poses_asked(robot: Robot, given: Given, table: Poses | None, what: str) -> t
         first = int(outside[0])
         raise InputError(
             f"table of poses: {len(outside)} of {len(q)} poses cannot be taken; the first is pose {texts[first]}",
+            code="A005",
             value="; ".join(robot.violations(q[first])),
             remedy="correct or remove them",
         )
@@ -362,6 +371,7 @@ def wrench_of(value: Any, name: str) -> Array:
     if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
         raise InputError(
             name,
+            code="A006",
             value=_paired(value),
             allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
             remedy="give the load in N and N m, as in fz_N=-650",
@@ -374,7 +384,9 @@ def _frame(value: Any, name: str) -> Array:
         return np.array(value, dtype=np.float64)
     row = numbers_of(value, name, FRAME_FORM)
     if len(row) not in (3, 6):
-        raise InputError(name, value=value, allowed=FRAME_FORM, remedy=f"write it as in {name} 0,0,250,0,0,0")
+        raise InputError(
+            name, code="A004", value=value, allowed=FRAME_FORM, remedy=f"write it as in {name} 0,0,250,0,0,0"
+        )
     return frame_mm_deg(row)
 
 
@@ -383,7 +395,7 @@ def word(alias: Any) -> Kind:
     words = get_args(alias)
 
     def checked(value: Any, name: str) -> Any:
-        require_one_of(name, value, words, remedy="choose one of them")
+        require_one_of(name, value, words, code="A001", remedy="choose one of them")
         return value
 
     return Kind("|".join(words), lambda text, name: text, checked)

@@ -215,7 +215,7 @@ class Result:
         """
         names = [one.name for one in self.tables]
         if table is not None:
-            require_one_of("table", table, names)
+            require_one_of("table", table, names, code="B003")
         return self.tables[0 if table is None else names.index(table)].frame()
 
     def __getitem__(self, name: str) -> Array:
@@ -234,7 +234,7 @@ class Result:
         known |= {quantity: np.array(one.value) for quantity, one in self.numbers.items()}
         by_name = {quantity.key: values for quantity, values in known.items()}
         by_name |= {q.column: q.factor * values for q, values in known.items() if q.unit}
-        require_one_of("quantity", name, by_name)
+        require_one_of("quantity", name, by_name, code="S015")
         return by_name[name]
 
     def interval(self, name: str) -> tuple[Array, Array]:
@@ -247,7 +247,7 @@ class Result:
         """
         known = {quantity.key: (np.array(one.ends[0]), np.array(one.ends[1])) for quantity, one in self.numbers.items()}
         known |= {quantity.key: ends for table in self.tables for quantity, ends in table.intervals.items()}
-        require_one_of("quantity with an interval", name, known)
+        require_one_of("quantity with an interval", name, known, code="S015")
         return known[name]
 
     def plot(self, name: str | None = None, file: str | Path | None = None) -> Picture:
@@ -262,9 +262,11 @@ class Result:
 
         names = [one.name for one in self.drawings]
         if not names:
-            raise InputError(f"picture of {self.name}", value=name, allowed="none: this result has no picture")
+            raise InputError(
+                f"picture of {self.name}", code="B003", value=name, allowed="none: this result has no picture"
+            )
         if name is not None:
-            require_one_of("picture", name, names)
+            require_one_of("picture", name, names, code="B003")
         return Picture.of(self.drawings[0 if name is None else names.index(name)].draw()).kept(file)
 
     def save(self, folder: str | Path) -> Path:

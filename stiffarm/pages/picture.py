@@ -41,7 +41,9 @@ class Picture:
 
         path = Path(file)
         if path.suffix.lower() != ".png":
-            raise InputError("picture file", value=str(path), allowed="a name ending in .png", remedy="add .png")
+            raise InputError(
+                "picture file", code="B004", value=str(path), allowed="a name ending in .png", remedy="add .png"
+            )
         write_whole(path, self.png)
         return path
 

@@ -73,22 +73,23 @@ class SimulateRequest(Request):
         super().__post_init__()
         if self.pose is not None and self.data is not None:
             raise InputError(
-                "simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA"
+                "simulate takes a pose or a measurement table, not both", code="A002", remedy="leave out --pose or DATA"
             )
         if self.field and self.pose is None:
             raise InputError(
                 "--field",
+                code="A003",
                 value="a measurement table",
                 allowed="one pose and load",
                 remedy="give --pose, as in --pose q2_deg=5, and --load if it is not 650 N downward",
             )
         if not self.field and self.scale is not None:
-            raise InputError("--scale: only with --field", remedy="add --field or leave it out")
-        require_positive("--scale", self.scale, remedy="1 draws motion at its true size")
+            raise InputError("--scale: only with --field", code="A003", remedy="add --field or leave it out")
+        require_positive("--scale", self.scale, code="A001", remedy="1 draws motion at its true size")
         given = {"--load": self.load, "--unload-from": self.unload_from}
         if self.pose is None and (names := [name for name, value in given.items() if value is not None]):
             why_not = "only with --pose: a measurement table has its own loads and phases"
-            raise InputError(f"{', '.join(names)}: {why_not}", remedy="leave it out")
+            raise InputError(f"{', '.join(names)}: {why_not}", code="A003", remedy="leave it out")
 
     @property
     def writes_by(self) -> str | None:
@@ -110,6 +111,7 @@ def _require_meshed(what: str, links: str | None) -> None:
     if links not in (None, "shell", "solid"):
         raise InputError(
             what,
+            code="A001",
             value=links,
             allowed="shell or solid: only these have displacements, stresses and energies to show",
             remedy="give --links shell, or calibrate with --links shell",
