@@ -107,6 +107,7 @@ QUANTITIES: Final = _table(
     length("displacement", unit="um"),
     length("normal_displacement", "normal displacement", unit="um"),
     Quantity("room"),
+    Quantity("share", "%", 100.0, digits=2),
     angle("joint_limit", "distance to the nearest joint limit"),
     Quantity("singularity", label="smallest singular value"),
     Quantity("stiffness_share_taken_by_load", label="share of the joint stiffness that the load takes away"),

@@ -18,7 +18,7 @@ from robots import InputError, InputErrors
 from robots.files.reading import recording
 from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
-from stiffarm.session.console import kept_messages
+from stiffarm.session.console import kept_messages, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 
@@ -125,7 +125,8 @@ def _command(
                 if folder is not None:
                     with cautioned(caveats(result.arm or arm) if result.caution is None else result.caution):
                         result.write(folder)
-            frame.answer(result.as_json, lambda: _shown(result))
+            frame.answer(result.as_json, result.show)
+            say_notes(result.remarks)
 
     command.__name__ = name
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
@@ -133,13 +134,6 @@ def _command(
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
-
-
-def _shown(result: Result) -> None:
-    from stiffarm.session.console import say_notes
-
-    result.show()
-    say_notes(result.remarks)
 
 
 def _values(options: dict[str, Option], given: dict[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -12,9 +12,10 @@ import numpy as np
 import fem.arm
 from robots import InputError, bundled_names, save_description
 from robots.constants import DOWN
-from stiffarm.face.calls import ByName, called, in_order
+from stiffarm.face.calls import called
 from stiffarm.face.shown import frame
 from stiffarm.pages.picture import Picture
+from stiffarm.request import ByName, pose_of
 from stiffarm.session import inputs
 
 if TYPE_CHECKING:
@@ -101,14 +102,7 @@ class Arm(fem.arm.Arm):
             from stiffarm.commands.plan.options import resting_pose
 
             return resting_pose(self.robot, {})
-        q = np.radians(in_order(q_deg, self.coordinates, "q_deg", "number of degrees"))
-        if wrong := self.robot.violations(q):
-            raise InputError(
-                f"q_deg: {self.name} cannot take this pose: {'; '.join(wrong)}",
-                code="A005",
-                remedy="keep the ranges named (a coordinate that is not named stands at 0)",
-            )
-        return q
+        return pose_of(self.robot, q_deg, "q_deg")
 
 
 def load(

@@ -2,58 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError, require_one_of
+from robots import InputError
 from stiffarm.capability import called
 
-__all__ = ["ByName", "called", "in_order", "numbers", "one_or_several", "words_of"]
-
-# Numbers by name, or all of them in the order of the names.
-ByName = Mapping[str, float] | Sequence[float]
-
-
-def in_order(values: ByName, names: Sequence[str], argument: str, unit: str = "number") -> list[float]:
-    """The values of ``names``, one after the other, 0 where one is not given; a row of numbers has them all.
-
-    Raises
-    ------
-    InputError
-        A name that is not one of them, a row of another length, or a value that is not finite.
-    """
-    if not isinstance(values, Mapping):
-        row = numbers(values, argument) or ()
-        if len(row) != len(names):
-            raise InputError(
-                argument,
-                code="B003",
-                value=f"{len(row)} numbers",
-                allowed=f"{len(names)}, those of {', '.join(names)}, or by name",
-            )
-        values = dict(zip(names, row, strict=True))
-    for name, value in values.items():
-        require_one_of(f"{argument}: name", name, names, code="B003", remedy="use these names")
-        if not _is_finite(value):
-            raise InputError(f"{argument}: {name}", code="B003", value=value, allowed=f"a finite {unit}")
-    return [float(values.get(name, 0.0)) for name in names]
-
-
-def _is_finite(value: Any) -> bool:
-    try:
-        return math.isfinite(value)
-    except TypeError:
-        return False
-
-
-def one_or_several(given: ByName | Sequence[ByName]) -> list[ByName]:
-    """A row of numbers or numbers by name, or several of them, as a list of them."""
-    rows: list[Any] = [given] if isinstance(given, Mapping) else list(given)
-    return [rows] if rows and not any(isinstance(row, Mapping | Sequence | np.ndarray) for row in rows) else rows
+__all__ = ["called", "numbers", "words_of"]
 
 
 def words_of(given: Sequence[str] | str | None, argument: str) -> tuple[str, ...] | None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from robots import InputError, require_one_of
 from stiffarm.face.arms import Arm
-from stiffarm.face.calls import called, in_order
+from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
+from stiffarm.request import in_order
 from surrogate.model import Surrogate as Learned
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _degrees(
     """Angles (n, k) of the inputs."""
 
     def one(pose: Mapping[str, float]) -> list[float]:
-        return in_order(pose, inputs, "q_deg", "number of degrees")
+        return list(in_order(pose, inputs, "q_deg", "number of degrees"))
 
     if isinstance(q_deg, Mapping | Sequence):
         found = [one(pose) for pose in ([q_deg] if isinstance(q_deg, Mapping) else q_deg)]

@@ -11,7 +11,7 @@ from doe.tables.loaded import history_of, simulate
 from fem.arm import Arm
 from fem.statics.small_displacements import FLAG
 from robots.arrays import Array, Indices
-from robots.quantities import Quantity, rounded
+from robots.quantities import QUANTITIES, Quantity, rounded
 from stiffarm.commands.simulate.figures import readings_figure
 from stiffarm.commands.simulate.pose import MOTIONS, about, how_sure, model_section, remarks, what_next
 from stiffarm.pages.figure_parts import naturally
@@ -24,6 +24,7 @@ from stiffarm.session.softness import flagged
 # Readings of a table that stand on the page unfolded.
 WORST = 8
 LOAD = Quantity("load", "N")
+SHARE = QUANTITIES["share"]
 RMS = {"mm": Quantity("rms", "mm", 1e3, "RMS difference"), "mrad": Quantity("rms", "mrad", 1e3, "RMS difference")}
 SPANS = {"mm": slice(0, 3), "mrad": slice(3, 6)}
 
@@ -58,7 +59,7 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
     names = naturally(data.pose)
     by_pose = np.array(sorted(range(data.n), key=lambda k: (names.index(data.pose[k]), data.loads_N[k])))
     share = rms[unit][0] / rms[unit][1] if rms[unit][1] else np.nan
-    part = "" if np.isnan(share) else f", {100.0 * share:.2g} % of what was read"
+    part = "" if np.isnan(share) else f", {SHARE.text(share, unit=True)} of what was read"
     largest = KeyFigure(difference.text(abs(off[worst[0]]), unit=True), f"largest, in pose {data.pose[worst[0]]}")
     made = np.where(data.used, d, np.nan)
     return Result(
@@ -89,7 +90,7 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
         ),
         key=(
             KeyFigure(shown.text(rms[unit][0], unit=True), "RMS of simulated minus measured"),
-            KeyFigure("–" if np.isnan(share) else f"{100.0 * share:.2g}\u00a0%", "of what was read (RMS)"),
+            KeyFigure("–" if np.isnan(share) else SHARE.text(share, unit=True), "of what was read (RMS)"),
             largest,
         ),
         sections=(model_section(facts),),

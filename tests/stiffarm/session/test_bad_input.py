@@ -228,7 +228,7 @@ OPTIONS = {
     "--pose NaN": Case("simulate xr701 --pose q2_deg=nan,q3real_deg=80 --out out", ("q2_deg: got 'nan'", "finite")),
     "--pose name": Case("simulate xr701 --pose q2=5 --out out", ("'q2'", "q2_deg, q3real_deg")),
     "--pose two faults, both named": Case(
-        "simulate xr701 --pose q2_deg=x,q9_deg=1 --out out", ("2 problem(s)", "q2_deg: got 'x'", "'q9_deg'")
+        "simulate xr701 --pose q2_deg=x,q9_deg=y --out out", ("2 problem(s)", "q2_deg: got 'x'", "q9_deg: got 'y'")
     ),
     "--pose twice": Case("simulate xr701 --pose q2_deg=5,q2_deg=6 --out out", ("q2_deg is given twice", "remove one")),
     "--pose out of the limits": Case(
@@ -245,7 +245,7 @@ OPTIONS = {
     "--load zero": Case("simulate xr701 --pose q3real_deg=80 --load fz_N=0 --out out", ("not zero",)),
     "--load empty": Case("simulate xr701 --pose q3real_deg=80 --load= --out out", ("--load= is empty",)),
     "--load beyond all reason": Case(
-        "simulate xr701 --pose q3real_deg=80 --load fz_N=1e200 --out out", ("'fz_N=1e200'", "1e+09 N")
+        "simulate xr701 --pose q3real_deg=80 --load fz_N=1e200 --out out", ("'fz_N=1e+200'", "1e+09 N")
     ),
     "--load with a table": Case("simulate xr701 --load fz_N=-100 --out out", ("--load", "only with --pose")),
     "--points 1": Case("map joints xr701 --points 1 --out out", ("--points", "greater than or equal to 2")),
