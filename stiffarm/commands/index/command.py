@@ -45,7 +45,6 @@ from stiffarm.request import (
 from stiffarm.result import Drawing, Result, plain
 from stiffarm.result import Table as Values
 from stiffarm.session.inputs import with_links
-from stiffarm.session.parsing import frame_words
 from stiffarm.session.stated import at_load, intervals_at, stated_table
 
 # Singular values below which a pose is said to be close to a singularity.
@@ -181,7 +180,7 @@ def answer(given: Arm, asked: IndexRequest) -> Result:
     known = bool(np.isfinite(interval[0][0]))
     facts = {
         "robot": arm.robot.name,
-        "tool_mm_deg": frame_words(T_tool),
+        "tool_tip_mm": plain(tip, 1e3),
         "normal": plain(normal),
         "force_N": None if force is None else plain(force),
         "load": None if load is None else plain(load),
@@ -293,7 +292,7 @@ def _key(arm: Arm, found: Indices, tip: Array, interval: str) -> tuple[KeyFigure
 
 
 def _method(facts: dict[str, object]) -> Section:
-    said = [f"{name.replace('_', ' ')}: {facts[name]}" for name in ("tool_mm_deg", "normal", "force_N", "load")]
+    said = [f"{name.replace('_', ' ')}: {facts[name]}" for name in ("tool_tip_mm", "normal", "force_N", "load")]
     formulas = tuple((name, one.formula) for name, one in INDICES.items())
     table = Fold("What each index is", (Table("Formulas", ("index", "formula"), formulas, (0, 1)),))
     return Section("How it was found", (Text("; ".join(said) + "."), table), folded=True)
