@@ -8,6 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
@@ -87,6 +88,7 @@ __all__ = [
     "read_readings",
     "rehearse",
     "robots_bundled",
+    "sensitivity",
     "simulate",
     "verify",
 ]

@@ -20,7 +20,7 @@ from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
 from stiffarm.session.console import kept_messages, say_notes
 from stiffarm.session.inputs import read_model
-from stiffarm.session.options import Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -168,7 +168,14 @@ def _parameters(request: type[Request], options: dict[str, Option], own_effects:
             info: Any = typer.Argument(metavar=metavar, help=how.help)
         else:
             names = how.spelled or (f"--{name.replace('_', '-')}",)
-            info = typer.Option(*names, metavar=metavar, help=how.help, min=how.least, max=how.most)
+            info = typer.Option(
+                *names,
+                metavar=metavar,
+                help=how.help,
+                min=how.least,
+                max=how.most,
+                rich_help_panel=COMMON if how.is_common else None,
+            )
         yield parameter(name, Annotated[annotation, info], default)
     if own_effects:
         yield parameter("effect", EffectFile, None)

@@ -18,7 +18,7 @@ import numpy as np
 
 from robots import InputError, Robot, require_one_of
 from robots.arrays import Array
-from robots.errors import raise_any
+from robots.errors import raise_any, twice
 from robots.frames import frame_mm_deg
 from stiffarm.session.parsing import FRAME_FORM, LARGEST_LOAD, WRENCH_NAMES, angles_of
 
@@ -67,7 +67,7 @@ class Option:
     """How a field of a request stands on the command line.
 
     ``several``: it may be given more than once, and its value is a tuple; ``spelled``: other spellings than ``--`` and
-    the field's name; ``by_default``: what the help says of the default, where the default itself does not say it.
+    the field's name; ``least``, ``most``: its range; ``is_common``: it is listed with what all commands have.
     """
 
     help: str
@@ -78,6 +78,7 @@ class Option:
     spelled: tuple[str, ...] = ()
     least: float | None = None
     most: float | None = None
+    is_common: bool = False
 
 
 def option(help: str, kind: Kind | None = None, *, default: Any = None, several: bool = False, **more: Any) -> Any:
@@ -86,6 +87,11 @@ def option(help: str, kind: Kind | None = None, *, default: Any = None, several:
         default=() if several and default is None else default,
         metadata={_OPTION: Option(help, kind, several=several, **more)},
     )
+
+
+def seed() -> Any:
+    """The field of the seed of random numbers, an option of the common group."""
+    return option("Seed of the random numbers.", default=0, least=0, is_common=True)
 
 
 def argument(help: str, kind: Kind | None = None, *, metavar: str, **more: Any) -> Any:
@@ -408,6 +414,19 @@ FORCE: Final = _row(
 FRAME: Final = Kind(
     "X,Y,Z[,A,B,C]", lambda text, name: _split(text, name, FRAME_FORM, "0,0,250,0,0,0"), _frame, lambda T: str(T)
 )
+
+
+def _names(value: Any, name: str) -> tuple[str, ...]:
+    names = tuple(part.strip() for part in value.split(",") if part.strip()) if isinstance(value, str) else value
+    good = isinstance(names, Sequence) and all(isinstance(one, str) for one in names)
+    if not good or not names or twice(names):
+        remedy = "name at least one, each once, separated by commas"
+        raise InputError(name, code="A004", value=value, allowed="names, as in j2,j3", remedy=remedy)
+    return tuple(names)
+
+
+# Names in one value, separated by commas; what they may be, the arm or the readings say.
+NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
 # Files of tables, or what Python has in their place.
 READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
 
@@ -19,12 +20,16 @@ from fem.free.parameters import FreeLaw, Parameter, parameter
 from fem.statics.loads import as_loaded
 from robots import InputError, require_one_of
 from robots.arrays import Array, Indices
-from robots.quantities import rounded
+from robots.quantities import Quantity
 from stiffarm.commands.calibrate.words import spoken_unit
+from stiffarm.commands.sensitivity.figures import morris_figure, shares_figure
+from stiffarm.commands.sensitivity.ranking import MOST_PANELS, ranking
+from stiffarm.result import Result, Table
 from stiffarm.session.words.directions import direction_words
 
 Method = Literal["morris", "sobol", "derivative"]
 
+LOAD: Final = Quantity("load", "N")
 COMPONENTS: Final = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 
 
@@ -119,71 +124,93 @@ def _cases(data: Measurements) -> tuple[Indices, tuple[str, ...]]:
     return rows, tuple(words[i] for i in rows)
 
 
-def table(s: Study) -> tuple[str, list[str], list[list[str]]]:
-    """Title, columns and rows: each number's importance, mean and range over the poses."""
-    factor, unit = s.factor_unit
-    f = s.found
-    columns = {
-        "sobol": {"total index": f.total, "first order": f.first},
-        "morris": {f"mean effect ({unit})": f.mean_effect * factor, f"spread ({unit})": f.spread * factor},
-        "derivative": {},
-    }[s.method]
-    exact = (
-        {"by derivatives": variance_shares(f.derivative)}
-        if s.method == "sobol"
-        else {"share of derivatives": f.derivative}
-    )
-    columns = {**columns, **exact}
-    rows = [[p.name, *(_over_poses(values[:, k]) for values in columns.values())] for k, p in enumerate(s.parameters)]
-    what = f"d{s.component}" if len(s.component) == 1 else s.component
-    title = f"{s.method.capitalize()} study of {what} at {len(s.labels)} loaded poses: mean, and largest of them"
-    return title, ["number", *columns], rows
-
-
-def _over_poses(values: Array) -> str:
-    known = values[~np.isnan(values)]
-    return f"{known.mean():.3g}, {known.max():.3g}" if known.size else "-"
-
-
 def range_text(p: Parameter) -> str:
     """The range a number was varied over."""
     factor, unit = spoken_unit(p)
     return f"{p.lower * factor:.3g} to {p.upper * factor:.3g} {unit}"
 
 
-def payload(s: Study) -> dict[str, Any]:
-    """For sensitivity.json."""
+def result(given: Arm, data: Measurements, s: Study) -> Result:
+    """The study with its tables: each parameter at each loaded pose, and means and largest values over the poses."""
+    f, names, n = s.found, [p.name for p in s.parameters], len(s.labels)
     factor, unit = s.factor_unit
-    f = s.found
-    parts: dict[str, dict[str, Array]] = {
-        "sobol": {"first": f.first, "first_conf95": f.first_conf, "total": f.total, "total_conf95": f.total_conf},
-        "morris": {f"mean_effect_{unit}": f.mean_effect * factor, f"spread_{unit}": f.spread * factor},
-        "derivative": {},
+    effects = {
+        "sobol": (
+            Quantity("total", label="total index"),
+            Quantity("first", label="first order"),
+            Quantity("total_conf95"),
+            Quantity("first_conf95"),
+        ),
+        "morris": (Quantity("mean_effect", unit, factor, "mean effect"), Quantity("spread", unit, factor)),
+        "derivative": (),
+    }[s.method]
+    arrays = {
+        "sobol": (f.total, f.first, f.total_conf, f.first_conf),
+        "morris": (f.mean_effect, f.spread),
+        "derivative": (),
+    }[s.method]
+    exact = (
+        (Quantity("derivative_share", label="share of derivatives"), f.derivative),
+        (Quantity("derivative_variance_share", label="by derivatives"), variance_shares(f.derivative)),
+    )
+    values = [*zip(effects, arrays, strict=True), *exact]
+    labels: dict[str, Sequence[str]] = {
+        "pose": [label for label in s.labels for _ in names],
+        "direction": [words for words in s.directions for _ in names],
+        "parameter": names * n,
     }
-    columns = {
-        **parts[s.method],
-        "derivative_share": f.derivative,
-        "derivative_variance_share": variance_shares(f.derivative),
+    every = {LOAD: np.repeat(s.loads_N, len(names))} | {q: array.ravel() for q, array in values}
+    shown = [(q, array) for q, array in values if "conf95" not in q.key]
+    over = {
+        replace(q, key=f"{q.key}_{what}", label=f"{q.name}, {what}"): np.array([of(column) for column in array.T])
+        for q, array in shown
+        for what, of in (("mean", _mean), ("largest", _largest))
     }
-    return {
-        "method": s.method,
-        "component": s.component,
-        "runs": f.runs,
-        "seed": s.seed,
-        "ranges": {p.name: {"low": rounded(p.lower), "high": rounded(p.upper), "unit": p.unit} for p in s.parameters},
-        "poses": [
-            {
-                "pose": label,
-                "load_N": rounded(float(s.loads_N[o])),
-                "direction": s.directions[o],
-                "numbers": {
-                    p.name: {name: rounded(float(values[o, k])) for name, values in columns.items()}
-                    for k, p in enumerate(s.parameters)
-                },
-            }
-            for o, label in enumerate(s.labels)
-        ],
+    what = f"d{s.component}" if len(s.component) == 1 else s.component
+    title = f"{s.method.capitalize()} study of {what} at {n} loaded poses"
+    ends = {
+        Quantity("low"): np.array([p.lower for p in s.parameters]),
+        Quantity("high"): np.array([p.upper for p in s.parameters]),
     }
+    tables = (
+        Table("effects", "Every parameter at every loaded pose", labels, every, folded=True),
+        Table("over_poses", title, {"parameter": names}, over),
+        Table("ranges", "Ranges, SI", {"parameter": names, "unit": [p.unit for p in s.parameters]}, ends, folded=True),
+    )
+    size: Array = {
+        "sobol": f.total,
+        "morris": f.mean_effect / np.maximum(f.mean_effect.sum(axis=1, keepdims=True), 1e-300),
+        "derivative": variance_shares(f.derivative),
+    }[s.method]
+    size = np.nan_to_num(size)
+    drawn = few(s, MOST_PANELS)
+    figure = (
+        partial(morris_figure, drawn.found, drawn.names, what, *drawn.factor_unit)
+        if s.method == "morris"
+        else partial(shares_figure, drawn.found, drawn.names, what)
+    )
+    return ranking(
+        given,
+        data,
+        names,
+        size,
+        [names[int(k)] for k in size.argmax(axis=1)],
+        tuple(f"{p.name} from {range_text(p)}" for p in s.parameters),
+        f"{s.method.capitalize()} study of d{s.component} with {f.runs} runs of the model, seed {s.seed}.",
+        figure,
+        tables,
+        {"method": s.method, "component": s.component, "runs": f.runs, "seed": s.seed},
+    )
+
+
+def _mean(values: Array) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if known.size else np.nan
+
+
+def _largest(values: Array) -> float:
+    known = values[~np.isnan(values)]
+    return float(known.max()) if known.size else np.nan
 
 
 def few(s: Study, most: int) -> Study:

@@ -457,7 +457,7 @@ def test_an_output_folder_that_cannot_be_is_named_before_any_work(
     (tmp_path / "file").write_text("mine", encoding="utf-8")
     out = {"a file in its place": "file", "below a file": "file/deep/er", "name too long": "x" * 300}[place]
     work = (
-        *("commands.run.missing.looks", "commands.sensitivity.command.sensitivity_study"),
+        *("commands.run.missing.looks", "commands.sensitivity.factorial.sensitivity_study"),
         *("commands.simulate.readings.simulate", "commands.fit.learning.learn"),
         *("commands.maps.step.make_map", "commands.maps.sweep.write", "commands.calibrate.step.run_campaign"),
     )

@@ -265,25 +265,23 @@ def test_sensitivity_equals_the_lever_arm_formula(cli: Command) -> None:
         wanted = {"j2": (1.10 * np.sin(np.radians(q2))) ** 2, "j3": (1.55 * np.sin(forearm)) ** 2}
         for joint, lever_squared in wanted.items():
             # Six significant digits in the file.
-            assert row["effect_mm"][joint] == pytest.approx(factor_mm * lever_squared, rel=1e-5)
-    assert result["effects"][0]["ranking"][0] == "j3"
+            assert row[f"effect_{joint}_mm"] == pytest.approx(factor_mm * lever_squared, rel=1e-5)
+    assert result["effects"][0]["ranking"].startswith("j3 > ")
 
 
 def test_the_load_path_decides_what_joint_2_does(cli: Command) -> None:
     effect = {
-        path: cli("sensitivity", "xr701", "--poses", "41", "--load-path", path, "--json").json["effects"][0][
-            "effect_mm"
-        ]
+        path: cli("sensitivity", "xr701", "--poses", "41", "--load-path", path, "--json").json["effects"][0]
         for path in ("parallelogram", "serial")
     }
     # Upper arm 5 deg from the vertical: 0.1 m lever with the parallelogram, about 1.6 m without.
-    assert effect["parallelogram"]["j2"] < 0.01 * effect["serial"]["j2"]
+    assert effect["parallelogram"]["effect_j2_mm"] < 0.01 * effect["serial"]["effect_j2_mm"]
 
 
 def test_sensitivity_writes_table_and_picture(cli: Command, tmp_path: Path) -> None:
     outcome = cli("sensitivity", "xr701", "--out", "out")
     assert outcome.out == ""
-    files = {"sensitivity.json", "sensitivity.png", "run.json", "report.html", "figures", "figures/shares.png"}
+    files = {"sensitivity.json", "sensitivity.csv", "sensitivity.png", "run.json", "report.html", "shares.png"}
     assert set(tree(tmp_path / "out")) == files
     assert (tmp_path / "out" / "sensitivity.png").read_bytes().startswith(b"\x89PNG")
 

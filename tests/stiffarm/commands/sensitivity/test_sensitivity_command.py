@@ -29,39 +29,39 @@ def _run(cli: Command, small: Path, *options: str) -> dict:  # type: ignore[type
 
 def test_sobol_indices_are_the_squares_of_exact_derivatives(cli: Command, small: Path) -> None:
     result = _run(cli, small, "--method", "sobol", *NARROW)
-    assert [pose["pose"] for pose in result["poses"]] == ["S0-0", "S0-1", "S0-2"]
+    assert list(dict.fromkeys(row["pose"] for row in result["effects"])) == ["S0-0", "S0-1", "S0-2"]
     # Three springs: vertical loads do not turn the waist.
     assert result["runs"] == 512 * (3 + 2)
-    for pose in result["poses"]:
-        assert sum(n["derivative_share"] for n in pose["numbers"].values()) == pytest.approx(1.0, abs=1e-5)
-        for n in pose["numbers"].values():
-            # Sampling: within twice the 95 % half-width; the curvature over 2.5 % adds less than 0.001.
-            wide = 2.0 * n["total_conf95"] + 1e-3
-            assert n["total"] == pytest.approx(n["derivative_variance_share"], abs=wide)
+    for pose in {row["pose"] for row in result["effects"]}:
+        shares = [row["derivative_share"] for row in result["effects"] if row["pose"] == pose]
+        assert sum(shares) == pytest.approx(1.0, abs=1e-5)
+    for row in result["effects"]:
+        # Sampling: within twice the 95 % half-width; the curvature over 2.5 % adds less than 0.001.
+        wide = 2.0 * row["total_conf95"] + 1e-3
+        assert row["total"] == pytest.approx(row["derivative_variance_share"], abs=wide)
 
 
 def test_morris_means_are_the_effects_of_the_factorial(cli: Command, small: Path) -> None:
     for e in _run(cli, small, *NARROW)["effects"]:
         # The factorial takes the component that was read largest at each pose.
         options = ("--method", "morris", "--poses", e["pose"], "--component", e["read"][1:])
-        (pose,) = _run(cli, small, *options, *NARROW)["poses"]
-        for name, n in pose["numbers"].items():
-            effect = abs(e["effect_mm"][name.removesuffix(".stiffness")])
+        for row in _run(cli, small, *options, *NARROW)["effects"]:
+            effect = abs(e[f"effect_{row['parameter'].removesuffix('.stiffness')}_mm"])
             # The slope by ln k changes by 2.5 % over the range, and six levels do not weigh it evenly.
-            assert n["mean_effect_mm"] == pytest.approx(effect, rel=0.02, abs=1e-9)
-            assert n["spread_mm"] < 0.02 * effect + 1e-9
+            assert row["mean_effect_mm"] == pytest.approx(effect, rel=0.02, abs=1e-9)
+            assert row["spread_mm"] < 0.02 * effect + 1e-9
 
 
 def test_any_numbers_and_components(cli: Command, small: Path) -> None:
     free = "shoulder.stiffness,base.ry,tool.tz,elbow.zero,load.x"
     result = _run(cli, small, "--free", free, "--component", "ry", "--samples", "16", "--poses", "S0-1")
     assert result["method"] == "sobol"
-    (pose,) = result["poses"]
-    assert list(pose["numbers"]) == free.split(",")
-    assert result["ranges"]["base.ry"] == {"low": 1e7, "high": 1e8, "unit": "N m/rad"}
+    shares = {row["parameter"]: row["derivative_share"] for row in result["effects"]}
+    assert list(shares) == free.split(",")
+    ranges = {row.pop("parameter"): row for row in result["ranges"]}
+    assert ranges["base.ry"] == {"low": 1e7, "high": 1e8, "unit": "N m/rad"}
     # A tool that gives way along z does not turn.
-    assert pose["numbers"]["tool.tz"]["derivative_share"] == 0.0
-    shares = {name: n["derivative_share"] for name, n in pose["numbers"].items()}
+    assert shares["tool.tz"] == 0.0
     assert max(shares, key=shares.__getitem__) == "shoulder.stiffness"
 
 
@@ -77,7 +77,8 @@ def test_a_table_and_a_picture(cli: Command, small: Path, tmp_path: Path, method
     outcome = cli("sensitivity", small / "small.urdf", small / "readings.csv", "--method", method, "--out", "out")
     assert (outcome.code, outcome.out) == (0, ""), outcome.err
     assert "shoulder.stiffness" in outcome.err
-    files = {"sensitivity.json", "sensitivity.png", "run.json", "report.html", "figures", "figures/shares.png"}
+    files = {"sensitivity.json", "sensitivity.csv", "sensitivity.png", "run.json", "report.html", "shares.png"}
+    files |= {"over_poses.csv", "ranges.csv"}
     assert set(tree(tmp_path / "out")) == files
 
 
