@@ -122,12 +122,12 @@ class Table:
             say(f"({len(self) - SHOWN} more rows are in the files of --out and with --json)")
 
     def block(self) -> page.Table:
-        """The table on a page."""
+        """The table on a page, in a section that has its caption for a title."""
         from stiffarm.pages import report as page
 
         names, cells = self.texts(2 * SHOWN)
         texts = tuple(range(len(self.labels))) if names[0] else (0,)
-        return page.Table(self.caption, tuple(names), tuple(map(tuple, cells)), texts)
+        return page.Table("", tuple(names), tuple(map(tuple, cells)), texts)
 
 
 @dataclass(frozen=True)
@@ -317,7 +317,8 @@ class Result:
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in self.tables]
+        tables = sorted(self.tables, key=lambda table: table.folded)
+        sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(pictures[1:])))
         if self.remarks:
             sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))

@@ -136,8 +136,8 @@ def result(given: Arm, data: Measurements, s: Study) -> Result:
     factor, unit = s.factor_unit
     effects = {
         "sobol": (
-            Quantity("total", label="total index"),
-            Quantity("first", label="first order"),
+            Quantity("total", label="total index", digits=3),
+            Quantity("first", label="first order", digits=3),
             Quantity("total_conf95"),
             Quantity("first_conf95"),
         ),
@@ -150,8 +150,8 @@ def result(given: Arm, data: Measurements, s: Study) -> Result:
         "derivative": (),
     }[s.method]
     exact = (
-        (Quantity("derivative_share", label="share of derivatives"), f.derivative),
-        (Quantity("derivative_variance_share", label="by derivatives"), variance_shares(f.derivative)),
+        (Quantity("derivative_share", label="share of derivatives", digits=3), f.derivative),
+        (Quantity("derivative_variance_share", label="by derivatives", digits=3), variance_shares(f.derivative)),
     )
     values = [*zip(effects, arrays, strict=True), *exact]
     labels: dict[str, Sequence[str]] = {
