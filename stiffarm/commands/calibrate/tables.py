@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from doe.certainty.doubts import CODES
 from doe.certainty.lack_of_fit import FLAGGED, outliers
 from doe.published.parametric import PoseFit
 from doe.published.pose_studies import IDENTIFIED_WITHIN
@@ -47,7 +48,7 @@ def show_answer(c: Calibrated) -> None:
 def say_doubts(c: Calibrated) -> None:
     """What the readings say against a calibration, or against themselves."""
     for doubt in c.doubts:
-        say(f"warning: {doubt.words}")
+        say(f"warning: {doubt.words}", code=CODES[doubt.code])
 
 
 def say_errors(c: Calibrated) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from fem.arm import Arm
-from robots import InputError
+from robots import InputError, Remark
 from stiffarm import __version__
 from stiffarm.session import parsing
 from stiffarm.session.console import say, say_notes
@@ -124,7 +124,8 @@ def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
 
 def _notes(given: Arm) -> list[str]:
     stiff = list(given.joints_without_springs)
-    out = [f"no spring is given for {', '.join(stiff)}: held rigid until calibrated"] if stiff else []
+    text = f"no spring is given for {', '.join(stiff)}: held rigid until calibrated"
+    out: list[str] = [Remark(text, code="W001")] if stiff else []
     calibration = given.description.calibration
     if calibration is not None and calibration.links != given.model.link_kind:
         out.append(f"the springs were calibrated with {calibration.links} links; here they are {given.model.link_kind}")

@@ -17,6 +17,7 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
+from robots import Remark
 from robots.arrays import Array
 from robots.inverse.following import is_redundant
 from robots.schema.joint_errors import Positions
@@ -32,7 +33,10 @@ from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 
 SCHEMA = "stiffarm-post-run/1"
-UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."
+UNVERIFIED = Remark(
+    "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`.",
+    code="W031",
+)
 
 
 def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:

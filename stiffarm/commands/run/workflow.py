@@ -30,7 +30,7 @@ from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
@@ -75,7 +75,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
         with folder.timed("calibration"):
             findings = _calibrated(given, table, scheme, kept, looks, options.seed)
         if findings.rigid_warning:
-            say(f"note: {findings.rigid_warning}")
+            say_notes([findings.rigid_warning])
         with folder.timed("surrogates"):
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:

@@ -181,7 +181,8 @@ def show(result: dict[str, Any]) -> None:
     if result.get("effects"):
         say(f"with effects: {', '.join(result['effects'])}")
     if result["joints_without_spring"] and not result["rigid_joints"]:
-        say(f"note: no spring is given for {', '.join(result['joints_without_spring'])}: held rigid until calibrated")
+        names = ", ".join(result["joints_without_spring"])
+        say(f"note: no spring is given for {names}: held rigid until calibrated", code="W001")
     if result["links"] == NO_LINKS:
         say(f"note: {NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
     else:
