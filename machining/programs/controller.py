@@ -265,20 +265,37 @@ class Controller(Format):
         out = self._precision_notes(job)
         heavy = [tool.name for tool in job.used if tool.load is None]
         if heavy:
-            text = f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts"
-            out.append(Remark(text, code="W050"))
+            out.append(
+                Remark(
+                    f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts",
+                    code="W050",
+                )
+            )
         if not job.program.at_home[:1].all():
-            text = "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]"
-            out.append(Remark(text, code="W052"))
+            out.append(
+                Remark(
+                    "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]",
+                    code="W052",
+                )
+            )
         table = job.program.cell.commands
         starts = (table.spindle_clockwise, table.spindle_counterclockwise)
         if any(way is not None for way in starts) and not run_up(table):
-            text = "the cell file has no spindle_ready and no spindle_dwell_s: a start of the spindle is not waited for"
-            out.append(Remark(text, code="W051"))
+            out.append(
+                Remark(
+                    "the cell file has no spindle_ready and no spindle_dwell_s: a start of the spindle is not waited "
+                    "for",
+                    code="W051",
+                )
+            )
         points = [tool.name for tool in job.used if tool.load is not None and not tool.load.inertia.any()]
         if points:
-            text = f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass"
-            out.append(Remark(text, code="W050"))
+            out.append(
+                Remark(
+                    f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass",
+                    code="W050",
+                )
+            )
         if job.kind == "cartesian":
             if job.program.cell.turntable is not None:
                 out.append("the part frame turns with the turntable: couple it to the turntable on the controller")

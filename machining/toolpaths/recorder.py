@@ -350,8 +350,11 @@ class Recorder:
             worst = int(np.argmin(cosine))
             angle = np.degrees(np.arccos(np.clip(cosine[worst], -1.0, 1.0)))
             far = int((cosine < TURN).sum())
-            text = f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}"
-            self.note(int(line[worst + 1]), text, code="W042")
+            self.note(
+                int(line[worst + 1]),
+                f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}",
+                code="W042",
+            )
 
     def _table(self, points: Array, axes: Array, line: Integers) -> Motions:
         n = len(line)

@@ -157,8 +157,9 @@ class Krl(Controller):
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
         percent = job.options.joint_percent
-        text = f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept"
-        slow = Remark(text, code="W047")
+        slow = Remark(
+            f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept", code="W047"
+        )
         return super().notes(job) + ([slow] if job.kind == "joint" else [])
 
     def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:

@@ -15,7 +15,7 @@ from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.report import Table
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 from stiffarm.session.words.noise import scatter_name
 from stiffarm.session.words.springs import mega
 
@@ -31,8 +31,7 @@ def show(c: Calibrated) -> None:
             say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
         for text in outlier_lines(s):
             say(f"outlier: {text}")
-    for remark in c.remarks[len(c.doubts) :]:
-        say(f"note: {remark}")
+    say_notes(c.remarks[len(c.doubts) :])
     say_errors(c)
     if c.holdout is not None:
         _show_holdout(c.holdout, c)

@@ -124,8 +124,9 @@ def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
 
 def _notes(given: Arm) -> list[str]:
     stiff = list(given.joints_without_springs)
-    text = f"no spring is given for {', '.join(stiff)}: held rigid until calibrated"
-    out: list[str] = [Remark(text, code="W001")] if stiff else []
+    out: list[str] = []
+    if stiff:
+        out.append(Remark(f"no spring is given for {', '.join(stiff)}: held rigid until calibrated", code="W001"))
     calibration = given.description.calibration
     if calibration is not None and calibration.links != given.model.link_kind:
         out.append(f"the springs were calibrated with {calibration.links} links; here they are {given.model.link_kind}")

@@ -15,7 +15,7 @@ from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.constants import DOWN
 from robots.robot import middle_pose
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import stated_at, stated_words
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
@@ -139,8 +139,7 @@ def learn(
     if error.rms_relative > POOR:
         own = f"its error is {100.0 * error.rms_relative:.3g} % RMS"
         say(f"note: a poor surrogate: {own}; try another --basis or more --runs", code="W011")
-    for line in (*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())):
-        say(f"note: {line}")
+    say_notes((*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())))
     for name, change in trained.best.fixed_influence.items():
         if change > _WORTH_A_WORD:
             say(

@@ -73,8 +73,10 @@ class Verdict:
         if self.trust.half_energy_share < LOW_SHARE or self.trust.wall_exponent > MOST_EXPONENT:
             bends = self.trust.wall_exponent > MOST_EXPONENT
             why = "walls bend beside a ring" if bends else "a small part carries much of the load"
-            text = f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than the real one"
-            said = Remark(text, code="W022")
+            said = Remark(
+                f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than the real one",
+                code="W022",
+            )
             return (said, *self.doubts)
         return self.doubts
 

@@ -304,8 +304,7 @@ def remarks(step: PlacedStep) -> list[str]:
     if placed.problem.scene is None and not any("Collisions" in note for note in step.notes):
         out.append(Remark("Collisions were not checked.", code="W033"))
     if np.isnan(placed.problem.path.times).any():
-        text = "Some points have no feed: there speeds and accelerations were not checked."
-        out.append(Remark(text, code="W034"))
+        out.append(Remark("Some points have no feed: there speeds and accelerations were not checked.", code="W034"))
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
 

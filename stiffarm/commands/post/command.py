@@ -281,8 +281,7 @@ def post(
             content |= stated_table(given.model)
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder, positions)
-        for note in not_corrected(given.description, compensate=compensate):
-            say(f"note: {note}")
+        say_notes(not_corrected(given.description, compensate=compensate))
         frame.answer(content, lambda: _show(run, positions))
 
 

@@ -83,8 +83,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             asked = read_map_options(arm, "joints", {"--points": str(options.points)}, options.seed)
             drawn = make_map(arm, asked, folder, Files(asked.formats, html=True, table=False), bar)
         stiffness = workspace_stiffness(arm.description, arm.model)
-        for message in drawn["messages"]:
-            say(f"note: {message}")
+        say_notes(drawn["messages"])
         told = None
         if options.rehearse:
             with folder.timed("rehearsal"):

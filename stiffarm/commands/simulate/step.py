@@ -16,7 +16,7 @@ from fem.statics.loads import LoadedPoses
 from robots import InputError, load_description, require_positive
 from robots.arrays import Array
 from stiffarm.pages.numbers import ranged
-from stiffarm.session.console import say, show_table
+from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.json_text import number
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import DISPLACEMENT_NAMES, WRENCH_NAMES, refuse_given
@@ -211,8 +211,7 @@ def show(result: dict[str, Any]) -> None:
 
 
 def _show_field(found: dict[str, Any]) -> None:
-    for message in found["messages"]:
-        say(f"note: {message}")
+    say_notes(found["messages"])
     say(f"strain energy: {found['budget']['leader']}")
     stress, part = found["largest_von_mises_MPa"], found["largest_von_mises_in"]
     say(f"largest von Mises stress: {stress:.3g} MPa in {part} (a peak at an end or a kink rises with a finer mesh)")
