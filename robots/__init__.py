@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from robots.lazily import lazily
 
 if TYPE_CHECKING:
-    from robots.errors import InputError, InputErrors, require_at_least, require_one_of, require_positive
+    from robots.errors import InputError, InputErrors, Remark, require_at_least, require_one_of, require_positive
     from robots.inverse.branches import BRANCHES, Branch, InverseSolutions, Reason
     from robots.inverse.singularities import SingularityDistance, branch_of, singularity_distance
     from robots.inverse.solutions import inverse_kinematics, why_no_closed_form
@@ -39,6 +39,7 @@ __all__ = [
     "Parallelogram",
     "Primitive",
     "Reason",
+    "Remark",
     "Robot",
     "SingularityDistance",
     "UrdfRobot",

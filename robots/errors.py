@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice, product
+from typing import Self
 
 # Faults that a message spells out; the others are counted. A screen holds about as many.
 FAULTS_SHOWN = 20
@@ -135,6 +136,18 @@ def raise_any(what: str, faults: Sequence[InputError]) -> None:
     """Raise the fault, or all of them as one :class:`InputErrors` of ``what``; nothing where there are none."""
     if faults:
         raise faults[0] if len(faults) == 1 else InputErrors(what, faults)
+
+
+class Remark(str):
+    """What a user must know of a result: text that carries the ``code`` of its entry in the catalogue, if any."""
+
+    code: str
+
+    def __new__(cls, text: str, *, code: str = "") -> Self:
+        """See :class:`Remark`."""
+        remark = super().__new__(cls, text)
+        remark.code = code
+        return remark
 
 
 class InputErrors(InputError):  # noqa: N818 - the plural of InputError

@@ -36,6 +36,14 @@ MOST_OUTLIERS = 0.1
 ROUNDING = 1e-9
 
 Code = Literal["drift", "not-proportional", "set-ups-differ", "sigma", "class"]
+# In the catalogue of failures.
+CODES: dict[Code, str] = {
+    "drift": "W005",
+    "not-proportional": "W004",
+    "set-ups-differ": "W004",
+    "sigma": "W006",
+    "class": "W007",
+}
 
 
 @dataclass(frozen=True)

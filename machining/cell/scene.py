@@ -14,7 +14,7 @@ from machining.cell.assumed_shapes import ASSUMED, INNER, plain_name, stands_on_
 from machining.cell.cell import FLOOR, Cell
 from machining.cell.separation import Bounds, ExactSolid, bounds_of, exact_distance, segment_distance, stacked
 from machining.cell.solids import Body, all_nodes
-from robots import InputError, Robot
+from robots import InputError, Remark, Robot
 from robots.arrays import Array, Bools, Integers, finite
 from robots.frames import inverse
 from robots.robot import middle_pose
@@ -265,7 +265,8 @@ def _without_overlaps(scene: Scene) -> Scene:
             distance = exact_distance(scene.solids[a], scene.solids[b], R_ab, t_ab, np.inf)
         if distance < 0.0:
             hit.add(int(pair))
-    off, notes = set(), []
+    off = set()
+    notes: list[str] = []
     for k in sorted(hit):
         a, b = (scene.members[i] for i in scene.pairs[k])
         said = f"{a.body.name} and {b.body.name} overlap at home"
@@ -273,7 +274,7 @@ def _without_overlaps(scene: Scene) -> Scene:
         carried = a.kind == CARRIAGE or (a.kind == ARM and a.frame == 0)
         if own or carried:
             off.add(k)
-            notes.append(f"{said}: this pair is not checked")
+            notes.append(Remark(f"{said}: this pair is not checked", code="W045"))
         else:
             notes.append(f"{said}; the pair stays checked")
     plane = scene.floor_plane(R[None], p[None])

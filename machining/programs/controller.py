@@ -39,7 +39,7 @@ from machining.programs.read_back import Grammar, ReadMove, ReadMoves, Scan, col
 from machining.programs.rendering import environment, rendered
 from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event, Motions
-from robots import InputError, Robot
+from robots import InputError, Remark, Robot
 from robots.arrays import Array, Bools
 from robots.frames import framed
 
@@ -265,19 +265,37 @@ class Controller(Format):
         out = self._precision_notes(job)
         heavy = [tool.name for tool in job.used if tool.load is None]
         if heavy:
-            out.append(f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts")
+            out.append(
+                Remark(
+                    f"{NO_WEIGHT} {', '.join(heavy)}: the payload is not set, and what the controller holds acts",
+                    code="W050",
+                )
+            )
         if not job.program.at_home[:1].all():
             out.append(
-                "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]"
+                Remark(
+                    "the first move is a joint move from wherever the arm stands: the cell file has no home in [moves]",
+                    code="W052",
+                )
             )
         table = job.program.cell.commands
         starts = (table.spindle_clockwise, table.spindle_counterclockwise)
         if any(way is not None for way in starts) and not run_up(table):
-            said = "a start of the spindle is not waited for"
-            out.append(f"the cell file has no spindle_ready and no spindle_dwell_s: {said}")
+            out.append(
+                Remark(
+                    "the cell file has no spindle_ready and no spindle_dwell_s: a start of the spindle is not waited "
+                    "for",
+                    code="W051",
+                )
+            )
         points = [tool.name for tool in job.used if tool.load is not None and not tool.load.inertia.any()]
         if points:
-            out.append(f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass")
+            out.append(
+                Remark(
+                    f"inertia_kg_m2 of {', '.join(points)} is not in the cell file: written as 0, a point mass",
+                    code="W050",
+                )
+            )
         if job.kind == "cartesian":
             if job.program.cell.turntable is not None:
                 out.append("the part frame turns with the turntable: couple it to the turntable on the controller")

@@ -12,6 +12,7 @@ from machining.programs.actions import Action
 from machining.programs.source_text import SourceText
 from machining.toolpaths.events import ordered
 from machining.toolpaths.motions import Event, Motions
+from robots import Remark
 from robots.constants import RPM
 
 KEYS = tuple(CommandsTable.model_fields)
@@ -58,7 +59,7 @@ class Undefined:
         what = f"[commands] of the cell file has no {self.what}" if is_key else f"missing: {self.what}"
         if self.what in SPEEDS:
             return f"{what}, {where}: the spindle is switched on at the speed that it has"
-        return f"{what}, {where}: written as a comment only"
+        return Remark(f"{what}, {where}: written as a comment only", code="W048")
 
 
 @dataclass(frozen=True, eq=False)

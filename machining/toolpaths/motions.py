@@ -79,11 +79,12 @@ class Event:
 
 @dataclass(frozen=True)
 class Note:
-    """Something odd that did not stop the reading: first ``line`` (0: the whole file), ``text``, ``count``."""
+    """Something odd that did not stop the reading; ``line``: the first one, 0 of the whole file; ``code``: if any."""
 
     line: int
     text: str
     count: int = 1
+    code: str = ""
 
     def __str__(self) -> str:
         where = f"line {self.line}: " if self.line else ""

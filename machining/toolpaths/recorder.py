@@ -57,7 +57,8 @@ class Recorder:
         self._turning = self._cooled = False
         # Moves made when the spindle was told last.
         self._told_at = 0
-        self._notes: dict[str, tuple[int, int]] = {}
+        # First line, count and code by text.
+        self._notes: dict[str, tuple[int, int, str]] = {}
         self.faults = Faults(self.source)
 
     def __len__(self) -> int:
@@ -212,21 +213,21 @@ class Recorder:
         if self._cooled:
             self.command(line, "coolant", text="off", word=word)
 
-    def event(self, line: int, word: str, text: str = "", note: str = "") -> None:
+    def event(self, line: int, word: str, text: str = "", note: str = "", *, code: str = "") -> None:
         """Keep a word that is no motion, and remark on it."""
         if note:
-            self.note(line, note)
+            self.note(line, note, code=code)
         if len(self.events) < EVENTS:
             self.events.append(Event(line, len(self.lines), clean(word), clean(text)))
         else:
             self._lost_events += 1
 
-    def note(self, line: int, text: str) -> None:
+    def note(self, line: int, text: str, *, code: str = "") -> None:
         """Remark; the same text counts up."""
         text = clean(text)
-        first, count = self._notes.get(text, (line, 0))
+        first, count, _ = self._notes.get(text, (line, 0, code))
         if count or len(self._notes) < NOTES:
-            self._notes[text] = (first, count + 1)
+            self._notes[text] = (first, count + 1, code)
 
     def error(self, line: int, what: str, *, code: str, **parts: Any) -> None:
         """Fault of a line; 0: of the file. ``parts``: as those of :class:`robots.InputError`."""
@@ -274,7 +275,7 @@ class Recorder:
             f"retracts ({one.count}) for {listed(list(one.words))}: up along the tool axis to {span} mm, across and "
             f"down; {how}--read retract=MM sets the height"
         )
-        self.note(one.line, text)
+        self.note(one.line, text, code="W053")
         return points
 
     def _settle_change(self) -> None:
@@ -349,7 +350,11 @@ class Recorder:
             worst = int(np.argmin(cosine))
             angle = np.degrees(np.arccos(np.clip(cosine[worst], -1.0, 1.0)))
             far = int((cosine < TURN).sum())
-            self.note(int(line[worst + 1]), f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}")
+            self.note(
+                int(line[worst + 1]),
+                f"{far} moves at feed turn the tool by more than 10 deg, up to {angle:.4g}",
+                code="W042",
+            )
 
     def _table(self, points: Array, axes: Array, line: Integers) -> Motions:
         n = len(line)
@@ -364,8 +369,8 @@ class Recorder:
             dwell[list(self._dwells)] = list(self._dwells.values())
         unknown = np.flatnonzero(np.isnan(feed) & ~rapid)
         if len(unknown):
-            self.note(int(line[unknown[0]]), f"{len(unknown)} moves at feed without a feed that is known")
-        notes = tuple(Note(first, text, count) for text, (first, count) in self._notes.items())
+            self.note(int(line[unknown[0]]), f"{len(unknown)} moves at feed without a feed that is known", code="W043")
+        notes = tuple(Note(first, text, count, code) for text, (first, count, code) in self._notes.items())
         return Motions(
             points=points,
             axes=axes,

@@ -1,13 +1,13 @@
 """Every failure that the program can report, by a code that never changes: what it means, and what to do about it.
 
-The entries are prose (``catalogue/*.toml``, a file for each area). What fails carries the code of its entry. Warnings
-are known by their words.
+The entries are prose (``catalogue/*.toml``, a file for each area). Errors and remarks
+carry the code of their entry from where they are made.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -21,7 +21,7 @@ MORE = "More: stiffarm help"
 
 @dataclass(frozen=True)
 class Failure:
-    """One kind of error or warning; ``says``: words of warnings."""
+    """One kind of error or warning."""
 
     code: str
     area: str
@@ -29,7 +29,6 @@ class Failure:
     cause: str
     remedy: str
     example: str
-    says: Sequence[str] = ()
 
     def text(self) -> str:
         """The entry for people to read."""
@@ -48,14 +47,6 @@ def catalogue() -> Mapping[str, Failure]:
             for code, entry in entries.items():
                 found[code] = Failure(code, area, **entry)
     return dict(sorted(found.items()))
-
-
-def warning_of(text: str) -> Failure | None:
-    """What the catalogue says of a warning; None of a mere remark."""
-    for failure in catalogue().values():
-        if any(words in text for words in failure.says):
-            return failure
-    return None
 
 
 def with_code(text: str, code: str) -> str:

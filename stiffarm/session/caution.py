@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
+from robots import Remark
 from robots.arm_class import CLASS_PRIOR
 
 if TYPE_CHECKING:
@@ -36,34 +37,41 @@ def cautioned(text: str) -> Iterator[None]:
         _said.reset(before)
 
 
-def caveats(arm: Arm) -> str:
+def caveats(arm: Arm) -> Remark:
     """What pictures and pages must say of an arm's stiffness: springs it lacks, its load, what is left out of it."""
     from stiffarm.session.stated import stated_words
 
-    return " ".join(filter(None, (uncalibrated(arm), stated_words(arm.model))))
+    said = uncalibrated(arm)
+    return Remark(" ".join(filter(None, (said, stated_words(arm.model)))), code=said.code)
 
 
-def uncalibrated(arm: Arm) -> str:
-    """The warning of a model with joints held rigid for want of a spring, or with springs that nobody measured."""
+def uncalibrated(arm: Arm) -> Remark:
+    """The warning of a model with joints held rigid for want of a spring, or with springs that nobody measured.
+
+    Empty where there is nothing to warn of.
+    """
     rigid, joints = arm.joints_without_springs, len(arm.model.joints)
     prior = [j.name for j in arm.description.joint if getattr(j.stiffness, "source", None) == CLASS_PRIOR]
     if not rigid and prior:
         which = "the springs" if len(prior) == joints else f"springs of {', '.join(prior)}"
-        return (
+        return Remark(
             f"Not calibrated: {which} are a class prior, the middle of the range for arms of this size. The real "
-            "ones may be several times softer or stiffer."
+            "ones may be several times softer or stiffer.",
+            code="W002",
         )
     if not rigid:
-        return ""
+        return Remark("")
     if len(rigid) == joints:
-        return (
+        return Remark(
             "Not calibrated: no joint of this model has a spring, so only the links deflect. The real arm is "
-            "typically about ten times softer; stiffarm calibrate finds its springs from readings."
+            "typically about ten times softer; stiffarm calibrate finds its springs from readings.",
+            code="W001",
         )
     names = ", ".join(rigid[:-1]) + " and " * (len(rigid) > 1) + rigid[-1]
-    return (
+    return Remark(
         f"Not fully calibrated: {names} {'is' if len(rigid) == 1 else 'are'} held rigid for want of a spring. "
-        "The real arm is softer wherever a load turns " + ("it." if len(rigid) == 1 else "them.")
+        "The real arm is softer wherever a load turns " + ("it." if len(rigid) == 1 else "them."),
+        code="W001",
     )
 
 

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from robots import InputError
+from robots import InputError, Remark
 from robots.errors import one_line
 from robots.files.reading import recording
 from robots.progress import Progress
@@ -49,26 +49,23 @@ def kept_messages() -> Iterator[list[str]]:
         _kept.reset(before)
 
 
-def say(message: str) -> None:
+def say(message: str, *, code: str = "") -> None:
     """One line for the user, on stderr. Whatever comes from files in it cannot steer the terminal.
 
-    A warning that the catalogue of failures knows carries its code.
+    A warning ends with its ``code`` in the catalogue of failures, its own if it is a :class:`robots.Remark`.
     """
-    if message.startswith("note: ") or "WARNING: " in message:
-        from stiffarm.failures import warning_of
-
-        known = warning_of(message)
-        message += f" [{known.code}]" if known else ""
+    code = code or getattr(message, "code", "")
+    message += f" [{code}]" if code else ""
     if (kept := _kept.get()) is not None:
         kept.append(one_line(message))
         return
     _print(Text(one_line(message)), soft_wrap=True)
 
 
-def say_notes(notes: Iterable[str]) -> None:
-    """Remarks on the input."""
+def say_notes(notes: Iterable[object]) -> None:
+    """Remarks, each with its code if it has one."""
     for note in notes:
-        say(f"note: {note}")
+        say(Remark(f"note: {note}", code=getattr(note, "code", "")))
 
 
 def say_error(error: InputError) -> None:

@@ -33,7 +33,8 @@ def refuse_too_soft(description: ModelDescription, model: ArmModel) -> None:
         return
     text = f"model {description.name}: a load of {load:.3g} N takes it beyond small displacements"
     if not beyond.all():
-        say(f"note: {text} at {int(beyond.sum())} of {len(beyond)} poses over its joint ranges; no result holds there")
+        where = f"at {int(beyond.sum())} of {len(beyond)} poses over its joint ranges"
+        say(f"note: {text} {where}; no result holds there", code="W003")
         return
     of = arm_class(description, model.robot)
     here = np.zeros((1, model.robot.dof))
@@ -63,7 +64,8 @@ def flagged(robot: Robot, displacement: Array, what: str) -> list[dict[str, Any]
     if beyond.size and beyond.all():
         refuse_beyond(robot, displacement, what)
     if beyond.any():
-        say(f"note: {what}: {int(beyond.sum())} of {beyond.size} beyond small displacements, flagged; they do not hold")
+        count = f"{int(beyond.sum())} of {beyond.size}"
+        say(f"note: {what}: {count} beyond small displacements, flagged; they do not hold", code="W003")
     return [{FLAG: True} if odd else {} for odd in beyond.tolist()]
 
 

@@ -15,7 +15,7 @@ from machining.setup import Setup
 from machining.toolpaths.motions import Motions, Note
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 from stiffarm.session.parsing import parse_frame, parse_joint_figures, parse_numbers, parse_vector, parse_word
 
 if TYPE_CHECKING:
@@ -118,8 +118,7 @@ def read_setup(
     """
     found = read_cell_or_frames(given.robot, cell, tool, part, floor)
     setup = Setup(found, bodies_of(model, given.description, found, beam_radius))
-    for note in setup.notes:
-        say(f"note: {note}")
+    say_notes(setup.notes)
     return setup
 
 
@@ -169,10 +168,9 @@ def read_cell_or_frames(
     return cells.read_cell(cell)
 
 
-def say_notes(notes: Sequence[Note], file: Path) -> None:
+def say_path_notes(notes: Sequence[Note], file: Path) -> None:
     """Say what was odd about a tool path file."""
-    for note in notes[:NOTES_SHOWN]:
-        say(f"note: {note}")
+    say_notes(notes[:NOTES_SHOWN])
     if len(notes) > NOTES_SHOWN:
         say(f"note: {len(notes) - NOTES_SHOWN} more remarks on {file.name}")
 

@@ -37,7 +37,7 @@ from machining.programs.convention import sides
 from machining.programs.job import Job, ToolData, external_count, plain
 from machining.programs.read_back import Grammar, ReadMove, Scan, numbers, whole
 from machining.programs.write_options import Percent, WriteOptions
-from robots import InputError, Robot
+from robots import InputError, Remark, Robot
 from robots.arrays import Array, Integers
 
 CARTESIAN = ("X", "Y", "Z", "A", "B", "C")
@@ -157,7 +157,9 @@ class Krl(Controller):
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""
         percent = job.options.joint_percent
-        slow = f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept"
+        slow = Remark(
+            f"PTP moves at {percent:g} % of the axes' speed: the feed of the tool path is not kept", code="W047"
+        )
         return super().notes(job) + ([slow] if job.kind == "joint" else [])
 
     def moved(self, where: str, found: re.Match[str], scan: Scan, cell: Cell, options: WriteOptions) -> ReadMove:

@@ -184,6 +184,6 @@ class AptMotion(AptState):
             except StatementError as fault:
                 if self.options.unknown_motion == "error":
                     raise
-                self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}")
+                self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}", code="W041")
                 return
             self.last_cycle = self.cycle

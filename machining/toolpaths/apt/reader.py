@@ -164,7 +164,9 @@ class _Reader(AptMotion):
                 f"{readable(s.word)} {sounds} is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", REMEDY, code="P019"
             )
         else:
-            self.recorder.event(self.line, s.word, readable(s.rest), note=f"word {readable(s.word)} left out, as asked")
+            self.recorder.event(
+                self.line, s.word, readable(s.rest), note=f"word {readable(s.word)} left out, as asked", code="W041"
+            )
 
     def _minor(self, s: Statement) -> None:
         """Refuse a minor word with which a major one may change the path."""
@@ -220,7 +222,7 @@ class _Reader(AptMotion):
         if self.ended:
             self.recorder.finish(self.line, "END-OF-PATH")
         else:
-            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
+            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short", code="W037")
 
     def _keep(self, s: Statement) -> None:
         self.recorder.event(self.line, s.word, readable(s.rest))

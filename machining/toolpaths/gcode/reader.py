@@ -118,7 +118,7 @@ class _Reader(GcodeMotion):
             if number not in aside:
                 self._line(number, raw)
         if not self.over:
-            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
+            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short", code="W037")
 
     def _line(self, number: int, raw: str) -> bool:
         """Read one line; whether that was without a fault."""
@@ -196,7 +196,7 @@ class _Reader(GcodeMotion):
                 found = b.words.pop(word, None) is not None
             b.long = [long for long in b.long if long.partition("(")[0].strip() != word or not (found := True)]
             if found:
-                self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
+                self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
 
     def _one_of_each(self, b: Block) -> None:
         for group in GROUPS:
@@ -221,7 +221,7 @@ class _Reader(GcodeMotion):
         left = [word for word in b.words.left if word not in known and not self._zero(b, word)]
         for word in set(left) & set(self.options.ignore):
             left.remove(word)
-            self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
+            self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
         if left:
             raise StatementError(
                 f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
@@ -357,7 +357,7 @@ class _Reader(GcodeMotion):
             what = REFUSED.get(code, "not known, with coordinates")
             if self.options.unknown_motion == "error":
                 raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT, code="P019")
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
+            self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked", code="W041")
             self.lose(b, shown(code))
             b.words.clear()
             b.codes.remove(code)
@@ -405,7 +405,7 @@ class _Reader(GcodeMotion):
                     WITHOUT if name in REFUSED_WORDS else remedy_ignore(head),
                     code="P019",
                 )
-            self.recorder.note(self.line, f"{readable(head)} left out, as asked")
+            self.recorder.note(self.line, f"{readable(head)} left out, as asked", code="W041")
             self.lose(b, readable(head))
             b.words.clear()
         self.recorder.event(self.line, readable(head), readable(word))
@@ -420,7 +420,9 @@ class _Reader(GcodeMotion):
                 if whole and self.options.dwell_unit == "ms":
                     value *= 1e-3
                 elif whole and value >= 100.0:
-                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?")
+                    self.recorder.note(
+                        self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?", code="W039"
+                    )
                 self.recorder.dwell(self.line, value)
                 return
         raise StatementError("a dwell without its time", "P, X, U or F with a number", code="P022")

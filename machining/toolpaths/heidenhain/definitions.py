@@ -69,7 +69,7 @@ class Definitions(Frames):
             )
         elif cycle not in CYCLES:
             self.cycle_number = 0
-            self.recorder.note(self.line, f"cycle {cycle} left out, as asked")
+            self.recorder.note(self.line, f"cycle {cycle} left out, as asked", code="W041")
 
     def more_of_cycle(self, text: str) -> None:
         """Parameters of the cycle that is being defined."""
@@ -153,4 +153,4 @@ class Definitions(Frames):
                 f"M{number} is not read", "M functions that leave path and feed alone", REMEDY_LEFT_OUT, code="P019"
             )
         else:
-            self.recorder.event(self.line, f"M{number}", note=f"M{number} left out, as asked")
+            self.recorder.event(self.line, f"M{number}", note=f"M{number} left out, as asked", code="W041")

@@ -226,7 +226,7 @@ class _Reader(Contour):
             raise StatementError(
                 f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY, code="P019"
             )
-        self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked")
+        self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked", code="W041")
         self.leave((0, 1, 2), readable(what))
 
     def _tool(self, text: str) -> None:
@@ -273,7 +273,7 @@ class _Reader(Contour):
         except StatementError as fault:
             self.refuse(fault, self.text)
         if not self.over:
-            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")
+            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short", code="W037")
 
     def ended(self, misc: list[int]) -> None:
         """M2 and M30 end the program."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from doe.certainty.doubts import CODES
 from doe.certainty.lack_of_fit import FLAGGED, outliers
 from doe.published.parametric import PoseFit
 from doe.published.pose_studies import IDENTIFIED_WITHIN
@@ -14,7 +15,7 @@ from stiffarm.commands.calibrate import words
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.report import Table
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 from stiffarm.session.words.noise import scatter_name
 from stiffarm.session.words.springs import mega
 
@@ -30,8 +31,7 @@ def show(c: Calibrated) -> None:
             say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
         for text in outlier_lines(s):
             say(f"outlier: {text}")
-    for remark in c.remarks[len(c.doubts) :]:
-        say(f"note: {remark}")
+    say_notes(c.remarks[len(c.doubts) :])
     say_errors(c)
     if c.holdout is not None:
         _show_holdout(c.holdout, c)
@@ -47,7 +47,7 @@ def show_answer(c: Calibrated) -> None:
 def say_doubts(c: Calibrated) -> None:
     """What the readings say against a calibration, or against themselves."""
     for doubt in c.doubts:
-        say(f"warning: {doubt.words}")
+        say(f"warning: {doubt.words}", code=CODES[doubt.code])
 
 
 def say_errors(c: Calibrated) -> None:

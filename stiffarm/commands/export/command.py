@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from fem.arm import Arm
-from robots import InputError
+from robots import InputError, Remark
 from robots.quantities import rounded
 from stiffarm import __version__
 from stiffarm.session import parsing
@@ -124,7 +124,9 @@ def _title(given: Arm, q: np.ndarray[Any, np.dtype[np.float64]]) -> list[str]:
 
 def _notes(given: Arm) -> list[str]:
     stiff = list(given.joints_without_springs)
-    out = [f"no spring is given for {', '.join(stiff)}: held rigid until calibrated"] if stiff else []
+    out: list[str] = []
+    if stiff:
+        out.append(Remark(f"no spring is given for {', '.join(stiff)}: held rigid until calibrated", code="W001"))
     calibration = given.description.calibration
     if calibration is not None and calibration.links != given.model.link_kind:
         out.append(f"the springs were calibrated with {calibration.links} links; here they are {given.model.link_kind}")

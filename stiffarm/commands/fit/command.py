@@ -11,7 +11,7 @@ import typer
 from robots import InputError
 from stiffarm.session import parsing
 from stiffarm.session.caution import uncalibrated
-from stiffarm.session.console import say
+from stiffarm.session.console import say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.options import (
     Debug,
@@ -146,7 +146,7 @@ def fit(
         }
         given = frame.model(model, links, load_path, sets=sets, shown=True)
         if note := uncalibrated(given):
-            say(f"note: {note}")
+            say_notes([note])
         given = frame.at_load(given, at_load, vectors["force"] if vectors["force"] is not None else along)
         names = parsing.parse_names(over, given.robot.coordinates, "--inputs") or inputs_that_matter(given.model, along)
         others = parsing.fixed_coordinates(given.robot, names, ",".join(fixed) if fixed else None)

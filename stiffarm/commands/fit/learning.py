@@ -15,7 +15,7 @@ from robots import InputError, ModelDescription, content_hash
 from robots.arrays import Array
 from robots.constants import DOWN
 from robots.robot import middle_pose
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import stated_at, stated_words
 from surrogate import Quantity, Task, Trained, save_surrogate, scope_of, task_of, train
@@ -101,7 +101,7 @@ def _uncertain(model: ArmModel, known: ParameterUncertainty, direction: Array) -
     try:
         names = propagate(model, known, middle, direction).open_names
     except InputError as error:
-        say(f"note: the surrogate goes without the calibration's uncertainty: {error.prose}.")
+        say(f"note: the surrogate goes without the calibration's uncertainty: {error.prose}.", code="W013")
         return {}
     return {"gradients": gradients, "parameters": tuple(known.names), "undetermined": names}
 
@@ -138,13 +138,13 @@ def learn(
     )
     if error.rms_relative > POOR:
         own = f"its error is {100.0 * error.rms_relative:.3g} % RMS"
-        say(f"note: a poor surrogate: {own}; try another --basis or more --runs")
-    for line in (*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())):
-        say(f"note: {line}")
+        say(f"note: a poor surrogate: {own}; try another --basis or more --runs", code="W011")
+    say_notes((*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())))
     for name, change in trained.best.fixed_influence.items():
         if change > _WORTH_A_WORD:
             say(
                 f"note: {name} is fixed at {trained.best.fixed_deg[name]:g} deg, but would change the "
-                f"{trained.best.quantity.name} by up to {100.0 * change:.3g} %; make it one of --inputs if it moves"
+                f"{trained.best.quantity.name} by up to {100.0 * change:.3g} %; make it one of --inputs if it moves",
+                code="W012",
             )
     return trained

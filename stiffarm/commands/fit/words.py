@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robots import Remark
 from stiffarm.pages.blocks import percent
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
@@ -61,7 +62,7 @@ def doubts(trained: Trained) -> list[str]:
     """What a user of the surrogate must not overlook."""
     best = trained.best
     e = best.errors
-    out = []
+    out: list[str] = []
     if e.max_relative > LARGE:
         out.append(
             f"The largest error on runs kept out is {relative(e.max_relative)}: ask for the error bar at each pose"
@@ -69,10 +70,11 @@ def doubts(trained: Trained) -> list[str]:
     if not HONEST[0] <= e.coverage95 <= HONEST[1]:
         out.append(f"The 95 % error bars hold {share_words(e.coverage95)} of the runs kept out")
     own = [line.removeprefix(f"{best.basis}: ") for line in trained.rounds if line.startswith(f"{best.basis}: ")]
-    out += [f"The accuracy asked for is missed: {line}" for line in own if "out of reach" in line or "not met" in line]
+    missed = [line for line in own if "out of reach" in line or "not met" in line]
+    out += [Remark(f"The accuracy asked for is missed: {line}", code="W015") for line in missed]
     if best.quantity.name == COMPLIANCE and not best.has_matrix:
         d = ", ".join(f"{v:g}" for v in best.load_direction)
-        out.append(f"It knows one load direction only, {d} in base axes")
+        out.append(Remark(f"It knows one load direction only, {d} in base axes", code="W016"))
     return out
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fem import build_model
-from robots import ModelDescription
+from robots import ModelDescription, Remark
 from stiffarm.commands.importing.step import MadeShell
 
 # Shells are softer than their beams by their rings and walls, by up to this factor; beyond, one of the two is no
@@ -38,11 +38,12 @@ class TipCompliance:
             if softer
             else "the beam's section stands for only part of the casing"
         )
-        return (
+        return Remark(
             f"WARNING: its tip is {times:.3g} times as compliant as a {'shell' if softer else 'beam'} "
             f"({1e9 * (self.shell if softer else self.beam):.3g} um/kN) than as a {'beam' if softer else 'shell'} "
             f"({1e9 * (self.beam if softer else self.shell):.3g} um/kN): {why}; look at its rings and wall, "
-            f"and compare both with --links"
+            f"and compare both with --links",
+            code="W025",
         )
 
 

@@ -17,7 +17,7 @@ from meshes.shell_mesh import connected, sides, used_only
 from meshes.surfaces.doubts import openings
 from meshes.surfaces.link import ImportedLink, MidSurface, Rings
 from meshes.surfaces.rings import Interface
-from robots import InputError
+from robots import InputError, Remark
 from robots.arrays import Array, Bools
 
 # Share of the surface that holds half of the energy: below the first a link is no shell, below the second it is said;
@@ -28,10 +28,11 @@ LEAST_SHARE, LOW_SHARE, MOST_EXPONENT = 0.015, 0.03, 1.8
 LARGER, TRIES = 1.5, 2
 # Of what an opening does to a link, less than this share is no warning.
 TOLD = 0.05
-_HULL = (
+_HULL = Remark(
     "WARNING: its surface is convex, like a collision hull, so waists, hollows and bosses are missing. A uniform wall "
     "of 0.8 times the usual one corrects the excess stiffness of a hull on average; along one direction it may be off "
-    "by a factor of 1.5"
+    "by a factor of 1.5",
+    code="W023",
 )
 
 
@@ -63,15 +64,19 @@ class Verdict:
         """What to say of it, each beginning with WARNING."""
         place = np.round(1e3 * self.trust.hot).tolist()
         if self.kind == "refused":
-            said = (
+            said = Remark(
                 f"WARNING: not taken as a shell: {self.words}, around {place} mm. The link is a plain section instead; "
-                f"give the ring there a larger --radius, or the link as a solid"
+                f"give the ring there a larger --radius, or the link as a solid",
+                code="W021",
             )
             return (said, *self.doubts)
         if self.trust.half_energy_share < LOW_SHARE or self.trust.wall_exponent > MOST_EXPONENT:
             bends = self.trust.wall_exponent > MOST_EXPONENT
             why = "walls bend beside a ring" if bends else "a small part carries much of the load"
-            said = f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than the real one"
+            said = Remark(
+                f"WARNING: {self.words}, around {place} mm: {why}, and the link may be softer than the real one",
+                code="W022",
+            )
             return (said, *self.doubts)
         return self.doubts
 
@@ -115,13 +120,16 @@ def judged(
 
 def _doubts(surface: MidSurface, link: ImportedLink, points: Array, hull: bool) -> tuple[str, ...]:
     """Warnings about what the surface does not show, with what that does to the link."""
-    said = []
+    said: list[str] = []
     mesh, size = surface.mesh, surface.mesh.size
     off = mesh.departure[0]
     if size < off:
         said.append(
-            f"WARNING: the shell deviates from the surface by up to {1e3 * off:.3g} mm on 95 % of it, more than the "
-            f"element size ({1e3 * size:.3g} mm): sections are too large or too small by that much"
+            Remark(
+                f"WARNING: the shell deviates from the surface by up to {1e3 * off:.3g} mm on 95 % of it, more than "
+                f"the element size ({1e3 * size:.3g} mm): sections are too large or too small by that much",
+                code="W024",
+            )
         )
     if hull:
         said.append(_HULL)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from fem import build_model
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
 from meshes.surfaces.link import GOOD, quality_words
-from robots import ModelDescription, save_description
+from robots import ModelDescription, Remark, save_description
 from robots.library.surface_files import surface_file_name
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
@@ -26,7 +26,7 @@ from stiffarm.commands.importing.report import write_report
 from stiffarm.commands.importing.solids import MadeSolid, with_solids
 from stiffarm.commands.importing.step import ImportedPart, MadeShell, RobotImport
 from stiffarm.pages.style import save_png
-from stiffarm.session.console import say, show_table
+from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.outputs import OutputFolder
 
 SOURCE = "meshes"
@@ -39,7 +39,11 @@ def write_robot(result: RobotImport, folder: OutputFolder) -> dict[str, Any]:
         description = with_solids(as_description(result, Path(shells)), result.solids, Path(shells), SOURCE)
         found = tip_compliances(description, tuple(part.name for part in result.parts))
         warnings = {part.name: warnings_of(part, found[part.name]) for part in result.parts}
-        said = [f"link {name}: {line}" for name, lines in warnings.items() for line in lines]
+        said = [
+            Remark(f"link {name}: {line}", code=getattr(line, "code", ""))
+            for name, lines in warnings.items()
+            for line in lines
+        ]
         description = description.model_copy(update={"notes": (*description.notes, *said)})
         content = payload(result, description, found)
         facts = [_facts(part, warnings[part.name]) for part in result.parts]
@@ -277,7 +281,10 @@ def show(result: RobotImport, content: Mapping[str, Any]) -> None:
         if words != GOOD:
             say(f"quality of {part.name}: {words}")
     for note in content["notes"]:
-        say(note if ": WARNING: " in note else f"note: {note}")
+        if ": WARNING: " in note:
+            say(note)
+        else:
+            say_notes([note])
 
 
 def _mesh_row(part: ImportedPart) -> list[str]:

@@ -30,7 +30,7 @@ from meshes.surfaces.walls import (
     material_by_mass,
     walls_of,
 )
-from robots import InputError, InputErrors, ModelDescription, Robot
+from robots import InputError, InputErrors, ModelDescription, Remark, Robot
 from robots.arrays import Array
 from robots.progress import Progress, report_progress
 from robots.robot import robot_from
@@ -296,7 +296,9 @@ def _walls(drafts: list[_Draft], options: ImportOptions) -> tuple[str, Material,
     asked = options.material.name
     lightest = options.material.figures(asked or "aluminium").density.si
     fault = masses_at_fault(casings, lightest)
-    said = [] if fault is None else [f"WARNING: masses of the URDF not used: {fault}"]
+    said: list[str] = []
+    if fault is not None:
+        said.append(Remark(f"WARNING: masses of the URDF not used: {fault}", code="W026"))
     name = asked or ("steel" if fault else material_by_mass(casings, options.material.figures("steel").density.si))
     figures = options.material.figures(name)
     given = {draft.name: options.walls.get(draft.name, options.walls.get(draft.body, options.wall)) for draft in drafts}

@@ -24,7 +24,7 @@ from robots import InputError
 from robots.files.csv_text import columns_parts
 from stiffarm.commands.place import payload as placement_payload
 from stiffarm.pages.arm_uncertainty import sentence
-from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.console import progress, say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 from stiffarm.session.outputs import OutputFolder
@@ -44,7 +44,7 @@ from stiffarm.session.task_setup import (
     UnitsOpt,
     cut_of,
     parse_speed,
-    say_notes,
+    say_path_notes,
 )
 
 
@@ -194,7 +194,7 @@ def place(
         expect(path, PATH, model=model)
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         given_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
-        say_notes(given_path.notes, path)
+        say_path_notes(given_path.notes, path)
         require_tools(described, given_path.motions)
         cut = cut_of(described, given_path.motions, force, force_axes, milling)
         if cut is None:
@@ -305,5 +305,4 @@ def _show(step: PlacedStep) -> None:
     title = f"{path.n} points, {1e3 * path.arc_length[-1]:.4g} mm; {step.placed.evaluations} base positions"
     show_table(title, list(COLUMNS), [list(row) for row in table_rows(step)])
     say(sentence(step.placed.problem.uncertainty))
-    for text in remarks(step):
-        say(f"note: {text}")
+    say_notes(remarks(step))

@@ -7,6 +7,7 @@ import numpy as np
 from machining.cutting import Estimated
 from machining.placement import Along
 from machining.placement.study import PlacedStep
+from robots import Remark
 from stiffarm.commands.place.figures import along_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, SEED, STAYING, named, peak_rates
 from stiffarm.commands.place.positions import position_picture, position_values
@@ -301,9 +302,9 @@ def remarks(step: PlacedStep) -> list[str]:
     if placed.why_no_fixed is not None:
         out.append(f"From no single position can the arm follow the whole path: {placed.why_no_fixed}.")
     if placed.problem.scene is None and not any("Collisions" in note for note in step.notes):
-        out.append("Collisions were not checked.")
+        out.append(Remark("Collisions were not checked.", code="W033"))
     if np.isnan(placed.problem.path.times).any():
-        out.append("Some points have no feed: there speeds and accelerations were not checked.")
+        out.append(Remark("Some points have no feed: there speeds and accelerations were not checked.", code="W034"))
     out += share_remarks(placed.after.drawn.matters, "the mean stiffness along the force")
     return [*out, *error_remarks(placed.after.error), *step.notes]
 

@@ -21,7 +21,7 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Section, Table, Text, write_page
 from stiffarm.pages.style import OKABE_ITO
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import parse_numbers
@@ -205,8 +205,7 @@ def notes(p: PlannedCampaign) -> tuple[str, ...]:
 def show(p: PlannedCampaign) -> None:
     """Parameters and the answer."""
     _table(p).show()
-    for note in notes(p):
-        say(f"note: {note}")
+    say_notes(notes(p))
     say(sentence(p))
 
 

@@ -21,7 +21,7 @@ from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.sheets import Sheet
 from stiffarm.commands.plan.step import Planned
-from stiffarm.session.console import say, show_table
+from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.words.directions import set_up_rows
 
 SCHEMA = "stiffarm-plan/1"
@@ -190,5 +190,4 @@ def show(given: Arm, planned: Planned) -> None:
     say(f"what {len(planned.labels)} set-ups tell (95 %):")
     for sentence in planned.sentences:
         say(f"  {sentence}")
-    for note in planned.notes:
-        say(f"note: {note}")
+    say_notes(planned.notes)

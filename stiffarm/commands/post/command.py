@@ -29,7 +29,7 @@ from stiffarm.commands.post import approach as coming
 from stiffarm.commands.post import report as post_report
 from stiffarm.commands.post.corrected import not_corrected, payload_of, remarks, words
 from stiffarm.commands.post.targets import parse_targets
-from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.console import progress, say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
 from stiffarm.session.parsing import parse_numbers, parse_word
@@ -55,7 +55,7 @@ from stiffarm.session.task_setup import (
     parse_reference,
     parse_speed,
     read_setup,
-    say_notes,
+    say_path_notes,
 )
 
 # Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).
@@ -228,7 +228,7 @@ def post(
             )
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         motions = select(read_toolpath(path, kind=told.kind, options=told.options), **told.choice)
-        say_notes(motions.notes, path)
+        say_path_notes(motions.notes, path)
         cut = cut_of(setup.cell, motions, force, force_axes, milling, force_measured) if compensate else None
         if compensate and cut is None and carried is None:
             raise InputError(
@@ -281,8 +281,7 @@ def post(
             content |= stated_table(given.model)
             folder.write_json("post.json", content)
             post_report.write_report(run, given.description.title.split(" (")[0], folder, positions)
-        for note in not_corrected(given.description, compensate=compensate):
-            say(f"note: {note}")
+        say_notes(not_corrected(given.description, compensate=compensate))
         frame.answer(content, lambda: _show(run, positions))
 
 
@@ -324,7 +323,8 @@ def _check(program: JointProgram, followed: Placement) -> None:
     if other:
         say(
             f"note: {other} of {len(given)} points take another branch or turn than the placement, which jumps on "
-            "a rapid move; with --rapid joint its own are taken"
+            "a rapid move; with --rapid joint its own are taken",
+            code="W032",
         )
 
 
@@ -346,16 +346,13 @@ def _show(run: PostRun, positions: Positions | None) -> None:
     ]
     title = f"{run.request.motions.n:,} moves read, {run.program.n:,} written"
     show_table(title, ["program", "files", "off path, um", "off path, urad"], rows)
-    for note in {note: None for target in run.trips for note in run.written[target].notes}:
-        say(f"note: {note}")
+    say_notes(dict.fromkeys(note for target in run.trips for note in run.written[target].notes))
     if run.compensated is not None:
         say(post_report.compensation_words(run.compensated))
     if run.corrected is not None and positions is not None:
         say(words(run.corrected, positions))
-        for note in remarks(run, run.corrected):
-            say(f"note: {note}")
-    for text in coming.words(run):
-        say(f"note: {text}")
+        say_notes(remarks(run, run.corrected))
+    say_notes(coming.words(run))
     for text in post_report.uncertainty_words(run):
         say(text)
-    say(f"note: {post_report.UNVERIFIED}")
+    say_notes([post_report.UNVERIFIED])

@@ -17,6 +17,7 @@ from machining.programs.formats import FORMATS
 from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
+from robots import Remark
 from robots.arrays import Array
 from robots.inverse.following import is_redundant
 from robots.quantities import rounded
@@ -32,7 +33,10 @@ from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Sec
 from stiffarm.session.outputs import OutputFolder
 
 SCHEMA = "stiffarm-post-run/1"
-UNVERIFIED = "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`."
+UNVERIFIED = Remark(
+    "Nothing has been checked for collisions, speeds and singularities between points: run `stiffarm verify`.",
+    code="W031",
+)
 
 
 def payload(run: PostRun, positions: Positions | None = None) -> dict[str, Any]:

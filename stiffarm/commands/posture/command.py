@@ -23,7 +23,7 @@ from robots.arrays import Array
 from robots.files.csv_text import columns_parts
 from stiffarm.commands.posture import payload as posture_payload
 from stiffarm.pages.arm_uncertainty import sentence
-from stiffarm.session.console import progress, say, show_table
+from stiffarm.session.console import progress, say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Json, Links, LoadPathOpt, ModelArg, Out, Seed, Sets
@@ -58,7 +58,7 @@ from stiffarm.session.task_setup import (
     parse_reference,
     parse_speed,
     read_setup,
-    say_notes,
+    say_path_notes,
 )
 
 # A range so narrow (rad) is one angle.
@@ -170,7 +170,7 @@ def posture(
         quantity = quantity or (ROOM if springless else "k_fs")
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
         tool_path = read_given_path(path, kind=told.kind, options=told.options, **told.choice)
-        say_notes(tool_path.notes, path)
+        say_path_notes(tool_path.notes, path)
         task = setup.task(tool_path, parse_reference(reference))
         cut = None if springless else cut_of(setup.cell, tool_path.motions, force, force_axes, milling)
         if cut is not None:
@@ -253,7 +253,6 @@ def _show(posed: Posed) -> None:
     title = f"{words} on {path.n} points, {1e3 * path.arc_length[-1]:.4g} mm"
     show_table(title, ["course", "mean", "95 %", "worst", "gamma, deg", "drivable", "gain"], rows)
     say(sentence(posed.stiffness))
-    for text in posture_payload.remarks(posed):
-        say(f"note: {text}")
+    say_notes(posture_payload.remarks(posed))
     if posed.milling is not None and posed.milling.comparison is not None:
         say(f"Compared with {posed.milling.against}: {posed.milling.comparison.sentence}")

@@ -10,7 +10,7 @@ from machining import Course, Objective, limit_distance, singular_distance
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, MillingErrors, Posed
 from machining.stiffness.objective import ROOM, shown
 from machining.task import ToolPath
-from robots import Robot
+from robots import Remark, Robot
 from robots.arrays import Array
 from robots.inverse.elbow_angle import elbow_angle
 from robots.inverse.following import is_redundant
@@ -179,11 +179,14 @@ def gain_words(posed: Posed, name: str) -> str:
 def remarks(posed: Posed) -> list[str]:
     """What a user must know about the result."""
     request, moves = posed.request, posed.course.smoothness
-    out = []
+    out: list[str] = []
     if posed.why_no_before is not None:
         out.append(
-            f"As programmed (gamma {np.degrees(request.before):.4g} deg) the arm cannot follow the path: "
-            f"{posed.why_no_before}."
+            Remark(
+                f"As programmed (gamma {np.degrees(request.before):.4g} deg) the arm cannot follow the path: "
+                f"{posed.why_no_before}.",
+                code="W049",
+            )
         )
     if posed.found.why_no_fixed is not None:
         out.append(f"With no single gamma can the arm follow the whole path: {posed.found.why_no_fixed}.")
@@ -195,36 +198,53 @@ def remarks(posed: Posed) -> list[str]:
     if request.left_out:
         out.append(f"Effects of the model that are not included: {', '.join(request.left_out)}.")
     if request.drive.speed is None:
-        out.append("Joint speeds were not checked: give --speed, or a cell file with joint speeds.")
+        out.append(
+            Remark("Joint speeds were not checked: give --speed, or a cell file with joint speeds.", code="W034")
+        )
     elif np.isnan(request.task.path.times).any():
-        out.append("Some points have no feed: between them joint speeds could not be checked.")
+        out.append(Remark("Some points have no feed: between them joint speeds could not be checked.", code="W034"))
     if request.drive.clearance_of is None and request.drive.clearance_at is None:
-        out.append("Collisions were not checked: no shape of the arm is known.")
+        out.append(Remark("Collisions were not checked: no shape of the arm is known.", code="W033"))
     if posed.milling is None and request.objective.quantity != ROOM:
         out.append("No error was predicted: give --force or --milling.")
     if is_redundant(posed.model.robot):
         out.append(
-            f"This arm reaches each point in postures without number: some of them, found from random starts, were "
-            f"followed along the path, and the {posed.course.names[0]} was chosen together with gamma; some postures "
-            "may have been missed."
+            Remark(
+                f"This arm reaches each point in postures without number: some of them, found from random starts, were "
+                f"followed along the path, and the {posed.course.names[0]} was chosen together with gamma; some "
+                "postures may have been missed.",
+                code="W044",
+            )
         )
     elif not posed.found.sure:
-        out.append("This arm's inverse kinematics is searched; some postures may have been missed.")
+        out.append(
+            Remark("This arm's inverse kinematics is searched; some postures may have been missed.", code="W044")
+        )
     if moves.singular_distance < request.drive.singular_zone:
-        out.append(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).")
+        out.append(
+            Remark(f"The course comes near a singularity (distance {moves.singular_distance:.2g}).", code="W035")
+        )
     if moves.limit_distance < request.drive.limit_zone:
-        out.append(f"The course comes within {np.degrees(moves.limit_distance):.3g} deg of a joint limit.")
+        out.append(
+            Remark(f"The course comes within {np.degrees(moves.limit_distance):.3g} deg of a joint limit.", code="W036")
+        )
     if posed.milling is not None and posed.milling.comparison is not None:
         change = posed.milling.comparison.changes["rms"]
         if change.verdict == "larger" and not request.objective.minimised:
             out.append(
-                f"This course is better in {request.objective.quantity} and yet leaves a larger error under the force "
-                'given: to optimise the error itself, use --quantity "normal displacement".'
+                Remark(
+                    f"This course is better in {request.objective.quantity} and yet leaves a larger error under the "
+                    'force given: to optimise the error itself, use --quantity "normal displacement".',
+                    code="W046",
+                )
             )
     out += share_remarks(posed.drawn[CHOSEN].matters, f"the mean {request.objective.quantity}")
     out += [] if posed.milling is None else error_remarks(posed.milling.errors[CHOSEN])
     if moves.branch_changes:
         out.append(
-            f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet."
+            Remark(
+                f"The course changes its branch {moves.branch_changes} times, through poses where two branches meet.",
+                code="W035",
+            )
         )
     return out

@@ -109,7 +109,8 @@ def query(
                 folder.write_text("query.csv", records_text(rows))
         unanswered = int(np.count_nonzero(~result.answered))
         if unanswered:
-            say(f"note: {unanswered} of {len(rows)} poses lie outside the fitted range and have no value: see flags")
+            text = f"{unanswered} of {len(rows)} poses lie outside the fitted range and have no value: see flags"
+            say(f"note: {text}", code="W014")
         if singularity is None and len(rows) > SINGULARITY_ROWS:
             say(f"note: with more than {SINGULARITY_ROWS} poses, --singularity flags those close to one")
         frame.answer(content, lambda: answers.show_answers(learned, rows))

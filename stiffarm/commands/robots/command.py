@@ -19,7 +19,7 @@ from robots.quantities import rounded
 from robots.robot import robot_from
 from robots.schema.description import Joint
 from robots.schema.quantities import RotationalStiffness
-from stiffarm.session.console import say, show_table
+from stiffarm.session.console import say, say_notes, show_table
 from stiffarm.session.frame import command
 from stiffarm.session.options import Debug, Json, ModelArg
 from stiffarm.session.table_kinds import described
@@ -231,8 +231,7 @@ def _show(description: ModelDescription, masses: RobotMasses, prior: ArmClass) -
             say(f"controller: {angle.coordinate} = {offset:g} {terms}")
     if masses.links:
         _show_masses(description, masses)
-    for note in description.notes:
-        say(f"note: {note}")
+    say_notes(description.notes)
 
 
 def _show_masses(description: ModelDescription, masses: RobotMasses) -> None:

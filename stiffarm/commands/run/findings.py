@@ -12,7 +12,7 @@ from doe import Measurements, PoseEffects
 from doe.estimation.campaign import Campaign
 from fem import ArmModel
 from fem.arm import Arm
-from robots import ModelDescription
+from robots import ModelDescription, Remark
 from robots.arrays import Array
 from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
@@ -105,7 +105,7 @@ class Findings:
         return self.published is not None and is_bundled(self.given.robot, self.data)
 
     @property
-    def rigid_warning(self) -> str:
+    def rigid_warning(self) -> Remark:
         """What must be said of the recommended model's stiffness: joints held rigid, the load that it holds at."""
         return caveats(replace(self.given, description=self.best.description, model=self.best.model))
 

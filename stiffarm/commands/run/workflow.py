@@ -31,7 +31,7 @@ from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
 from stiffarm.session import inputs, readings, steps
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress, say, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import at_load
@@ -75,7 +75,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
         with folder.timed("calibration"):
             findings = _calibrated(given, table, scheme, kept, looks, options.seed)
         if findings.rigid_warning:
-            say(f"note: {findings.rigid_warning}")
+            say_notes([findings.rigid_warning])
         with folder.timed("surrogates"):
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
@@ -83,8 +83,7 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             asked = read_map_options(arm, "joints", {"--points": str(options.points)}, options.seed)
             drawn = make_map(arm, asked, folder, Files(asked.formats, html=True, table=False), bar)
         stiffness = workspace_stiffness(arm.description, arm.model)
-        for message in drawn["messages"]:
-            say(f"note: {message}")
+        say_notes(drawn["messages"])
         told = None
         if options.rehearse:
             with folder.timed("rehearsal"):

@@ -14,13 +14,14 @@ from fem.effects import History, observed
 from fem.effects.base import STAGES
 from fem.effects.secant import StatedLoad
 from fem.statics.loads import LoadedPoses
+from robots import Remark
 from robots.arrays import Array
 from robots.quantities import QUANTITIES, known_to, length, rounded_all
 from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.report import Bullets, KeyFigure, Section
 from stiffarm.result import Drawing, Number, Result, Table
 from stiffarm.session.caution import RIGID_AS_ASKED
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import WRENCH_NAMES
 from stiffarm.session.softness import flagged
@@ -163,7 +164,8 @@ def remarks(facts: Mapping[str, Any]) -> list[str]:
     """What the reader must know of the arm."""
     out = [f"with effects: {', '.join(facts['effects'])}"] if facts.get("effects") else []
     if facts["joints_without_spring"] and not facts["rigid_joints"]:
-        out.append(f"no spring is given for {', '.join(facts['joints_without_spring'])}: held rigid until calibrated")
+        names = ", ".join(facts["joints_without_spring"])
+        out.append(Remark(f"no spring is given for {names}: held rigid until calibrated", code="W001"))
     if facts["links"] == NO_LINKS:
         out.append(f"{NO_LINKS} (`stiffarm import` makes links of a URDF's meshes)")
     return out
@@ -212,8 +214,7 @@ def _field(
     with folder.timed("fields"):
         arm = field_results.deformed_arm(given.description, model, q, wrench, scale=asked.scale)
         found = field_results.write(arm, model, folder, asked.rigid_joints)
-    for message in found["messages"]:
-        say(f"note: {message}")
+    say_notes(found["messages"])
     say(f"strain energy: {found['budget']['leader']}")
     stress, part = found["largest_von_mises_MPa"], found["largest_von_mises_in"]
     say(f"largest von Mises stress: {stress:.3g} MPa in {part} (a peak at an end or a kink rises with a finer mesh)")

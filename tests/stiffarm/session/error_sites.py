@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,8 @@ DEFINED = ROOT / "robots" / "errors.py"
 class Site:
     """One call that makes an error: where, its code and the words of the message.
 
-    ``code``: None where it comes from whoever calls, or from the error that is passed on; "" where it is none of these.
+    ``code``: None where it comes from whoever calls, from what is passed on, or from a table of codes; "" where it is
+    none of these.
     """
 
     place: str
@@ -50,7 +52,7 @@ def code_of(given: ast.expr | None, within: list[ast.FunctionDef]) -> str | None
     """The code that a call is given; see :class:`Site`."""
     if isinstance(given, ast.Constant) and isinstance(given.value, str):
         return given.value
-    if isinstance(given, ast.Attribute) and given.attr == "code":
+    if given is not None and re.fullmatch(r"[\w.]+\.code|getattr\(\w+, 'code', ''\)|[A-Z_]+\[.+\]", ast.unparse(given)):
         return None
     told = {argument.arg for function in within for argument in (*function.args.args, *function.args.kwonlyargs)}
     return None if isinstance(given, ast.Name) and given.id == "code" and "code" in told else ""

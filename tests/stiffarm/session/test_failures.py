@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import copy
 import re
 from pathlib import Path
 
@@ -10,13 +11,14 @@ import pytest
 from cli_runs import Command
 from error_sites import ROOT, error_sites, sites_of
 from prose_files import parts
-from test_house import LAYERS, sources
+from test_house import sources
 
+from machining.toolpaths.motions import Note
 from machining.verification.offences import KIND_CODES, Kind
-from robots import InputError, InputErrors
+from robots import InputError, InputErrors, Remark
 from stiffarm.cli import COMMANDS, command_of
-from stiffarm.failures import SYSTEM, Failure, catalogue, said, warning_of
-from stiffarm.session.console import say, say_error
+from stiffarm.failures import SYSTEM, Failure, catalogue, said
+from stiffarm.session.console import say, say_error, say_notes
 
 SITES = error_sites()
 ALL = list(catalogue().values())
@@ -31,15 +33,14 @@ CONSTANTS = {
 
 
 def test_each_error_has_a_code_of_the_catalogue() -> None:
-    """A literal one where it is made; helpers hand theirs on."""
+    """A literal one where it is made, of remarks too; helpers hand theirs on."""
     assert len(SITES) > 1200
     assert {site.place: site.code for site in SITES if site.code is not None and site.code not in catalogue()} == {}
 
 
 def test_no_entry_is_dead() -> None:
-    """Each code stands in the program; warnings are known by their words."""
-    assert [f.code for f in ALL if not f.says and f.code not in CONSTANTS and not named_at_the_start(f.code)] == []
-    assert [words for f in ALL for words in f.says if not any(words in text for text in CONSTANTS)] == []
+    """Each code stands in the program."""
+    assert [f.code for f in ALL if f.code not in CONSTANTS and not named_at_the_start(f.code)] == []
 
 
 def named_at_the_start(code: str) -> bool:
@@ -54,6 +55,7 @@ def named_at_the_start(code: str) -> bool:
         ('InputError("a")', ""),
         ('InputError("a", code=table["x"])', ""),
         ("InputError(error.what, code=error.code)", None),
+        ('Remark("a", code=CODES[kind])', None),
         ("InputError(what, code=code)", None),
         ('faults.add(1, "cell", code="T004")', "T004"),
         ('require_one_of("--aim", aim, known)', ""),
@@ -98,14 +100,15 @@ def test_options_and_pages_that_entries_name_exist() -> None:
 
 
 def test_an_example_is_a_message_of_its_entry() -> None:
-    """Some words of the example stand in a call that has its code."""
+    """Some words of the example stand in a call that has its code; remarks are often put together before."""
     by_code: dict[str | None, list[str]] = {}
     for site in SITES:
         by_code.setdefault(site.code, []).extend(part.strip() for part in site.words.split("\0"))
     missing = [
         f.code
         for f in ALL
-        if any(len(part) > 4 for part in by_code.get(f.code, []))
+        if not f.code.startswith("W")
+        and any(len(part) > 4 for part in by_code.get(f.code, []))
         and not any(len(part) > 4 and part in f.example for part in by_code[f.code])
     ]
     assert missing == []
@@ -121,22 +124,15 @@ def test_several_faults_carry_a_code_each(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_warning_carries_its_code(capsys: pytest.CaptureFixture[str]) -> None:
-    say("note: a poor surrogate: 14 % RMS")
-    say("note: all is well")
-    assert capsys.readouterr().err.splitlines() == ["note: a poor surrogate: 14 % RMS [W011]", "note: all is well"]
-    assert warning_of("all is well") is None
-
-
-def test_the_words_of_a_warning_stand_in_the_code() -> None:
-    """A warning whose words were changed would lose its code."""
-    files = [path for package in LAYERS for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".j2")]
-    # Texts that run over lines, and places for values in them.
-    code = "\n".join(re.sub(r'"\s*\n\s*f?"', "", path.read_text(encoding="utf-8")) for path in files)
-    said = [(f.code, words) for f in ALL for words in f.says]
-    assert [(name, words) for name, words in said if words not in code] == []
-    # One example each, known by its own words alone.
-    examples = [(f.code, warning_of(f.example)) for f in ALL if f.says]
-    assert [name for name, known in examples if known is None or known.code != name] == []
+    say("note: a poor surrogate", code="W011")
+    say_notes([Remark("no spring", code="W001"), "all is well", Note(3, "cut short", 2, "W037")])
+    assert capsys.readouterr().err.splitlines() == [
+        "note: a poor surrogate [W011]",
+        "note: no spring [W001]",
+        "note: all is well",
+        "note: line 3: cut short (2 times) [W037]",
+    ]
+    assert copy.deepcopy(Remark("a", code="W001")).code == "W001"
 
 
 @pytest.mark.parametrize(

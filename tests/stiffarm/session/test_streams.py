@@ -135,9 +135,9 @@ def test_each_fault_has_a_line_of_its_own(capsys: pytest.CaptureFixture[str]) ->
     with pytest.raises(ValueError, match="two") as caught:
         raise InputErrors("two", [InputError("a\nb", code="X004"), InputError("c", code="X004")])
     console.say_error(caught.value)  # type: ignore[arg-type]
-    assert capsys.readouterr().err == (
-        "stiffarm: two: 2 problem(s). More: stiffarm help CODE\n  - a\\nb [X004]\n  - c [X004]\n"
-    )
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert first.startswith("stiffarm: two: 2 problem(s)")
+    assert lines == ["  - a\\nb [X004]", "  - c [X004]"]
 
 
 def test_results_that_are_no_numbers_are_named() -> None:

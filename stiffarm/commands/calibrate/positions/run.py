@@ -15,7 +15,7 @@ from fem.arm import Arm
 from machining.programs.controller_offsets import ControllerOffsets
 from stiffarm.commands.calibrate.positions import corrections, payload, region_pages, tables
 from stiffarm.session import parsing
-from stiffarm.session.console import progress, say, say_notes
+from stiffarm.session.console import progress, say_notes
 from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
 
@@ -58,8 +58,7 @@ def calibrate_tables(
             _write(given, found, (made, taken), by_region, content, folder)
     frame.answer(content, lambda: tables.show(found, by_region))
     if frame.out is not None and not frame.as_json:
-        for remark in corrections.remarks(found, made):
-            say(f"note: {remark}")
+        say_notes(corrections.remarks(found, made))
 
 
 def _write(

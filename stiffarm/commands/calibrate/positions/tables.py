@@ -11,7 +11,7 @@ from doe.absolute.identified import Finding
 from doe.absolute.regions import Regions
 from robots.arrays import Array
 from stiffarm.pages.report import Table
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 
 # Wrong readings that the screen names.
 SHOWN = 12
@@ -21,8 +21,7 @@ def show(c: Positions, by_region: Regions) -> None:
     """Accuracy, parameters, and what the reader must know."""
     accuracy_table(c).show()
     parameters_table(c.findings).show()
-    for remark in c.remarks[:SHOWN]:
-        say(f"note: {remark}")
+    say_notes(c.remarks[:SHOWN])
     if len(c.remarks) > SHOWN:
         say(f"note: {len(c.remarks) - SHOWN} further remarks: --json or --out has them all")
     say(f"by region: {by_region.words}")

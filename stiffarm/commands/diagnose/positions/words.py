@@ -7,7 +7,7 @@ from doe.absolute.missing.evidence import NONE, UNKNOWN
 from stiffarm.commands.diagnose.positions.payload import free
 from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Table
-from stiffarm.session.console import say
+from stiffarm.session.console import say, say_notes
 
 SHOWN = 8
 
@@ -17,8 +17,7 @@ def show(m: Missing) -> None:
     if m.found:
         found_table(m).show()
     candidates_table(m).show()
-    for remark in remarks(m):
-        say(f"note: {remark}")
+    say_notes(remarks(m))
     say(f"{answer(m)}.")
     say(errors(m))
 
