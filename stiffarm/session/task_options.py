@@ -58,23 +58,45 @@ ReferenceOpt = Annotated[
 ]
 
 
-def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:600:25") -> Array:
-    """Values (n,) from ``-600:600:25`` or ``486``.
+# First value, last value and step, or one value.
+Range = float | tuple[float, float, float]
+
+
+def parse_range(text: str, option: str, unit: str = "mm", example: str = "-600:600:25") -> Range:
+    """A range from ``-600:600:25``, or one number.
 
     Raises
     ------
     InputError
-        Not numbers, a range that does not ascend or is no whole number of steps, too many values.
+        Anything else.
     """
     values = parse_numbers(text, ":")
-    if values is not None and len(values) == 1:
-        return np.array(values)
-    low, high, step = values if values is not None and len(values) == 3 else (0.0, 0.0, 0.0)
+    if values is None or len(values) not in (1, 3):
+        raise InputError(
+            option,
+            value=text,
+            allowed=f"FROM:TO:STEP or one number, {unit}",
+            remedy=f"write it as in {option} {example}",
+        )
+    return values[0] if len(values) == 1 else (values[0], values[1], values[2])
+
+
+def values_of(given: Range, option: str, unit: str = "mm", example: str = "-600:600:25") -> Array:
+    """Values (n,) of a range.
+
+    Raises
+    ------
+    InputError
+        A range that does not ascend or is no whole number of steps, too many values.
+    """
+    low, high, step = given if isinstance(given, tuple) else (given, given, 0.0)
+    if not isinstance(given, tuple) and math.isfinite(low):
+        return np.array([low], dtype=np.float64)
     count = (high - low) / step if step > 0.0 else 0.0
     if not 1.0 - UNEVEN <= count <= MOST_VALUES or abs(count - round(count)) > UNEVEN * max(count, 1.0):
         raise InputError(
             option,
-            value=text,
+            value=f"{low:g}:{high:g}:{step:g}",
             allowed=f"FROM:TO:STEP or one number, {unit}, FROM below TO, a whole number of steps between them",
             remedy=f"write it as in {option} {example}",
         )
@@ -82,26 +104,29 @@ def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:
 
 
 def parse_gammas(text: str) -> GammaRange | float:
-    """A range of gamma from ``-180:180:5``, or one angle (rad) from ``30``; deg.
+    """A range of gamma from ``-180:180:5``, or one angle (rad) from ``30``; deg. Errors as :func:`gammas_of`."""
+    return gammas_of(parse_range(text, "--gamma", "deg", "-180:180:5"))
+
+
+def gammas_of(given: Range) -> GammaRange | float:
+    """A range of gamma, or one angle (rad), from deg.
 
     Raises
     ------
     InputError
-        Not numbers, an empty range, a step that is not positive or leaves fewer than two angles.
+        An empty range, a step that is not positive or leaves fewer than two angles.
     """
     from machining import GammaRange
 
-    values = parse_numbers(text, ":")
-    if values is None or len(values) not in (1, 3):
-        raise InputError(
-            "--gamma", value=text, allowed="one angle, or FROM:TO:STEP in deg", remedy="as in --gamma -180:180:5"
-        )
-    if len(values) == 1:
-        return math.radians(values[0])
-    low, high, step = values
+    if not isinstance(given, tuple):
+        return math.radians(given)
+    low, high, step = given
     if not (high > low and high - low <= 360.0 + 1e-9):
         raise InputError(
-            "--gamma", value=text, allowed="FROM below TO, at most 360 deg apart", remedy="as in --gamma -180:180:5"
+            "--gamma",
+            value=f"{low:g}:{high:g}:{step:g}",
+            allowed="FROM below TO, at most 360 deg apart",
+            remedy="as in --gamma -180:180:5",
         )
     if not 0.0 < step <= high - low:
         raise InputError(

@@ -12,8 +12,8 @@ from robots import InputError, Robot, forward_kinematics, require_one_of, tool_p
 from robots.arrays import Array, finite
 from surrogate.maps.data import Axis, Layout
 
-# Points of a map at most: their numbers must fit an index, and a disk.
-MOST_POINTS = 2_000_000_000
+# Points of a map at most: its arrays and VTK's grid of them stand in memory together, about 0.5 kB a point.
+MOST_POINTS = 3_000_000
 # Points along the longest axis by default: some seconds for a slice, a minute or two for a box.
 ALONG_SLICE, ALONG_BOX = 40, 25
 # Degrees from one angle of a cylinder to the next by default.
@@ -233,5 +233,10 @@ def _even(name: str, values: ArrayLike) -> Array:
 
 def _checked(layout: Layout) -> Layout:
     if layout.n > MOST_POINTS:
-        raise InputError("points of the map", value=layout.n, allowed=f"up to {MOST_POINTS}")
+        raise InputError(
+            "points of the map",
+            value=layout.n,
+            allowed=f"up to {MOST_POINTS}",
+            remedy="make the steps larger, or make several maps side by side",
+        )
     return layout

@@ -2,43 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fem.arm import Arm
+from robots import InputError
 from robots.arrays import Array, in_blocks
 from robots.files.csv_text import write_rows
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps import netcdf, vtk_stream
-from surrogate.maps.data import MapData
+from stiffarm.session.parsing import parse_names
+from surrogate.maps.data import Field, MapData
+from surrogate.maps.mesh import write_map
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 
+FORMATS = ("vtu", "vti", "vtp")
 # A table of more points is nothing to open in a spreadsheet.
 CSV_UP_TO = 200_000
 # Points up to which pictures are drawn: they hold all points and cells in memory.
 DRAWN_UP_TO = 1_000_000
 ROWS = 1 << 15
-WRITERS: Mapping[str, Callable[[MapData, Path], None]] = {
-    "vtu": vtk_stream.write_vtu,
-    "vti": vtk_stream.write_vti,
-    "vtp": vtk_stream.write_vtp,
-    "nc": netcdf.write_netcdf,
-}
 
 
 @dataclass(frozen=True)
 class Files:
     """What is written besides map.json, and where the map is worked.
 
-    ``formats``: of :data:`WRITERS`; ``figures``: those for papers of a joint sweep too, which has two pictures of its
+    ``formats``: of :data:`FORMATS`; ``figures``: those for papers of a joint sweep too, which has two pictures of its
     own; ``dask``: address of a scheduler; ``work``: folder of the blocks, which then stays; ``table``: all points as
     CSV, where they are not too many.
     """
 
-    formats: tuple[str, ...]
+    formats: tuple[str, ...] = ("vtu",)
     figures: bool = False
     pictures: bool = True
     svg: bool = False
@@ -51,6 +48,21 @@ class Files:
     def picture_formats(self) -> tuple[str, ...]:
         """Of 'png' and 'svg' those asked for."""
         return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
+
+
+def formats_of(kind: str, text: str | None, *, turned: bool = False) -> tuple[str, ...]:
+    """File formats of ``--format``, or the natural one of the kind of map; ``turned``: its frame is not the base's.
+
+    Raises
+    ------
+    InputError
+        An unknown format, or .vti for a grid that is no image.
+    """
+    formats = parse_names(text, FORMATS, "--format")
+    image = kind in ("slice", "box") or (kind == "index" and not turned)
+    if formats is not None and "vti" in formats and not image:
+        raise InputError(f"--format vti of a map over {kind}", allowed="a slice or a box", remedy="take vtu")
+    return formats or (("vti",) if kind in ("slice", "box") else ("vtu",))
 
 
 def write_files(
@@ -87,8 +99,8 @@ def write_arrays(
 ) -> list[str]:
     """Write the map's arrays in each of the formats, and the page to pick in; returns the names of the files."""
     names = [f"{stem}.{form}" for form in files.formats]
-    for form, name in zip(files.formats, names, strict=True):
-        WRITERS[form](data, folder.path(name))
+    for name in names:
+        write_map(data, folder.path(name))
     if files.html:
         from stiffarm.commands.maps.viewer import viewer_page
         from stiffarm.commands.maps.what_if import what_if_data
@@ -101,18 +113,16 @@ def write_arrays(
 
 def write_table(data: MapData, path: Path) -> None:
     """All points as CSV: where they are (mm), the pose (deg), the quantities; empty cells where there is no pose."""
-    columns = ["x_mm", "y_mm", "z_mm", *data.coordinates, *data.fields]
+    columns = {**data.places(), **data.fields}
     with path.open("w", encoding="utf-8", newline="") as file:
         write_rows(file, [columns], "\r\n")
         for rows in in_blocks(data.layout.n, ROWS):
-            numbers = [1e3 * np.asarray(data.points[rows]), np.degrees(np.asarray(data.q[rows]))]
-            cells = [_cells(column) for block in numbers for column in block.T]
-            cells += [_cells(np.asarray(f.values[rows]), f.categories) for f in data.fields.values()]
-            write_rows(file, zip(*cells, strict=True), "\r\n")
+            write_rows(file, zip(*(_cells(f, rows) for f in columns.values()), strict=True), "\r\n")
 
 
-def _cells(values: Array, categories: Sequence[str] = ()) -> list[str]:
-    if categories:
-        return [categories[int(v)] if v >= 0.0 else "" for v in values]
+def _cells(f: Field, rows: slice) -> Iterator[str]:
     # Poses on a limit are rounded to it; -0 is 0.
-    return ["" if np.isnan(v) else f"{v + 0.0:.9g}" for v in values]
+    values = np.asarray(f.values[rows]) + 0.0
+    if f.categories:
+        return (f.categories[int(v)] if v >= 0.0 else "" for v in values)
+    return ("" if np.isnan(v) else f"{v:.9g}" for v in values)
