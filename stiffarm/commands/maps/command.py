@@ -170,7 +170,7 @@ def joints_command(
     with command(out, as_json=as_json, debug=debug) as frame:
         own: dict[str, Any] = {"kind": "joints", "points": points, "seed": seed}
         if layers is not None:
-            own["layers_deg"] = _numbers(layers, "--layers")
+            own["layers_deg"] = _numbers(layers, "--layers", "-90,0,90")
         files = _files("joints", values, file_format, html, svg, pictures, dask, work)
         if surrogate_file is None:
             asked = MapRequest(**own, **_quantities(direction, values, tool, normal), at_load_N=at_load)
@@ -228,7 +228,7 @@ def slice_command(
         asked = MapRequest(
             kind="slice",
             plane=plane,
-            at_mm=None if at is None else _numbers(at, "--at", 1)[0],
+            at_mm=None if at is None else _numbers(at, "--at", "600")[0],
             **_ranges(x=x, y=y, z=z),
             **_posed(pose, best_by, tool_axis, gamma),
             **_quantities(direction, values, tool, normal),
@@ -429,7 +429,7 @@ def index_command(
             normal=parse_vector(normal, "--normal", _AXES),
             tool_axis=None if tool_axis is None else parse_vector(tool_axis, "--tool-axis", _AXES),
             gamma_deg=parse_range(gamma, "--gamma", "deg", "-180:180:5"),
-            show_deg=None if show is None else _numbers(show, "--show"),
+            show_deg=None if show is None else _numbers(show, "--show", "-30,0,30"),
             force=None if force is None else parse_vector(force, "--force", "N in base axes"),
             workpiece=None if workpiece is None else parse_workpiece(workpiece),
             aim=parse_word(aim, ("mean", "worst"), "--aim"),
@@ -477,11 +477,10 @@ def parse_workpiece(text: str) -> dict[str, tuple[float, float]] | list[tuple[fl
     return out
 
 
-def _numbers(text: str, option: str, count: int | None = None) -> tuple[float, ...]:
+def _numbers(text: str, option: str, example: str) -> tuple[float, ...]:
     values = parse_numbers(text)
-    if values is None or (count is not None and len(values) != count):
-        allowed = "numbers separated by commas" if count is None else "one number in mm"
-        raise InputError(option, value=text, allowed=allowed)
+    if values is None or ("," in text) > ("," in example):
+        raise InputError(option, value=text, allowed=f"numbers as in {example}", remedy=f"write {option} {example}")
     return values
 
 

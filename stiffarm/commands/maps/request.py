@@ -292,7 +292,10 @@ class MapRequest:
         steps = [float(v[1] - v[0]) for v in given.values() if len(v) > 1]
         longest = max(float(np.ptp(ends[name])) for name in names)
         step = self.step_mm or (min(steps) if steps else step_for(longest, count))
-        return {name: given[name] if name in given else range_for(float(ends[name][0]), float(ends[name][1]), step) for name in names}
+        return {
+            name: given[name] if name in given else range_for(float(ends[name][0]), float(ends[name][1]), step)
+            for name in names
+        }
 
 
 def vector_words(vector: Vector) -> str:

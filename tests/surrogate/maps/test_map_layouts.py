@@ -48,7 +48,7 @@ def test_a_cylinder_is_about_the_z_axis() -> None:
 
 
 def test_rows_are_worked_out_alone() -> None:
-    grid = box_layout(range_for(-1000, 1000, 7), range_for(-1000, 1000, 11), range_for(0, 2000, 13))
+    grid = box_layout(range_for(-1000, 1000, 10), range_for(-1000, 1000, 14), range_for(0, 2000, 20))
     assert grid.n > 1_000_000
     rows = slice(777_777, 777_787)
     np.testing.assert_array_equal(points_of(grid, rows), points_of(grid, slice(700_000, 800_000))[77_777:77_787])
