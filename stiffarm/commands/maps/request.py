@@ -28,17 +28,14 @@ from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
 from surrogate.maps.data import Layout, LayoutKind
 from surrogate.maps.layouts import (
-    ALONG_BOX,
-    ALONG_SLICE,
+    ALONG,
     PLANES,
     Reach,
     TURN_deg,
-    box_layout,
-    cylinder_layout,
     default_sweep,
     range_for,
     reach_of,
-    slice_layout,
+    space_layout,
     step_for,
     sweep_layout,
 )
@@ -102,7 +99,7 @@ class MapRequest:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        parse_word(self.plane, tuple(PLANES), "--plane")
+        parse_word(self.plane, PLANES, "--plane")
         parse_word(self.pose, POSES, "--pose")
         parse_word(self.best_by, MERITS, "--best-by")
         for name in self.values or ():
@@ -199,25 +196,23 @@ class MapRequest:
             return sweep_layout(robot, self.points, self._layers(robot))
         reach = self.reach(robot)
         ends = {name: 1e3 * np.array([reach.lower[i], reach.upper[i]]) for i, name in enumerate("xyz")}
+        ends["r"] = np.array([0.0, 1e3 * reach.radius])
+        values = self._along_axes({"slice": self.plane, "cylinder": "rz"}.get(self.kind, "xyz"), ends)
         if self.kind == "cylinder":
-            ends["r"] = np.array([0.0, 1e3 * reach.radius])
-            values = self._along_axes(("r", "z"), ends, ALONG_BOX)
-            phi = np.linspace(-180.0, 180.0, round(360.0 / TURN_deg) + 1)
+            values["phi"] = np.linspace(-180.0, 180.0, round(360.0 / TURN_deg) + 1)
             if self.phi_deg is not None:
-                phi = values_of(self.phi_deg, "--phi", "deg", "-90:90:15")
-            return cylinder_layout(values["r"], phi, values["z"])
-        if self.kind == "box":
-            return box_layout(*self._along_axes(("x", "y", "z"), ends, ALONG_BOX).values())
-        up, across, third = PLANES[self.plane]
+                values["phi"] = values_of(self.phi_deg, "--phi", "deg", "-90:90:15")
+        if self.kind != "slice":
+            return space_layout(values)
+        (third,) = set("xyz") - set(self.plane)
         if getattr(self, f"{third}_mm") is not None:
             raise InputError(
                 f"--{third} cannot be combined with --plane {self.plane}, which holds it",
                 remedy=f"give --at MM for {third}",
             )
-        values = self._along_axes((across, up), ends, ALONG_SLICE)
         # Of a horizontal slice half the height that the tool reaches, a round number.
         middle = 50.0 * round(0.5 * float(ends["z"].sum()) / 50.0) if third == "z" else 0.0
-        return slice_layout(self.plane, values[across], values[up], middle if self.at_mm is None else self.at_mm)
+        return space_layout(values, {third: middle if self.at_mm is None else self.at_mm})
 
     def metadata(self, given: Arm, engine: Engine) -> dict[str, str]:
         """What the map is of, in words by name, as its files say it."""
@@ -285,13 +280,13 @@ class MapRequest:
             )
         return values
 
-    def _along_axes(self, names: tuple[str, ...], ends: Mapping[str, Array], count: int) -> dict[str, Array]:
+    def _along_axes(self, names: str, ends: Mapping[str, Array]) -> dict[str, Array]:
         """Values (mm) along axes: those given; else all in reach, in the finest step given or a round one."""
         asked = {name: getattr(self, f"{name}_mm") for name in names}
         given = {name: values_of(v, f"--{name}") for name, v in asked.items() if v is not None}
         steps = [float(v[1] - v[0]) for v in given.values() if len(v) > 1]
         longest = max(float(np.ptp(ends[name])) for name in names)
-        step = self.step_mm or (min(steps) if steps else step_for(longest, count))
+        step = self.step_mm or (min(steps) if steps else step_for(longest, ALONG[self.kind]))
         return {
             name: given[name] if name in given else range_for(float(ends[name][0]), float(ends[name][1]), step)
             for name in names

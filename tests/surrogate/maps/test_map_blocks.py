@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from map_arms import engine, kr60
+from map_arms import engine, kr60, slice_layout
 
 from robots import InputError
 from surrogate.maps.blocks import Engine
 from surrogate.maps.data import figures
-from surrogate.maps.layouts import joint_layout, slice_layout
+from surrogate.maps.layouts import joint_layout
 from surrogate.maps.poses import BestGamma
 from surrogate.maps.store import MapStore
 
