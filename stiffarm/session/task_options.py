@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, finite
 from stiffarm.session.parsing import parse_numbers
 
 if TYPE_CHECKING:
@@ -89,14 +89,15 @@ def values_of(given: Range, option: str, unit: str = "mm", example: str = "-600:
     InputError
         A range that does not ascend or is no whole number of steps, too many values.
     """
-    low, high, step = given if isinstance(given, tuple) else (given, given, 0.0)
-    if not isinstance(given, tuple) and math.isfinite(low):
-        return np.array([low], dtype=np.float64)
+    numbers = finite(option.lstrip("-"), np.atleast_1d(given), ("n",), unit)
+    if len(numbers) == 1:
+        return numbers
+    low, high, step = numbers.tolist() if len(numbers) == 3 else (0.0, 0.0, 0.0)
     count = (high - low) / step if step > 0.0 else 0.0
     if not 1.0 - UNEVEN <= count <= MOST_VALUES or abs(count - round(count)) > UNEVEN * max(count, 1.0):
         raise InputError(
             option,
-            value=f"{low:g}:{high:g}:{step:g}",
+            value=":".join(f"{v:g}" for v in numbers),
             allowed=f"FROM:TO:STEP or one number, {unit}, FROM below TO, a whole number of steps between them",
             remedy=f"write it as in {option} {example}",
         )
@@ -118,13 +119,14 @@ def gammas_of(given: Range) -> GammaRange | float:
     """
     from machining import GammaRange
 
-    if not isinstance(given, tuple):
-        return math.radians(given)
-    low, high, step = given
+    numbers = finite("gamma", np.atleast_1d(given), ("n",), "deg").tolist()
+    if len(numbers) == 1:
+        return math.radians(numbers[0])
+    low, high, step = numbers if len(numbers) == 3 else (0.0, 0.0, 0.0)
     if not (high > low and high - low <= 360.0 + 1e-9):
         raise InputError(
             "--gamma",
-            value=f"{low:g}:{high:g}:{step:g}",
+            value=":".join(f"{v:g}" for v in numbers),
             allowed="FROM below TO, at most 360 deg apart",
             remedy="as in --gamma -180:180:5",
         )

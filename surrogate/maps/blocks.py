@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,9 +118,9 @@ class Engine:
             make(store, progress)
         return self.map_of(store.finished(), metadata)
 
-    def store(self, **of_folder: object) -> MapStore:
-        """What holds the arrays while they are made; ``of_folder``: ``key`` and ``folder`` of :class:`MapStore`."""
-        return MapStore(self.grid.n, self.size, self.columns, **of_folder)  # type: ignore[arg-type]
+    def store(self, key: str = "", folder: Path | None = None) -> MapStore:
+        """What holds the arrays while they are made, and keeps them in a folder; see :class:`MapStore`."""
+        return MapStore(self.grid.n, self.size, self.columns, key, folder)
 
     def map_of(self, arrays: Arrays, metadata: Mapping[str, str] | None = None) -> MapData:
         """The map of all rows of the engine's arrays."""

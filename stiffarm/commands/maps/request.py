@@ -15,7 +15,7 @@ from fem.arm import Arm
 from machining import GammaRange
 from machining.stiffness.map_rows import index_rows
 from robots import InputError, ModelDescription, Robot, content_hash
-from robots.arrays import Array
+from robots.arrays import Array, finite
 from robots.constants import DOWN
 from robots.robot import middle_pose
 from stiffarm import __version__
@@ -119,8 +119,10 @@ class MapRequest:
     @property
     def along(self) -> tuple[float, float, float]:
         """Direction of the load, its largest component 1, so that no square overflows later."""
-        vector = np.asarray(self.direction, dtype=np.float64)
-        x, y, z = (vector / (np.abs(vector).max() or 1.0)).tolist()
+        vector = finite("--direction", self.direction, (3,))
+        if not vector.any():
+            raise InputError("--direction", value="0, 0, 0", allowed="three finite numbers, not all zero")
+        x, y, z = (vector / np.abs(vector).max()).tolist()
         return x, y, z
 
     @property

@@ -38,7 +38,7 @@ def evaluated(
         A work folder or a cluster that cannot be used; a package that is missing.
     """
     engine = asked.engine(given)
-    store = engine.store() if files.work is None else engine.store(key=asked.key(given), folder=files.work)
+    store = engine.store() if files.work is None else engine.store(asked.key(given), files.work)
     make = None if files.dask is None else partial(run_on, files.dask, evaluate, MapJob.of(asked, given))
     with folder.timed("map"):
         return engine, engine.computed(asked.metadata(given, engine), progress, store, make)
