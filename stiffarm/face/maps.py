@@ -72,7 +72,7 @@ class Map(Shown):
         return np.asarray(self.data.fields[name].values)
 
     def save(self, file: str | Path) -> Path:
-        """Write the map: .vti (slice, box), .vtu, .vtp, .nc or .csv; returns the path."""
+        """Write the map: .vti (slice, box), .vtu, .vtp or .csv; returns the path."""
         from robots.files.written import written_whole
         from stiffarm.commands.maps.files import WRITERS, write_table
 

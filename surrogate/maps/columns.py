@@ -76,7 +76,7 @@ def points_mm(data: MapData, rows: slice) -> Array:
 
 
 def valid_text(text: object) -> str:
-    """The text with what neither XML nor netCDF can hold (control characters, lone surrogates) replaced by U+FFFD."""
+    """The text with what XML cannot hold (control characters, lone surrogates) replaced by U+FFFD."""
     known = str(text).encode("utf-8", "replace").decode("utf-8")
     return "".join(c if c in "\t\n\r" or (c >= " " and c not in "\x7f\ufffe\uffff") else "\ufffd" for c in known)
 

@@ -12,7 +12,7 @@ from fem.arm import Arm
 from robots.arrays import Array, in_blocks
 from robots.files.csv_text import write_rows
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps import netcdf, vtk_stream
+from surrogate.maps import vtk_stream
 from surrogate.maps.data import MapData
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 
@@ -25,7 +25,6 @@ WRITERS: Mapping[str, Callable[[MapData, Path], None]] = {
     "vtu": vtk_stream.write_vtu,
     "vti": vtk_stream.write_vti,
     "vtp": vtk_stream.write_vtp,
-    "nc": netcdf.write_netcdf,
 }
 
 

@@ -43,7 +43,7 @@ from surrogate.maps.layouts import (
 from surrogate.maps.poses import check_robot
 
 POSES = ("fixed", "best-gamma", "stiffest", "softest")
-FORMATS = ("vtu", "vti", "vtp", "nc")
+FORMATS = ("vtu", "vti", "vtp")
 POINTS = 21
 # Angles of best-gamma by default; the best is then sought between them.
 GAMMA = "-180:180:15"
