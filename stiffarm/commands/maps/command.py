@@ -84,7 +84,6 @@ Format = Annotated[
     ),
 ]
 Html = Annotated[bool, typer.Option("--html", help="Write an interactive page of the map, to turn it and pick points.")]
-Svg = Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too.")]
 Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
 Dask = Annotated[
     Text, typer.Option("--dask", metavar="ADDRESS", help="Compute the map on a Dask cluster, as in tcp://host:8786.")
@@ -154,7 +153,6 @@ def joints_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -171,12 +169,12 @@ def joints_command(
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
         if surrogate_file is not None:
-            refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
+            refused = {**shared, "--load-path": None, "--html": html or None}
             for name in (name for name, value in refused.items() if value is not None):
                 raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
             content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path, sets)
         else:
-            content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links, sets)
+            content = _arm_map("joints", model, frame, own | shared, (html, pictures), seed, links, sets)
         _say(content, frame)
 
 
@@ -206,7 +204,6 @@ def slice_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -222,7 +219,7 @@ def slice_command(
     own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        _say(_arm_map("slice", model, frame, own | shared, (html, pictures), seed, links, sets), frame)
 
 
 @map_command.command("box")
@@ -242,7 +239,6 @@ def box_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -258,7 +254,7 @@ def box_command(
     own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        _say(_arm_map("box", model, frame, own | shared, (html, pictures), seed, links, sets), frame)
 
 
 @map_command.command("cylinder")
@@ -283,7 +279,6 @@ def cylinder_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -299,7 +294,7 @@ def cylinder_command(
     own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
     shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        _say(_arm_map("cylinder", model, frame, own | shared, (html, pictures), seed, links, sets), frame)
 
 
 _PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
@@ -367,7 +362,6 @@ def index_command(
     ] = False,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -406,7 +400,7 @@ def index_command(
         # Before the model: shells take a while, and a wrong option need not wait for them.
         asked, formats = asking.read_request(options), formats_of("index", options)
         given = frame.model(model, links, load_path, sets=sets, shown=True)
-        wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
+        wanted = Files(formats, pictures=pictures, html=html, dask=dask, work=work)
         along = asked.objective.force
         given = frame.at_load(given, at_load, DOWN if along is None else along, tool_of(given.robot, tool)[:3, 3])
         with frame.folder(seed) as folder, progress("map points") as bar:
@@ -476,13 +470,12 @@ def _arm_map(
     require_springs(given, "map")
     asked = read_map_options(given, kind, options, seed)
     given = frame.at_load(given, asked.request.at_load, asked.request.direction, np.array(asked.request.tool)[:3, 3])
-    html, svg, pictures = drawn
+    html, pictures = drawn
     work = options["--work"]
     wanted = Files(
         asked.formats,
-        figures=options["--values"] is not None or svg,
+        figures=options["--values"] is not None,
         pictures=pictures,
-        svg=svg,
         html=html,
         dask=options["--dask"],
         work=None if work is None else Path(work),
