@@ -84,7 +84,6 @@ Format = Annotated[
     ),
 ]
 Html = Annotated[bool, typer.Option("--html", help="Write an interactive page of the map, to turn it and pick points.")]
-Svg = Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too.")]
 Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
 Dask = Annotated[
     Text, typer.Option("--dask", metavar="ADDRESS", help="Compute the map on a Dask cluster, as in tcp://host:8786.")
@@ -154,7 +153,6 @@ def joints_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -171,14 +169,19 @@ def joints_command(
         own: dict[str, Any] = {"kind": "joints", "points": points, "seed": seed}
         if layers is not None:
             own["layers_deg"] = _numbers(layers, "--layers", "-90,0,90")
-        files = _files("joints", values, file_format, html, svg, pictures, dask, work)
+        files = _files("joints", values, file_format, html, pictures, dask, work)
         if surrogate_file is None:
             asked = MapRequest(**own, **_quantities(direction, values, tool, normal), at_load_N=at_load)
             _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
             return
         refused: dict[str, object] = {"--direction": direction, "--values": values, "--tool": tool, "--normal": normal}
-        refused |= {"--format": file_format, "--dask": dask, "--work": work, "--at-load": at_load}
-        refused |= {"--html": html or None, "--svg": svg or None}
+        refused |= {
+            "--format": file_format,
+            "--dask": dask,
+            "--work": work,
+            "--at-load": at_load,
+            "--html": html or None,
+        }
         for name in (name for name, value in refused.items() if value is not None):
             raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
         _say(_surrogate_map(model, frame, surrogate_file, own, files, links, load_path, sets), frame)
@@ -210,7 +213,6 @@ def slice_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -224,7 +226,7 @@ def slice_command(
 ) -> None:
     """Map the arm over tool points in a plane of the base frame."""
     with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("slice", values, file_format, html, svg, pictures, dask, work)
+        files = _files("slice", values, file_format, html, pictures, dask, work)
         asked = MapRequest(
             kind="slice",
             plane=plane,
@@ -255,7 +257,6 @@ def box_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -269,7 +270,7 @@ def box_command(
 ) -> None:
     """Map the arm over tool points in a box along the base's axes."""
     with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("box", values, file_format, html, svg, pictures, dask, work)
+        files = _files("box", values, file_format, html, pictures, dask, work)
         asked = MapRequest(
             kind="box",
             **_ranges(x=x, y=y, z=z),
@@ -303,7 +304,6 @@ def cylinder_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -317,7 +317,7 @@ def cylinder_command(
 ) -> None:
     """Map the arm over tool points in a cylinder about the base's z axis."""
     with command(out, as_json=as_json, debug=debug) as frame:
-        files = _files("cylinder", values, file_format, html, svg, pictures, dask, work)
+        files = _files("cylinder", values, file_format, html, pictures, dask, work)
         asked = MapRequest(
             kind="cylinder",
             **_ranges(r=r, z=z),
@@ -395,7 +395,6 @@ def index_command(
     ] = False,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -416,7 +415,6 @@ def index_command(
         files = Files(
             formats_of("index", file_format, turned=part is not None),
             pictures=pictures,
-            svg=svg,
             html=html,
             dask=dask,
             work=work,
@@ -512,13 +510,11 @@ def _files(
     values: Text,
     file_format: Text,
     html: bool,
-    svg: bool,
     pictures: bool,
     dask: Text,
     work: Path | None,
 ) -> Files:
-    figures = values is not None or svg
-    return Files(formats_of(kind, file_format), figures, pictures, svg, html, dask, work)
+    return Files(formats_of(kind, file_format), values is not None, pictures, html, dask, work)
 
 
 def _say(content: Mapping[str, Any], frame: Frame) -> None:

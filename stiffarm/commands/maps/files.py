@@ -38,16 +38,10 @@ class Files:
     formats: tuple[str, ...] = ("vtu",)
     figures: bool = False
     pictures: bool = True
-    svg: bool = False
     html: bool = False
     dask: str | None = None
     work: Path | None = None
     table: bool = True
-
-    @property
-    def picture_formats(self) -> tuple[str, ...]:
-        """Of 'png' and 'svg' those asked for."""
-        return (("png",) if self.pictures else ()) + (("svg",) if self.svg else ())
 
 
 def formats_of(kind: str, text: str | None, *, turned: bool = False) -> tuple[str, ...]:
@@ -75,7 +69,7 @@ def write_files(
     Their names, and messages for the user.
     """
     messages: list[str] = []
-    joints, formats = data.layout.kind == "joints", files.picture_formats
+    joints = data.layout.kind == "joints"
     title = f"Stiffness map of the {given.description.title.split(' (')[0]}"
     names = write_arrays(given, data, folder, files, "stiffness_map" if joints else "map", title, tool)
     if files.table and data.layout.n <= CSV_UP_TO:
@@ -85,12 +79,12 @@ def write_files(
         from stiffarm.commands.maps.figures.whole import draw_stiffness
 
         names += draw_stiffness(data, given, folder, messages)
-    if formats and data.layout.n > DRAWN_UP_TO:
+    if files.pictures and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
-    elif formats and (not joints or files.figures):
+    elif files.pictures and (not joints or files.figures):
         from stiffarm.commands.maps.figures.whole import draw_map_figures
 
-        names += draw_map_figures(data, given.description, given.robot, folder, formats=formats, notes=messages)
+        names += draw_map_figures(data, given.description, given.robot, folder, notes=messages)
     return names, messages
 
 

@@ -180,8 +180,8 @@ def write(
     names += ["index_map.csv", "gamma_statistics.csv", "index_map.json"]
     write_table(made.with_values(range(len(made.found.gamma))), folder.path("index_map.csv"))
     folder.write_text("gamma_statistics.csv", _statistics_table(made))
-    if files.picture_formats:
-        names += _pictures(made, folder, files.picture_formats)
+    if files.pictures:
+        names += _pictures(made, folder)
     content = payload(made) | {"files": [*names, "report.html"]}
     folder.write_json("index_map.json", content)
     from stiffarm.commands.maps.index.report import write_report
@@ -278,26 +278,26 @@ def _statistics_table(made: IndexMap) -> str:
     return columns_text(table, digits=9)
 
 
-def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> list[str]:
+def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
     from stiffarm.commands.maps.figures.whole import save_figure
     from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps, draw_trade_off
 
     name = f"{made.shown.quantity} of the {made.data.metadata['robot']}"
     plane = layer_of(made.data.layout, _busiest_layer(made))
     maps = draw_index_maps(plane, made.found, made.drawn, title=name, inside=made.inside)
-    names = save_figure(maps, folder, "index_map", formats)
+    names = save_figure(maps, folder, "index_map")
     if len(made.found.gamma) == 1:
         return names
     of = "" if made.inside is None else ", over the workpiece"
     statistics = draw_gamma_statistics(
         made.found, title=f"{name} against gamma{of}", choice=made.choice, inside=made.inside
     )
-    names += save_figure(statistics, folder, "gamma_statistics", formats)
+    names += save_figure(statistics, folder, "gamma_statistics")
     if len(made.traded.front) > 1:
         figure = draw_trade_off(
             made.traded, made.choice, made.shown, title=f"{name}: {made.traded.aim} against reach{of}"
         )
-        names += save_figure(figure, folder, "gamma_trade_off", formats)
+        names += save_figure(figure, folder, "gamma_trade_off")
     return names
 
 

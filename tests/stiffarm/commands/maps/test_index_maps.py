@@ -169,11 +169,11 @@ def test_a_box_has_hexahedra_and_a_number_has_no_unit(cli: Command, tmp_path: Pa
 def test_the_files_are_those_of_all_maps(cli: Command, tmp_path: Path) -> None:
     """Formats, the page to pick in, and a work folder that a second run goes on from; the pose is the best gamma's."""
     grid = ("--x", "900:1100:100", "--y", "-100:100:100", "--z", "600", *TOOL, "--gamma", "-180:180:60")
-    more = ("--format", "vti,vtp", "--html", "--svg", "--work", "work")
+    more = ("--format", "vti,vtp", "--html", "--work", "work")
     outcome = a_map(cli, *grid, *more, "--links", "rigid", "--no-pictures", "--json")
     assert outcome.code == 0, outcome.err
     made = tree(tmp_path / "out")
-    assert {"index_map.vti", "index_map.vtp", "map.html", "index_map.svg", "gamma_statistics.svg"} <= set(made)
+    assert {"index_map.vti", "index_map.vtp", "map.html"} <= set(made)
     assert "index_map.vtu" not in made
     table = pd.read_csv(tmp_path / "out" / "index_map.csv")
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
