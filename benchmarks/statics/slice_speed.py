@@ -15,11 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stiffarm.commands.maps.options import read_map_options
-from stiffarm.commands.maps.request import engine_of
+from stiffarm.commands.maps.request import MapRequest
 from stiffarm.session.inputs import read_model
+from stiffarm.session.parsing import parse_frame
 from surrogate.maps import self_motion
-from surrogate.maps.blocks import POINTS_SEARCHED
 from surrogate.maps.layouts import points_of
 from surrogate.maps.poses import Extreme, shortfall
 
@@ -58,8 +57,9 @@ has three free motions instead of two, and more local optima.
 
 def row(robot: str, options: dict[str, str], before: float) -> str:
     given = read_model(robot, None, None)
-    asked = read_map_options(given, "slice", {"--plane": "xz", "--values": "stiffness", **options}).request
-    engine = engine_of(asked, given.description, given.model)
+    tool = parse_frame(options["--tool"], "--tool") if "--tool" in options else None
+    pose, best_by = options.get("--pose", "stiffest"), options.get("--best-by", "stiffness")
+    engine = MapRequest(kind="slice", values=("stiffness",), pose=pose, best_by=best_by, tool=tool).engine(given)
     rule, arm, points = engine.rule, engine.arm, points_of(engine.grid)
     assert isinstance(rule, Extreme)
     assert arm is not None
@@ -67,8 +67,8 @@ def row(robot: str, options: dict[str, str], before: float) -> str:
 
     def timed() -> tuple[float, np.ndarray]:
         started = time.process_time()
-        blocks = range(0, len(points), POINTS_SEARCHED)
-        q = np.concatenate([rule.choose(arm, points[i : i + POINTS_SEARCHED]).q for i in blocks])
+        blocks = range(0, len(points), engine.size)
+        q = np.concatenate([rule.choose(arm, points[i : i + engine.size]).q for i in blocks])
         return time.process_time() - started, q
 
     seconds, q = min((timed() for _ in range(3)), key=lambda one: one[0])

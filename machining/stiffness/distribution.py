@@ -11,15 +11,16 @@ Each point has the best branch within joint limits. Neither collisions nor the w
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import fem
 from machining.stiffness.objective import Objective
-from machining.sweep_parts import sweep_parts
+from machining.sweep_parts import TARGETS, sweep_parts
 from machining.task import Task, tool_path
 from robots import InputError, Reason, require_one_of
 from robots.arrays import Array, Bools, Integers
@@ -225,7 +226,7 @@ def distribution(
 class EveryGamma:
     """Rule of a map's poses (:class:`surrogate.maps.poses.PoseRule`): at each point that of its best gamma.
 
-    It also tells ``by_gamma`` (n, m): the objective's value at each angle ``gamma`` (m,) rad, NaN where that does not
+    It also gives ``by_gamma`` (n, m): the objective's value at each angle ``gamma`` (m,) rad, NaN where that does not
     reach the point. ``normal`` and tool ``axis`` (3,) in base axes; gamma counts from a direction of the part frame
     ``T_base_part`` (4, 4) m, as in :class:`machining.task.Task`. Errors as :func:`distribution`.
     """
@@ -237,6 +238,16 @@ class EveryGamma:
     T_base_part: Array
     normal: Array
     axis: Array
+
+    @property
+    def points_a_block(self) -> int:
+        """Points of about so many targets as one part of a sweep has."""
+        return max(1, TARGETS // len(self.gamma))
+
+    @property
+    def besides(self) -> Mapping[str, np.dtype[Any]]:
+        """The values at every angle."""
+        return {"by_gamma": np.dtype(("<f8", (len(self.gamma),)))}
 
     def task(self, points: Array) -> Task:
         """The task of bringing the tool to points (n, 3) m, base frame; it is no path, the order means nothing."""

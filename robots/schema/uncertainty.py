@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.special import stdtrit
 
 from robots.errors import twice
 from robots.schema.quantities import Strict
@@ -58,6 +60,12 @@ class CalibrationUncertainty(Strict):
     undetermined: tuple[UndeterminedNumber, ...] = ()
     note: str = Field(min_length=1)
 
+    def interval95(self, k: int) -> tuple[float, float, float]:
+        """Value of a parameter and the ends of its 95 % interval, in ``unit``; an open upper end is infinite."""
+        half = float(stdtrit(self.degrees_of_freedom[k], 0.975)) * math.sqrt(self.covariance[k][k])
+        middle, *ends = (_value(self.estimate[k] + off, self.variable[k]) for off in (0.0, -half, half))
+        return middle, min(ends), max(ends)
+
     @model_validator(mode="after")
     def _one_entry_each(self) -> Self:
         p = len(self.parameters)
@@ -99,3 +107,9 @@ class CalibrationUncertainty(Strict):
                 f"covariance is not positive semi-definite: smallest eigenvalue of the correlations {least:.3g}"
             )
         return self
+
+
+def _value(x: float, variable: NumberVariable) -> float:
+    if variable == "1/value":
+        return 1.0 / x if x > 0.0 else math.inf
+    return math.exp(x) if variable == "ln value" else x

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,14 +18,13 @@ from stiffarm.face.shown import Shown, frame
 from stiffarm.pages.picture import Picture
 from stiffarm.session.caution import cautioned, caveats
 from stiffarm.session.stated import stated_words
-from surrogate.maps.data import MapData
+from stiffarm.session.task_options import Range
+from surrogate.maps.data import MapData, figures
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Pose = Literal["stiffest", "softest", "best-gamma", "fixed"]
-# First value, last value and step in mm, or one value.
-Range = tuple[float, float, float] | float
 STIFFNESS = "stiffness_N_per_mm"
 
 
@@ -49,23 +48,20 @@ class Map(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a quantity: its unit, least value, median and largest value."""
-        known = {n: v for n, f in self.data.fields.items() if not f.categories and len(v := _finite(f.values))}
+        known = {name: of for name, f in self.data.fields.items() if not f.categories and (of := figures(f.values))}
         return frame(
             {
                 "quantity": list(known),
                 "unit": [self.data.fields[name].unit for name in known],
-                "least": [v.min() for v in known.values()],
-                "median": [np.median(v) for v in known.values()],
-                "largest": [v.max() for v in known.values()],
+                "least": [of.least for of in known.values()],
+                "median": [of.median for of in known.values()],
+                "largest": [of.greatest for of in known.values()],
             }
         )
 
     def points(self) -> pd.DataFrame:
         """One row a point: its place in mm, the pose in degrees, the quantities."""
-        d = self.data
-        columns: dict[str, object] = {f"{axis}_mm": 1e3 * d.points[:, k] for k, axis in enumerate("xyz")}
-        columns |= {name: np.degrees(d.q[:, k]) for k, name in enumerate(d.coordinates)}
-        return frame(columns | {name: f.values for name, f in d.fields.items()})
+        return frame({name: f.values for name, f in (self.data.places() | dict(self.data.fields)).items()})
 
     def __getitem__(self, name: str) -> Array:
         """A quantity (n,) by its name, NaN where there is no pose."""
@@ -73,16 +69,20 @@ class Map(Shown):
         return np.asarray(self.data.fields[name].values)
 
     def save(self, file: str | Path) -> Path:
-        """Write the map: .vti (slice, box), .vtu, .vtp, .nc or .csv; returns the path."""
+        """Write the map: .vti (slice, box), .vtu, .vtp or .csv; returns the path."""
         from robots.files.written import written_whole
-        from stiffarm.commands.maps.files import WRITERS, write_table
+        from stiffarm.commands.maps.files import FORMATS, write_table
+        from surrogate.maps.mesh import write_map
 
-        path = Path(file)
-        kinds = {f".{name}": write for name, write in WRITERS.items()} | {".csv": write_table}
-        if path.suffix.lower() not in kinds:
-            raise InputError("map file", code="B004", value=str(path), allowed=f"a name ending in {', '.join(kinds)}")
-        with called(), written_whole(path) as draft:
-            kinds[path.suffix.lower()](self.data, draft)
+        path, endings = Path(file), [f".{name}" for name in (*FORMATS, "csv")]
+        if path.suffix not in endings:
+            raise InputError("map file", code="B004", value=str(path), allowed=f"a name ending in {', '.join(endings)}")
+        with called():
+            if path.suffix != ".csv":
+                write_map(self.data, path)
+                return path
+            with written_whole(path) as draft:
+                write_table(self.data, draft)
         return path
 
     def plot(self, file: str | Path | None = None, *, quantity: str = STIFFNESS) -> Picture:
@@ -120,7 +120,7 @@ def map_joints(
     >>> sa.map_joints(sa.load("xr701"), points=3).data.layout.kind
     'joints'
     """
-    return _mapped(arm, "joints", direction, {"--points": str(points)}, at_load_N=at_load_N)
+    return _mapped(arm, kind="joints", points=points, direction=direction, at_load_N=at_load_N)
 
 
 def map_slice(
@@ -159,9 +159,17 @@ def map_slice(
     >>> m.data.layout.kind
     'slice'
     """
-    stepped = {} if step_mm is None else _stepped(arm, plane, step_mm)
+    require_positive("step_mm", step_mm, code="B003")
     return _mapped(
-        arm, "slice", direction, {"--plane": plane, "--at": at_mm, "--pose": pose, **stepped}, seed, at_load_N
+        arm,
+        kind="slice",
+        plane=plane,
+        at_mm=at_mm,
+        step_mm=step_mm,
+        pose=pose,
+        direction=direction,
+        at_load_N=at_load_N,
+        seed=seed,
     )
 
 
@@ -196,7 +204,17 @@ def map_box(
     >>> m.data.layout.n
     2
     """
-    return _mapped(arm, "box", direction, {"--x": x_mm, "--y": y_mm, "--z": z_mm, "--pose": pose}, seed, at_load_N)
+    return _mapped(
+        arm,
+        kind="box",
+        x_mm=x_mm,
+        y_mm=y_mm,
+        z_mm=z_mm,
+        pose=pose,
+        direction=direction,
+        at_load_N=at_load_N,
+        seed=seed,
+    )
 
 
 def map_cylinder(
@@ -231,56 +249,25 @@ def map_cylinder(
     2
     """
     return _mapped(
-        arm, "cylinder", direction, {"--r": r_mm, "--phi": phi_deg, "--z": z_mm, "--pose": pose}, seed, at_load_N
+        arm,
+        kind="cylinder",
+        r_mm=r_mm,
+        phi_deg=phi_deg,
+        z_mm=z_mm,
+        pose=pose,
+        direction=direction,
+        at_load_N=at_load_N,
+        seed=seed,
     )
 
 
-def _mapped(
-    arm: Arm,
-    kind: str,
-    direction: Sequence[float],
-    options: Mapping[str, Range | str | None],
-    seed: int = 0,
-    at_load_N: float | None = None,
-) -> Map:
-    from stiffarm.commands.maps.options import read_map_options
-    from stiffarm.commands.maps.request import engine_of, stated
-    from stiffarm.commands.maps.step import metadata
-    from surrogate.maps.assembled import computed_map
+def _mapped(arm: Arm, **asked: Any) -> Map:
+    from stiffarm.commands.maps.request import MapRequest
 
-    typed = {option: _as_typed(value) for option, value in options.items()}
-    typed["--direction"] = ",".join(map(_as_typed_number, direction))
-    typed["--at-load"] = None if at_load_N is None else _as_typed_number(at_load_N)
     with called():
-        asked = read_map_options(arm, kind, typed, seed)
-        arm = stated(arm, asked.request)
-        engine = engine_of(asked.request, arm.description, arm.model)
-        data = computed_map(engine, metadata(arm, asked))
+        request = MapRequest(**asked)
+        arm = request.stated(arm)
+        engine = request.engine(arm)
+        data = engine.computed(request.metadata(arm, engine))
         data.require_reached("move or widen the grid, or let the orientation be free: pose='stiffest'")
     return Map(arm, data)
-
-
-def _as_typed(value: Range | str | None) -> str | None:
-    """An argument as one would type it, with all its digits."""
-    if value is None or isinstance(value, str):
-        return value
-    return _as_typed_number(value) if isinstance(value, int | float) else ":".join(map(_as_typed_number, value))
-
-
-def _as_typed_number(value: float) -> str:
-    return repr(float(value))
-
-
-def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, Range]:
-    """Ranges of a plane's two axes with a step, over all that the tool reaches."""
-    from surrogate.maps.layouts import range_for, reach_of
-
-    require_positive("step_mm", step_mm, code="B003")
-    reach = reach_of(arm.robot, arm.robot.T_flange_tool[:3, 3])
-    ends = {axis: 1e3 * np.array([reach.lower[k], reach.upper[k]]) for k, axis in enumerate("xyz")}
-    values = {axis: range_for(float(ends[axis][0]), float(ends[axis][1]), step_mm) for axis in plane}
-    return {f"--{axis}": (v[0], v[-1], step_mm) for axis, v in values.items()}
-
-
-def _finite(values: Array) -> Array:
-    return np.asarray(values)[np.isfinite(values)]

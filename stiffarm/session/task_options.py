@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from robots import InputError
-from robots.arrays import Array
+from robots.arrays import Array, finite
 from stiffarm.session.parsing import parse_numbers
 
 if TYPE_CHECKING:
@@ -58,24 +58,48 @@ ReferenceOpt = Annotated[
 ]
 
 
-def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:600:25") -> Array:
-    """Values (n,) from ``-600:600:25`` or ``486``.
+# First value, last value and step, or one value.
+Range = float | tuple[float, float, float]
+
+
+def parse_range(text: str, option: str, unit: str = "mm", example: str = "-600:600:25") -> Range:
+    """A range from ``-600:600:25``, or one number.
 
     Raises
     ------
     InputError
-        Not numbers, a range that does not ascend or is no whole number of steps, too many values.
+        Anything else.
     """
     values = parse_numbers(text, ":")
-    if values is not None and len(values) == 1:
-        return np.array(values)
-    low, high, step = values if values is not None and len(values) == 3 else (0.0, 0.0, 0.0)
+    if values is None or len(values) not in (1, 3):
+        raise InputError(
+            option,
+            code="A004",
+            value=text,
+            allowed=f"FROM:TO:STEP or one number, {unit}",
+            remedy=f"write it as in {option} {example}",
+        )
+    return values[0] if len(values) == 1 else (values[0], values[1], values[2])
+
+
+def values_of(given: Range, option: str, unit: str = "mm", example: str = "-600:600:25") -> Array:
+    """Values (n,) of a range.
+
+    Raises
+    ------
+    InputError
+        A range that does not ascend or is no whole number of steps, too many values.
+    """
+    numbers = finite(option.lstrip("-"), np.atleast_1d(given), ("n",), unit)
+    if len(numbers) == 1:
+        return numbers
+    low, high, step = numbers.tolist() if len(numbers) == 3 else (0.0, 0.0, 0.0)
     count = (high - low) / step if step > 0.0 else 0.0
     if not 1.0 - UNEVEN <= count <= MOST_VALUES or abs(count - round(count)) > UNEVEN * max(count, 1.0):
         raise InputError(
             option,
             code="A004",
-            value=text,
+            value=":".join(f"{v:g}" for v in numbers),
             allowed=f"FROM:TO:STEP or one number, {unit}, FROM below TO, a whole number of steps between them",
             remedy=f"write it as in {option} {example}",
         )
@@ -83,32 +107,29 @@ def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:
 
 
 def parse_gammas(text: str) -> GammaRange | float:
-    """A range of gamma from ``-180:180:5``, or one angle (rad) from ``30``; deg.
+    """A range of gamma from ``-180:180:5``, or one angle (rad) from ``30``; deg. Errors as :func:`gammas_of`."""
+    return gammas_of(parse_range(text, "--gamma", "deg", "-180:180:5"))
+
+
+def gammas_of(given: Range) -> GammaRange | float:
+    """A range of gamma, or one angle (rad), from deg.
 
     Raises
     ------
     InputError
-        Not numbers, an empty range, a step that is not positive or leaves fewer than two angles.
+        An empty range, a step that is not positive or leaves fewer than two angles.
     """
     from machining import GammaRange
 
-    values = parse_numbers(text, ":")
-    if values is None or len(values) not in (1, 3):
-        raise InputError(
-            "--gamma",
-            code="A004",
-            value=text,
-            allowed="one angle, or FROM:TO:STEP in deg",
-            remedy="as in --gamma -180:180:5",
-        )
-    if len(values) == 1:
-        return math.radians(values[0])
-    low, high, step = values
+    numbers = finite("gamma", np.atleast_1d(given), ("n",), "deg").tolist()
+    if len(numbers) == 1:
+        return math.radians(numbers[0])
+    low, high, step = numbers if len(numbers) == 3 else (0.0, 0.0, 0.0)
     if not (high > low and high - low <= 360.0 + 1e-9):
         raise InputError(
             "--gamma",
             code="A004",
-            value=text,
+            value=":".join(f"{v:g}" for v in numbers),
             allowed="FROM below TO, at most 360 deg apart",
             remedy="as in --gamma -180:180:5",
         )

@@ -35,12 +35,12 @@ FAR_CORRECTIONS, NEXT_CORRECTIONS, RESCUED = 25, 12, 8
 class Chosen:
     """Poses at m points: ``q`` (m, dof) rad, NaN where there is none; ``sure`` (m,): all branches were looked at.
 
-    ``told``: what else a rule tells of each point, (m, ...) by name.
+    ``besides``: what else a rule gives at each point, (m, ...) by name.
     """
 
     q: Array
     sure: Bools
-    told: Mapping[str, Array] = field(default_factory=dict)
+    besides: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def reached(self) -> Bools:

@@ -1,7 +1,7 @@
-"""Blocks of a map made by a Dask cluster: plain text goes out, arrays come back and are stored as they arrive.
+"""Blocks of a map made by a Dask cluster: a request goes out, arrays come back and are stored as they arrive.
 
-What is sent is the name of a function that the workers have installed too, the request as text and the number of a
-block. Dask itself packs such calls with pickle, so a scheduler is to be trusted like the machine it runs on.
+What is sent is the name of a function that the workers have installed too, the request and the number of a block. Dask
+packs such calls with pickle, so a scheduler is to be trusted like the machine it runs on.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robots.progress import Progress, report_progress
 from surrogate.maps.store import MapStore
 
 Answer = Mapping[str, Any]
-Work = Callable[[str, int], Answer]
+Work = Callable[[Any, int], Answer]
 
 # Seconds for the scheduler to answer, for a first worker to be there, and without any worker before giving up.
 CONNECT_s, FIRST_WORKER_s, PATIENCE_s = 5.0, 20.0, 120.0
@@ -32,13 +32,13 @@ LOSSES = 4
 REFUSED = "refused"
 
 
-def run_on(address: str, work: Work, request: str, store: MapStore, progress: Progress | None = None) -> None:
+def run_on(address: str, work: Work, request: Any, store: MapStore, progress: Progress | None = None) -> None:
     """Have the blocks that a store lacks made by the workers of a scheduler.
 
     Parameters
     ----------
     address : as in ``tcp://host:8786``
-    work : request text and number of a block -> arrays of :meth:`MapStore.write`, or ``{REFUSED: message}``; a
+    work : request and number of a block -> arrays of :meth:`MapStore.write`, or ``{REFUSED: message}``; a
         function of a module that workers can import
 
     A block whose worker dies is made again by another; what is stored stays, whatever happens afterwards.
@@ -59,7 +59,7 @@ def run_on(address: str, work: Work, request: str, store: MapStore, progress: Pr
         client.close(timeout=CONNECT_s)
 
 
-def _run(distributed: Any, client: Any, work: Work, request: str, store: MapStore, progress: Progress | None) -> None:
+def _run(distributed: Any, client: Any, work: Work, request: Any, store: MapStore, progress: Progress | None) -> None:
     waiting, losses = store.missing(), dict.fromkeys(store.missing(), 0)
     under_way: dict[Any, int] = {}
     seen = time.monotonic()

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Literal
 
 import numpy as np
 
 from robots.arrays import Array, Bools, Indices
+from robots.constants import M_TO_MM
 from robots.errors import InputError
 
-LayoutKind = Literal["joints", "slice", "box", "cylinder"]
+# "points": of a file that was read, which does not say how its points lie to one another.
+LayoutKind = Literal["joints", "slice", "box", "cylinder", "points"]
+# What the label of a joint coordinate begins with.
+JOINT_LABEL = "joint coordinate"
+# The array of whether there is a pose, in files that hold points without one.
+REACHED_ARRAY = "reached"
 _FULL_TURN_DEG = 360.0
 # Of a step: how far the gap over the end of a full turn may differ from the other steps (rounded decimals).
 _TURN_TOLERANCE = 1e-3
@@ -41,7 +47,8 @@ class Layout:
     """Where a map's points are, as a product of axes, **slowest first**: points are numbered in C order.
 
     ``box``: axes z, y, x (so x runs fastest, as in VTK's image data), uniform steps; ``slice``: two of these, in that
-    order; ``cylinder``: axes z, phi, r about the base's z axis; ``joints``: coordinates that sweep, the layers first.
+    order; ``cylinder``: axes z, phi, r about the base's z axis; ``joints``: coordinates that sweep, the layers first;
+    ``points``: one axis that numbers them.
     ``layers``: how many leading axes are layers, between which there are no cells (at least all but the last three).
     ``held``: of a slice the third coordinate in mm ('y': 0.0). ``frame`` (4, 4) m: where x, y and z stand in the base
     frame; None: they are the base's own. Joint coordinates that no axis names stand at 0.
@@ -84,7 +91,7 @@ class Field:
 
 @dataclass(frozen=True, eq=False)
 class MapData:
-    """A map. Arrays may be memory maps of files, so that ten million points need no memory.
+    """A map: what every kind of map is made into, and what all its files, pages, pictures and tables are made from.
 
     Parameters
     ----------
@@ -96,6 +103,8 @@ class MapData:
     fields : name with unit ('stiffness_N_per_mm') -> values; in the order they are to be offered
     parts, shares : names (p,) and share (n, p) of each part in the compliance along the load, 0 to 1; may be empty
     metadata : what the map is of, words by name
+    sure : (n,) whether all branches of the inverse kinematics were looked at; None where nobody asked
+    by_rule : what else the rule of the poses gives at each point, (n, ...) by name
     """
 
     layout: Layout
@@ -107,6 +116,8 @@ class MapData:
     parts: tuple[str, ...] = ()
     shares: Array | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
+    sure: Bools | None = None
+    by_rule: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = self.layout.n
@@ -122,6 +133,39 @@ class MapData:
                 f"map: {wrong[0]}", code="S011", value=f"shape {sizes[wrong[0]]}", allowed=str(wanted[wrong[0]])
             )
 
+    def places(self) -> dict[str, Field]:
+        """Where the points are (mm) and the pose at each (deg), by the names of a table's columns."""
+        axes = {f"{axis}_mm": Field(M_TO_MM * self.points[:, k], "mm", axis) for k, axis in enumerate("xyz")}
+        return axes | {
+            name: Field(np.degrees(self.q[:, k]), "deg", f"{JOINT_LABEL} {name.removesuffix('_deg')}")
+            for k, name in enumerate(self.coordinates)
+        }
+
+    def arrays(self) -> dict[str, Field]:
+        """What a file holds at its points: the fields, the shares of the parts in percent, the joint angles in deg.
+
+        NaN where there is no pose; categories as whole numbers (n,) int32, -1 where there is none.
+
+        Raises
+        ------
+        InputError
+            Two arrays have one name, or one is named ``reached``, which the files have themselves.
+        """
+        shares = np.zeros((self.layout.n, 0)) if self.shares is None else (100.0 * self.shares).astype(np.float64)
+        out = [*self.fields.items()]
+        for k, part in enumerate(self.parts[: shares.shape[1]]):
+            name = f"share_of_{'_'.join(part.split())}_percent"
+            out.append((name, Field(shares[:, k], "percent", f"share of {part} in the compliance")))
+        out += [item for item in self.places().items() if item[0] in self.coordinates]
+        names = [REACHED_ARRAY, *(name for name, _ in out)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise InputError("map array name used twice", code="S011", value=", ".join(twice))
+        return {name: replace(f, values=self._where_reached(f)) for name, f in out}
+
+    def _where_reached(self, f: Field) -> Array:
+        values = np.where(self.reached, f.values, np.nan)
+        return np.where(np.isnan(values), -1, values).astype(np.int32) if f.categories else values
+
     def regular(self, rows: slice | Indices = slice(None)) -> Bools:
         """Which of some points are not known to stand near a singular pose, as the field 'near_singular' has it.
 
@@ -136,3 +180,26 @@ class MapData:
         """Raise InputError where there is no pose at any point."""
         if not np.any(self.reached):
             raise InputError("map", code="S012", value=f"no pose at any of {self.layout.n} points", remedy=remedy)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Of one field over the points where it has a value: least, median and greatest, and the rows of the ends."""
+
+    count: int
+    least: float
+    median: float
+    greatest: float
+    row_of_least: int
+    row_of_greatest: int
+
+
+def figures(values: Array) -> Figures | None:
+    """Figures of values (n,); None if all are NaN."""
+    rows = np.flatnonzero(np.isfinite(values))
+    if not len(rows):
+        return None
+    known = values[rows]
+    low, high = int(known.argmin()), int(known.argmax())
+    ends = float(known[low]), float(np.median(known)), float(known[high])
+    return Figures(len(rows), *ends, int(rows[low]), int(rows[high]))

@@ -8,21 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots import InputError, Robot, forward_kinematics, require_one_of, tool_position
+from robots import InputError, Robot, forward_kinematics, tool_position
 from robots.arrays import Array, finite
-from surrogate.maps.data import Axis, Layout
+from surrogate.maps.data import Axis, Layout, LayoutKind
 
-# Points of a map at most: their numbers must fit an index, and a disk.
-MOST_POINTS = 2_000_000_000
+# Points of a map at most: its arrays and VTK's grid of them stand in memory together, about 0.5 kB a point.
+MOST_POINTS = 3_000_000
 # Points along the longest axis by default: some seconds for a slice, a minute or two for a box.
-ALONG_SLICE, ALONG_BOX = 40, 25
+ALONG: Mapping[str, int] = {"slice": 40, "box": 25, "cylinder": 25}
 # Degrees from one angle of a cylinder to the next by default.
 TURN_deg = 15.0
 # Values of the coordinate that leaves a sweep's plane by default.
 LAYERS_deg = (-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0, 135.0)
 # Share by which steps of one axis may differ: rounding of decimals.
 UNEVEN = 1e-6
-PLANES: Mapping[str, tuple[str, str, str]] = {"xz": ("z", "x", "y"), "yz": ("z", "y", "x"), "xy": ("y", "x", "z")}
+PLANES = ("xz", "yz", "xy")
 
 
 @dataclass(frozen=True)
@@ -98,40 +98,45 @@ def joint_layout(
     return _checked(Layout("joints", tuple(axes), len(layers)))
 
 
-def slice_layout(
-    plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: float = 0.0, frame: Array | None = None
+def space_layout(
+    values: Mapping[str, ArrayLike], held: Mapping[str, float] | None = None, frame: Array | None = None
 ) -> Layout:
-    """A plane of the base frame, or of another ``frame`` (4, 4) m: 'xz' and 'yz' stand, 'xy' lies at z = ``at_mm``.
+    """A slice, a box or a part of a cylinder: points along axes, those of x or r running fastest.
 
-    ``across_mm``: values of the plane's first letter, which runs fastest; ``up_mm``: of its second. Evenly spaced.
+    Parameters
+    ----------
+    values : evenly spaced values (n,) by axis: two of x, y, z (a slice), all of them (a box), or r, phi, z about the
+        base's z axis, phi from x (a cylinder); mm and deg
+    held : of a slice where it lies along the third axis, mm
+    frame : (4, 4) m, where x, y and z stand in the base frame; None: they are the base's own
 
     Raises
     ------
     InputError
-        No such plane, or values that do not ascend in even steps.
+        Values that do not ascend in even steps, a negative radius, more than a turn, too many points.
     """
-    require_one_of("plane of a slice", plane, PLANES, code="S011")
-    slow, fast, third = PLANES[plane]
-    axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
-    return _checked(Layout("slice", axes, held={third: float(_finite(third, [at_mm])[0])}, frame=frame))
-
-
-def box_layout(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array | None = None) -> Layout:
-    """A box along the axes of the base, or of another ``frame``; x runs fastest. Errors as :func:`slice_layout`."""
-    axes = tuple(Axis(name, "mm", _even(name, values)) for name, values in zip("zyx", (z_mm, y_mm, x_mm), strict=True))
-    return _checked(Layout("box", axes, frame=frame))
+    v = {name: _even(name, given) for name, given in values.items()}
+    if "r" in v and v["r"][0] < 0.0:
+        raise InputError("radius of a cylinder", code="S011", value=float(v["r"][0]), allowed="0 mm or more")
+    if "phi" in v and np.ptp(v["phi"]) > 360.0 * (1.0 + UNEVEN):
+        ends = f"{v['phi'][0]:g} to {v['phi'][-1]:g} deg"
+        raise InputError("angles phi of a cylinder", code="S011", value=ends, allowed="at most one turn")
+    axes = [Axis(name, "deg" if name == "phi" else "mm", v[name]) for name in ("z", "phi", "r", "y", "x") if name in v]
+    where = {name: float(_finite(name, at)[0]) for name, at in (held or {}).items()}
+    kind: LayoutKind = "cylinder" if "r" in v else "slice" if held else "box"
+    return _checked(Layout(kind, tuple(axes), held=where, frame=frame))
 
 
 def plane_or_box(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array | None = None) -> Layout:
-    """A box, or the plane that it is where one of x, y, z has a single value. Errors as :func:`slice_layout`.
+    """A box, or the plane that it is where one of x, y, z has a single value. Errors as :func:`space_layout`.
 
     Raises
     ------
     InputError
         More than one axis with a single value.
     """
-    values = {name: _even(name, v) for name, v in zip("xyz", (x_mm, y_mm, z_mm), strict=True)}
-    single = [name for name, v in values.items() if len(v) == 1]
+    values = {name: np.atleast_1d(np.asarray(v)) for name, v in zip("xyz", (x_mm, y_mm, z_mm), strict=True)}
+    single = {name: float(v[0]) for name, v in values.items() if len(v) == 1}
     if len(single) > 1:
         raise InputError(
             "grid",
@@ -140,28 +145,7 @@ def plane_or_box(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array
             allowed="two or more values on at least two of x, y, z",
             remedy="give a range with a step, as in -600:600:25",
         )
-    if not single:
-        return box_layout(values["x"], values["y"], values["z"], frame)
-    plane, (up, across, third) = next(item for item in PLANES.items() if item[1][2] == single[0])
-    return slice_layout(plane, values[across], values[up], float(values[third][0]), frame)
-
-
-def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> Layout:
-    """Part of a cylinder about the base's z axis; phi counts from x. r runs fastest.
-
-    Raises
-    ------
-    InputError
-        Values that do not ascend in even steps, a negative radius, more than a turn.
-    """
-    r, phi, z = _even("r", r_mm), _even("phi", phi_deg), _even("z", z_mm)
-    if r[0] < 0.0:
-        raise InputError("radius of a cylinder", code="S011", value=float(r[0]), allowed="0 mm or more")
-    if phi[-1] - phi[0] > 360.0 * (1.0 + UNEVEN):
-        raise InputError(
-            "angles phi of a cylinder", code="S011", value=f"{phi[0]:g} to {phi[-1]:g} deg", allowed="at most one turn"
-        )
-    return _checked(Layout("cylinder", (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r))))
+    return space_layout({name: v for name, v in values.items() if name not in single}, single, frame)
 
 
 def points_of(layout: Layout, rows: slice = slice(None)) -> Array:
@@ -243,5 +227,11 @@ def _even(name: str, values: ArrayLike) -> Array:
 
 def _checked(layout: Layout) -> Layout:
     if layout.n > MOST_POINTS:
-        raise InputError("points of the map", code="S011", value=layout.n, allowed=f"up to {MOST_POINTS}")
+        raise InputError(
+            "points of the map",
+            code="S011",
+            value=layout.n,
+            allowed=f"up to {MOST_POINTS}",
+            remedy="make the steps larger, or make several maps side by side",
+        )
     return layout

@@ -6,9 +6,9 @@ What is best is said by a merit, one number a pose, large is good.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -60,6 +60,16 @@ SAME = 1e-9
 class PoseRule(Protocol):
     """A rule that chooses a pose for each point."""
 
+    @property
+    def points_a_block(self) -> int:
+        """Points that it is given at a time."""
+        ...
+
+    @property
+    def besides(self) -> Mapping[str, np.dtype[Any]]:
+        """Arrays that it gives besides the poses, as in ``np.empty(n, dtype)``."""
+        ...
+
     def choose(self, arm: Arm, points: Array, generator: np.random.Generator | None = None) -> Chosen:
         """Poses at points (m, 3) m, base frame; ``generator`` as of :func:`robots.inverse_kinematics`."""
         ...
@@ -75,6 +85,8 @@ class BestGamma:
     tool_axis: Array
     gammas: Array
     refine: bool = True
+    points_a_block: ClassVar[int] = 16_384
+    besides: ClassVar[Mapping[str, np.dtype[Any]]] = {}
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tool_axis", unit_vector(self.tool_axis, "tool axis"))
@@ -114,6 +126,9 @@ class Extreme:
     axes: int = 64
     gammas: int = 3
     starts: int = 3
+    # Some seconds of searching.
+    points_a_block: ClassVar[int] = 4_096
+    besides: ClassVar[Mapping[str, np.dtype[Any]]] = {}
 
     def __post_init__(self) -> None:
         require_one_of("extreme pose", self.which, ("stiffest", "softest"), code="B003")

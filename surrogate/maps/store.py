@@ -1,94 +1,60 @@
-"""A map on disk while it is made: one .npy file an array, and a record of the blocks that are done, with hashes.
-
-Blocks are written as parts of files, not through memory maps, whose pages would count as the process's memory.
-"""
+"""The arrays of a map while it is made, and its finished blocks in a folder, so that an interrupted map goes on."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import logging
-import os
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
 from robots import InputError
 from robots.files.reading import parse_json, read_text
-from robots.files.written import is_draft, write_whole
+from robots.files.written import is_draft, write_whole, written_whole
 
 Array = NDArray[np.generic]
 
-FORM = "stiffarm-map-work/2"
-_RECORD, _DONE = "work.json", "done.txt"
-_LINE = re.compile(r"(\d{1,18}) ([0-9a-f]{64})", re.ASCII)
-# A disk that spoils what is written more often than this is no place for a map.
-TRIES = 3
-
+FORM = "stiffarm-map-work/3"
+_RECORD = "work.json"
 _log = logging.getLogger("stiffarm")
-
-
-@dataclass(frozen=True)
-class Column:
-    """Type of an array as numpy writes it ('<f8'), and its shape after the number of points."""
-
-    dtype: str
-    shape: tuple[int, ...] = ()
 
 
 @dataclass(eq=False)
 class MapStore:
-    """Arrays of n points in .npy files of a folder, written block by block, in any order.
+    """Arrays of n points, written block by block, in any order.
 
-    A folder that holds the same map (``key``) already is gone on with. A block counts as done when the record has its
-    line with the SHA-256 of what the arrays hold, which are on the disk before; so a process may die at any time, and
-    a block that has changed since is made again and named in the log.
+    With a ``folder`` each finished block is a file there too, and a folder that holds blocks of the same map (``key``)
+    is gone on with. The files have checksums: a block that has changed since is made again and named in the log.
 
     Parameters
     ----------
+    n, size : points, and points a block
+    columns : arrays by name, as in ``np.empty(n, dtype)``
+    key : of the map, its hash
     folder : made if it is not there; parents too
-    key : of the request, its hash; ``n`` points; ``size`` points a block; ``columns`` by name
 
     Raises
     ------
     InputError
-        The folder holds something else, cannot be written, or the disk has no room.
+        The folder holds something else, or cannot be written.
     """
 
-    folder: Path
-    key: str
     n: int
     size: int
-    columns: Mapping[str, Column]
-    done: dict[int, str] = field(init=False, default_factory=dict)
-    starts: dict[str, int] = field(init=False, default_factory=dict)
+    columns: Mapping[str, np.dtype[np.generic]]
+    key: str = ""
+    folder: Path | None = None
+    done: set[int] = field(init=False, default_factory=set)
+    _arrays: dict[str, Array] = field(init=False)
 
     def __post_init__(self) -> None:
-        record = {"form": FORM, "key": self.key, "n": self.n, "block": self.size, "arrays": sorted(self.columns)}
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            if (self.folder / _RECORD).exists():
-                self._go_on(record)
-            else:
-                self._begin(record)
-        except OSError as error:
-            raise InputError(
-                f"work folder {self.folder} of the map ({error.strerror or error})",
-                code="S013",
-                allowed=f"a folder that can be written, with {self.bytes / 1e9:.3g} GB free",
-                remedy="choose another one",
-            ) from error
-
-    @property
-    def bytes(self) -> int:
-        """Size of all arrays."""
-        return sum(self.n * np.dtype(c.dtype).itemsize * int(np.prod(c.shape)) for c in self.columns.values())
+        self._arrays = {name: np.empty(self.n, kind) for name, kind in self.columns.items()}
+        if self.folder is not None:
+            self._go_on(self.folder)
 
     @property
     def blocks(self) -> int:
@@ -109,52 +75,22 @@ class MapStore:
         return [i for i in range(self.blocks) if i not in self.done]
 
     def write(self, number: int, block: Mapping[str, Array]) -> None:
-        """Keep a block: its arrays first, then its line in the record.
+        """Keep a block.
 
         Raises
         ------
         InputError
-            Arrays that are missing, of another shape or type: the block is not of this map.
+            Arrays that are missing, of another shape or type: the block is not of this map. A full disk.
         """
-        rows = self.rows(number)
-        for name, column in self.columns.items():
-            given = block.get(name)
-            shape = (rows.stop - rows.start, *column.shape)
-            if given is None or given.shape != shape or given.dtype != np.dtype(column.dtype):
-                found = "missing" if given is None else f"{given.dtype} {given.shape}"
-                raise InputError(
-                    f"block {number} of the map: {name}", code="S013", value=found, allowed=f"{column.dtype} {shape}"
-                )
-        arrays = {name: np.ascontiguousarray(block[name]) for name in self.columns}
-        for name, values in arrays.items():
-            self._put(name, rows.start, values)
-        sha256 = self._sha256(number, {name: memoryview(values.tobytes()) for name, values in arrays.items()})
-        with (self.folder / _DONE).open("a", encoding="ascii") as file:
-            file.write(f"{number} {sha256}\n")
-            file.flush()
-            os.fsync(file.fileno())
-        self.done[number] = sha256
+        self._fill(number, block)
+        if self.folder is not None:
+            kept = {name: block[name] for name in self.columns}
+            with _writing(self.folder), written_whole(self._file(self.folder, number)) as draft:
+                np.savez(draft, allow_pickle=False, of=np.array(f"{self.key} {number}"), **kept)
+        self.done.add(number)
 
-    def complete(self, make: Callable[[], None]) -> None:
-        """Have ``make`` write the blocks that are missing until all are there as they were written.
-
-        Raises
-        ------
-        InputError
-            The disk does not keep what is written.
-        """
-        for _ in range(TRIES):
-            make()
-            if not self._spoilt():
-                return
-        raise InputError(
-            f"work folder {self.folder}: blocks come back other than they were written, {TRIES} times over",
-            code="S013",
-            remedy="choose a folder on another disk, and check this one",
-        )
-
-    def finished(self) -> dict[str, Array]:
-        """All arrays, to be read only.
+    def finished(self) -> Mapping[str, Array]:
+        """All arrays.
 
         Raises
         ------
@@ -163,117 +99,77 @@ class MapStore:
         """
         if self.missing():
             raise InputError("map", code="S013", value=f"{len(self.missing())} of {self.blocks} blocks are missing")
-        return {name: np.load(self._file(name), mmap_mode="r", allow_pickle=False) for name in self.columns}
+        return self._arrays
 
-    def _spoilt(self) -> list[int]:
-        """Blocks whose arrays are not as they were written; they count as missing from now on, and are named."""
-        spoilt = [number for number, sha256 in self.done.items() if self._sha256(number, self._read(number)) != sha256]
-        for number in spoilt:
-            del self.done[number]
-        if spoilt:
-            few = ", ".join(map(str, sorted(spoilt)[:5])) + (", ..." if len(spoilt) > 5 else "")
-            _log.warning(
-                "work folder %s: %d of %d blocks are damaged (%s); they are made again",
-                self.folder,
-                len(spoilt),
-                self.blocks,
-                few,
-            )
-        return spoilt
+    def _fill(self, number: int, block: Mapping[str, Array]) -> None:
+        rows = self.rows(number)
+        for name, kind in self.columns.items():
+            given, shape = block.get(name), (rows.stop - rows.start, *kind.shape)
+            if given is None or given.shape != shape or given.dtype != kind.base:
+                found = "missing" if given is None else f"{given.dtype} {given.shape}"
+                raise InputError(
+                    f"block {number} of the map: {name}", code="S013", value=found, allowed=f"{kind.base} {shape}"
+                )
+        for name in self.columns:
+            self._arrays[name][rows] = block[name]
 
-    def _sha256(self, number: int, arrays: Mapping[str, memoryview]) -> str:
-        """Hash of a block's arrays, and of whose they are."""
-        digest = hashlib.sha256(f"{self.key} {number}\n".encode())
-        for name in sorted(arrays):
-            digest.update(f"{name}\n".encode())
-            digest.update(arrays[name])
-        return digest.hexdigest()
-
-    def _read(self, number: int) -> dict[str, memoryview]:
-        """The bytes of a block as they are on the disk."""
-        rows, out = self.rows(number), dict[str, memoryview]()
-        for name, column in self.columns.items():
-            size = np.dtype(column.dtype).itemsize * int(np.prod(column.shape))
-            start, count = self.starts[name] + rows.start * size, (rows.stop - rows.start) * size
-            out[name] = np.fromfile(self._file(name), np.uint8, count, offset=start).data
-        return out
-
-    def _put(self, name: str, row: int, values: Array) -> None:
-        itemsize = values.dtype.itemsize * int(np.prod(values.shape[1:]))
-        with self._file(name).open("r+b") as file:
-            file.seek(self.starts[name] + row * itemsize)
-            file.write(values.data)
-            file.flush()
-            os.fsync(file.fileno())
-
-    def _begin(self, record: Mapping[str, object]) -> None:
-        # What a process left that died before it had written the record may be written over.
-        own = {*(f"{name}.npy" for name in self.columns), _DONE}
-        if any(file.name not in own and not is_draft(file.name) for file in self.folder.iterdir()):
-            raise InputError(
-                f"work folder {self.folder}",
-                code="S013",
-                value="holds other files",
-                allowed="a new or empty folder, or one of the same map",
-                remedy="choose another folder",
-            )
-        free = os.statvfs(self.folder).f_bavail * os.statvfs(self.folder).f_frsize if hasattr(os, "statvfs") else None
-        if free is not None and free < self.bytes:
-            raise InputError(
-                f"work folder {self.folder}: space for the map",
-                code="S013",
-                value=f"{free / 1e9:.3g} GB free",
-                allowed=f"{self.bytes / 1e9:.3g} GB or more",
-                remedy="choose a folder on another disk, fewer points or fewer quantities",
-            )
-        for name, column in self.columns.items():
-            made = open_memmap(self._file(name), "w+", column.dtype, (self.n, *column.shape))
-            self.starts[name] = made.offset
-            del made
-        (self.folder / _DONE).write_text("", encoding="ascii")
-        # Last and in one go: a folder without a record is begun anew.
-        write_whole(self.folder / _RECORD, json.dumps(record, indent=2) + "\n")
-
-    def _go_on(self, record: Mapping[str, object]) -> None:
-        text = read_text(self.folder / _RECORD, "map work", kept=False)
+    def _go_on(self, folder: Path) -> None:
+        """Take up the folder: a new one, or the blocks of the same map in it."""
+        record = {"form": FORM, "key": self.key, "n": self.n, "block": self.size, "arrays": sorted(self.columns)}
+        with _writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            if not (folder / _RECORD).exists():
+                if any(not is_draft(file.name) for file in folder.iterdir()):
+                    raise InputError(
+                        f"work folder {folder}",
+                        code="S013",
+                        value="holds other files",
+                        allowed="a new or empty folder, or one of the same map",
+                        remedy="choose another folder",
+                    )
+                write_whole(folder / _RECORD, json.dumps(record, indent=2) + "\n")
+        text = read_text(folder / _RECORD, "map work", kept=False)
         try:
-            kept = parse_json(text, str(self.folder / _RECORD))
+            kept = parse_json(text, str(folder / _RECORD))
         except InputError:
             kept = None
         if kept != record:
             raise InputError(
-                f"work folder {self.folder}",
+                f"work folder {folder}",
                 code="S013",
                 value="of another map",
                 allowed="the folder of the same map, a new one or an empty one",
                 remedy="choose another folder, or remove this one",
             )
-        for name, column in self.columns.items():
-            array = self._opened(name)
-            right = array.shape == (self.n, *column.shape) and array.dtype == np.dtype(column.dtype)
-            if not right or not array.flags.c_contiguous:
-                raise InputError(
-                    f"work folder {self.folder}: {name}", code="S013", value=f"{array.dtype} {array.shape}"
-                )
-            self.starts[name] = array.offset
-        # A line that is not whole was being written when the process died, or has been damaged since.
-        lines = (self.folder / _DONE).read_bytes().decode("ascii", "replace").split("\n")[:-1]
-        found = [line for line in map(_LINE.fullmatch, lines) if line and int(line[1]) < self.blocks]
-        self.done = {int(line[1]): line[2] for line in found}
-        self._spoilt()
-        write_whole(self.folder / _DONE, "".join(f"{number} {sha256}\n" for number, sha256 in self.done.items()))
+        there = [number for number in range(self.blocks) if self._file(folder, number).exists()]
+        self.done = {number for number in there if self._taken_up(folder, number)}
+        if damaged := [number for number in there if number not in self.done]:
+            few = ", ".join(map(str, damaged[:5])) + (", ..." if len(damaged) > 5 else "")
+            found = f"{len(damaged)} of {self.blocks} blocks are damaged ({few})"
+            _log.warning("work folder %s: %s; they are made again", folder, found)
 
-    def _opened(self, name: str) -> Any:
+    def _taken_up(self, folder: Path, number: int) -> bool:
+        """Fill in a block that was kept; False where its file is not as it was written."""
         try:
-            return np.load(self._file(name), mmap_mode="r", allow_pickle=False)
-        except Exception as error:  # NumPy's parser of heads raises whatever Python's tokenizer does
-            # NumPy's own words are about pickles, which this program never writes.
-            raise InputError(
-                f"work folder {self.folder}: {name}.npy is damaged or missing",
-                code="S013",
-                allowed="files as this program wrote them",
-                remedy="remove the folder, and make the map anew",
-            ) from error
+            with np.load(self._file(folder, number), allow_pickle=False) as file:
+                block = {name: file[name] for name in file.files}  # which compares the checksums
+            self._fill(number, block)
+            return str(block["of"]) == f"{self.key} {number}"
+        except Exception:  # what zipfile and NumPy raise of damaged files is anything
+            return False
 
-    def _file(self, name: str) -> Path:
-        return self.folder / f"{name}.npy"
+    def _file(self, folder: Path, number: int) -> Path:
+        return folder / f"block_{number:06d}.npz"
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise InputError(
+            f"work folder {folder} of the map ({error.strerror or error})",
+            code="S013",
+            allowed="a folder that can be written, on a disk with room for the map",
+            remedy="choose another one",
+        ) from error

@@ -1,4 +1,4 @@
-"""Readers of what an arm is: model files, URDF, surfaces, shells, kept arrays, surrogates, map requests."""
+"""Readers of what an arm is: model files, URDF, surfaces, shells, kept arrays, surrogates."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ from robots.files.published import FORM, JOURNAL, heal
 from robots.library.models import parse_description, to_toml
 from robots.robot import Robot, robot_from
 from stiffarm.commands.calibrate.step import Request, calibrate
-from stiffarm.commands.maps.options import read_map_options
-from stiffarm.commands.maps.request import MapRequest, evaluate
 from stiffarm.commands.simulate.command import SimulateRequest
 from stiffarm.commands.simulate.pose import at_pose
 from stiffarm.session.inputs import read_model
@@ -37,7 +35,7 @@ from surrogate.asking import query
 from surrogate.designs import space_filling_design
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.fit import fit
-from surrogate.maps.store import Column, MapStore
+from surrogate.maps.store import MapStore
 from surrogate.model import ErrorFigures, Quantity, Surrogate
 from surrogate.scope import Couplings, Scope
 from surrogate.storage import load_surrogate, save_surrogate
@@ -305,21 +303,7 @@ def _surrogate(path: Path) -> object:
     return found
 
 
-@cache
-def _request() -> MapRequest:
-    given = read_model("kr60-3", "rigid", None)
-    return read_map_options(given, "slice", {"--pose": "fixed", "--x": "600:900:300", "--z": "600"}).request
-
-
-def _map_request(path: Path) -> object:
-    found = evaluate(path.read_bytes().decode("utf-8", errors="replace"), 0)
-    for name, values in found.items():
-        if isinstance(values, np.ndarray) and values.dtype.kind == "f":
-            require(not np.isinf(values).any(), f"map block: infinite {name}")
-    return found
-
-
-COLUMNS = {"k": Column("<f8"), "q": Column("<f8", (2,))}
+COLUMNS = {"k": np.dtype("<f8"), "q": np.dtype(("<f8", (2,)))}
 
 
 def _work() -> dict[str, bytes]:
@@ -327,15 +311,18 @@ def _work() -> dict[str, bytes]:
 
     with tempfile.TemporaryDirectory() as folder:
         store = _store(Path(folder))
-        for i in range(2):
-            rows = store.rows(i)
-            n = rows.stop - rows.start
-            store.write(i, {"k": np.full(n, 18827.0 + i), "q": np.full((n, 2), 0.5)})
+        for i in range(store.blocks):
+            store.write(i, _block(store, i))
         return {p.name: p.read_bytes() for p in Path(folder).iterdir()}
 
 
+def _block(store: MapStore, number: int) -> dict[str, np.ndarray]:
+    n = store.rows(number).stop - store.rows(number).start
+    return {"k": np.full(n, 18827.0 + number), "q": np.full((n, 2), 0.5)}
+
+
 def _store(folder: Path) -> MapStore:
-    return MapStore(folder, "ab" * 32, 10, 4, COLUMNS)
+    return MapStore(10, 4, COLUMNS, "ab" * 32, folder)
 
 
 @cache
@@ -355,11 +342,13 @@ def _map_work(path: Path) -> object:
     for name, content in _worked().items():
         (folder / name).write_bytes(path.read_bytes() if path.name == f"input.{name}" else content)
     store = _store(folder)
-    for name in COLUMNS:
-        kept = np.load(folder / f"{name}.npy", allow_pickle=False)
-        for i in store.done:
-            wanted = 18827.0 + i if name == "k" else 0.5
-            require((kept[store.rows(i)] == wanted).all(), "map work: a block that counts as done holds other numbers")
+    for i in store.missing():
+        store.write(i, _block(store, i))
+    kept = store.finished()
+    for i in range(store.blocks):
+        for name, wanted in _block(store, i).items():
+            same = (kept[name][store.rows(i)] == wanted).all()
+            require(bool(same), "map work: a block that counts as done holds other numbers")
     return store
 
 
@@ -407,7 +396,6 @@ READERS: dict[str, Reader] = {
     "shell file": Reader(_shells, _shell, (arrays,)),
     "array cache": Reader(_kept, _cached, (arrays,)),
     "surrogate file": Reader(_surrogates, _surrogate, (JSON,), _seal_json, cost=2.0),
-    "map request": Reader(lambda: [Sample(".json", _request().text.encode())], _map_request, (JSON,), cost=4.0),
     "journal of results": Reader(_journals, _journal, (JSON,), cost=6.0),
     "map work": Reader(_work_files, _map_work, (JSON,), cost=2.0),
 }

@@ -186,23 +186,20 @@ def _described(u: CalibrationUncertainty) -> list[Figure]:
     """Numbers of a model file, with their standard deviations."""
     out = []
     for k, (name, unit, variable) in enumerate(zip(u.parameters, u.unit, u.variable, strict=True)):
-        x, sd = u.estimate[k], math.sqrt(u.covariance[k][k])
-        half = float(t.ppf(0.975, u.degrees_of_freedom[k])) * sd
-        ends = sorted(_outer(v, variable) for v in (x - half, x + half))
-        known = u.status[k] != "not identified"
-        high = None if not math.isfinite(ends[1]) else ends[1]
+        value, low, high = u.interval95(k)
         out.append(
             Figure(
-                name, unit, _outer(x, variable) if known else None, ends[0], high, variable, sd, u.degrees_of_freedom[k]
+                name,
+                unit,
+                None if u.status[k] == "not identified" else value,
+                low,
+                high if math.isfinite(high) else None,
+                variable,
+                math.sqrt(u.covariance[k][k]),
+                u.degrees_of_freedom[k],
             )
         )
     return out + [Figure(n.name, n.unit, None, n.low, n.high) for n in u.undetermined]
-
-
-def _outer(x: float, variable: str) -> float:
-    if variable == "1/value":
-        return 1.0 / x if x > 0.0 else math.inf
-    return math.exp(x) if variable == "ln value" else x
 
 
 def pairs(first: Sequence[Figure], second: Sequence[Figure]) -> list[Pair]:

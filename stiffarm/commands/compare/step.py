@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robots import InputError
-from stiffarm.commands.compare.maps import MapPair, compare_maps, read_map
+from stiffarm.commands.compare.maps import MapPair, compare_maps
 from stiffarm.commands.compare.numbers import Joint, Pair, figures_of, joint, pairs
 from stiffarm.commands.compare.sources import Source, check_alike, read_source
 
@@ -73,9 +73,11 @@ def compare(files: Sequence[Path]) -> list[Compared]:
     some = [read_source(path, number) for number, path in enumerate(files, start=1)]
     check_alike(some)
     if some[0].kind == "map":
-        read = [read_map(s.file, s.name) for s in some]
+        from surrogate.maps.mesh import read_map
+
+        read = [read_map(s.file) for s in some]
         return [
-            Compared(some[0], s, (), (), None, compare_maps(read[0], other), ())
+            Compared(some[0], s, (), (), None, compare_maps(read[0], other, (some[0].name, s.name)), ())
             for s, other in zip(some[1:], read[1:], strict=True)
         ]
     return [_compared(some[0], other) for other in some[1:]]

@@ -18,10 +18,10 @@ from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Picture, Text
 from stiffarm.session.outputs import OutputFolder
-from surrogate.maps.assembled import Figures, figures, swept_map
-from surrogate.maps.data import MapData
+from surrogate.maps.blocks import sweep_engine
+from surrogate.maps.data import Figures, MapData, figures
+from surrogate.maps.mesh import described, point_cloud, save_mesh, write_map
 from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
-from surrogate.maps.vtk_stream import write_points, write_vtu
 
 GAP_FILE, COST_STEM = "gap.vtp", "missing_effect"
 COST_ARRAY = "error_without_effect_mm"
@@ -67,7 +67,7 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
         "model": [d.given.description.title],
         "effects": [f.code for f in d.in_model],
     }
-    write_points(folder.path(name), M_TO_MM * found.point, arrays, texts)
+    save_mesh(described(point_cloud(M_TO_MM * found.point), arrays, texts), folder.path(name))
     return found
 
 
@@ -94,11 +94,12 @@ def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
     row = Quantity("missing", (Kind(COST_ARRAY, "mm", "error where the missing effect is left out"),), missed)
     model = d.found.after.setting.arm
     metadata = {
+        "robot": model.robot.name,
         "model_hash": content_hash(new),
         "load": f"{load:.4g} N straight down, without {codes}",
         "effects": codes,
     }
-    made = swept_map(Quantities(model, np.array(DOWN), (row,), point=point), POINTS, metadata=metadata)
+    made = sweep_engine(Quantities(model, np.array(DOWN), (row,), point=point), POINTS).computed(metadata)
     made.require_reached("check the limits and couplings of the model file")
     return CostMap(made, load)
 
@@ -118,7 +119,7 @@ def write_cost(made: CostMap, d: Diagnosed, new: Arm, folder: OutputFolder, befo
     """Write the map for ParaView and as a page to turn and pick in; ``before``: what file names begin with."""
     from stiffarm.commands.maps.viewer import viewer_page
 
-    write_vtu(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
+    write_map(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
     title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.data.metadata['effects']} costs"
     folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
 

@@ -7,25 +7,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from typer.core import TyperGroup
 
+from fem.arm import Arm
 from machining import INDICES
 from machining.stiffness.objective import DISPLACEMENTS
 from robots import InputError
-from robots.constants import DOWN
 from robots.library.models import bundled_names
 from stiffarm.commands.maps import words
-from stiffarm.commands.maps.options import FORMATS, POSES
-from stiffarm.commands.maps.request import MERITS, SHORTS
+from stiffarm.commands.maps.files import FORMATS, Files, formats_of
+from stiffarm.commands.maps.request import MERITS, POSES, SHORTS, MapRequest
+from stiffarm.commands.maps.step import make_map
 from stiffarm.session.console import progress, say, say_notes, user_errors
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import COMMON, Debug, Json, Links, LoadPathOpt, ModelArg, Seed, Sets
-from stiffarm.session.parsing import tool_of
+from stiffarm.session.parsing import parse_frame, parse_names, parse_numbers, parse_vector, parse_word
 from stiffarm.session.stated import AtLoad, stated_table
-from stiffarm.session.task_options import PartOpt, ToolOpt
+from stiffarm.session.task_options import PartOpt, ToolOpt, parse_range
 from surrogate.maps.layouts import PLANES
 
 Text = str | None
@@ -84,7 +84,6 @@ Format = Annotated[
     ),
 ]
 Html = Annotated[bool, typer.Option("--html", help="Write an interactive page of the map, to turn it and pick points.")]
-Svg = Annotated[bool, typer.Option("--svg", help="Write the figures as SVG too.")]
 Pictures = Annotated[bool, typer.Option(help="Draw PNG pictures.")]
 Dask = Annotated[
     Text, typer.Option("--dask", metavar="ADDRESS", help="Compute the map on a Dask cluster, as in tcp://host:8786.")
@@ -155,7 +154,6 @@ def joints_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -168,19 +166,26 @@ def joints_command(
     debug: Debug = False,
 ) -> None:
     """Map the arm over its joint angles: three coordinates swept over their limits, a fourth in layers."""
-    own = {"--points": str(points), "--layers": layers}
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        if surrogate_file is not None:
-            refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
-            for name in (name for name, value in refused.items() if value is not None):
-                raise InputError(
-                    f"{name} cannot be combined with --surrogate", code="A002", remedy="leave one of them out"
-                )
-            content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path, sets)
-        else:
-            content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links, sets)
-        _say(content, frame)
+        own: dict[str, Any] = {"kind": "joints", "points": points, "seed": seed}
+        if layers is not None:
+            own["layers_deg"] = _numbers(layers, "--layers", "-90,0,90")
+        files = _files("joints", values, file_format, html, pictures, dask, work)
+        if surrogate_file is None:
+            asked = MapRequest(**own, **_quantities(direction, values, tool, normal), at_load_N=at_load)
+            _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
+            return
+        refused: dict[str, object] = {"--direction": direction, "--values": values, "--tool": tool, "--normal": normal}
+        refused |= {
+            "--format": file_format,
+            "--dask": dask,
+            "--work": work,
+            "--at-load": at_load,
+            "--html": html or None,
+        }
+        for name in (name for name, value in refused.items() if value is not None):
+            raise InputError(f"{name} cannot be combined with --surrogate", code="A002", remedy="leave one of them out")
+        _say(_surrogate_map(model, frame, surrogate_file, own, files, links, load_path, sets), frame)
 
 
 @map_command.command("slice")
@@ -209,7 +214,6 @@ def slice_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -222,10 +226,19 @@ def slice_command(
     debug: Debug = False,
 ) -> None:
     """Map the arm over tool points in a plane of the base frame."""
-    own = {"--plane": plane, "--at": at, "--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("slice", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        files = _files("slice", values, file_format, html, pictures, dask, work)
+        asked = MapRequest(
+            kind="slice",
+            plane=plane,
+            at_mm=None if at is None else _numbers(at, "--at", "600")[0],
+            **_ranges(x=x, y=y, z=z),
+            **_posed(pose, best_by, tool_axis, gamma),
+            **_quantities(direction, values, tool, normal),
+            at_load_N=at_load,
+            seed=seed,
+        )
+        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
 
 
 @map_command.command("box")
@@ -245,7 +258,6 @@ def box_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -258,10 +270,17 @@ def box_command(
     debug: Debug = False,
 ) -> None:
     """Map the arm over tool points in a box along the base's axes."""
-    own = {"--x": x, "--y": y, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("box", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        files = _files("box", values, file_format, html, pictures, dask, work)
+        asked = MapRequest(
+            kind="box",
+            **_ranges(x=x, y=y, z=z),
+            **_posed(pose, best_by, tool_axis, gamma),
+            **_quantities(direction, values, tool, normal),
+            at_load_N=at_load,
+            seed=seed,
+        )
+        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
 
 
 @map_command.command("cylinder")
@@ -286,7 +305,6 @@ def cylinder_command(
     normal: Normal = None,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -299,10 +317,18 @@ def cylinder_command(
     debug: Debug = False,
 ) -> None:
     """Map the arm over tool points in a cylinder about the base's z axis."""
-    own = {"--r": r, "--phi": phi, "--z": z} | _posed(pose, best_by, tool_axis, gamma)
-    shared = _shared(direction, values, tool, normal, file_format, dask, work, load_path, at_load)
     with command(out, as_json=as_json, debug=debug) as frame:
-        _say(_arm_map("cylinder", model, frame, own | shared, (html, svg, pictures), seed, links, sets), frame)
+        files = _files("cylinder", values, file_format, html, pictures, dask, work)
+        asked = MapRequest(
+            kind="cylinder",
+            **_ranges(r=r, z=z),
+            phi_deg=None if phi is None else parse_range(phi, "--phi", "deg", "-90:90:15"),
+            **_posed(pose, best_by, tool_axis, gamma),
+            **_quantities(direction, values, tool, normal),
+            at_load_N=at_load,
+            seed=seed,
+        )
+        _say(_arm_map(model, frame, asked, files, links, load_path, sets), frame)
 
 
 _PART = f"Values along {{0}} of the part, in mm: {_FORM}. One of --x, --y and --z may be one number."
@@ -370,7 +396,6 @@ def index_command(
     ] = False,
     file_format: Format = None,
     html: Html = False,
-    svg: Svg = False,
     pictures: Pictures = True,
     dask: Dask = None,
     work: Work = None,
@@ -383,66 +408,117 @@ def index_command(
     debug: Debug = False,
 ) -> None:
     """Map an index over a plane or a box of the part at every angle gamma about the tool axis, and find the best."""
-    from stiffarm.commands.maps.files import Files
-    from stiffarm.commands.maps.index import files
-    from stiffarm.commands.maps.index import request as asking
-    from stiffarm.commands.maps.options import formats_of
+    from stiffarm.commands.maps.index.files import make_index_map
+    from stiffarm.commands.maps.index.request import IndexRequest
 
-    options = {
-        "--quantity": quantity,
-        "--x": x,
-        "--y": y,
-        "--z": z,
-        "--tool": tool,
-        "--part": part,
-        "--normal": normal,
-        "--tool-axis": tool_axis,
-        "--gamma": gamma,
-        "--show": show,
-        "--force": force,
-        "--workpiece": workpiece,
-        "--aim": aim,
-        "--partly": "" if partly else None,
-        "--format": file_format,
-    }
     with command(out, as_json=as_json, debug=debug) as frame:
         # Before the model: shells take a while, and a wrong option need not wait for them.
-        asked, formats = asking.read_request(options), formats_of("index", options)
+        files = Files(
+            formats_of("index", file_format, turned=part is not None),
+            pictures=pictures,
+            html=html,
+            dask=dask,
+            work=work,
+        )
+        asked = IndexRequest(
+            **_ranges(x=x, y=y, z=z),
+            quantity=quantity,
+            tool=None if tool is None else parse_frame(tool, "--tool"),
+            part=None if part is None else parse_frame(part, "--part"),
+            normal=parse_vector(normal, "--normal", _AXES),
+            tool_axis=None if tool_axis is None else parse_vector(tool_axis, "--tool-axis", _AXES),
+            gamma_deg=parse_range(gamma, "--gamma", "deg", "-180:180:5"),
+            show_deg=None if show is None else _numbers(show, "--show", "-30,0,30"),
+            force=None if force is None else parse_vector(force, "--force", "N in base axes"),
+            workpiece=None if workpiece is None else parse_workpiece(workpiece),
+            aim=parse_word(aim, ("mean", "worst"), "--aim"),
+            partly=partly,
+            at_load_N=at_load,
+            seed=seed,
+        )
         given = frame.model(model, links, load_path, sets=sets, shown=True)
-        wanted = Files(formats, pictures=pictures, svg=svg, html=html, dask=dask, work=work)
-        along = asked.objective.force
-        given = frame.at_load(given, at_load, DOWN if along is None else along, tool_of(given.robot, tool)[:3, 3])
+        given = frame.at_load(given, at_load, asked.along, asked.frame(given.robot)[:3, 3])
         with frame.folder(seed) as folder, progress("map points") as bar:
-            content = files.make_index_map(given, asked, folder, wanted, seed, bar) | stated_table(given.model)
+            content = make_index_map(given, asked, folder, files, bar) | stated_table(given.model)
         _say(content, frame)
 
 
-def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, Text]:
-    return {"--pose": pose, "--best-by": best_by, "--tool-axis": tool_axis, "--gamma": gamma}
+_AXES = "a direction in base axes"
 
 
-def _shared(
-    direction: Text,
+def parse_workpiece(text: str) -> dict[str, tuple[float, float]] | list[tuple[float, float]]:
+    """A region in mm: ``x=-100:100,y=800:1000``, or corners ``-100,800;100,800;0,1000``.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    if ";" in text:
+        pairs = [parse_numbers(pair) or () for pair in text.split(";")]
+        if not all(len(pair) == 2 for pair in pairs):
+            raise InputError(
+                "--workpiece", code="A004", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more"
+            )
+        return [(u, v) for u, v in pairs]
+    out: dict[str, tuple[float, float]] = {}
+    for item in text.split(","):
+        name, _, ends = (part.strip() for part in item.partition("="))
+        numbers = parse_numbers(ends, ":") or ()
+        if name not in ("x", "y", "z") or len(numbers) != 2 or numbers[0] > numbers[1]:
+            raise InputError(
+                "--workpiece",
+                code="A004",
+                value=item,
+                allowed="x=FROM:TO, y=FROM:TO, z=FROM:TO in mm, FROM up to TO",
+                remedy="write it as in x=-100:100,y=800:1000",
+            )
+        out[name] = numbers[0], numbers[1]
+    return out
+
+
+def _numbers(text: str, option: str, example: str) -> tuple[float, ...]:
+    values = parse_numbers(text)
+    if values is None or ("," in text) > ("," in example):
+        raise InputError(
+            option, code="A004", value=text, allowed=f"numbers as in {example}", remedy=f"write {option} {example}"
+        )
+    return values
+
+
+def _ranges(**texts: Text) -> dict[str, Any]:
+    """Ranges (mm) of axes by the request's names."""
+    return {f"{name}_mm": parse_range(text, f"--{name}") for name, text in texts.items() if text is not None}
+
+
+def _posed(pose: str, best_by: str, tool_axis: Text, gamma: Text) -> dict[str, Any]:
+    return {
+        "pose": pose,
+        "best_by": best_by,
+        "tool_axis": None if tool_axis is None else parse_vector(tool_axis, "--tool-axis", _AXES),
+        "gamma_deg": None if gamma is None else parse_range(gamma, "--gamma", "deg", "-180:180:15"),
+    }
+
+
+def _quantities(direction: Text, values: Text, tool: Text, normal: Text) -> dict[str, Any]:
+    out = {
+        "values": parse_names(values, SHORTS, "--values"),
+        "tool": None if tool is None else parse_frame(tool, "--tool"),
+    }
+    given = {"direction": (direction, "--direction"), "normal": (normal, "--normal")}
+    return out | {name: parse_vector(text, option, _AXES) for name, (text, option) in given.items() if text is not None}
+
+
+def _files(
+    kind: str,
     values: Text,
-    tool: Text,
-    normal: Text,
     file_format: Text,
+    html: bool,
+    pictures: bool,
     dask: Text,
     work: Path | None,
-    load_path: Text,
-    at_load: float | None,
-) -> dict[str, Text]:
-    return {
-        "--at-load": None if at_load is None else repr(at_load),
-        "--direction": direction,
-        "--values": values,
-        "--tool": tool,
-        "--normal": normal,
-        "--format": file_format,
-        "--dask": dask,
-        "--work": None if work is None else str(work),
-        "--load-path": load_path,
-    }
+) -> Files:
+    return Files(formats_of(kind, file_format), values is not None, pictures, html, dask, work)
 
 
 def _say(content: Mapping[str, Any], frame: Frame) -> None:
@@ -458,62 +534,44 @@ def _show(content: Mapping[str, Any]) -> None:
 
 
 def _arm_map(
-    kind: str,
     model: str,
     frame: Frame,
-    options: Mapping[str, Text],
-    drawn: tuple[bool, bool, bool],
-    seed: int,
+    asked: MapRequest,
+    files: Files,
     links: Text,
+    load_path: Text,
     sets: list[str] | None,
 ) -> dict[str, Any]:
     """Quantities of the arm over joints or space, from the model."""
-    from stiffarm.commands.maps import step
-    from stiffarm.commands.maps.files import Files
-    from stiffarm.commands.maps.options import check_options, read_map_options
     from stiffarm.session.softness import require_springs
 
-    # Before the model: shells take a while, and a wrong option need not wait for them.
-    check_options(kind, options)
-    given = frame.model(model, links, options["--load-path"], sets=sets, shown=True)
+    given = frame.model(model, links, load_path, sets=sets, shown=True)
     require_springs(given, "map")
-    asked = read_map_options(given, kind, options, seed)
-    given = frame.at_load(given, asked.request.at_load, asked.request.direction, np.array(asked.request.tool)[:3, 3])
-    html, svg, pictures = drawn
-    work = options["--work"]
-    wanted = Files(
-        asked.formats,
-        figures=options["--values"] is not None or svg,
-        pictures=pictures,
-        svg=svg,
-        html=html,
-        dask=options["--dask"],
-        work=None if work is None else Path(work),
-    )
-    with frame.folder(seed) as folder, progress("map points") as bar:
-        return step.make_map(given, asked, folder, wanted, bar)
+    return _written(frame, given, asked, files)
 
 
 def _surrogate_map(
     model: str,
     frame: Frame,
     file: Path,
-    points: int,
-    layers: Text,
-    pictures: bool,
+    own: dict[str, Any],
+    files: Files,
     links: Text,
     load_path: Text,
     sets: list[str] | None,
 ) -> dict[str, Any]:
     """Structural stiffness over the joint coordinates, from a surrogate."""
-    from stiffarm.commands.maps import sweep
+    from stiffarm.commands.maps.learned import LearnedRequest, read_surrogate_for_map
 
     given = frame.model(model, links, load_path, sets=sets, shown=True)
-    learned = sweep.read_surrogate_for_map(given, file)
+    learned = read_surrogate_for_map(given, file)
     if learned.model_hash != model_hash(given):
         say("note: the surrogate was fitted to another model than MODEL; the map's file has the stiffness of both")
-    wanted = sweep.parse_layers(given.robot, layers)
     frame.reads(surrogate=file)
-    with frame.folder() as folder, progress("map poses") as bar:
-        made = sweep.learned_map(given, learned, points, wanted, bar)
-        return sweep.write(made, given, folder, pictures)
+    return _written(frame, given, LearnedRequest(**own, learned=learned, direction=learned.load_direction), files)
+
+
+def _written(frame: Frame, given: Arm, asked: MapRequest, files: Files) -> dict[str, Any]:
+    given = frame.at_load(given, asked.at_load_N, asked.along, asked.frame(given.robot)[:3, 3])
+    with frame.folder(asked.seed) as folder, progress("map points") as bar:
+        return make_map(given, asked, folder, files, bar)

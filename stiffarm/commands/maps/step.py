@@ -2,68 +2,50 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.arm import Arm
-from robots import InputError, content_hash
+from robots import InputError
 from robots.progress import Progress
 from robots.quantities import rounded
-from stiffarm.commands.maps import sweep
 from stiffarm.commands.maps.files import DRAWN_UP_TO, Files, write_files
-from stiffarm.commands.maps.options import Asked
-from stiffarm.commands.maps.request import MapRequest, engine_of, evaluate
-from stiffarm.session.caution import caveats, warned
+from stiffarm.commands.maps.request import MapJob, MapRequest, evaluate
+from stiffarm.session.caution import caveats
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import frame_words
 from stiffarm.session.stated import stated_table
-from surrogate.maps.assembled import counts, figures, map_data
-from surrogate.maps.blocks import Engine, run_blocks
+from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import run_on
-from surrogate.maps.data import MapData
+from surrogate.maps.data import Layout, MapData, figures
+from surrogate.maps.mesh import grid_cells
 from surrogate.maps.poses import Extreme, shortfall
 from surrogate.maps.quantities import STIFFNESS_ARRAY
-from surrogate.maps.store import MapStore
-
-Arrays = Mapping[str, NDArray[np.generic]]
 
 # Points at which an extreme pose is sought again with a denser sample.
 CHECKED = 12
 
 
-@contextmanager
 def evaluated(
-    given: Arm, request: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
-) -> Iterator[tuple[Engine, Arrays]]:
-    """A map's blocks, made here or on a cluster: its engine, and its arrays, which are files until the context ends.
+    given: Arm, asked: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
+) -> tuple[Engine, MapData]:
+    """A map, its blocks made here or on a cluster, and its engine; ``given``: the arm of :meth:`MapRequest.stated`.
 
     Raises
     ------
     InputError
         A work folder or a cluster that cannot be used; a package that is missing.
     """
-    engine = engine_of(request, given.description, given.model)
-    # Inside the hidden stage, unless it is to outlive an interrupted run; the stage is emptied of it before the end.
-    place = folder.stage / "work" if files.work is None else files.work
-    store = MapStore(place, request.key, engine.grid.n, request.block, engine.columns)
+    engine = asked.engine(given)
+    store = engine.store() if files.work is None else engine.store(asked.key(given), files.work)
+    make = None if files.dask is None else partial(run_on, files.dask, evaluate, MapJob.of(asked, given))
     with folder.timed("map"):
-        if files.dask is None:
-            store.complete(lambda: run_blocks(engine, store, progress))
-        else:
-            address = files.dask
-            store.complete(lambda: run_on(address, evaluate, request.text, store, progress))
-    yield engine, store.finished()
-    if files.work is None:
-        shutil.rmtree(place)
+        return engine, engine.computed(asked.metadata(given, engine), progress, store, make)
 
 
 def make_map(
-    given: Arm, asked: Asked, folder: OutputFolder, files: Files, progress: Progress | None = None
+    given: Arm, asked: MapRequest, folder: OutputFolder, files: Files, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Make the map and write it; returns names of files and figures, as map.json has them.
 
@@ -72,31 +54,34 @@ def make_map(
     InputError
         No point is reached; else as :func:`evaluated`.
     """
-    with evaluated(given, asked.request, folder, files, progress) as (engine, arrays):
-        data = map_data(engine, arrays, metadata(given, asked))
-        if not np.any(data.reached):
-            raise _out_of_reach(given, asked)
-        content = statistics(engine, arrays, data, asked)
-        warning = caveats(given)
-        content["warning"] = warning or None
-        content["messages"] += [warning] if warning else []
-        content |= stated_table(given.model)
-        with folder.timed("files"):
-            names, messages = write_files(given, data, folder, files, np.array(asked.request.tool)[:3, 3])
-        content["messages"] += messages
-        if asked.request.pose is None and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
-            content |= sweep.figures_of(data)
-        content["files"] = [*names, "map.json"]
-        folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
+    engine, data = evaluated(given, asked, folder, files, progress)
+    if not np.any(data.reached):
+        raise _out_of_reach(given, asked, data.layout)
+    content = statistics(engine, data, asked)
+    warning = caveats(given)
+    content["warning"] = warning or None
+    content["messages"] += [warning] if warning else []
+    content |= stated_table(given.model)
+    with folder.timed("files"):
+        names, messages = write_files(given, data, folder, files, asked.frame(given.robot)[:3, 3])
+    content["messages"] += messages
+    if asked.kind == "joints" and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
+        of = content["quantities"][STIFFNESS_ARRAY]
+        most = of.get("max_near_singular", of["max"])
+        content["cells"] = len(grid_cells(data.layout, data.reached)[0])
+        content["stiffness_N_per_mm"] = {"min": of["min"], "median": of["median"], "max": most}
+    content["files"] = [*names, "map.json"]
+    folder.write_json("map.json", {"schema": "stiffarm-map/1", **content})
     return content
 
 
-def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> dict[str, Any]:
+def statistics(engine: Engine, data: MapData, asked: MapRequest) -> dict[str, Any]:
     """Figures of a map for map.json and the screen."""
     n, reached = data.layout.n, int(np.count_nonzero(data.reached))
-    unsure = n - int(np.count_nonzero(arrays["sure"]))
-    messages = [] if asked.note is None else [asked.note]
-    if asked.note is None and unsure:
+    note = asked.note(engine.quantities.model.robot)
+    messages = [] if note is None else [note]
+    unsure = 0 if data.sure is None else n - int(np.count_nonzero(data.sure))
+    if note is None and unsure:
         messages.append(f"at {unsure} points the search may have missed a branch of the inverse kinematics")
     out: dict[str, Any] = {
         "grid": data.layout.kind,
@@ -104,7 +89,7 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
             {"name": a.name, "unit": a.unit, "first": a.values[0], "last": a.values[-1], "count": len(a.values)}
             for a in data.layout.axes
         ],
-        "held_mm": dict(asked.grid.held),
+        "held_mm": dict(data.layout.held),
         "pose": asked.pose_words,
         "grid_points": n,
         "points": reached,
@@ -114,7 +99,8 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
     }
     for name, field in data.fields.items():
         if field.categories:
-            found = counts(field.values, len(field.categories))
+            known = field.values[field.values >= 0.0].astype(np.int64)
+            found = np.bincount(known, minlength=len(field.categories))
             out["quantities"][name] = {
                 "label": field.label,
                 "share_of_points": {c: rounded(k / reached) for c, k in zip(field.categories, found, strict=True)},
@@ -133,7 +119,7 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
             "min": rounded(of.least),
             "median": rounded(of.median),
             "max": rounded(highest.greatest),
-            "median_of_points": of.median_of,
+            "median_of_points": of.count,
             "least_at": _place(data, of.row_of_least),
             "greatest_at": _place(data, highest.row_of_greatest),
         }
@@ -147,18 +133,14 @@ def statistics(engine: Engine, arrays: Arrays, data: MapData, asked: Asked) -> d
 def _search_check(engine: Engine, rule: Extreme, data: MapData) -> dict[str, Any]:
     """By how much a denser search beats the map's at some of its points."""
     assert engine.arm is not None  # noqa: S101 - a rule has an arm
-    step = max(1, data.layout.n // (64 * CHECKED))
-    rows = np.flatnonzero(np.asarray(data.reached[::step]))
-    rows = step * rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)] if len(rows) else rows
-    if not len(rows):
-        return {"points": 0, "worst_shortfall_percent": None}
-    found = shortfall(
-        rule, engine.arm, np.asarray(data.points[rows]), np.asarray(data.q[rows]), np.random.default_rng(engine.seed)
-    )
-    found = found[np.isfinite(found)]
-    if not len(found):
-        return {"points": 0, "worst_shortfall_percent": None}
-    return {"points": len(found), "worst_shortfall_percent": rounded(100.0 * float(found.max()))}
+    step, found = max(1, data.layout.n // (64 * CHECKED)), np.zeros(0)
+    rows = step * np.flatnonzero(data.reached[::step])
+    if len(rows):
+        rows = rows[np.linspace(0, len(rows) - 1, min(CHECKED, len(rows))).astype(int)]
+        found = shortfall(rule, engine.arm, data.points[rows], data.q[rows], np.random.default_rng(engine.seed))
+        found = found[np.isfinite(found)]
+    worst = rounded(100.0 * float(found.max())) if len(found) else None
+    return {"points": len(found), "worst_shortfall_percent": worst}
 
 
 def _place(data: MapData, row: int) -> dict[str, Any]:
@@ -170,37 +152,16 @@ def _place(data: MapData, row: int) -> dict[str, Any]:
     }
 
 
-def metadata(given: Arm, asked: Asked) -> dict[str, str]:
-    """What the map is of, in words by name, as its files say it."""
-    request = asked.request
-    words = " ".join(f"{v + 0.0:.6g}" for v in request.direction)
-    out = {
-        "robot": given.robot.name,
-        "model_hash": content_hash(given.description),
-        "load": f"force along {words} (base axes)",
-        "load_direction": words,
-        "pose": asked.pose_words,
-        "stiffness_from": "model",
-        "links": given.model.link_kind,
-        "load_path": given.model.load_path,
-        "normal": " ".join(f"{v + 0.0:.6g}" for v in request.normal),
-        "tool_on_flange": frame_words(np.array(request.tool)),
-        "not_looked_at": "collisions; the way from point to point",
-    }
-    return out | warned(given) | {f"at_{name}": f"{v:g} mm" for name, v in asked.grid.held.items()}
-
-
-def _out_of_reach(given: Arm, asked: Asked) -> InputError:
-    if asked.request.pose is None:
+def _out_of_reach(given: Arm, asked: MapRequest, grid: Layout) -> InputError:
+    if asked.kind == "joints":
         return InputError(
             f"map of {given.robot.name}: no pose of the sweep can be taken", code="S012", remedy="use other --layers"
         )
-    free = asked.request.pose["rule"] in ("stiffest", "softest")
-    pose = "" if free else f" with {asked.pose_words.split(', best')[0]}"
+    pose = "" if asked.any_orientation else f" with {asked.pose_words.split(', best')[0]}"
     return InputError(
-        f"no point of the {asked.grid.kind} can be reached{pose}",
+        f"no point of the {grid.kind} can be reached{pose}",
         code="S012",
-        value=f"{asked.grid.n} points",
-        allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
+        value=f"{grid.n} points",
+        allowed=f"within the reach of {given.robot.name}, about {asked.reach(given.robot).words}",
         remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),
     )

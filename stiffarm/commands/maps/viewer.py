@@ -21,8 +21,7 @@ from stiffarm.pages.bars import part_colours
 from stiffarm.pages.parts import chain_data, column_matrix, packed, render_page
 from stiffarm.pages.robot_drawing import ROBOT_COLOURS, DrawnBody, framed_bodies
 from stiffarm.pages.style import OKABE_ITO, STIFFNESS_COLOURS
-from surrogate.maps.assembled import figures
-from surrogate.maps.data import Field, Layout, MapData
+from surrogate.maps.data import Field, Layout, MapData, figures
 from surrogate.portable import evaluator_script
 
 # More points than these are thinned: about 120 bytes each in the file.

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.stats import t as student
 
 from fem import ArmModel, compliance, compliance_factor
 from fem.arm import Arm
@@ -135,29 +133,15 @@ def springs_of(model: ArmModel, tool: Array | None = None) -> list[tuple[str, fl
 def interval_of(name: str, value: float, description: ModelDescription) -> dict[str, Any]:
     """How many times its value a spring may have: ``low``, ``high``, and ``known`` by what, of 95 %."""
     table = None if description.calibration is None else description.calibration.uncertainty
-    label = f"{name}.stiffness"
-    nothing = {"low": 1.0 - ASSUMED, "high": 1.0 + ASSUMED, "known": False}
+    label, low, high = f"{name}.stiffness", 1.0 - ASSUMED, 1.0 + ASSUMED
     if table is None:
-        return nothing
+        return {"low": low, "high": high, "known": False}
+    known = [one for one in table.undetermined if one.name == label]
     if label in table.parameters:
-        k = table.parameters.index(label)
-        reach = float(student.ppf(0.975, table.degrees_of_freedom[k])) * float(np.sqrt(table.covariance[k][k]))
-        return {**_times(table.variable[k], float(table.estimate[k]), reach), "known": True}
-    for one in (one for one in table.undetermined if one.name == label):
-        low = 1.0 / OPEN if one.low is None else one.low / value
-        high = OPEN if one.high is None else one.high / value
-        return {"low": float(np.clip(low, 1.0 / OPEN, 1.0)), "high": float(np.clip(high, 1.0, OPEN)), "known": True}
-    return nothing
-
-
-def _times(variable: str, estimate: float, reach: float) -> Mapping[str, float]:
-    """Ends of a stiffness over its estimate, from the variable that was estimated and half its interval."""
-    if variable == "ln value":
-        return {"low": max(float(np.exp(-reach)), 1.0 / OPEN), "high": min(float(np.exp(reach)), OPEN)}
-    if variable == "value":
-        return {"low": max(1.0 - reach / estimate, 1.0 / OPEN), "high": min(1.0 + reach / estimate, OPEN)}
-    share = reach / estimate
-    return {
-        "low": max(1.0 / (1.0 + share), 1.0 / OPEN),
-        "high": OPEN if share >= 1.0 - 1.0 / OPEN else 1.0 / (1.0 - share),
-    }
+        estimate, *ends = table.interval95(table.parameters.index(label))
+        low, high = (end / estimate for end in ends)
+    elif known:
+        low = 1.0 / OPEN if known[0].low is None else min(known[0].low / value, 1.0)
+        high = OPEN if known[0].high is None else max(known[0].high / value, 1.0)
+    ends_of_slider = {"low": max(low, 1.0 / OPEN), "high": min(high, OPEN)}
+    return {**ends_of_slider, "known": label in table.parameters or bool(known)}

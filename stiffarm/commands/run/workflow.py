@@ -22,7 +22,7 @@ from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
 from stiffarm.commands.fit.results import payload as trained_payload
 from stiffarm.commands.maps.files import Files
-from stiffarm.commands.maps.options import read_map_options
+from stiffarm.commands.maps.request import MapRequest
 from stiffarm.commands.maps.step import make_map
 from stiffarm.commands.rehearse.step import Rehearsed
 from stiffarm.commands.run import held_out, link_models, missing, payload, proof
@@ -80,8 +80,8 @@ def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) ->
             findings = _learned(findings, folder)
         with folder.timed("map"), progress("stiffness map") as bar:
             arm = replace(given, description=findings.best.description, model=findings.best.model)
-            asked = read_map_options(arm, "joints", {"--points": str(options.points)}, options.seed)
-            drawn = make_map(arm, asked, folder, Files(asked.formats, html=True, table=False), bar)
+            asked = MapRequest(kind="joints", points=options.points, seed=options.seed)
+            drawn = make_map(arm, asked, folder, Files(html=True, table=False), bar)
         stiffness = workspace_stiffness(arm.description, arm.model)
         say_notes(drawn["messages"])
         told = None

@@ -16,7 +16,7 @@ from meshes.solid_mesh import outer_faces
 from robots import InputError
 from robots.arrays import Array, Integers
 from robots.constants import M_TO_MM
-from surrogate.maps.whole_file import whole_file
+from surrogate.maps.mesh import save_mesh
 
 # Share of the arm's size that the largest displacement is drawn as.
 DRAWN_SHARE: Final = 0.08
@@ -202,20 +202,6 @@ def write_field(
     )
     out.point_data.active_vectors_name = "displacement_mm"
     out.cell_data.active_scalars_name = "energy_density_J_per_m3"
-    _write(out, path)
-
-
-def _write(grid: Any, path: Path) -> None:
-    """Write a ``vtkUnstructuredGrid``: binary, compressed, whole or not at all."""
-    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-
-    with whole_file(path, ".vtu") as draft:
-        writer = vtkXMLUnstructuredGridWriter()
-        writer.SetInputData(grid)
-        writer.SetFileName(str(draft))
-        writer.SetDataModeToBinary()
-        writer.SetCompressorTypeToZLib()
-        if writer.Write() != 1 or writer.GetErrorCode() != 0:
-            raise InputError(
-                f"file {path} could not be written", code="F008", remedy="check the free space of the disk"
-            )
+    if path.suffix != ".vtu":
+        raise InputError("file of the deformed arm", code="B004", value=str(path), allowed="a name that ends in .vtu")
+    save_mesh(out, path)

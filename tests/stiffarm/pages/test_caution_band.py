@@ -95,7 +95,7 @@ def test_the_warning_names_the_joints() -> None:
 @pytest.mark.slow
 def test_every_picture_and_page_of_a_map_warns(cli: Command, tmp_path: Path) -> None:
     with pictures_saved() as texts:
-        outcome = cli("map", "slice", "xr701", *SLICE, "--html", "--svg", "--out", "out", "--json")
+        outcome = cli("map", "slice", "xr701", *SLICE, "--html", "--out", "out", "--json")
     assert outcome.code == 0, outcome.err
     warning = outcome.json["warning"]
     assert warning == uncalibrated(Arm.of(load_description("xr701")))

@@ -401,7 +401,7 @@ def test_the_map_is_readable_by_plain_vtk_with_the_documented_arrays(
 ) -> None:
     options = ("--surrogate", fitted / "surrogate.json", "--points", "4", "--no-pictures", "--json")
     outcome = cli("map", "joints", calibrated / "model.toml", *options, "--out", "out")
-    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "run.json"}
+    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "run.json"}
     assert "another model" not in outcome.err
     reader = vtkXMLUnstructuredGridReader()
     reader.SetFileName(str(tmp_path / "out" / "stiffness_map.vtu"))

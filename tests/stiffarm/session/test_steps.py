@@ -8,7 +8,7 @@ import pytest
 from fem import directional_stiffness
 from fem.arm import Arm
 from stiffarm.commands.fit import learning
-from stiffarm.commands.maps import sweep
+from stiffarm.commands.maps.learned import LearnedRequest
 from stiffarm.session import inputs
 from surrogate import Surrogate, inputs_that_matter, train
 
@@ -23,8 +23,11 @@ def learned(given: Arm, direction: tuple[float, float, float]) -> Surrogate:
 
 def test_a_map_names_the_load_it_was_made_with() -> None:
     given = inputs.read_model("kr60-3", "rigid", None)
-    made = sweep.learned_map(given, learned(given, (0.6, 0.0, 0.8)), 2)
-    assert made.metadata["load_direction"] == "0.6 0 0.8"
+    found = learned(given, (0.6, 0.0, 0.8))
+    asked = LearnedRequest(kind="joints", points=2, learned=found, direction=found.load_direction)
+    engine = asked.engine(given)
+    made = engine.computed(asked.metadata(given, engine))
+    assert made.metadata["load_direction"] == "0.75 0 1"
     # The model's own stiffness beside it is that of the same load.
     model = np.asarray(made.fields["model_stiffness_N_per_mm"].values)[made.reached]
     q = np.asarray(made.q)[made.reached]

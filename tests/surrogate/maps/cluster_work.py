@@ -6,11 +6,10 @@ import time
 from typing import Any
 
 import numpy as np
-from map_arms import engine, kr60
+from map_arms import engine, kr60, slice_layout
 
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
-from surrogate.maps.layouts import slice_layout
 from surrogate.maps.poses import BestGamma
 
 SIZE = 16

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import fem
 import robots
@@ -13,6 +14,7 @@ from robots.library.models import parse_description
 from surrogate.maps.blocks import Engine
 from surrogate.maps.candidates import Arm
 from surrogate.maps.data import Layout
+from surrogate.maps.layouts import space_layout
 from surrogate.maps.poses import PoseRule, last_joint_is_free
 from surrogate.maps.quantities import TABLE, Quantities, named
 
@@ -71,3 +73,19 @@ def engine(
         return Engine(grid, quantities)
     free = last_joint_is_free(model.robot, T, lambda q: quantities.poses(q).translational)
     return Engine(grid, quantities, rule, Arm(model.robot, T, quantities.merit(named(TABLE, ["stiffness"])[0]), free))
+
+
+def slice_layout(plane: str, across_mm: ArrayLike, up_mm: ArrayLike, at_mm: float = 0.0) -> Layout:
+    """A plane of the base frame: values of its first letter and of its second."""
+    (third,) = set("xyz") - set(plane)
+    return space_layout({plane[0]: across_mm, plane[1]: up_mm}, {third: at_mm})
+
+
+def box_layout(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike) -> Layout:
+    """A box along the base's axes."""
+    return space_layout({"x": x_mm, "y": y_mm, "z": z_mm})
+
+
+def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> Layout:
+    """Part of a cylinder about the base's z axis."""
+    return space_layout({"r": r_mm, "phi": phi_deg, "z": z_mm})

@@ -17,7 +17,6 @@ from cluster_work import SIZE
 
 from robots import InputError
 from surrogate.maps import cluster
-from surrogate.maps.blocks import run_blocks
 from surrogate.maps.cluster import run_on
 from surrogate.maps.store import MapStore
 
@@ -41,7 +40,7 @@ def workers() -> Iterator[Any]:
 
 def store_in(folder: Path) -> MapStore:
     made = cluster_work.made()
-    return MapStore(folder, "k", made.grid.n, SIZE, made.columns)
+    return MapStore(made.grid.n, SIZE, made.columns, "k", folder)
 
 
 def same(one: MapStore, other: MapStore) -> bool:
@@ -52,7 +51,7 @@ def same(one: MapStore, other: MapStore) -> bool:
 @pytest.mark.slow
 def test_a_cluster_makes_the_same_map_though_a_worker_is_killed(workers: Any, tmp_path: Path) -> None:
     here, there = store_in(tmp_path / "here"), store_in(tmp_path / "there")
-    run_blocks(cluster_work.made(), here)
+    cluster_work.made().computed(store=here)
     assert np.count_nonzero(here.finished()["reached"]) > SIZE
     pids = [worker.pid for worker in workers.workers.values()]
     killed: list[int] = []
@@ -80,8 +79,8 @@ def test_what_a_cluster_made_before_it_was_lost_is_gone_on_with_here(workers: An
         run_on(workers.scheduler_address, cluster_work.slowly, "0", half, stop)
     again = store_in(tmp_path / "half")
     assert 0 < len(again.missing()) < again.blocks
-    run_blocks(cluster_work.made(), again)
-    run_blocks(cluster_work.made(), whole)
+    cluster_work.made().computed(store=again)
+    cluster_work.made().computed(store=whole)
     assert same(again, whole)
 
 

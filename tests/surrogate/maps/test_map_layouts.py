@@ -4,20 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from map_arms import kr60, planar
+from map_arms import box_layout, cylinder_layout, kr60, planar, slice_layout
 
 from robots import InputError
-from surrogate.maps.layouts import (
-    box_layout,
-    cylinder_layout,
-    joint_layout,
-    points_of,
-    poses_of,
-    range_for,
-    reach_of,
-    slice_layout,
-    step_for,
-)
+from surrogate.maps.layouts import joint_layout, points_of, poses_of, range_for, reach_of, step_for
 
 ALL = slice(None)
 
@@ -48,7 +38,7 @@ def test_a_cylinder_is_about_the_z_axis() -> None:
 
 
 def test_rows_are_worked_out_alone() -> None:
-    grid = box_layout(range_for(-1000, 1000, 7), range_for(-1000, 1000, 11), range_for(0, 2000, 13))
+    grid = box_layout(range_for(-1000, 1000, 10), range_for(-1000, 1000, 14), range_for(0, 2000, 20))
     assert grid.n > 1_000_000
     rows = slice(777_777, 777_787)
     np.testing.assert_array_equal(points_of(grid, rows), points_of(grid, slice(700_000, 800_000))[77_777:77_787])
@@ -86,8 +76,6 @@ def test_what_is_refused() -> None:
         box_layout([0.0, 1.0, 3.0], [0.0], [0.0])
     with pytest.raises(InputError, match="evenly spaced"):
         slice_layout("xz", [0.0, -1.0], [0.0])
-    with pytest.raises(InputError, match="plane of a slice"):
-        slice_layout("zx", [0.0], [0.0])
     with pytest.raises(InputError, match="radius"):
         cylinder_layout([-1.0, 0.0], [0.0], [0.0])
     with pytest.raises(InputError, match="at most one turn"):

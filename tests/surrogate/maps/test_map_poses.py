@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from map_arms import DOWN, K1, K2, L1, L2, engine, kr60, one_spring, planar
+from map_arms import DOWN, K1, K2, L1, L2, box_layout, cylinder_layout, engine, kr60, one_spring, planar, slice_layout
 from scipy.spatial.transform import Rotation
 
 import fem
@@ -13,7 +13,7 @@ from robots import InputError, Robot, forward_kinematics, inverse_kinematics, si
 from robots.arrays import Array
 from robots.inverse.singularities import NEAR_SINGULAR
 from surrogate.maps.candidates import Arm
-from surrogate.maps.layouts import box_layout, cylinder_layout, points_of, slice_layout
+from surrogate.maps.layouts import points_of
 from surrogate.maps.orientation import directions, spread_rotations, tool_rotations
 from surrogate.maps.poses import BestGamma, Extreme, away_from_singular, check_robot, last_joint_is_free, shortfall
 

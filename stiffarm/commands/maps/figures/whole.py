@@ -1,32 +1,26 @@
-"""All publication figures of a finished map: slices, surfaces in space, main effects; PNG and SVG files."""
+"""All publication figures of a finished map: slices, surfaces in space, main effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
 from fem.arm import Arm
 from robots import InputError, ModelDescription, Robot, require_one_of
-from robots.files.written import written_whole
 from stiffarm.commands.maps.figures.effects import swept_effects_figure
 from stiffarm.commands.maps.figures.slices import slice_figure, unlike
 from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
 from stiffarm.commands.maps.looks import Look, look_of
 from stiffarm.commands.maps.planes import planes_of
 from stiffarm.pages import style
-from stiffarm.pages.band import banded
 from stiffarm.pages.rendering import VIEWS, chosen
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.data import MapData
 from surrogate.maps.quantities import STIFFNESS_ARRAY
 
-FORMATS: Final = ("png", "svg")
-_SVG_DPI: Final = 200
 # Fields that are for programs, or say the same as another: no picture of each.
 NOT_DRAWN = (
     "worst_direction_x",
@@ -47,7 +41,6 @@ def draw_map_figures(
     folder: OutputFolder,
     *,
     quantities: Sequence[str] | None = None,
-    formats: Sequence[str] = ("png",),
     notes: list[str] | None = None,
 ) -> list[str]:
     """Write the figures of a map; returns the names of the files.
@@ -58,17 +51,13 @@ def draw_map_figures(
     Parameters
     ----------
     quantities : names of fields; default all that have a value and are for people
-    formats : of 'png' (150 dots an inch) and 'svg' (lines and text as vectors, coloured areas as images)
     notes : gets one message where pictures in space were drawn without OpenGL
 
     Raises
     ------
     InputError
-        Unknown quantity or format, or no point of the map is reached.
+        Unknown quantity, or no point of the map is reached.
     """
-    wrong = [name for name in formats if name not in FORMATS]
-    if wrong or not formats:
-        raise InputError("format of figures", code="B002", value=", ".join(wrong) or "none", allowed=", ".join(FORMATS))
     unknown = [name for name in quantities or () if name not in data.fields]
     if unknown:
         raise InputError("quantity of the map", code="B002", value=unknown[0], allowed=", ".join(data.fields))
@@ -80,7 +69,7 @@ def draw_map_figures(
         look = look_of(name, data.fields[name])
         heading = f"{description.title.split(' (')[0]}: {look.label}"
         for suffix, figure in _figures(data, look, description, robot, heading, _facts(data), works):
-            files += save_figure(figure, folder, f"map_{name}{suffix}", formats)
+            files += save_figure(figure, folder, f"map_{name}{suffix}")
     if not works and notes is not None and message not in notes:
         notes.append(message)
     return files
@@ -112,7 +101,7 @@ def draw_stiffness(data: MapData, arm: Arm, folder: OutputFolder, messages: list
     files: list[str] = []
     for view in VIEWS:
         figure = cloud_figure(data, look, arm.description, arm.robot, heading, facts, works, view)
-        files += save_figure(figure, folder, f"stiffness_map_{view}", ("png",))
+        files += save_figure(figure, folder, f"stiffness_map_{view}")
     if not works and message not in messages:
         messages.append(message)
     return files
@@ -144,24 +133,7 @@ def _facts(data: MapData) -> str:
     return "; ".join(words for key in _FACTS if (words := data.metadata.get(key)))
 
 
-def save_figure(figure: Figure, folder: OutputFolder, stem: str, formats: Sequence[str]) -> list[str]:
-    """Write a figure in each of the formats; returns the names of the files."""
-    write: dict[str, Callable[[Figure, Path], None]] = {"png": style.save_png, "svg": save_svg}
-    names = [f"{stem}.{ending}" for ending in formats]
-    for name, ending in zip(names, formats, strict=True):
-        write[ending](figure, folder.path(name))
-    return names
-
-
-def save_svg(figure: Figure, path: Path) -> None:
-    """Write a figure as SVG with text as text, whole or not at all. Twice the same is the same file.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist.
-    """
-    style.require_folder(path)
-    text_as_text = mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stiffarm"})
-    with written_whole(path) as draft, style.house_style(), text_as_text, banded(figure) as shape:
-        figure.savefig(draft, format="svg", dpi=_SVG_DPI, metadata={"Date": None}, **shape)
+def save_figure(figure: Figure, folder: OutputFolder, stem: str) -> list[str]:
+    """Write a figure as PNG, 150 dots an inch; returns the name of the file."""
+    style.save_png(figure, folder.path(f"{stem}.png"))
+    return [f"{stem}.png"]

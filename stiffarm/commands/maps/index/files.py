@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fem.arm import Arm
 from machining import Task
@@ -30,14 +29,11 @@ from robots.files.csv_text import columns_text
 from robots.progress import Progress
 from robots.quantities import Quantity, rounded
 from stiffarm.commands.maps.files import Files, write_arrays, write_table
-from stiffarm.commands.maps.index.request import IndexRequest, map_request
+from stiffarm.commands.maps.index.request import IndexRequest
 from stiffarm.commands.maps.planes import layer_of
-from stiffarm.commands.maps.request import MapRequest
+from stiffarm.commands.maps.request import Vector
 from stiffarm.commands.maps.step import evaluated
-from stiffarm.session.caution import warned
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.parsing import frame_words
-from surrogate.maps.assembled import map_data
 from surrogate.maps.blocks import Engine
 from surrogate.maps.data import Field, MapData
 
@@ -53,7 +49,7 @@ class IndexMap:
 
     ``data``: the best gamma's pose at each point, with the fields that all maps have. ``inside`` (n,): points of the
     workpiece, None: all. ``choice``: the best gamma for it, None where none reaches all of it (``why_no_choice``).
-    ``drawn``: columns of the distribution's gamma for pictures and the map's file.
+    ``named``: columns of gamma that were named to be drawn.
     """
 
     data: MapData
@@ -61,7 +57,15 @@ class IndexMap:
     inside: Bools | None
     choice: GammaChoice | None
     why_no_choice: str | None
-    drawn: tuple[int, ...]
+    named: tuple[int, ...] = ()
+
+    @property
+    def drawn(self) -> tuple[int, ...]:
+        """Columns of gamma for pictures and the map's file: those named, else some over the range, and the best."""
+        gamma = self.found.gamma
+        spread = np.unique(np.round(np.linspace(0, len(gamma), DRAWN, endpoint=False)).astype(int))
+        best = [] if self.choice is None else [self.choice.column]
+        return self.named or tuple(sorted({*map(int, spread[spread < len(gamma)]), *best}))
 
     @property
     def traded(self) -> TradeOff:
@@ -103,7 +107,6 @@ def make_index_map(
     asked: IndexRequest,
     folder: OutputFolder,
     files: Files,
-    seed: int,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Make the map and write it; returns what index_map.json holds.
@@ -114,90 +117,51 @@ def make_index_map(
         No point of the grid, or of the workpiece, can be reached at any gamma; else as
         :func:`stiffarm.commands.maps.step.evaluated`.
     """
-    request = map_request(given, asked, seed)
-    with evaluated(given, request, folder, files, progress) as (engine, arrays):
-        assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - map_request asks for it
-        task = engine.rule.task(np.asarray(arrays["points"], dtype=np.float64))
-        values, sure = np.asarray(arrays["by_gamma"], dtype=np.float64), bool(np.all(arrays["sure"]))
-        found = Distribution(asked.objective, asked.gamma, values, sure)
-        for inside, what in ((None, "grid"), (asked.inside, "workpiece")):
-            if not (found.reached if inside is None else found.reached[inside]).any():
-                raise InputError(
-                    f"no point of the {what} can be reached at any gamma",
-                    code="S012",
-                    value=why_not_reached(given.model, task, asked.gamma) or "no posture was found",
-                    allowed="one point within reach and joint limits",
-                    remedy="move the grid or the part, or change the tool or its axis",
-                )
-        choice, why = None, None
-        try:
-            # Without a workpiece nobody needs the points at the rim of the grid: reach is weighed against the value.
-            choice = best_gamma(found, asked.inside, partly=asked.partly or asked.inside is None)
-        except InputError as error:
-            why = error.prose
-        data = map_data(engine, steadied(engine, arrays, found, task), _metadata(given, asked, request, task))
-        drawn = asked.drawn or drawn_columns(asked.gamma, choice)
-        with folder.timed("files"):
-            return write(IndexMap(data, found, asked.inside, choice, why, drawn), given, folder, files, request.normal)
+    engine, data = evaluated(given, asked, folder, files, progress)
+    assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - of an index map
+    task, sure = engine.rule.task(data.points), bool(np.all(data.sure))
+    found = Distribution(asked.objective, asked.gamma, data.by_rule["by_gamma"], sure)
+    for inside, what in ((None, "grid"), (asked.inside, "workpiece")):
+        if not (found.reached if inside is None else found.reached[inside]).any():
+            raise InputError(
+                f"no point of the {what} can be reached at any gamma",
+                code="S012",
+                value=why_not_reached(given.model, task, asked.gamma) or "no posture was found",
+                allowed="one point within reach and joint limits",
+                remedy="move the grid or the part, or change the tool or its axis",
+            )
+    choice, why = None, None
+    try:
+        # Without a workpiece nobody needs the points at the rim of the grid: reach is weighed against the value.
+        choice = best_gamma(found, asked.inside, partly=asked.partly or asked.inside is None)
+    except InputError as error:
+        why = error.prose
+    made = IndexMap(steadied(engine, data, found, task), found, asked.inside, choice, why, asked.drawn or ())
+    with folder.timed("files"):
+        return write(made, given, folder, files, asked.normal)
 
 
-def steadied(
-    engine: Engine, arrays: Mapping[str, NDArray[np.generic]], found: Distribution, task: Task
-) -> dict[str, NDArray[np.generic]]:
-    """A map's arrays with each point's pose at the gamma that is alike in its neighbours, not best by a hair.
+def steadied(engine: Engine, data: MapData, found: Distribution, task: Task) -> MapData:
+    """A map with each point's pose at the gamma that is alike in its neighbours, not best by a hair.
 
     The blocks of a map know no neighbours; so the poses that this changes, and their fields, are made once more.
     """
-    assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - of an index map
     steady, best = found.steady_at_points(), found.best_at_points()
-    out: dict[str, NDArray[np.generic]] = dict(arrays)
     moved = steady.column != best.column
-    if not moved.any():
-        return out
-    names = [kind.name for kind in engine.quantities.kinds]
-    out |= {name: np.array(arrays[name]) for name in ("q", *names)}
+    q, fields = data.q.copy(), {name: f.values.copy() for name, f in data.fields.items()}
     for column in np.unique(steady.column[moved]):
         rows = np.flatnonzero(moved & (steady.column == column))
         generator = np.random.default_rng(engine.seed)
         one = distribution(
-            engine.rule.model, task.at(rows), found.objective, found.gamma[[column]], generator=generator
+            engine.quantities.model, task.at(rows), found.objective, found.gamma[[column]], generator=generator
         )
         assert one.q is not None  # noqa: S101 - just made
         # An inverse that is searched may miss what it found before: then the best pose stays.
         there = np.isfinite(one.q).all(axis=1)
-        out["q"][rows[there]] = one.q[there]
+        q[rows[there]] = one.q[there]
         for name, values in engine.quantities.values(one.q[there]).items():
-            out[name][rows[there]] = values
-    return out
-
-
-def _metadata(given: Arm, asked: IndexRequest, request: MapRequest, task: Task) -> dict[str, str]:
-    """What the map is of, words by name."""
-    frame, force = task.T_base_part, asked.objective.force
-    return {
-        "robot": given.robot.name,
-        "model_hash": request.model_hash,
-        "links": request.links,
-        "load_path": given.model.load_path,
-        "tool_on_flange": frame_words(task.T_flange_tool),
-        "part_in_base": frame_words(frame),
-        "normal": _words(asked.normal),
-        "tool_axis": _words(asked.axis),
-        "gamma_counts_from": _words(frame[:3, :3] @ np.asarray(task.reference)),
-        "force_N": "none" if force is None else _words(force),
-        "not_looked_at": "collisions; the way from point to point",
-    } | warned(given)
-
-
-def _words(vector: Array) -> str:
-    return " ".join(f"{v + 0.0:.6g}" for v in vector)
-
-
-def drawn_columns(gamma: Array, choice: GammaChoice | None) -> tuple[int, ...]:
-    """Which angles to draw unasked: some spread over the range, and the best."""
-    spread = np.unique(np.round(np.linspace(0, len(gamma), DRAWN, endpoint=False)).astype(int))
-    spread = spread[spread < len(gamma)]
-    return tuple(sorted({*map(int, spread), *(() if choice is None else (choice.column,))}))
+            fields[name][rows[there]] = values
+    return replace(data, q=q, fields={name: replace(f, values=fields[name]) for name, f in data.fields.items()})
 
 
 def angle_name(gamma: float) -> str:
@@ -206,7 +170,7 @@ def angle_name(gamma: float) -> str:
 
 
 def write(
-    made: IndexMap, given: Arm, folder: OutputFolder, files: Files, normal: Sequence[float] = (0.0, 0.0, 1.0)
+    made: IndexMap, given: Arm, folder: OutputFolder, files: Files, normal: Vector = (0.0, 0.0, 1.0)
 ) -> dict[str, Any]:
     """Write the files asked for, ``index_map.csv``, ``gamma_statistics.csv``, ``index_map.json``, pictures and page.
 
@@ -217,8 +181,8 @@ def write(
     names += ["index_map.csv", "gamma_statistics.csv", "index_map.json"]
     write_table(made.with_values(range(len(made.found.gamma))), folder.path("index_map.csv"))
     folder.write_text("gamma_statistics.csv", _statistics_table(made))
-    if files.picture_formats:
-        names += _pictures(made, folder, files.picture_formats)
+    if files.pictures:
+        names += _pictures(made, folder)
     content = payload(made) | {"files": [*names, "report.html"]}
     folder.write_json("index_map.json", content)
     from stiffarm.commands.maps.index.report import write_report
@@ -315,26 +279,26 @@ def _statistics_table(made: IndexMap) -> str:
     return columns_text(table, digits=9)
 
 
-def _pictures(made: IndexMap, folder: OutputFolder, formats: Sequence[str]) -> list[str]:
+def _pictures(made: IndexMap, folder: OutputFolder) -> list[str]:
     from stiffarm.commands.maps.figures.whole import save_figure
     from stiffarm.commands.maps.index.figures import draw_gamma_statistics, draw_index_maps, draw_trade_off
 
     name = f"{made.shown.name} of the {made.data.metadata['robot']}"
     plane = layer_of(made.data.layout, _busiest_layer(made))
     maps = draw_index_maps(plane, made.found, made.drawn, title=name, inside=made.inside)
-    names = save_figure(maps, folder, "index_map", formats)
+    names = save_figure(maps, folder, "index_map")
     if len(made.found.gamma) == 1:
         return names
     of = "" if made.inside is None else ", over the workpiece"
     statistics = draw_gamma_statistics(
         made.found, title=f"{name} against gamma{of}", choice=made.choice, inside=made.inside
     )
-    names += save_figure(statistics, folder, "gamma_statistics", formats)
+    names += save_figure(statistics, folder, "gamma_statistics")
     if len(made.traded.front) > 1:
         figure = draw_trade_off(
             made.traded, made.choice, made.shown, title=f"{name}: {made.traded.aim} against reach{of}"
         )
-        names += save_figure(figure, folder, "gamma_trade_off", formats)
+        names += save_figure(figure, folder, "gamma_trade_off")
     return names
 
 

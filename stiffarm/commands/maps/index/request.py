@@ -1,171 +1,172 @@
-"""What `map index` is asked for: from options to a grid, an objective and angles gamma."""
+"""An index map as asked for, in plain typed values: a grid on the part, an objective and angles gamma."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
 
 from fem.arm import Arm
 from machining import INDICES, GammaRange, Objective
+from machining.stiffness.distribution import EveryGamma
 from machining.stiffness.grid import in_box, in_polygon
 from machining.stiffness.objective import DISPLACEMENTS
-from machining.sweep_parts import MOST, TARGETS
-from robots import InputError
+from machining.sweep_parts import MOST
+from robots import InputError, Robot, content_hash
 from robots.arrays import Array, Bools
-from stiffarm.commands.maps.request import MapRequest, grid_table, model_text
-from stiffarm.session.parsing import parse_frame, parse_numbers, parse_vector, parse_word, tool_of
-from stiffarm.session.task_options import parse_gammas, parse_values
-from surrogate.maps.data import Layout
-from surrogate.maps.layouts import plane_or_box
+from robots.constants import DOWN, MM
+from stiffarm.commands.maps.request import MapRequest, Vector, table_of, vector_words
+from stiffarm.session.caution import warned
+from stiffarm.session.parsing import frame_words, parse_word
+from stiffarm.session.task_options import Range, gammas_of, values_of
+from surrogate.maps import candidates
+from surrogate.maps.blocks import Engine
+from surrogate.maps.data import Layout, LayoutKind
+from surrogate.maps.layouts import plane_or_box, points_of
+from surrogate.maps.quantities import Quantities, named
 
-GAMMA = "-180:180:5"
-AIMS: Final[tuple[Literal["mean", "worst"], ...]] = ("mean", "worst")
-
-
-@dataclass(frozen=True, eq=False)
-class IndexRequest:
-    """A map as asked for.
-
-    ``normal`` and ``axis`` (3,) in base axes; ``gamma`` (m,) rad; ``inside`` (n,): the workpiece, None: the whole
-    grid; ``drawn``: columns of gamma for pictures, None: chosen later; ``tool``: as typed, None: the model's.
-    """
-
-    grid: Layout
-    tool: str | None
-    normal: Array
-    axis: Array
-    gamma: Array
-    objective: Objective
-    inside: Bools | None
-    partly: bool
-    drawn: tuple[int, ...] | None
+Aim = Literal["mean", "worst"]
+AIMS: Final[tuple[Aim, ...]] = ("mean", "worst")
+# Angles that pictures may show at most, and how exactly one must be named (rad): they are written with a few digits.
+MOST_SHOWN, SHOWN_AS = 10, np.radians(1e-3)
+# Box of the workpiece: from and to by axis; or corners along the grid's first two axes; mm.
+Region = Mapping[str, tuple[float, float]] | Sequence[tuple[float, float]]
 
 
-def read_request(options: Mapping[str, str | None]) -> IndexRequest:
-    """Read the options of `map index`, None where one is not given.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class IndexRequest(MapRequest):
+    """An index over a plane or a box of the part at every angle gamma about the tool axis.
+
+    Parameters
+    ----------
+    x_mm, y_mm, z_mm : along the part's axes; one of them may be one number
+    quantity, force, aim : what is made large or small, see :class:`machining.Objective`
+    part : frame (4, 4) m in the base frame
+    tool_axis : default: along the normal
+    workpiece : where the best gamma is sought; None: the whole grid
+    partly : whether a gamma may be best that does not reach all of the workpiece
+    show_deg : angles to draw and to write to the map's file; None: chosen later
 
     Raises
     ------
     InputError
-        What cannot be read, or does not fit.
+        What does not fit.
     """
-    quantity = parse_word(options["--quantity"] or "", (*INDICES, *DISPLACEMENTS), "--quantity")
-    # A whole map's aim is what the best gamma is chosen by.
-    aim = parse_word(options["--aim"] or "mean", AIMS, "--aim")
-    force, part = options["--force"], options["--part"]
-    vector = None if force is None else parse_vector(force, "--force", "N in base axes")
-    grid = _grid(options, np.eye(4) if part is None else parse_frame(part, "--part"))
-    normal = parse_vector(options["--normal"] or "0,0,1", "--normal", "a direction in base axes")
-    axis = options["--tool-axis"]
-    gamma = _gamma(options["--gamma"] or GAMMA)
-    if grid.n * len(gamma) > MOST:
-        raise InputError(
-            "map",
-            code="S011",
-            value=f"{grid.n} points x {len(gamma)} angles gamma",
-            allowed=f"{MOST} in all",
-            remedy="make the step of the grid or of gamma larger",
-        )
-    region = options["--workpiece"]
-    return IndexRequest(
-        grid=grid,
-        tool=options["--tool"],
-        normal=normal,
-        axis=normal if axis is None else parse_vector(axis, "--tool-axis", "a direction in base axes"),
-        gamma=gamma,
-        objective=Objective(quantity, vector, aim),
-        inside=None if region is None else parse_workpiece(grid, region),
-        partly=options["--partly"] is not None,
-        drawn=None if options["--show"] is None else _drawn(gamma, options["--show"]),
-    )
 
+    kind: LayoutKind = "box"
+    gamma_deg: Range | None = (-180.0, 180.0, 5.0)
+    quantity: str = "k_fs"
+    force: Vector | None = None
+    part: Array | None = None
+    aim: Aim = "mean"
+    workpiece: Region | None = None
+    partly: bool = False
+    show_deg: Sequence[float] | None = None
 
-def map_request(given: Arm, asked: IndexRequest, seed: int) -> MapRequest:
-    """The request of the maps' engine: the best gamma's pose at each point, and the objective at every gamma."""
-    text, model_hash = model_text(given)
-    objective = asked.objective
-    force = None if objective.force is None else objective.force.tolist()
-    return MapRequest(
-        model=text,
-        model_hash=model_hash,
-        links=given.model.link_kind,
-        load_path=given.model.load_path,
-        grid=grid_table(asked.grid),
-        pose={
-            "objective": [objective.quantity, force, objective.aim],
-            "axis": asked.axis.tolist(),
-            "gammas": asked.gamma.tolist(),
-        },
-        tool=tool_of(given.robot, asked.tool).tolist(),
-        direction=[0.0, 0.0, -1.0] if force is None else force,
-        normal=asked.normal.tolist(),
-        wanted=["singular"],
-        shares=False,
-        merit="stiffness",
-        block=max(1, TARGETS // len(asked.gamma)),
-        seed=seed,
-        at_load=None if given.model.secants is None else given.model.secants.load.size,
-    )
-
-
-def parse_workpiece(grid: Layout, text: str) -> Bools:
-    """Points (n,) of a grid in ``x=-100:100,y=800:1000``, or within corners ``-100,800;100,800;0,1000``, mm.
-
-    The corners lie along the grid's first two axes. Errors as :func:`machining.stiffness.grid.in_box` and
-    :func:`machining.stiffness.grid.in_polygon`, and what cannot be read.
-    """
-    if ";" in text:
-        return in_polygon(grid, _corners(text))
-    lower, upper = np.full(3, -np.inf), np.full(3, np.inf)
-    for item in text.split(","):
-        name, _, ends = (part.strip() for part in item.partition("="))
-        numbers = parse_numbers(ends, ":")
-        if name not in ("x", "y", "z") or numbers is None or len(numbers) != 2 or numbers[0] > numbers[1]:
+    def __post_init__(self) -> None:
+        parse_word(self.quantity, (*INDICES, *DISPLACEMENTS), "--quantity")
+        parse_word(self.aim, AIMS, "--aim")
+        if self.points_of_grid.n * len(self.gamma) > MOST:
             raise InputError(
-                "--workpiece",
-                code="A004",
-                value=item,
-                allowed="x=FROM:TO, y=FROM:TO, z=FROM:TO in mm, FROM up to TO",
-                remedy="write it as in x=-100:100,y=800:1000",
+                "map",
+                code="S011",
+                value=f"{self.points_of_grid.n} points x {len(self.gamma)} angles gamma",
+                allowed=f"{MOST} in all",
+                remedy="make the step of the grid or of gamma larger",
             )
-        axis = "xyz".index(name)
-        lower[axis], upper[axis] = (1e-3 * number for number in numbers)
-    return in_box(grid, lower, upper)
+        _ = self.objective, self.inside, self.drawn
 
+    @property
+    def along(self) -> tuple[float, float, float]:
+        """Direction of the force; where none is needed, straight down."""
+        return MapRequest(kind="box", direction=DOWN if self.force is None else self.force).along
 
-def _corners(text: str) -> Array:
-    pairs = [parse_numbers(pair) for pair in text.split(";")]
-    if not all(pair is not None and len(pair) == 2 for pair in pairs):
-        raise InputError(
-            "--workpiece", code="A004", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more"
+    @property
+    def axis(self) -> Array:
+        """Tool axis (3,) from the tip into the holder."""
+        return np.asarray(self.normal if self.tool_axis is None else self.tool_axis, dtype=np.float64)
+
+    @cached_property
+    def points_of_grid(self) -> Layout:
+        """The map's points."""
+        asked = [("--x", self.x_mm), ("--y", self.y_mm), ("--z", self.z_mm)]
+        x, y, z = (values_of(0.0 if value is None else value, option) for option, value in asked)
+        return plane_or_box(x, y, z, np.eye(4) if self.part is None else self.part)
+
+    @cached_property
+    def gamma(self) -> Array:
+        """Angles gamma (m,) rad."""
+        gammas = gammas_of(0.0 if self.gamma_deg is None else self.gamma_deg)
+        return gammas.angles if isinstance(gammas, GammaRange) else np.array([gammas])
+
+    @cached_property
+    def objective(self) -> Objective:
+        """What is made large or small."""
+        return Objective(self.quantity, None if self.force is None else np.asarray(self.force), self.aim)
+
+    @cached_property
+    def inside(self) -> Bools | None:
+        """Points (n,) of the workpiece; None: all.
+
+        Errors as :func:`machining.stiffness.grid.in_box` and :func:`machining.stiffness.grid.in_polygon`.
+        """
+        if self.workpiece is None:
+            return None
+        if not isinstance(self.workpiece, Mapping):
+            return in_polygon(self.points_of_grid, self.workpiece)
+        ends = np.array([self.workpiece.get(name, (-np.inf, np.inf)) for name in "xyz"])
+        return in_box(self.points_of_grid, *(MM * ends.T))
+
+    @cached_property
+    def drawn(self) -> tuple[int, ...] | None:
+        """Columns of the angles to show; 180 deg stands for -180 where that is the one there."""
+        if self.show_deg is None:
+            return None
+        wanted = np.radians(self.show_deg)
+        away = np.abs(np.angle(np.exp(1j * (self.gamma[None] - wanted[:, None]))))
+        if not (away.min(axis=1) < SHOWN_AS).all() or len(wanted) > MOST_SHOWN:
+            raise InputError(
+                "--show",
+                code="A004",
+                value=",".join(f"{v:g}" for v in self.show_deg),
+                allowed="up to ten angles of --gamma, in deg",
+                remedy="choose from its angles, separated by commas",
+            )
+        return tuple(dict.fromkeys(int(i) for i in away.argmin(axis=1)))
+
+    def grid(self, robot: Robot) -> Layout:
+        """The map's points."""
+        return self.points_of_grid
+
+    def engine(self, given: Arm) -> Engine:
+        """What evaluates the map: the best gamma's pose at each point, and the objective at every gamma."""
+        frame, grid = self.frame(given.robot), self.points_of_grid
+        quantities = Quantities(given.model, np.array(self.along), named(table_of(), ["singular"]), point=frame[:3, 3])
+        part = np.eye(4) if self.part is None else self.part
+        rule = EveryGamma(
+            given.model, self.objective, self.gamma, frame, part, np.asarray(self.normal, dtype=np.float64), self.axis
         )
-    return np.array(pairs)
+        merit = quantities.merit(named(table_of(), ["stiffness"])[0])
+        return Engine(grid, quantities, rule, candidates.Arm(given.robot, frame, merit), self.seed)
 
-
-def _grid(options: Mapping[str, str | None], T_base_part: Array) -> Layout:
-    x, y, z = (parse_values(options[name] or "", name) for name in ("--x", "--y", "--z"))
-    return plane_or_box(x, y, z, T_base_part)
-
-
-def _gamma(text: str) -> Array:
-    gammas = parse_gammas(text)
-    return gammas.angles if isinstance(gammas, GammaRange) else np.array([gammas])
-
-
-def _drawn(gamma: Array, text: str) -> tuple[int, ...]:
-    """Columns of the angles (deg) named; 180 deg stands for -180 where that is the one there."""
-    wanted = np.radians(parse_numbers(text) or (np.nan,))
-    away = np.abs(np.angle(np.exp(1j * (gamma[None] - wanted[:, None]))))
-    # Angles are written with a few digits.
-    if not (away.min(axis=1) < np.radians(1e-3)).all() or len(wanted) > 10:
-        raise InputError(
-            "--show",
-            code="A004",
-            value=text,
-            allowed="up to ten angles of --gamma, in deg",
-            remedy="choose from its angles, separated by commas",
-        )
-    return tuple(dict.fromkeys(int(i) for i in away.argmin(axis=1)))
+    def metadata(self, given: Arm, engine: Engine) -> dict[str, str]:
+        """What the map is of, words by name."""
+        assert isinstance(engine.rule, EveryGamma)  # noqa: S101 - of this request
+        frame = engine.rule.T_base_part
+        reference = engine.rule.task(points_of(engine.grid)).reference
+        return {
+            "robot": given.robot.name,
+            "model_hash": content_hash(given.description),
+            "links": given.model.link_kind,
+            "load_path": given.model.load_path,
+            "tool_on_flange": frame_words(self.frame(given.robot)),
+            "part_in_base": frame_words(frame),
+            "normal": vector_words(self.normal),
+            "tool_axis": vector_words(self.axis),
+            "gamma_counts_from": vector_words(frame[:3, :3] @ np.asarray(reference)),
+            "force_N": "none" if self.force is None else vector_words(self.force),
+            "not_looked_at": "collisions; the way from point to point",
+        } | warned(given)

@@ -20,9 +20,10 @@ from machining import Objective, Task, stiffness_index, tool_path
 from machining.stiffness.distribution import best_gamma, distribution
 from machining.stiffness.grid import in_box
 from robots import InputError
-from stiffarm.commands.maps.index.request import parse_workpiece, read_request
+from stiffarm.commands.maps.command import parse_workpiece
+from stiffarm.commands.maps.index.request import IndexRequest
 from stiffarm.session.parsing import parse_frame
-from stiffarm.session.task_options import parse_values
+from stiffarm.session.task_options import parse_range, values_of
 from surrogate.maps.blocks import Engine
 from surrogate.maps.layouts import own_points, plane_or_box
 
@@ -168,11 +169,11 @@ def test_a_box_has_hexahedra_and_a_number_has_no_unit(cli: Command, tmp_path: Pa
 def test_the_files_are_those_of_all_maps(cli: Command, tmp_path: Path) -> None:
     """Formats, the page to pick in, and a work folder that a second run goes on from; the pose is the best gamma's."""
     grid = ("--x", "900:1100:100", "--y", "-100:100:100", "--z", "600", *TOOL, "--gamma", "-180:180:60")
-    more = ("--format", "vti,nc", "--html", "--svg", "--work", "work")
+    more = ("--format", "vti,vtp", "--html", "--work", "work")
     outcome = a_map(cli, *grid, *more, "--links", "rigid", "--no-pictures", "--json")
     assert outcome.code == 0, outcome.err
     made = tree(tmp_path / "out")
-    assert {"index_map.vti", "index_map.nc", "map.html", "index_map.svg", "gamma_statistics.svg"} <= set(made)
+    assert {"index_map.vti", "index_map.vtp", "map.html"} <= set(made)
     assert "index_map.vtu" not in made
     table = pd.read_csv(tmp_path / "out" / "index_map.csv")
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
@@ -286,25 +287,30 @@ def test_an_unknown_quantity_is_refused_with_the_known_ones(cli: Command) -> Non
 
 
 def test_values_of_an_axis() -> None:
-    np.testing.assert_allclose(parse_values("-600:600:400", "--x"), [-600.0, -200.0, 200.0, 600.0])
-    np.testing.assert_allclose(parse_values("0:0.3:0.1", "--x"), [0.0, 0.1, 0.2, 0.3])
-    np.testing.assert_allclose(parse_values("486", "--z"), [486.0])
+    for text, values in (
+        ("-600:600:400", [-600.0, -200.0, 200.0, 600.0]),
+        ("0:0.3:0.1", [0.0, 0.1, 0.2, 0.3]),
+        ("486", [486.0]),
+    ):
+        np.testing.assert_allclose(values_of(parse_range(text, "--x"), "--x"), values)
 
 
 def test_a_workpiece_by_box_and_by_corners() -> None:
-    grid = plane_or_box([0.0, 100.0, 200.0], 500.0, [0.0, 100.0, 200.0])
-    box = parse_workpiece(grid, "x=0:100, z=100:200")
+    def inside(text: str) -> np.ndarray[Any, Any]:
+        across = (0.0, 200.0, 100.0)
+        found = IndexRequest(x_mm=across, y_mm=500.0, z_mm=across, workpiece=parse_workpiece(text)).inside
+        assert found is not None
+        return found
+
+    box = inside("x=0:100, z=100:200")
     # Corners lie along x and z, the grid's two axes.
-    np.testing.assert_array_equal(box, parse_workpiece(grid, "0,100;100,100;100,200;0,200"))
+    np.testing.assert_array_equal(box, inside("0,100;100,100;100,200;0,200"))
     assert box.sum() == 4
     with pytest.raises(InputError, match="workpiece"):
-        parse_workpiece(grid, "0,100;100;0,0")
+        parse_workpiece("0,100;100;0,0")
 
 
 def test_one_gamma_is_a_fixed_one() -> None:
-    names = ("--tool", "--part", "--normal", "--tool-axis", "--force", "--workpiece", "--aim", "--partly", "--show")
-    options = {"--x": "0:100:50", "--y": "0:100:50", "--z": "0", "--quantity": "k_fs", "--gamma": "-30"}
-    asked = read_request(options | dict.fromkeys(names))
-    np.testing.assert_allclose(asked.gamma, [np.radians(-30.0)])
-    whole = read_request(options | dict.fromkeys(names) | {"--gamma": None})
-    assert len(whole.gamma) == 72
+    plane: dict[str, Any] = {"x_mm": (0.0, 100.0, 50.0), "y_mm": (0.0, 100.0, 50.0), "z_mm": 0.0}
+    np.testing.assert_allclose(IndexRequest(**plane, gamma_deg=-30.0).gamma, [np.radians(-30.0)])
+    assert len(IndexRequest(**plane).gamma) == 72

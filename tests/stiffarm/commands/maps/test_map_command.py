@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,11 @@ from fem import build_model, compliance_budget, directional_stiffness
 from machining import stiffness_index
 from robots import InputError, forward_kinematics, load_description, tool_position
 from stiffarm import __version__
-from stiffarm.commands.maps.options import read_map_options
-from stiffarm.commands.maps.request import MapRequest, evaluate, grid_from, grid_table
+from stiffarm.commands.maps.request import MapJob, MapRequest, evaluate
 from stiffarm.session.inputs import read_model
 from surrogate.maps.blocks import Engine
 from surrogate.maps.cluster import REFUSED
-from surrogate.maps.layouts import cylinder_layout
+from surrogate.maps.data import LayoutKind
 
 BARE = ("--no-pictures", "--json", "--out", "out")
 SMALL = ("--x", "1000:2200:400", "--z", "400:1600:400")
@@ -148,13 +148,15 @@ def test_stiffest_best_gamma_fixed_and_softest_are_in_that_order(cli: Command, t
 
 def test_boxes_and_cylinders_of_a_default_size_hold_the_reach(cli: Command, tmp_path: Path) -> None:
     given = read_model("kr60-3", "rigid", None)
-    for kind in ("box", "cylinder", "slice"):
-        asked = read_map_options(given, kind, {})
-        axes = {axis.name: axis.values for axis in asked.grid.axes}
-        assert axes["z"][0] <= 1e3 * asked.reach.lower[2]
-        assert axes["z"][-1] >= 1e3 * asked.reach.upper[2]
+    kinds: tuple[LayoutKind, ...] = ("box", "cylinder", "slice")
+    for kind in kinds:
+        asked = MapRequest(kind=kind)
+        grid, reach = asked.grid(given.robot), asked.reach(given.robot)
+        axes = {axis.name: axis.values for axis in grid.axes}
+        assert axes["z"][0] <= 1e3 * reach.lower[2]
+        assert axes["z"][-1] >= 1e3 * reach.upper[2]
         assert max(len(v) for v in axes.values()) >= (40 if kind == "slice" else 25)
-        assert asked.grid.n < 100_000
+        assert grid.n < 100_000
     options = ("--r", "1200:1600:400", "--z", "800", "--phi", "-90:90:90", "--pose", "fixed")
     outcome = cli("map", "cylinder", "kr60-3", *options, "--format", "vtu,vtp", *BARE)
     assert outcome.code == 0, outcome.err
@@ -173,11 +175,11 @@ def test_a_work_folder_is_gone_on_with(
     with monkeypatch.context() as patch:
         patch.setattr(Engine, "block", lambda *_: pytest.fail("made a second time"))
         assert cli("map", "joints", "kr60-3", *options, *BARE).code == 0
-    # What has changed in between is not told as a result: it is made again, and said.
-    values = np.load(tmp_path / "work" / "stiffness_N_per_mm.npy", mmap_mode="r+")
-    row = int(np.flatnonzero(np.isfinite(values))[0])
-    values[row] = 1234.5
-    values.flush()
+    # What has changed in between is no result: it is made again, and said.
+    (block,) = (tmp_path / "work").glob("*.npz")
+    content = bytearray(block.read_bytes())
+    content[len(content) // 2] ^= 1
+    block.write_bytes(content)
     assert cli("map", "joints", "kr60-3", *options, *BARE).code == 0
     assert "1 of 1 blocks are damaged (0); they are made again" in caplog.text
     assert (tmp_path / "out" / "map.csv").read_bytes() == first
@@ -257,7 +259,7 @@ def test_models_that_such_a_map_cannot_be_made_of(cli: Command, tmp_path: Path) 
     assert four.code == 2
     assert "nothing in this model deflects" in " ".join(four.err.split())
     with pytest.raises(InputError, match=r"4 joints.*map joints"):
-        read_map_options(read_model(str(urdf), "rigid", None), "slice", {"--pose": "fixed"})
+        MapRequest(kind="slice", pose="fixed").engine(read_model(str(urdf), "rigid", None))
 
 
 def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_path: Path, calibrated: Path) -> None:
@@ -277,24 +279,23 @@ def test_a_calibrated_model_says_how_sure_its_stiffness_is(cli: Command, tmp_pat
 # --- what goes to a cluster ----------------------------------------------------------------------------------------
 
 
-def asked_for() -> MapRequest:
+def a_job(**changed: Any) -> MapJob:
     given = read_model("kr60-3", "rigid", None)
-    return read_map_options(given, "slice", {"--pose": "fixed", "--x": "0:1500:300", "--z": "600"}).request
+    asked = MapRequest(kind="slice", pose="fixed", x_mm=(0.0, 1500.0, 300.0), z_mm=600.0)
+    return replace(MapJob.of(asked, given), **changed)
 
 
-def test_a_request_is_plain_text_and_comes_back_the_same() -> None:
-    asked = asked_for()
-    assert MapRequest.from_text(asked.text) == asked
-    assert asked.key != replace(asked, seed=1).key
-    grid = cylinder_layout([0.1, 0.4], [10.0, 20.0], [1.0 / 3.0])
-    back = grid_from(json.loads(json.dumps(grid_table(grid))))
-    for one, other in zip(back.axes, grid.axes, strict=True):
-        np.testing.assert_array_equal(one.values, other.values)
+def test_a_job_survives_the_way_to_a_worker_and_keys_tell_requests_apart() -> None:
+    job, given = a_job(), read_model("kr60-3", "rigid", None)
+    there = pickle.loads(pickle.dumps(job))  # noqa: S301 - as Dask does
+    assert there.asked.key(given) == job.asked.key(given) == job.key
+    for change in ({"seed": 1}, {"normal": (0.0, 1.0, 0.0)}, {"at_load_N": 5.0}, {"x_mm": (0.0, 1500.0, 150.0)}):
+        assert replace(job.asked, **change).key(given) != job.key
+    assert job.asked.key(read_model("kr60-3", "beam", None)) != job.key
 
 
-def test_a_worker_builds_the_model_from_the_text_and_makes_a_block() -> None:
-    asked = asked_for()
-    block = evaluate(asked.text, 0)
+def test_a_worker_builds_the_model_and_makes_a_block() -> None:
+    block = evaluate(a_job(), 0)
     k, q = np.asarray(block["stiffness_N_per_mm"]), np.asarray(block["q"])
     there = np.isfinite(k)
     assert there.any()
@@ -315,11 +316,31 @@ def test_a_cluster_writes_the_same_files(cli: Command, tmp_path: Path, monkeypat
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [({"version": "0.0"}, f"allowed: {__version__}"), ({"model_hash": "0" * 64}, "hash"), ({"form": "x/2"}, "form")],
-)
-def test_a_worker_of_another_version_or_with_another_model_refuses(change: dict[str, str], words: str) -> None:
-    answer = evaluate(replace(asked_for(), **change).text, 0)
+def test_a_worker_of_another_version_refuses() -> None:
+    answer = evaluate(a_job(version="0.0", key="other"), 0)
     assert set(answer) == {REFUSED}
-    assert words in answer[REFUSED]
+    assert f"allowed: {__version__}" in answer[REFUSED]
+
+
+def test_a_map_of_more_points_than_memory_holds_is_refused_before_the_work(cli: Command, tmp_path: Path) -> None:
+    ranges = ("--x", "0:1500:5", "--y", "-700:700:5", "--z", "0:1500:5")
+    outcome = cli("map", "box", "kr60-3", "--links", "rigid", *ranges, "--out", "out")
+    assert outcome.code == 2
+    assert "points of the map: got 25458881; allowed: up to 3000000" in " ".join(outcome.err.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_map_from_a_surrogate_has_the_files_and_figures_of_all_maps(cli: Command, tmp_path: Path) -> None:
+    fitted = cli("fit", "kr60-3", "--links", "rigid", "--runs", "200", "--out", "fit")
+    assert fitted.code == 0, fitted.err
+    options = ("--surrogate", "fit/surrogate.json", "--points", "3", "--layers", "0,60")
+    outcome = cli("map", "joints", "kr60-3", "--links", "rigid", *options, *BARE)
+    assert outcome.code == 0, outcome.err
+    assert set(tree(tmp_path / "out")) == {"stiffness_map.vtu", "map.csv", "map.json", "run.json"}
+    found = table(tmp_path / "out" / "map.csv")
+    by_surrogate, by_model = numbers(found["stiffness_N_per_mm"]), numbers(found["model_stiffness_N_per_mm"])
+    there = np.isfinite(by_model)
+    np.testing.assert_allclose(by_surrogate[there], by_model[there], rtol=0.1)
+    figures = outcome.json["quantities"]["stiffness_N_per_mm"]
+    assert figures["median"] == outcome.json["stiffness_N_per_mm"]["median"]
+    assert figures["median"] == pytest.approx(np.median(by_surrogate[there]), rel=1e-5)
