@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from machining.placement.between import Stopped, undriven
 from machining.placement.following import Found, follow, merit_of
 from machining.placement.freedom import Runs, best_merits, freedom, runs_of, values_with
 from machining.placement.problem import Problem
@@ -47,17 +48,15 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
+# What stops a move between cuts, in words.
+STOP_WORDS = {
+    "reach": "out of reach",
+    "limit": "beyond a joint limit",
+    "singularity": "too near a singularity",
+    "collision": "a collision",
+}
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Stopped:
-    """A pose ``q`` (dof,) rad at path point ``point`` and angle ``gamma`` rad that collides or is singular."""
-
-    point: int
-    gamma: float
-    q: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +159,8 @@ def look_of(problem: Problem, x: Array, sites: Sites, site: int, runs: Runs, mer
     if not found.why:
         values = values_with(sites, runs, site, found.angle, found.branches)
         return Look(x, found.merit, gamma, "", values=values)
+    if found.between is not None:
+        return Look(x, -np.inf, np.nan, found.why, stopped=found.between)
     if found.row < 0:
         return Look(x, -np.inf, np.nan, found.why)
     run = int(np.searchsorted(runs.start, found.row, side="right")) - 1
@@ -375,9 +376,42 @@ def _driven(looker: Looker, basins: list[Look]) -> Found:
                 if not best.rank[0]:
                     break
                 continue
+            base = np.broadcast_to(e[0], (problem.path.n, e.shape[1]))
+            fault = undriven(problem, base, float(table[0]), course)
+            if fault is not None:
+                # The best branch of each run of cuts leads nowhere: one that the moves between them have too.
+                error = error or fault
+                try:
+                    near = _kept_branch(problem, best)
+                    course = follow(problem, e[0], float(table[0]), best.gamma, near=near)
+                except InputError:
+                    break
+                if undriven(problem, base, float(table[0]), course) is not None:
+                    break
             return Found(problem, best.x, best.gamma, course, merit_of(problem, course), looker.count)
     assert error is not None  # noqa: S101 - some basin could be taken, and each was followed
     raise error
+
+
+def _kept_branch(problem: Problem, look: Look) -> Array:
+    """Poses (n, dof) rad of a position at all points with the best branch that all of each run can have."""
+    e, table = problem.space.sites(look.x[None])
+    sites = sweep_sites(problem, e, table, np.arange(problem.path.n), np.array([look.gamma]))
+    runs = runs_of(problem, sites)
+    found = freedom(problem, sites, 0, runs, best_merits(problem, sites, runs)[0])
+    if found.why:
+        raise _no_position(problem, [look])
+    branch = np.repeat(found.branches, np.diff([*runs.start, problem.path.n]))
+    return np.unwrap(sites.q[0, 0, branch, np.arange(problem.path.n)], axis=0)
+
+
+def stop_words(look: Look) -> str:
+    """What stops a position by something else than reach and limits."""
+    if look.stopped is not None and look.stopped.why:
+        return (
+            f"the move in line {look.stopped.line}, between two cuts, cannot be driven ({STOP_WORDS[look.stopped.why]})"
+        )
+    return f"there is a {look.why} on the way"
 
 
 def _no_position(problem: Problem, basins: list[Look]) -> InputError:
@@ -386,7 +420,7 @@ def _no_position(problem: Problem, basins: list[Look]) -> InputError:
         return unreachable(problem, nearest.x, nearest.shortfall)
     return InputError(
         "no base position can take the whole path",
-        value=f"nearest at {problem.space.words(nearest.x)}, where there is a {nearest.why} on the way",
+        value=f"nearest at {problem.space.words(nearest.x)}, {stop_words(nearest)}",
         allowed=f"{problem.clearance * 1e3:g} mm of clearance and no singularity",
         remedy="widen the ranges of the axes or of gamma, or move what is in the way",
     )

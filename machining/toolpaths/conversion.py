@@ -124,6 +124,21 @@ class GivenPath:
     drilled: bool = False
     motions: Motions | None = None
 
+    def whole(self) -> GivenPath:
+        """All moves of the source, cut or not; segments of rapid moves are free.
+
+        Raises
+        ------
+        InputError
+            A table, which has no moves.
+        """
+        if self.motions is None:
+            raise InputError("moves of the path", value="a table of points", allowed="a program")
+        every = to_tool_path(self.motions, moves=np.arange(self.motions.n))
+        # Of the moves that end at one point the first leads there.
+        free = self.motions.rapid[every.moves[:-1] + 1]
+        return replace(self, path=every.path, free=free, moves=every.moves)
+
     def acting(self, force: CuttingForce) -> CuttingForce:
         """A cutting force along this path, cut by cut; errors as :meth:`drilling`."""
         found = self.drilling(force)

@@ -9,7 +9,7 @@ import numpy as np
 
 from machining.cell import clearance
 from machining.placement import Along, Look, Problem, Survey
-from machining.placement.search import COARSE_ROWS
+from machining.placement.search import COARSE_ROWS, stop_words
 from machining.placement.study import PlacedStep
 from robots.arrays import Array
 from stiffarm.commands.place.figures import ZONES, curve_figure, map_figure
@@ -100,6 +100,8 @@ def why_words(problem: Problem, look: Look) -> str:
     stopped = look.stopped
     if stopped is None:
         return look.shortfall.words if look.shortfall is not None else ""
+    if stopped.why:
+        return stop_words(look)
     where = f"at point {stopped.point} with gamma {np.degrees(stopped.gamma):.4g} deg"
     scenes = problem.by_scene(np.array([stopped.point]))
     if look.why != "collision" or not scenes:

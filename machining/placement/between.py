@@ -1,0 +1,194 @@
+"""The moves between the cuts of a program: whether they can be driven from where the base stands for the cuts.
+
+Where rapid moves are straight, as `stiffarm post` writes them by default, the branch may change at a tool change only;
+where they are joint motion, at every one of them. Angle gamma is that of the cuts. The moves are asked for one position
+and one angle at a time, and only where the cuts themselves are free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from machining.placement.file import Placement
+from machining.placement.problem import Goal, Problem
+from machining.placement.sweeping import blocked, sweep_sites
+from machining.posture.problem import Course
+from machining.programs.posting import PostSettings, post
+from machining.setup import Setup
+from machining.toolpaths.conversion import GivenPath
+from robots import InputError, Reason
+from robots.arrays import Array, Bools, Integers
+
+# Points and axes that agree to so many digits (m) are one target.
+DIGITS = 8
+# What can stop a pose, the farthest from being allowed first.
+Rapid = Literal["linear", "joint"]
+STOPS = ("reach", "limit", "singularity", "collision")
+
+
+@dataclass(frozen=True, eq=False)
+class Stopped:
+    """A pose ``q`` (dof,) rad at path point ``point`` and angle ``gamma`` rad that cannot be taken.
+
+    ``line`` of the program where it is a move between cuts, and ``why`` of :data:`STOPS`; else 0 and "".
+    """
+
+    point: int
+    gamma: float
+    q: Array
+    line: int = 0
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """The l points of a program that no cut has, and its runs of moves that keep one branch.
+
+    ``rapid``: how rapid moves go; ``given``: the cuts; ``every``: all moves of the program; ``whole``: the placement of
+    them; ``rows`` (l,) in it; ``run`` (l,) of each; ``cut_run`` (n,): run that each point of the cuts is in;
+    ``pieces``: rows of different targets, no two alike behind one another; ``target`` (l,): place of each row's target
+    in them.
+    """
+
+    rapid: Rapid
+    given: GivenPath
+    every: GivenPath
+    whole: Problem
+    rows: Integers
+    run: Integers
+    cut_run: Integers
+    pieces: tuple[Integers, ...]
+    target: Integers
+
+    def line(self, link: int) -> int:
+        """Line of the program with the move that ends at a link point."""
+        assert self.every.motions is not None  # noqa: S101 - else there are no links
+        return int(self.every.motions.line[self.every.moves[self.rows[link]]])
+
+
+def with_links(problem: Problem, given: GivenPath, rapid: Rapid = "linear") -> Problem:
+    """The problem with the moves between the cuts of its path, where the path is of a program that has some.
+
+    Gamma counts from the direction that the program of all moves counts it from.
+    """
+    if given.motions is None:
+        return problem
+    every = given.whole()
+    # Of the moves that end at one point the first leads there.
+    first = every.moves[:-1] + 1
+    free = given.motions.changes[first] if rapid == "linear" else given.motions.rapid[first]
+    arm = None if problem.scene is None else problem.scene.arm
+    whole = replace(
+        problem,
+        path=every.path,
+        free=free,
+        tools=Setup(problem.cell, arm).tools(every),
+        goal=Goal("mean"),
+    )
+    problem = replace(problem, reference=whole.home.reference)
+    cuts = np.searchsorted(every.moves, given.moves)
+    rows = np.setdiff1d(np.arange(every.path.n), cuts)
+    if not len(rows):
+        return problem
+    run = np.concatenate([[0], np.cumsum(free)])
+    tool = np.zeros(len(rows)) if whole.tools is None else whole.tools.place[rows]
+    targets = np.column_stack([every.path.points[rows], every.path.axes[rows], tool]).round(DIGITS)
+    _, first, target = np.unique(targets, axis=0, return_index=True, return_inverse=True)
+    pieces = tuple(np.split(rows[first], np.arange(1, len(first))[_alike(every, rows[first])]))
+    links = Links(rapid, given, every, whole, rows, run[rows], run[cuts], pieces, target.ravel())
+    return replace(problem, links=links)
+
+
+def _alike(given: GivenPath, rows: Integers) -> Bools:
+    """Whether each of the rows behind the first is at the place of the one before it, but for rounding."""
+    points, axes = given.path.points[rows], given.path.axes[rows]
+    apart = np.hypot(np.linalg.norm(np.diff(points, axis=0), axis=1), np.linalg.norm(np.diff(axes, axis=0), axis=1))
+    return np.asarray(apart < 10.0**-DIGITS)
+
+
+class Between:
+    """Asks whether the moves between the cuts can be driven from one position, e (k,) m and ``table`` rad."""
+
+    def __init__(self, links: Links, e: Array, table: float, runs: Integers) -> None:
+        """``runs`` (r,): the run of the whole program that each of those looked at is."""
+        self.links, self.e, self.table, self.runs = links, e, table, runs
+        self.known = dict[float, tuple[Array, Integers]]()
+
+    def first(self, gamma: float, branches: Integers) -> tuple[int, Stopped] | None:
+        """Where moves cannot be driven at an angle, with the branch (r,) of each run; None: all can.
+
+        And the run whose branch could be another, -1 where no branch helps.
+        """
+        links, (q, rank) = self.links, self._poses(gamma)
+        for run in np.unique(links.run).tolist():
+            here, cuts = np.flatnonzero(links.run == run), np.flatnonzero(self.runs == run)
+            names = branches[cuts] if len(cuts) else np.arange(len(q))
+            stops = [self._stop(q[b][links.target[here]], rank[b][links.target[here]], here) for b in names]
+            best = max(range(len(stops)), key=lambda i: stops[i][0])
+            worst, at = stops[best]
+            if worst < len(STOPS):
+                row = here[at]
+                pose = q[names[best]][links.target[row]]
+                return int(cuts[0]) if len(cuts) else -1, Stopped(
+                    int(links.rows[row]), gamma, pose, links.line(int(row)), STOPS[worst]
+                )
+        return None
+
+    def _poses(self, gamma: float) -> tuple[Array, Integers]:
+        """Poses (b, t, dof) rad of all targets, and places (b, t) in :data:`STOPS` of what stops them by themselves."""
+        if gamma not in self.known:
+            parts = [
+                sweep_sites(self.links.whole, self.e[None], np.array([self.table]), piece, np.array([gamma]))
+                for piece in self.links.pieces
+            ]
+            reason = np.concatenate([part.reason[0, 0] for part in parts], axis=1)
+            valid = np.concatenate([part.valid[0, 0] for part in parts], axis=1)
+            rank = np.where(valid, len(STOPS), np.where(reason == Reason.LIMITS, 1, 0))
+            self.known[gamma] = np.concatenate([part.q[0, 0] for part in parts], axis=1), rank
+        return self.known[gamma]
+
+    def _stop(self, q: Array, rank: Integers, here: Integers) -> tuple[int, int]:
+        """Place in :data:`STOPS` of what stops poses (m, dof) rad of link points, past them if nothing; and where."""
+        at = int(rank.argmin())
+        if rank[at] == len(STOPS):
+            why, pose = blocked(self.links.whole, q, self.e, self.table, self.links.rows[here])
+            return (STOPS.index(why), pose) if why else (len(STOPS), -1)
+        return int(rank[at]), at
+
+
+def placement_of(problem: Problem, given: GivenPath, e: Array, table: float, course: Course) -> Placement:
+    """What other programs read (:func:`machining.placement.read_placement`) of travels e (n, k) m and a course."""
+    return Placement(
+        robot=problem.model.robot.name,
+        cell=problem.cell.name,
+        axes=tuple(axis.name for axis in problem.cell.linear_axes),
+        travel=e,
+        table=table,
+        gamma=course.gamma,
+        joints=problem.model.robot.coordinates,
+        q=course.q,
+        moves=given.moves,
+        count=given.count,
+    )
+
+
+def undriven(problem: Problem, e: Array, table: float, course: Course, rapid: Rapid | None = None) -> InputError | None:
+    """Why the whole program cannot be driven with travels e (n, k) m and a course of its cuts; None if it can.
+
+    ``rapid``: how rapid moves go; None: as the problem's links have it.
+    """
+    if problem.links is None or problem.links.given.motions is None:
+        return None
+    given, motions = problem.links.given, problem.links.given.motions
+    found = placement_of(problem, given, e, table, course).at_every_move(motions.rapid)
+    settings = PostSettings(
+        **found, rapid=rapid or problem.links.rapid, drive=replace(problem.drive, clearance_at=None)
+    )
+    try:
+        post(problem.model, problem.cell, motions, settings)
+    except InputError as error:
+        return error
+    return None
