@@ -245,7 +245,8 @@ def section(results: list[Result], step: float) -> str:
         f"posture does not. Brute\nforce agrees at {agree} of {total} positions of three pictures. "
         f"Run `python benchmarks/shop/placement_hatching.py --write`. At each position\nof the picture all points of "
         f"the path are asked at {360.0 / step:g} angles gamma {step:g} deg apart with all eight branches in each run "
-        "of\ncuts, of the documented wing all moves of its program in one branch, with nothing of the search: inverse kinematics, joint limits, singularities, distance from the "
+        "of\ncuts, of the documented wing all moves of its program in one branch, with nothing of the search: inverse "
+        "kinematics, joint limits, singularities, distance from the "
         'cell. "Driven": a\ncourse keeps joint speeds and steps from point to point as well. A cause is that of the '
         "posture that comes nearest.\n\n" + head + "\n".join(r.row for r in results) + "\n\n"
     )

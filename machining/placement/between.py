@@ -8,13 +8,12 @@ and one angle at a time, and only where the cuts themselves are free.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from machining.placement.file import Placement
+from machining.placement.file import Placement, Rapid
 from machining.placement.problem import Goal, Problem
-from machining.placement.sweeping import blocked, sweep_sites
+from machining.placement.sweeping import Sites, blocked, sweep_sites
 from machining.posture.problem import Course
 from machining.programs.posting import PostSettings, post
 from machining.setup import Setup
@@ -25,7 +24,6 @@ from robots.arrays import Array, Bools, Integers
 # Points and axes that agree to so many digits (m) are one target.
 DIGITS = 8
 # What can stop a pose, the farthest from being allowed first.
-Rapid = Literal["linear", "joint"]
 STOPS = ("reach", "limit", "singularity", "collision")
 
 
@@ -110,18 +108,23 @@ def _alike(given: GivenPath, rows: Integers) -> Bools:
 
 
 class Between:
-    """Asks whether the moves between the cuts can be driven from one position, e (k,) m and ``table`` rad."""
+    """Asks whether the moves between the cuts can be driven from position ``site`` of a sweep."""
 
-    def __init__(self, links: Links, e: Array, table: float, runs: Integers) -> None:
-        """``runs`` (r,): the run of the whole program that each of those looked at is."""
-        self.links, self.e, self.table, self.runs = links, e, table, runs
+    def __init__(self, links: Links, sites: Sites, site: int, start: Integers) -> None:
+        """``start`` (r,): places in the sweep's rows where runs start."""
+        self.links, self.e, self.table = links, sites.e[site], float(sites.table[site])
+        self.gamma, self.runs = sites.gamma[site], links.cut_run[sites.rows[start]]
         self.known = dict[float, tuple[Array, Integers]]()
+        # Angles at which a target is out of reach of all branches.
+        self.lost = dict[float, Stopped]()
 
     def first(self, gamma: float, branches: Integers) -> tuple[int, Stopped] | None:
         """Where moves cannot be driven at an angle, with the branch (r,) of each run; None: all can.
 
         And the run whose branch could be another, -1 where no branch helps.
         """
+        if gamma in self.lost:
+            return -1, self.lost[gamma]
         links, (q, rank) = self.links, self._poses(gamma)
         for run in np.unique(links.run).tolist():
             here, cuts = np.flatnonzero(links.run == run), np.flatnonzero(self.runs == run)
@@ -130,12 +133,19 @@ class Between:
             best = max(range(len(stops)), key=lambda i: stops[i][0])
             worst, at = stops[best]
             if worst < len(STOPS):
-                row = here[at]
-                pose = q[names[best]][links.target[row]]
-                return int(cuts[0]) if len(cuts) else -1, Stopped(
-                    int(links.rows[row]), gamma, pose, links.line(int(row)), STOPS[worst]
-                )
+                row, target = int(here[at]), links.target[here[at]]
+                stop = Stopped(int(links.rows[row]), gamma, q[names[best], target], links.line(row), STOPS[worst])
+                if rank[:, target].max() < len(STOPS):
+                    self._lose(stop)
+                return int(cuts[0]) if len(cuts) and gamma not in self.lost else -1, stop
         return None
+
+    def _lose(self, stop: Stopped) -> None:
+        """Where one angle does not reach a target its neighbours do not as a rule: all are asked for it."""
+        row = np.array([stop.point])
+        there = sweep_sites(self.links.whole, self.e[None], np.array([self.table]), row, self.gamma)
+        for angle in self.gamma[~there.valid[0, :, :, 0].any(axis=1)].tolist():
+            self.lost[angle] = replace(stop, gamma=angle)
 
     def _poses(self, gamma: float) -> tuple[Array, Integers]:
         """Poses (b, t, dof) rad of all targets, and places (b, t) in :data:`STOPS` of what stops them by themselves."""
@@ -159,7 +169,9 @@ class Between:
         return int(rank[at]), at
 
 
-def placement_of(problem: Problem, given: GivenPath, e: Array, table: float, course: Course) -> Placement:
+def placement_of(
+    problem: Problem, given: GivenPath, e: Array, table: float, course: Course, rapid: Rapid = "linear"
+) -> Placement:
     """What other programs read (:func:`machining.placement.read_placement`) of travels e (n, k) m and a course."""
     return Placement(
         robot=problem.model.robot.name,
@@ -172,6 +184,7 @@ def placement_of(problem: Problem, given: GivenPath, e: Array, table: float, cou
         q=course.q,
         moves=given.moves,
         count=given.count,
+        rapid=rapid,
     )
 
 
@@ -183,10 +196,8 @@ def undriven(problem: Problem, e: Array, table: float, course: Course, rapid: Ra
     if problem.links is None or problem.links.given.motions is None:
         return None
     given, motions = problem.links.given, problem.links.given.motions
-    found = placement_of(problem, given, e, table, course).at_every_move(motions.rapid)
-    settings = PostSettings(
-        **found, rapid=rapid or problem.links.rapid, drive=replace(problem.drive, clearance_at=None)
-    )
+    placement = placement_of(problem, given, e, table, course, rapid or problem.links.rapid)
+    settings = PostSettings(**placement.at_every_move(motions.rapid), drive=replace(problem.drive, clearance_at=None))
     try:
         post(problem.model, problem.cell, motions, settings)
     except InputError as error:

@@ -165,8 +165,7 @@ def freedom(problem: Problem, sites: Sites, site: int, runs: Runs, merit: Array)
     share, order = problem.share_of(sites.rows), np.argsort(-worth, axis=1, kind="stable")
     between = None
     if problem.links is not None:
-        run_of = problem.links.cut_run[sites.rows[runs.start]]
-        between = Between(problem.links, sites.e[site], float(sites.table[site]), run_of)
+        between = Between(problem.links, sites, site, runs.start)
     # Places of the branches in the order of each run's worth.
     todo = [(-merit[a], int(a), (0,) * len(runs.start)) for a in np.flatnonzero(np.isfinite(merit))]
     heapify(todo)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from machining.cell import Cell, Scene, arm_of, scene_of
 from machining.placement.between import undriven, with_links
 from machining.placement.confirming import confirmed
+from machining.placement.file import Rapid
 from machining.placement.placing import How, Placed, Said, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
@@ -16,14 +17,13 @@ from robots import InputError, ModelDescription
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
 
-JOINT = "From there rapid moves have to be joint motion: write the program with `stiffarm post --rapid joint`."
-
 
 @dataclass(frozen=True, eq=False)
 class PlacedStep:
     """The result: the path as it was given, the placement, the map of the report, what to say about collisions.
 
-    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none.
+    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none;
+    ``rapid``: how rapid moves have to go.
     """
 
     given: GivenPath
@@ -31,6 +31,7 @@ class PlacedStep:
     map: Survey
     notes: tuple[str, ...]
     undriven: str | None = None
+    rapid: Rapid = "linear"
 
     @property
     def cell(self) -> Cell:
@@ -64,17 +65,17 @@ def place_along(
     """
     linked = with_links(problem, given)
     placed, linked = _placed(linked, given, how, said)
-    after, links = placed.after, linked.links
-    fault = None if links is None else undriven(linked, after.e, after.table, after.course)
+    after, rapid = placed.after, "linear" if linked.links is None else linked.links.rapid
+    fault = undriven(linked, after.e, after.table, after.course)
     if fault is not None and undriven(linked, after.e, after.table, after.course, "joint") is None:
-        fault, notes = None, (*notes, JOINT)
+        fault, rapid = None, "joint"
     grid = placed.survey
     if mapped and problem.space.d in MAP:
         if said is not None:
             said("map", 0, 1)
         drawn = survey(replace(linked, goal=placed.problem.goal), MAP[problem.space.d])
         grid = confirmed(drawn, None if said is None else lambda done, total: said("map", done, total))
-    return PlacedStep(given, placed, grid, notes, None if fault is None else fault.prose)
+    return PlacedStep(given, placed, grid, notes, None if fault is None else fault.prose, rapid)
 
 
 def _placed(problem: Problem, given: GivenPath, how: How, said: Said | None) -> tuple[Placed, Problem]:

@@ -42,7 +42,7 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         KEYS[FIXED]: placed.why_no_fixed,
     }
     after = placed.after
-    return placement_content(placement_of(problem, step.given, after.e, after.table, after.course)) | {
+    return placement_content(placement_of(problem, step.given, after.e, after.table, after.course, step.rapid)) | {
         "between_cuts_undriven": step.undriven,
         "aim": problem.goal.aim,
         "mode": placed.how.mode,

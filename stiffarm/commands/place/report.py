@@ -295,6 +295,8 @@ def remarks(step: PlacedStep) -> list[str]:
             f"Between its cuts the tool path cannot be driven from there, so `stiffarm post` refuses this placement: "
             f"{step.undriven}. Place again with another --range of the axes, --gamma or --aim."
         )
+    if step.rapid == "joint":
+        out.append("With straight rapid moves the program cannot be driven from there: `post` makes them joint motion.")
     if placed.why_no_before is not None:
         able = ", with another gamma it can" if placed.staying is not None else ""
         out.append(f"With gamma 0 the arm cannot follow the path from its present place{able}: {placed.why_no_before}.")
