@@ -377,10 +377,10 @@ def _driven(looker: Looker, basins: list[Look]) -> Found:
                     break
                 continue
             base = np.broadcast_to(e[0], (problem.path.n, e.shape[1]))
-            fault = undriven(problem, base, float(table[0]), course)
-            if fault is not None:
+            blocked = undriven(problem, base, float(table[0]), course)
+            if blocked is not None:
                 # The best branch of each run of cuts leads nowhere: one that the moves between them have too.
-                error = error or fault
+                error = error or blocked
                 try:
                     near = _kept_branch(problem, best)
                     course = follow(problem, e[0], float(table[0]), best.gamma, near=near)
