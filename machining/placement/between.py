@@ -19,12 +19,18 @@ from machining.programs.posting import PostSettings, post
 from machining.setup import Setup
 from machining.toolpaths.conversion import GivenPath
 from robots import InputError, Reason
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Integers
 
 # Points and axes that agree to so many digits (m) are one target.
 DIGITS = 8
-# What can stop a pose, the farthest from being allowed first.
-STOPS = ("reach", "limit", "singularity", "collision")
+# What can stop a pose, the farthest from being allowed first, in words.
+STOPS = {
+    "reach": "out of reach",
+    "limit": "beyond a joint limit",
+    "singularity": "too near a singularity",
+    "collision": "a collision",
+}
+CAUSES = tuple(STOPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +53,7 @@ class Links:
 
     ``rapid``: how rapid moves go; ``given``: the cuts; ``every``: all moves of the program; ``whole``: the placement of
     them; ``rows`` (l,) in it; ``run`` (l,) of each; ``cut_run`` (n,): run that each point of the cuts is in;
-    ``pieces``: rows of different targets, no two alike behind one another; ``target`` (l,): place of each row's target
-    in them.
+    ``unique`` (t,): rows of different targets; ``target`` (l,): place of each row's target in them.
     """
 
     rapid: Rapid
@@ -58,7 +63,7 @@ class Links:
     rows: Integers
     run: Integers
     cut_run: Integers
-    pieces: tuple[Integers, ...]
+    unique: Integers
     target: Integers
 
     def line(self, link: int) -> int:
@@ -95,16 +100,8 @@ def with_links(problem: Problem, given: GivenPath, rapid: Rapid = "linear") -> P
     tool = np.zeros(len(rows)) if whole.tools is None else whole.tools.place[rows]
     targets = np.column_stack([every.path.points[rows], every.path.axes[rows], tool]).round(DIGITS)
     _, first, target = np.unique(targets, axis=0, return_index=True, return_inverse=True)
-    pieces = tuple(np.split(rows[first], np.arange(1, len(first))[_alike(every, rows[first])]))
-    links = Links(rapid, given, every, whole, rows, run[rows], run[cuts], pieces, target.ravel())
+    links = Links(rapid, given, every, whole, rows, run[rows], run[cuts], rows[first], target.ravel())
     return replace(problem, links=links)
-
-
-def _alike(given: GivenPath, rows: Integers) -> Bools:
-    """Whether each of the rows behind the first is at the place of the one before it, but for rounding."""
-    points, axes = given.path.points[rows], given.path.axes[rows]
-    apart = np.hypot(np.linalg.norm(np.diff(points, axis=0), axis=1), np.linalg.norm(np.diff(axes, axis=0), axis=1))
-    return np.asarray(apart < 10.0**-DIGITS)
 
 
 class Between:
@@ -134,7 +131,7 @@ class Between:
             worst, at = stops[best]
             if worst < len(STOPS):
                 row, target = int(here[at]), links.target[here[at]]
-                stop = Stopped(int(links.rows[row]), gamma, q[names[best], target], links.line(row), STOPS[worst])
+                stop = Stopped(int(links.rows[row]), gamma, q[names[best], target], links.line(row), CAUSES[worst])
                 if rank[:, target].max() < len(STOPS):
                     self._lose(stop)
                 return int(cuts[0]) if len(cuts) and gamma not in self.lost else -1, stop
@@ -142,30 +139,27 @@ class Between:
 
     def _lose(self, stop: Stopped) -> None:
         """Where one angle does not reach a target its neighbours do not as a rule: all are asked for it."""
-        row = np.array([stop.point])
-        there = sweep_sites(self.links.whole, self.e[None], np.array([self.table]), row, self.gamma)
+        there = self._sweep(np.array([stop.point]), self.gamma)
         for angle in self.gamma[~there.valid[0, :, :, 0].any(axis=1)].tolist():
             self.lost[angle] = replace(stop, gamma=angle)
 
     def _poses(self, gamma: float) -> tuple[Array, Integers]:
         """Poses (b, t, dof) rad of all targets, and places (b, t) in :data:`STOPS` of what stops them by themselves."""
         if gamma not in self.known:
-            parts = [
-                sweep_sites(self.links.whole, self.e[None], np.array([self.table]), piece, np.array([gamma]))
-                for piece in self.links.pieces
-            ]
-            reason = np.concatenate([part.reason[0, 0] for part in parts], axis=1)
-            valid = np.concatenate([part.valid[0, 0] for part in parts], axis=1)
-            rank = np.where(valid, len(STOPS), np.where(reason == Reason.LIMITS, 1, 0))
-            self.known[gamma] = np.concatenate([part.q[0, 0] for part in parts], axis=1), rank
+            there = self._sweep(self.links.unique, np.array([gamma]))
+            rank = np.where(there.valid, len(STOPS), np.where(there.reason == Reason.LIMITS, 1, 0))
+            self.known[gamma] = there.q[0, 0], rank[0, 0]
         return self.known[gamma]
+
+    def _sweep(self, rows: Integers, gamma: Array) -> Sites:
+        return sweep_sites(self.links.whole, self.e[None], np.array([self.table]), rows, gamma)
 
     def _stop(self, q: Array, rank: Integers, here: Integers) -> tuple[int, int]:
         """Place in :data:`STOPS` of what stops poses (m, dof) rad of link points, past them if nothing; and where."""
         at = int(rank.argmin())
         if rank[at] == len(STOPS):
             why, pose = blocked(self.links.whole, q, self.e, self.table, self.links.rows[here])
-            return (STOPS.index(why), pose) if why else (len(STOPS), -1)
+            return (CAUSES.index(why), pose) if why else (len(STOPS), -1)
         return int(rank[at]), at
 
 

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from machining.placement.between import Stopped, undriven
+from machining.placement.between import STOPS, Stopped, undriven
 from machining.placement.following import Found, follow, merit_of
 from machining.placement.freedom import Runs, best_merits, freedom, runs_of, values_with
 from machining.placement.problem import Problem
@@ -26,6 +26,7 @@ from machining.placement.sweeping import (
     with_more_angles,
 )
 from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
@@ -48,13 +49,6 @@ EARLY, ROUGH = 0.2, 8.0
 FINER, AROUND = 2, 8
 # A turntable's radian counts as much as this many m when the grid is spread.
 TABLE_LEVER = 1.0
-# What stops a move between cuts, in words.
-STOP_WORDS = {
-    "reach": "out of reach",
-    "limit": "beyond a joint limit",
-    "singularity": "too near a singularity",
-    "collision": "a collision",
-}
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
 
@@ -380,37 +374,36 @@ def _driven(looker: Looker, basins: list[Look]) -> Found:
             blocked = undriven(problem, base, float(table[0]), course)
             if blocked is not None:
                 # The best branch of each run of cuts leads nowhere: one that the moves between them have too.
-                error = error or blocked
-                try:
-                    near = _kept_branch(problem, best)
-                    course = follow(problem, e[0], float(table[0]), best.gamma, near=near)
-                except InputError:
+                kept = _kept_course(problem, best)
+                if kept is None or undriven(problem, base, float(table[0]), kept) is not None:
+                    error = error or blocked
                     break
-                if undriven(problem, base, float(table[0]), course) is not None:
-                    break
+                course = kept
             return Found(problem, best.x, best.gamma, course, merit_of(problem, course), looker.count)
     assert error is not None  # noqa: S101 - some basin could be taken, and each was followed
     raise error
 
 
-def _kept_branch(problem: Problem, look: Look) -> Array:
-    """Poses (n, dof) rad of a position at all points with the best branch that all of each run can have."""
+def _kept_course(problem: Problem, look: Look) -> Course | None:
+    """The course of a position with the best branch that each run of the whole program can keep, if there is one."""
     e, table = problem.space.sites(look.x[None])
     sites = sweep_sites(problem, e, table, np.arange(problem.path.n), np.array([look.gamma]))
     runs = runs_of(problem, sites)
     found = freedom(problem, sites, 0, runs, best_merits(problem, sites, runs)[0])
     if found.why:
-        raise _no_position(problem, [look])
+        return None
     branch = np.repeat(found.branches, np.diff([*runs.start, problem.path.n]))
-    return np.unwrap(sites.q[0, 0, branch, np.arange(problem.path.n)], axis=0)
+    near = np.unwrap(sites.q[0, 0, branch, np.arange(problem.path.n)], axis=0)
+    try:
+        return follow(problem, e[0], float(table[0]), look.gamma, near=near)
+    except InputError:
+        return None
 
 
 def stop_words(look: Look) -> str:
     """What stops a position by something else than reach and limits."""
     if look.stopped is not None and look.stopped.why:
-        return (
-            f"the move in line {look.stopped.line}, between two cuts, cannot be driven ({STOP_WORDS[look.stopped.why]})"
-        )
+        return f"the move in line {look.stopped.line}, between two cuts, cannot be driven: {STOPS[look.stopped.why]}"
     return f"there is a {look.why} on the way"
 
 
