@@ -86,11 +86,13 @@ def caption_of(grid: Survey) -> str:
     worth = f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path."
     if not grid.angles:
         return f"{worth} Shaded: no posture was found that takes the whole path, and what stops the nearest."
+    moves = "" if grid.problem.links is None else " and at the moves between its cuts"
     angles = f"none of {grid.angles} angles gamma, and of more about the nearest, takes"
     if grid.angles == 1:
         angles = "the one angle gamma does not take"
     return (
-        f"{worth} Open positions are free at all points of the path. Shaded: {angles} the whole path with any branch, "
+        f"{worth} Open positions are free at all points of the path{moves}. Shaded: {angles} the whole path with any "
+        "branch, "
         f"and what stops the posture that comes nearest; {NAME} names it."
     )
 
