@@ -140,7 +140,7 @@ def truth_of(problem: Problem, x: Array, gamma: Array) -> str:
     if problem.links is None:
         return brute_force(problem, x, gamma)
     why = brute_force(replace(problem, free=None), x, gamma)
-    every = replace(problem, path=problem.links.every.path, free=None)
+    every = replace(problem, path=problem.links.whole.path, free=None)
     return why or ("between" if brute_force(every, x, gamma) else "")
 
 
@@ -248,7 +248,10 @@ def section(results: list[Result], step: float) -> str:
         "of\ncuts, of the documented wing all moves of its program in one branch, with nothing of the search: inverse "
         "kinematics, joint limits, singularities, distance from the "
         'cell. "Driven": a\ncourse keeps joint speeds and steps from point to point as well. A cause is that of the '
-        "posture that comes nearest.\n\n" + head + "\n".join(r.row for r in results) + "\n\n"
+        'posture that comes nearest; "between": its cuts are free, a move between them is not.\n\n'
+        + head
+        + "\n".join(r.row for r in results)
+        + "\n\n"
     )
 
 

@@ -51,25 +51,21 @@ class Stopped:
 class Links:
     """The l points of a program that no cut has, and its runs of moves that keep one branch.
 
-    ``rapid``: how rapid moves go; ``given``: the cuts; ``every``: all moves of the program; ``whole``: the placement of
-    them; ``rows`` (l,) in it; ``run`` (l,) of each; ``cut_run`` (n,): run that each point of the cuts is in;
-    ``unique`` (t,): rows of different targets; ``target`` (l,): place of each row's target in them.
+    ``rapid``: how rapid moves go; ``given``: the cuts; ``whole``: the placement of all moves of the
+    program; ``rows`` (l,) in it; ``run`` (l,) of each; ``cut_run`` (n,): run that each point of the cuts is in;
+    ``unique`` (t,): rows of different targets; ``target`` (l,): place of each row's target in them;
+    ``line`` (l,) of the program with the move that ends there.
     """
 
     rapid: Rapid
     given: GivenPath
-    every: GivenPath
     whole: Problem
     rows: Integers
     run: Integers
     cut_run: Integers
     unique: Integers
     target: Integers
-
-    def line(self, link: int) -> int:
-        """Line of the program with the move that ends at a link point."""
-        assert self.every.motions is not None  # noqa: S101 - else there are no links
-        return int(self.every.motions.line[self.every.moves[self.rows[link]]])
+    line: Integers
 
 
 def with_links(problem: Problem, given: GivenPath, rapid: Rapid = "linear") -> Problem:
@@ -100,7 +96,10 @@ def with_links(problem: Problem, given: GivenPath, rapid: Rapid = "linear") -> P
     tool = np.zeros(len(rows)) if whole.tools is None else whole.tools.place[rows]
     targets = np.column_stack([every.path.points[rows], every.path.axes[rows], tool]).round(DIGITS)
     _, first, target = np.unique(targets, axis=0, return_index=True, return_inverse=True)
-    links = Links(rapid, given, every, whole, rows, run[rows], run[cuts], rows[first], target.ravel())
+    # In the order of the path: two that agree but for rounding shall not be neighbours.
+    order = np.argsort(first)
+    line, place = given.motions.line[every.moves[rows]], np.argsort(order)[target.ravel()]
+    links = Links(rapid, given, whole, rows, run[rows], run[cuts], rows[first[order]], place, line)
     return replace(problem, links=links)
 
 
@@ -131,7 +130,7 @@ class Between:
             worst, at = stops[best]
             if worst < len(STOPS):
                 row, target = int(here[at]), links.target[here[at]]
-                stop = Stopped(int(links.rows[row]), gamma, q[names[best], target], links.line(row), CAUSES[worst])
+                stop = Stopped(int(links.rows[row]), gamma, q[names[best], target], int(links.line[row]), CAUSES[worst])
                 if rank[:, target].max() < len(STOPS):
                     self._lose(stop)
                 return int(cuts[0]) if len(cuts) and gamma not in self.lost else -1, stop

@@ -125,15 +125,8 @@ class GivenPath:
     motions: Motions | None = None
 
     def whole(self) -> GivenPath:
-        """All moves of the source, cut or not; segments of rapid moves are free.
-
-        Raises
-        ------
-        InputError
-            A table, which has no moves.
-        """
-        if self.motions is None:
-            raise InputError("moves of the path", value="a table of points", allowed="a program")
+        """All moves of the source, a program, cut or not; segments of rapid moves are free."""
+        assert self.motions is not None  # noqa: S101 - a table has points only
         every = to_tool_path(self.motions, moves=np.arange(self.motions.n))
         # Of the moves that end at one point the first leads there.
         free = self.motions.rapid[every.moves[:-1] + 1]
