@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from robots import InputError
+from robots import InputError, require_one_of
 from robots.arrays import Array, Bools, Integers
 from robots.files.reading import parse_json, read_text
 
@@ -18,6 +18,8 @@ SCHEMA = "stiffarm-placement/1"
 LARGEST = 1e7
 # Moves of a source; as many as the readers of tool paths keep.
 MOST_MOVES = 10_000_000
+Rapid = Literal["linear", "joint"]
+RAPIDS: tuple[Rapid, ...] = ("linear", "joint")
 REMEDY = "write it again with `stiffarm place`"
 
 
@@ -27,7 +29,7 @@ class Placement:
 
     ``robot``, ``cell``: their names; ``axes`` (k,) names of the linear axes; ``travel`` (n, k) m at the path's points;
     ``table`` rad; ``gamma`` (n,) rad; ``joints`` names and ``q`` (n, dof) rad; ``moves`` (n,): moves of the source that
-    end at the points, ``count``: moves that the source has.
+    end at the points, ``count``: moves that the source has. ``rapid``: how its rapid moves have to go.
     """
 
     robot: str
@@ -40,6 +42,7 @@ class Placement:
     q: Array
     moves: Integers
     count: int
+    rapid: Rapid = "linear"
 
     def at_moves(self, rapid: Bools | None = None) -> Array:
         """Travels (count, k) m at each move of the source, as :class:`machining.programs.posting.PostSettings` takes.
@@ -59,12 +62,14 @@ class Placement:
 
     def at_every_move(self, rapid: Bools) -> dict[str, Any]:
         """Fields of :class:`machining.programs.posting.PostSettings` that a placement says, for all moves."""
-        return {
+        found = {
             "gamma": self.gamma_at_moves(rapid),
             "travel": self.at_moves(rapid),
             "table": self.table,
             "near": self.joints_at_moves(rapid),
         }
+        # Straight ones may be joint motion too, if a user wants that.
+        return found | ({"rapid": self.rapid} if self.rapid == "joint" else {})
 
     def _spread(self, values: Array, rapid: Bools | None) -> Array:
         """Values (n, k) at the path's points carried over to all moves, (count, k)."""
@@ -90,6 +95,7 @@ def placement_content(placement: Placement) -> dict[str, Any]:
         "linear_axes": list(placement.axes),
         "turntable_deg": float(np.degrees(placement.table)),
         "source_moves": placement.count,
+        "rapid_moves": placement.rapid,
         "points": {
             "move": placement.moves.tolist(),
             **travel,
@@ -125,6 +131,8 @@ def _placement(content: Mapping[str, Any]) -> Placement:
     axes = tuple(str(name) for name in content["linear_axes"])
     moves = _whole(points["move"], "points.move")
     n, count = len(moves), int(_whole([content["source_moves"]], "source_moves")[0])
+    rapid = content.get("rapid_moves", "linear")
+    require_one_of("rapid_moves of the placement", rapid, RAPIDS, code="F006", remedy=REMEDY)
     joints = tuple(name for name in points if name.endswith("_deg") and name != "gamma_deg")
     travel = [_numbers(points, f"e{i + 1}_mm", n) * 1e-3 for i in range(len(axes))]
     q = [np.radians(_numbers(points, name, n)) for name in joints]
@@ -141,6 +149,7 @@ def _placement(content: Mapping[str, Any]) -> Placement:
         q=np.stack(q, axis=1),
         moves=moves,
         count=count,
+        rapid=rapid,
     )
 
 

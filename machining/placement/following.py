@@ -65,11 +65,13 @@ def follow(
     *,
     knots: int = KNOTS,
     passes: int = 3,
+    near: Array | None = None,
 ) -> Course:
     """Best branch and turns over all points of the path (or some), with limits, steps, singularities and collisions.
 
     ``e`` (k,) m at rest, or (n, k) point by point; ``gamma`` rad, one or (n,), None: chosen along the path too, on
-    ``knots`` with ``passes`` as :func:`machining.posture.long_path.optimise_long_path` does.
+    ``knots`` with ``passes`` as :func:`machining.posture.long_path.optimise_long_path` does. ``near``: with gamma
+    given, as in :func:`machining.course_at`.
 
     Raises
     ------
@@ -89,7 +91,7 @@ def follow(
             clearance_least=problem.clearance,
         )
     if gamma is not None:
-        return course_at(problem.arm, task, gamma, objective, drive, free=free, generator=generator)
+        return course_at(problem.arm, task, gamma, objective, drive, free=free, near=near, generator=generator)
     assert isinstance(problem.gamma, GammaRange)  # noqa: S101 - else there is nothing to choose
     wanted = replace(objective, aim="worst" if problem.goal.aim == "worst" else "mean")
     return optimise_long_path(

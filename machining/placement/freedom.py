@@ -11,14 +11,15 @@ from heapq import heapify, heappop, heappush
 
 import numpy as np
 
+from machining.placement.between import STOPS, Between, Stopped
 from machining.placement.problem import Problem
 from machining.placement.sweeping import Sites, blocked, distances
 from robots import Reason
 from robots.arrays import Array, Integers
 
 # What stops a posture, the farthest from being allowed first.
-CAUSES = ("reach", "limit", "singularity", "collision", "")
-_REACH, _LIMIT, _SINGULAR, _COLLISION, _FREE = range(5)
+CAUSES = (*STOPS, "between", "")
+_REACH, _LIMIT, _SINGULAR, _COLLISION, _BETWEEN, _FREE = range(6)
 _OF_WORD = {word: rank for rank, word in enumerate(CAUSES)}
 
 
@@ -52,7 +53,7 @@ class Freedom:
     ``why``: "" where a posture is free, else what stops the nearest, of :data:`CAUSES`. ``angle``: column of the
     sweep's angles, -1 where there is none; ``branches`` (r,) of the free posture, or of the one that was stopped;
     ``merit`` of the free one, -inf where none is. ``row``: place in the sweep's rows where the nearest is stopped by a
-    collision or a singularity, else -1.
+    collision or a singularity, else -1; ``between``: where a move between the cuts stops it.
     """
 
     why: str
@@ -60,6 +61,7 @@ class Freedom:
     branches: Integers
     merit: float
     row: int
+    between: Stopped | None = None
 
 
 def run_starts(problem: Problem, rows: Integers) -> Integers:
@@ -71,8 +73,10 @@ def run_starts(problem: Problem, rows: Integers) -> Integers:
 
 
 def runs_of(problem: Problem, sites: Sites) -> Runs:
-    """Postures run by run."""
+    """Postures run by run; where moves between cuts have to keep the branch, they and their cuts are one run."""
     start = run_starts(problem, sites.rows)
+    if problem.links is not None:
+        start = np.flatnonzero(np.diff(problem.links.cut_run[sites.rows], prepend=-1)).astype(np.int64)
     code = np.where(sites.valid, 2, np.where(sites.reason == Reason.LIMITS, 1, 0)).astype(np.int8)
     state = np.minimum.reduceat(code, start, axis=3)
     worth = np.full(state.shape, -np.inf)
@@ -159,6 +163,9 @@ def freedom(problem: Problem, sites: Sites, site: int, runs: Runs, merit: Array)
     nearest = min(int(runs.nearest[site].max()), _LIMIT)
     best = Freedom(CAUSES[nearest], -1, np.full(len(runs.start), -1), -np.inf, -1)
     share, order = problem.share_of(sites.rows), np.argsort(-worth, axis=1, kind="stable")
+    between = None
+    if problem.links is not None:
+        between = Between(problem.links, sites, site, runs.start)
     # Places of the branches in the order of each run's worth.
     todo = [(-merit[a], int(a), (0,) * len(runs.start)) for a in np.flatnonzero(np.isfinite(merit))]
     heapify(todo)
@@ -166,10 +173,16 @@ def freedom(problem: Problem, sites: Sites, site: int, runs: Runs, merit: Array)
         loss, angle, places = heappop(todo)
         branches = order[angle, list(places), np.arange(len(places))]
         run, rank, row = asked.first(angle, branches)
+        stop = None
         if rank == _FREE:
-            return Freedom("", angle, branches, -loss, -1)
+            lost = None if between is None else between.first(float(sites.gamma[site, angle]), branches)
+            if lost is None:
+                return Freedom("", angle, branches, -loss, -1)
+            rank, (run, stop) = _BETWEEN, lost
         if rank > nearest:
-            nearest, best = rank, Freedom(CAUSES[rank], angle, branches, -np.inf, row)
+            nearest, best = rank, Freedom(CAUSES[rank], angle, branches, -np.inf, row, stop)
+        if run < 0:
+            continue
         places = (*places[:run], places[run] + 1, *places[run + 1 :])
         if places[run] < worth.shape[1] and np.isfinite(worth[angle, order[angle, places[run], run], run]):
             branches = order[angle, list(places), np.arange(len(places))]

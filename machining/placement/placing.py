@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from machining.placement.between import undriven
 from machining.placement.confirming import confirmed, finely
 from machining.placement.following import Along, Found, along, follow, merit_of
 from machining.placement.holding import held
@@ -163,6 +164,13 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     )
 
 
+def _require_driven(problem: Problem, choice: _Choice) -> None:
+    """Raise InputError where moves between the cuts cannot be driven, not with rapid moves as joint motion either."""
+    fault = undriven(problem, choice.e, choice.table, choice.course)
+    if fault is not None and undriven(problem, choice.e, choice.table, choice.course, "joint") is not None:
+        raise fault
+
+
 def _named(said: Said | None, what: str) -> Progress | None:
     return None if said is None else lambda done, total: said(what, done, total)
 
@@ -224,6 +232,7 @@ def _in_steps(
     for number, cut in enumerate(cuts):
         try:
             choice, looked = _drive_pieces(resting, cut)
+            _require_driven(problem, choice)
         except InputError as fault:
             error = fault if number == 0 else error
             continue
@@ -284,7 +293,7 @@ def _piece(problem: Problem, rows: Integers) -> Problem:
     """The problem of one piece of the path."""
     path = problem.home.at(rows).path
     free = None if problem.free is None else problem.free[rows[0] : rows[-1]]
-    return replace(problem, path=path, free=free, reference=problem.home.reference)
+    return replace(problem, path=path, free=free, reference=problem.home.reference, links=None)
 
 
 def _joined(courses: list[Course]) -> Course:
@@ -323,7 +332,15 @@ def _moving(
             f"bring {given_up:.2g} % of the aim."
         )
         moved = still
-    return _standing(resting, moved.x, moved.course), moved.evaluations
+    choice = _standing(resting, moved.x, moved.course)
+    try:
+        _require_driven(problem, choice)
+    except InputError as error:
+        if rest is None:
+            raise
+        notes.append(f"The base stays at rest, because moving between the cuts cannot be driven: {error.prose}.")
+        return rest, moved.evaluations
+    return choice, moved.evaluations
 
 
 def _with_course(problem: Problem, chosen: _Choice, notes: list[str]) -> _Choice:
@@ -331,6 +348,7 @@ def _with_course(problem: Problem, chosen: _Choice, notes: list[str]) -> _Choice
     pieces = [np.arange(a, b) for a, b in zip(chosen.first, chosen.ends, strict=True)]
     try:
         course = _joined([follow(problem, chosen.e[rows], chosen.table, None, rows) for rows in pieces])
+        _require_driven(problem, replace(chosen, course=course))
     except InputError as error:
         notes.append(f"Gamma stays as it is, because no course of it was found: {error.prose}.")
         return chosen

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from robots import InputError, require_at_least, require_one_of
 from robots.arrays import Array, Bools, Integers
+
+if TYPE_CHECKING:
+    from machining.placement.between import Links
 
 Aim = Literal["ksf", "mean", "worst", "error"]
 AIMS: tuple[Aim, ...] = ("ksf", "mean", "worst", "error")
@@ -120,6 +123,7 @@ class Problem:
     drive : limits and costs; its ``clearance_of`` is not used, see ``scene``
     scene : arm and cell for collisions; None: not looked at. ``clearance`` m is kept then
     tools : where tools are changed along the path, what is on the flange where; None: the cell's one tool
+    links : the moves between the cuts, which must be driven too; None: there are none, or they are not looked at
     free : (n - 1,) segments that are rapid moves: steps are not bounded there, and the base may be moved
     reference : (3,) direction in the part frame that gamma counts from
     stiffness : how uncertain the arm is, see :func:`machining.cutting.stiffness_uncertainty`; None: 15 % assumed
@@ -142,6 +146,7 @@ class Problem:
     reference: Array | None = None
     stiffness: StiffnessUncertainty | None = None
     tools: Tools | None = None
+    links: Links | None = None
 
     def __post_init__(self) -> None:
         if self.free is not None and self.free.shape != (self.path.n - 1,):

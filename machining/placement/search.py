@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from machining.placement.between import STOPS, Stopped, undriven
 from machining.placement.following import Found, follow, merit_of
 from machining.placement.freedom import Runs, best_merits, freedom, runs_of, values_with
 from machining.placement.problem import Problem
@@ -25,6 +26,7 @@ from machining.placement.sweeping import (
     with_more_angles,
 )
 from machining.posture.points import GammaRange
+from machining.posture.problem import Course
 from machining.stiffness.criterion import Criterion
 from machining.toolpaths.path_error import PathError
 from robots import InputError
@@ -49,15 +51,6 @@ FINER, AROUND = 2, 8
 TABLE_LEVER = 1.0
 # Rounds in which points that turned out to be out of reach join those that are looked at.
 ROUNDS = 5
-
-
-@dataclass(frozen=True, eq=False)
-class Stopped:
-    """A pose ``q`` (dof,) rad at path point ``point`` and angle ``gamma`` rad that collides or is singular."""
-
-    point: int
-    gamma: float
-    q: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +153,8 @@ def look_of(problem: Problem, x: Array, sites: Sites, site: int, runs: Runs, mer
     if not found.why:
         values = values_with(sites, runs, site, found.angle, found.branches)
         return Look(x, found.merit, gamma, "", values=values)
+    if found.between is not None:
+        return Look(x, -np.inf, np.nan, found.why, stopped=found.between)
     if found.row < 0:
         return Look(x, -np.inf, np.nan, found.why)
     run = int(np.searchsorted(runs.start, found.row, side="right")) - 1
@@ -377,9 +372,41 @@ def _driven(looker: Looker, basins: list[Look]) -> Found:
                 if not best.rank[0]:
                     break
                 continue
+            base = np.broadcast_to(e[0], (problem.path.n, e.shape[1]))
+            blocked = undriven(problem, base, float(table[0]), course)
+            if blocked is not None:
+                # The best branch of each run of cuts leads nowhere: one that the moves between them have too.
+                kept = _kept_course(problem, best)
+                if kept is None or undriven(problem, base, float(table[0]), kept) is not None:
+                    error = error or blocked
+                    break
+                course = kept
             return Found(problem, best.x, best.gamma, course, merit_of(problem, course), looker.count)
     assert error is not None  # noqa: S101 - some basin could be taken, and each was followed
     raise error
+
+
+def _kept_course(problem: Problem, look: Look) -> Course | None:
+    """The course of a position with the best branch that each run of the whole program can keep, if there is one."""
+    e, table = problem.space.sites(look.x[None])
+    sites = sweep_sites(problem, e, table, np.arange(problem.path.n), np.array([look.gamma]))
+    runs = runs_of(problem, sites)
+    found = freedom(problem, sites, 0, runs, best_merits(problem, sites, runs)[0])
+    if found.why:
+        return None
+    branch = np.repeat(found.branches, np.diff([*runs.start, problem.path.n]))
+    near = np.unwrap(sites.q[0, 0, branch, np.arange(problem.path.n)], axis=0)
+    try:
+        return follow(problem, e[0], float(table[0]), look.gamma, near=near)
+    except InputError:
+        return None
+
+
+def stop_words(look: Look) -> str:
+    """What stops a position by something else than reach and limits."""
+    if look.stopped is not None and look.stopped.why:
+        return f"the move in line {look.stopped.line}, between two cuts, cannot be driven: {STOPS[look.stopped.why]}"
+    return f"there is a {look.why} on the way"
 
 
 def _no_position(problem: Problem, basins: list[Look]) -> InputError:
@@ -389,7 +416,7 @@ def _no_position(problem: Problem, basins: list[Look]) -> InputError:
     return InputError(
         "no base position can take the whole path",
         code="G001",
-        value=f"nearest at {problem.space.words(nearest.x)}, where there is a {nearest.why} on the way",
+        value=f"nearest at {problem.space.words(nearest.x)}, {stop_words(nearest)}",
         allowed=f"{problem.clearance * 1e3:g} mm of clearance and no singularity",
         remedy="widen the ranges of the axes or of gamma, or move what is in the way",
     )

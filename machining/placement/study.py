@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from machining.cell import Cell, Scene, arm_of, scene_of
+from machining.placement.between import undriven, with_links
 from machining.placement.confirming import confirmed
-from machining.placement.file import Placement
-from machining.placement.placing import How, Placed, place
+from machining.placement.file import Rapid
+from machining.placement.placing import How, Placed, Said, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
-from machining.programs.posting import PostSettings, post
 from machining.toolpaths.conversion import GivenPath
 from robots import InputError, ModelDescription
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
-# m; no points are put in between for straightness where only the moves of the file are asked about.
-UNBOUND = 1.0
 MAP = {1: (121,), 2: (24, 24)}
 
 
@@ -25,7 +22,8 @@ MAP = {1: (121,), 2: (24, 24)}
 class PlacedStep:
     """The result: the path as it was given, the placement, the map of the report, what to say about collisions.
 
-    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none.
+    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none;
+    ``rapid``: how rapid moves have to go.
     """
 
     given: GivenPath
@@ -33,6 +31,7 @@ class PlacedStep:
     map: Survey
     notes: tuple[str, ...]
     undriven: str | None = None
+    rapid: Rapid = "linear"
 
     @property
     def cell(self) -> Cell:
@@ -51,52 +50,43 @@ def place_along(
     given: GivenPath,
     how: How,
     notes: tuple[str, ...] = (),
-    said: Callable[[str, int, int], None] | None = None,
+    said: Said | None = None,
     *,
     mapped: bool = True,
 ) -> PlacedStep:
     """Find the placement; ``mapped``: look at the finer grid of the report's map too.
+
+    The whole program of the path can be driven from there, where any place allows that; else its cuts can.
 
     Raises
     ------
     InputError
         As :func:`machining.placement.place`.
     """
-    placed = place(problem, how, said)
+    linked = with_links(problem, given)
+    placed, linked = _placed(linked, given, how, said)
+    after, rapid = placed.after, "linear" if linked.links is None else linked.links.rapid
+    fault = undriven(linked, after.e, after.table, after.course)
+    if fault is not None and undriven(linked, after.e, after.table, after.course, "joint") is None:
+        fault, rapid = None, "joint"
     grid = placed.survey
     if mapped and problem.space.d in MAP:
         if said is not None:
             said("map", 0, 1)
-        drawn = survey(replace(problem, goal=placed.problem.goal), MAP[problem.space.d])
+        drawn = survey(replace(linked, goal=placed.problem.goal), MAP[problem.space.d])
         grid = confirmed(drawn, None if said is None else lambda done, total: said("map", done, total))
-    return PlacedStep(given, placed, grid, notes, _undriven(placed, given))
+    return PlacedStep(given, placed, grid, notes, None if fault is None else fault.prose, rapid)
 
 
-def placement_of(placed: Placed, given: GivenPath) -> Placement:
-    """What other programs read: :func:`machining.placement.read_placement`."""
-    after, cell, robot = placed.after, placed.problem.cell, placed.problem.model.robot
-    return Placement(
-        robot=robot.name,
-        cell=cell.name,
-        axes=tuple(axis.name for axis in cell.linear_axes),
-        travel=after.e,
-        table=after.table,
-        gamma=after.course.gamma,
-        joints=robot.coordinates,
-        q=after.course.q,
-        moves=given.moves,
-        count=given.count,
-    )
-
-
-def _undriven(placed: Placed, given: GivenPath) -> str | None:
-    """Placements are found for the moves that cut; a program has those between them too."""
-    if given.motions is None:
-        return None
-    found = placement_of(placed, given).at_every_move(given.motions.rapid)
-    settings = PostSettings(**found, rapid="joint", tolerance=UNBOUND)
+def _placed(problem: Problem, given: GivenPath, how: How, said: Said | None) -> tuple[Placed, Problem]:
+    """The placement that drives the whole program, with rapid moves as joint motion if it must; else its cuts."""
     try:
-        post(placed.problem.model, placed.problem.cell, given.motions, settings)
-    except InputError as error:
-        return error.prose
-    return None
+        return place(problem, how, said), problem
+    except InputError:
+        if problem.links is None:
+            raise
+    joint = with_links(replace(problem, links=None), given, "joint")
+    try:
+        return place(joint, how, said), joint
+    except InputError:
+        return place(replace(problem, links=None), how, said), problem

@@ -128,6 +128,14 @@ class GivenPath:
     drilled: bool = False
     motions: Motions | None = None
 
+    def whole(self) -> GivenPath:
+        """All moves of the source, a program, cut or not; segments of rapid moves are free."""
+        assert self.motions is not None  # noqa: S101 - a table has points only
+        every = to_tool_path(self.motions, moves=np.arange(self.motions.n))
+        # Of the moves that end at one point the first leads there.
+        free = self.motions.rapid[every.moves[:-1] + 1]
+        return replace(self, path=every.path, free=free, moves=every.moves)
+
     def acting(self, force: CuttingForce) -> CuttingForce:
         """A cutting force along this path, cut by cut; errors as :meth:`drilling`."""
         found = self.drilling(force)

@@ -59,6 +59,7 @@ def new_arm(
     springs: Literal["none", "class"] = "none",
     tip: str | None = None,
     base: str | None = None,
+    controller: str | None = None,
 ) -> NewArm:
     """Make a model of an arm from a table of Denavit-Hartenberg parameters, a URDF, or an arm that is known.
 
@@ -72,11 +73,13 @@ def new_arm(
     title : full name, for pages
     payload_kg, mass_kg : rated payload, and mass of the arm
     springs : of joints that have none: "none" (rigid until calibrated) or "class" (a prior by the arm's size)
+    controller : program formats, separated by commas, of its controller, which counts the joints as the model does
 
     Raises
     ------
     InputError
-        None or more than one of mdh, dh, urdf and like; every fault of a table; an arm that is not known.
+        None or more than one of mdh, dh, urdf and like; every fault of a table; an arm that is not known; a format that
+        is none of a controller.
 
     Examples
     --------
@@ -85,7 +88,14 @@ def new_arm(
     >>> mine.arm.coordinates[0], mine.arm.joints_without_springs
     ('q1_deg', ())
     """
-    from stiffarm.commands.new.step import check_masses, checked_name, described, given_of, with_class_springs
+    from stiffarm.commands.new.step import (
+        check_masses,
+        checked_name,
+        described,
+        given_of,
+        with_class_springs,
+        with_controller,
+    )
 
     with called():
         checked_name(name)
@@ -97,7 +107,11 @@ def new_arm(
                 "new_arm", code="B003", value="no source", allowed="mdh, dh, urdf or like", remedy="give one of them"
             )
         description = described(name, given, title, payload_kg, mass_kg, tip, base)
-        return NewArm(as_face(fem.arm.Arm.of(with_class_springs(description) if springs == "class" else description)))
+        if springs == "class":
+            description = with_class_springs(description)
+        if controller is not None:
+            description = with_controller(description, controller)
+        return NewArm(as_face(fem.arm.Arm.of(description)))
 
 
 @dataclass(frozen=True, repr=False)

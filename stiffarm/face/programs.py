@@ -169,14 +169,24 @@ def post(
     return Program(arm.name, tuple(files), found)
 
 
-def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
-    """Check a neutral program (JSON) for collisions, limits, speeds, singularities and deviations from the path.
+def verify(
+    arm: Arm,
+    program: str | Path,
+    cell: str | Path,
+    *,
+    against: str | Path | None = None,
+    options: str | Path | None = None,
+) -> Checked:
+    """Check a program for collisions, limits, speeds, singularities and deviations from the path.
 
     Parameters
     ----------
     arm : the arm
-    program : part.json of the format "json"
+    program : part.json of the format "json", or a controller's program that :func:`stiffarm.post` wrote
     cell : cell file
+    against : the neutral program of the same run, which a controller's program must agree with; default: that in the
+        folder json beside the program's folder
+    options : options that a controller's program was written with (TOML or JSON)
 
     Raises
     ------
@@ -184,11 +194,14 @@ def verify(arm: Arm, program: str | Path, cell: str | Path) -> Checked:
         A program of another arm or cell, or one that cannot be read.
     """
     from machining.cell import arm_bodies, read_cell
-    from machining.programs.formats import read_program
+    from machining.programs.formats import neutral_twin, read_options, read_program
+    from machining.programs.write_options import WriteOptions
     from machining.verification import Demands, verify
 
     with called():
         described = read_cell(Path(cell))
         bodies = arm_bodies(arm.as_designed.description, beam_radius=described.beam_radius)
-        given = read_program(Path(program), bodies.robot, described)
+        told = WriteOptions() if options is None else read_options(options)
+        beside = neutral_twin(Path(program)) if against is None else Path(against)
+        given = read_program(Path(program), bodies.robot, described, told, beside)
         return Checked(arm.name, verify(given, bodies, Demands()))

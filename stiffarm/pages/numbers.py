@@ -18,7 +18,7 @@ _POWERS_FROM: Final = 5
 _RAISED: Final = str.maketrans("+-−0123456789", "\u207a⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POWER: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?)0*(\d+)(?![\w.])")
 _RAISE: Final = re.compile(r"(?<=[a-z0-9])\^(-?\d+)\b")
-_MICRO: Final = re.compile(r"\bum\b")
+_MICRO: Final = re.compile(r"\bu(m|rad)\b")
 # A minus sign stands before a number and behind nothing that makes it a hyphen, a list or a setting (q2_deg=-70).
 _MINUS: Final = re.compile(r"(?<![\w.,=:)\]/+−-])-(?=\.?\d)")
 _NUMBER: Final = r"(?<![\w.,/=])\d{4,}(?=(?:\.\d+)?"
@@ -37,7 +37,7 @@ def typeset(text: str) -> str:
     text = _POWER.sub(lambda m: _power(m[1], m[2], m[3]), text)
     text = _RAISE.sub(lambda m: m[1].translate(_RAISED), text)
     text = _MINUS.sub("−", text.replace("+-", "±").replace(">=", "≥").replace("<=", "≤"))
-    return _THOUSANDS.sub(lambda m: grouped(m[0]), _MICRO.sub("µm", text))
+    return _THOUSANDS.sub(lambda m: grouped(m[0]), _MICRO.sub(r"µ\1", text))
 
 
 def typeset_cell(text: str) -> str:

@@ -23,6 +23,7 @@ ZONES = {
     "limit": ("beyond a joint limit", "#C9CED6", "//"),
     "collision": ("collision", OKABE_ITO["vermillion"], "xx"),
     "singularity": ("too near a singularity", OKABE_ITO["purple"], ".."),
+    "between": ("a move between cuts", OKABE_ITO["blue"], "\\\\"),
 }
 
 

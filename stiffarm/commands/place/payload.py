@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from machining.placement import Along, axis_rates, placement_content
-from machining.placement.study import PlacedStep, placement_of
+from machining.placement.between import placement_of
+from machining.placement.study import PlacedStep
 from robots.quantities import rounded, rounded_all
 from stiffarm.commands.posture.payload import path_columns, posture_columns
 from stiffarm.pages.arm_uncertainty import estimated, interval
@@ -40,7 +41,8 @@ def payload(step: PlacedStep) -> dict[str, Any]:
         KEYS[STAYING]: placed.why_no_staying,
         KEYS[FIXED]: placed.why_no_fixed,
     }
-    return placement_content(placement_of(step.placed, step.given)) | {
+    after = placed.after
+    return placement_content(placement_of(problem, step.given, after.e, after.table, after.course, step.rapid)) | {
         "between_cuts_undriven": step.undriven,
         "aim": problem.goal.aim,
         "mode": placed.how.mode,

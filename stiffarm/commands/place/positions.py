@@ -9,7 +9,7 @@ import numpy as np
 
 from machining.cell import clearance
 from machining.placement import Along, Look, Problem, Survey
-from machining.placement.search import COARSE_ROWS
+from machining.placement.search import COARSE_ROWS, stop_words
 from machining.placement.study import PlacedStep
 from robots.arrays import Array
 from robots.quantities import rounded
@@ -86,11 +86,13 @@ def caption_of(grid: Survey) -> str:
     worth = f"What the base's positions are worth, each at rest with its best gamma, on {rows} points of the path."
     if not grid.angles:
         return f"{worth} Shaded: no posture was found that takes the whole path, and what stops the nearest."
+    moves = "" if grid.problem.links is None else " and at the moves between its cuts"
     angles = f"none of {grid.angles} angles gamma, and of more about the nearest, takes"
     if grid.angles == 1:
         angles = "the one angle gamma does not take"
     return (
-        f"{worth} Open positions are free at all points of the path. Shaded: {angles} the whole path with any branch, "
+        f"{worth} Open positions are free at all points of the path{moves}. Shaded: {angles} the whole path with any "
+        "branch, "
         f"and what stops the posture that comes nearest; {NAME} names it."
     )
 
@@ -100,6 +102,8 @@ def why_words(problem: Problem, look: Look) -> str:
     stopped = look.stopped
     if stopped is None:
         return look.shortfall.words if look.shortfall is not None else ""
+    if stopped.why:
+        return stop_words(look)
     where = f"at point {stopped.point} with gamma {np.degrees(stopped.gamma):.4g} deg"
     scenes = problem.by_scene(np.array([stopped.point]))
     if look.why != "collision" or not scenes:

@@ -71,28 +71,34 @@ TODO = (
 def lede(step: PlacedStep) -> str:
     """Where the base should stand and what that is worth, in two sentences."""
     after, placed = step.placed.after, step.placed
-    softest = after.estimated()["worst"]
-    out = (
-        f"Put the base at {where_words(step, after)} with gamma {gamma_words(after)}: the softest point of the path "
-        f"then has {_stiffness(softest)} along the cutting force."
-    )
+    then = f"the softest point of the path then has {_stiffness(after.estimated()['worst'])} along the cutting force"
+    if placed.problem.goal.minimised:
+        then = f"the predicted surface error is then {significant(after.error_rms * 1e6)} um RMS"
+    out = f"Put the base at {where_words(step, after)} with gamma {gamma_words(after)}: {then}."
     if step.placed.how.mode == "moving":
         out = out.replace("Put the base at", "Let the base move over")
     if placed.staying is not None:
-        out += f" {_against(placed.after, placed.staying)}"
+        out += f" {_against(after, placed.staying, placed.problem.goal.minimised)}"
     elif placed.why_no_staying is not None:
         out += " From where it stands now, the arm cannot follow the whole path at any gamma."
-    path = step.given.path
-    return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm, cell {step.cell.name}."
+    path, where = step.given.path, f", cell {step.cell.name}" if step.cell.name != "cell" else ""
+    return f"{out} Path of {path.n} points, {significant(1e3 * path.arc_length[-1])} mm{where}."
 
 
-def _against(after: Along, now: Along) -> str:
-    """The softest point and the mean against the present place with its best gamma."""
-    worst, mean = after.gain(now, "worst"), after.gain(now)
-    gains = f"{percent_more(worst.value)} at the softest point, {percent_more(mean.value)} on average"
-    if max(abs(worst.value - 1.0), abs(mean.value - 1.0)) < WORTHWHILE:
+def _against(after: Along, now: Along, by_error: bool) -> str:
+    """The error, or the softest point and the mean, against the present place with its best gamma."""
+    if by_error:
+        factors = [after.error_rms / now.error_rms]
+        gains = f"the error by {percent_more(factors[0])}"
+    else:
+        factors = [after.gain(now, "worst").value, after.gain(now).value]
+        gains = f"{percent_more(factors[0])} at the softest point, {percent_more(factors[1])} on average"
+    if max(abs(factor - 1.0) for factor in factors) < WORTHWHILE:
         return f"Its present place is as good, with gamma {gamma_words(now)}: moving the base changes {gains}."
-    return f"Compared with its present place and the best gamma there ({gamma_words(now)}) that is {gains}."
+    there = f"its present place and the best gamma there ({gamma_words(now)})"
+    if by_error:
+        return f"Compared with {there} that changes {gains}."
+    return f"Compared with {there} that is {gains}."
 
 
 def percent_more(factor: float) -> str:
@@ -160,7 +166,7 @@ def _key_figures(step: PlacedStep) -> list[KeyFigure]:
         *out,
         KeyFigure(_stiffness(found["mean"]), "mean stiffness along the cutting force", _span(after, "mean")),
         KeyFigure(
-            f"{known_to(error.value * 1e6, error.low * 1e6, error.high * 1e6)} um",
+            f"{significant(error.value * 1e6)} um",
             "RMS of the predicted surface error",
             f"95 %: {ranged(error.low * 1e6, error.high * 1e6, 'um')}",
         ),
@@ -296,6 +302,8 @@ def remarks(step: PlacedStep) -> list[str]:
             f"Between its cuts the tool path cannot be driven from there, so `stiffarm post` refuses this placement: "
             f"{step.undriven}. Place again with another --range of the axes, --gamma or --aim."
         )
+    if step.rapid == "joint":
+        out.append("With straight rapid moves the program cannot be driven from there: `post` makes them joint motion.")
     if placed.why_no_before is not None:
         able = ", with another gamma it can" if placed.staying is not None else ""
         out.append(f"With gamma 0 the arm cannot follow the path from its present place{able}: {placed.why_no_before}.")
@@ -331,7 +339,7 @@ def motion_section(step: PlacedStep, pictures: Pictures) -> Section:
             "Linear axes along the path",
             whole=True,
         )
-        caption = "Where the linear axes stand; beyond the dotted lines are their limits."
+        caption = "Where the linear axes stand. Shaded: beyond their limits."
         blocks.append(pictures.add(figure, "axes", caption))
         rows = tuple(
             (name, *(("no feed given",) * 2 if np.isnan(speed) else (f"{speed * 1e3:.3g}", f"{rate * 1e3:.3g}")))

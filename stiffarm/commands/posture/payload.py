@@ -159,7 +159,7 @@ def course_cells(posed: Posed, name: str, course: Course) -> tuple[str, ...]:
         significant(course.mean * factor, 4),
         f"{significant(mean.low * factor)} to {significant(mean.high * factor)}" if known else "",
         significant(course.worst * factor, 4),
-        f"{gamma[0]:.4g} to {gamma[1]:.4g}",
+        f"{gamma[0]:.4g}" if np.ptp(gamma) < 1e-6 else f"{gamma[0]:.4g} to {gamma[1]:.4g}",
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
+from machining.stiffness.objective import ROOM
 from stiffarm.commands.posture.figures.along_path import joints_picture, milling_error_figure
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
@@ -30,7 +31,7 @@ def write_report(posed: Posed, title: str, folder: OutputFolder) -> None:
     sections += [motion_section(posed, pictures), how_section(posed)]
     missing = [text for text in remarks(posed) if "not checked" in text or "not included" in text]
     answer = Answer(
-        sure=f"{sentence(posed.stiffness)} Static stiffness of the arm only.",
+        sure=sentence(posed.stiffness) + (" Static stiffness of the arm only." if posed.stiffness.names else ""),
         todo=TODO,
         picture=map_picture(posed, pictures),
         warnings=tuple(missing),
@@ -71,11 +72,14 @@ def _key_figures(posed: Posed) -> list[KeyFigure]:
     _, words, factor = quantity(posed.request.objective)
     name, _, unit = words.partition(", ")
     mean, worst = posed.estimated(CHOSEN)
+    known = posed.request.objective.quantity != ROOM
     out = [
         KeyFigure(
-            f"{known_to(found.value * factor, found.low * factor, found.high * factor)} {unit}".strip(),
+            f"{known_to(found.value * factor, found.low * factor, found.high * factor)} {unit}".strip()
+            if known
+            else significant(found.value * factor),
             f"{name}, {what}",
-            f"95 %: {ranged(found.low * factor, found.high * factor, unit, 3)}",
+            f"95 %: {ranged(found.low * factor, found.high * factor, unit, 3)}" if known else "",
         )
         for found, what in ((worst, "worst point of the path"), (mean, "mean over the path"))
     ]

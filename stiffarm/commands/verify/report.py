@@ -65,7 +65,8 @@ def write_report(found: Verification, title: str, folder: OutputFolder) -> None:
     ]
     program = found.program
     source = program.motions.source or "without a name"
-    lede = f"{verdict(found)} Program {source}, {program.n} moves, cell {program.cell.name}."
+    where = f", cell {program.cell.name}" if program.cell.name != "cell" else ""
+    lede = f"{verdict(found)} Program {source}, {program.n} moves{where}."
     worst = drawn[0][1].spot if drawn else None
     answer = Answer(
         sure=sure_words(found),
@@ -113,7 +114,8 @@ def _key_figures(found: Verification, worst: Spot | None) -> list[KeyFigure]:
     if found.errors:
         out.append(KeyFigure(str(len(found.errors)), "offences", kinds_words(found)))
     if float(found.swept.distance.min()) >= 0.0:
-        out.append(KeyFigure(distance_words(found), "least distance of bodies"))
+        distance, _, bodies = distance_words(found).partition(" (")
+        out.append(KeyFigure(distance, f"least distance of bodies{': ' + bodies[:-1] if bodies else ''}"))
     return [
         *out,
         KeyFigure(f"{total:.3g} s" if np.isfinite(total) else "not known", "time at the programmed feeds"),
@@ -259,7 +261,11 @@ def path_section(found: Verification, pictures: Pictures) -> Section:
             "evenly. A controller that runs straight lines does not have this error."
         )
         blocks.append(pictures.add(figure, "linearisation", caption))
-    branches = sorted({found.program.names[int(b)] for b in found.program.branch if int(b) < len(found.program.names)})
+    names = found.program.names
+    # Solutions of a search have no names but their numbers, which mean nothing from one point to the next.
+    branches = (
+        sorted({names[int(b)] for b in found.program.branch if int(b) < len(names)}) if names[0] != "solution 1" else []
+    )
     facts = [
         f"Points: joints reach the programmed frames to {path.point.max() * 1e6:.3g} um and "
         f"{np.degrees(path.point_turn.max()):.2g} deg.",

@@ -31,7 +31,7 @@ def joints_picture(
     pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False
 ) -> Picture:
     """The picture of :func:`joints_figure` for a page."""
-    caption = "Joint angles along the path; beyond the dotted lines are the limits."
+    caption = "Joint angles along the path. Shaded, where it is in the picture: beyond a joint limit."
     return pictures.add(joints_figure(arc, courses, robot, narrow=narrow), "joints", caption)
 
 
@@ -73,6 +73,8 @@ def motion_figure(
             ax.set_title(labels[j], loc="left", pad=4)
         for ax in axes[-columns:]:
             ax.set_xlabel("path, mm")
+            # Panels with none below them have no axis to share.
+            ax.tick_params(labelbottom=True)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 

@@ -183,3 +183,25 @@ def test_a_joint_that_slides_is_named(cli: Command, tmp_path: Path) -> None:
     assert "row 4" in refused.err
     assert "slides" in refused.err
     assert not (tmp_path / "b").exists()
+
+
+def test_a_controller_asked_for_is_written_and_post_takes_it(cli: Command, tmp_path: Path) -> None:
+    made = table(tmp_path / "t.csv", MODIFIED)
+    answer = cli("new", "mine", "--mdh", made, "--payload-kg", "60", "--controller", "krl, sinumerik", "--json")
+    assert answer.code == 0, answer.err
+    assert answer.json["controller_formats"] == ["krl", "sinumerik"]
+    assert load_description("mine/mine.toml").controller.formats == ("krl", "sinumerik")  # type: ignore[union-attr]
+    assert cli("new", "plain", "--mdh", made, "--payload-kg", "60", "--json").json["controller_formats"] == []
+    # The same by Python; each joint counts as the model's does.
+    arm = sa.new_arm("third", mdh=made, payload_kg=60, controller="krl").arm
+    robot = arm.robot
+    assert robot.controller is not None
+    with pytest.raises(sa.InputError, match="controller"):
+        sa.new_arm("fourth", mdh=made, payload_kg=60, controller="json")
+    q = np.radians([[10.0, -70.0, 30.0, 40.0, 50.0, 60.0]])
+    np.testing.assert_allclose(robot.controller.controller(q), q)
+    for wrong in ("json", "kuka", ""):
+        refused = cli("new", "wrong", "--mdh", made, "--payload-kg", "60", "--controller", wrong)
+        assert refused.code == 2
+        assert "--controller" in refused.err
+        assert not Path("wrong").exists()

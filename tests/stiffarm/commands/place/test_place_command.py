@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_runs import Command, tree
+from cli_runs import ROOT, Command, tree
 
 import fem
 from machining.cell import read_cell
@@ -245,3 +245,24 @@ def test_a_cell_without_axes_says_what_to_do(cli: Command, small: tuple[Path, Pa
     outcome = cli("place", "kr60-3", path, "--cell", cell, *FORCE)
     assert outcome.code == 2
     assert "describe the rail in the cell file: [[linear_axis]]" in " ".join(outcome.err.split())
+
+
+@pytest.mark.slow
+def test_the_place_of_the_bundled_wing_can_be_written_and_verified(cli: Command, tmp_path: Path) -> None:
+    """With the default aim the best place for the cuts does not reach a retract; the one recommended does."""
+    wing, twists, out = ROOT / "docs" / "examples" / "tx200_wing", tmp_path / "twists", tmp_path / "out"
+    assert cli("identify", "tx200", "--synthetic", "--out", twists).code == 0
+    common = (twists / "model.toml", wing / "wing.cls", "--cell", wing / "cell.toml")
+    outcome = cli("place", *common, "--force", "0,60,-80", "--force-axes", "process", "--out", out)
+    assert outcome.code == 0, outcome.err
+    content = json.loads((out / "placement.json").read_text(encoding="utf-8"))
+    assert (content["between_cuts_undriven"], content["rapid_moves"]) == (None, "linear")
+    with (out / "positions.csv").open(encoding="utf-8") as stream:
+        stopped = [row for row in csv.DictReader(stream) if row["stopped_by"] == "a move between cuts"]
+    assert stopped
+    assert all("line " in row["nearest_posture"] for row in stopped)
+    program = tmp_path / "program"
+    written = cli("post", *common, "--placement", out / "placement.json", "--format", "json", "--out", program)
+    assert written.code == 0, written.err
+    verified = cli("verify", twists / "model.toml", program / "json" / "wing.json", "--cell", wing / "cell.toml")
+    assert verified.code == 0, verified.err

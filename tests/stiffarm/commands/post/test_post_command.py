@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from cli_runs import Command
 
+import stiffarm as sa
 from machining.cell import read_cell
 from machining.placement import Placement, placement_content
-from machining.programs.formats import NEUTRAL
+from machining.programs.formats import NEUTRAL, changed_since
 from machining.programs.program import frame_distance
 from robots import load_description
 from robots.robot import robot_from
@@ -58,6 +59,59 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
     cell.write_text(CELL)
     cls.write_text(CLS)
     return cell, cls
+
+
+def test_a_measured_force_says_how_sure_it_is(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
+    cell, cls = files
+    common = ("post", "kr60-3", cls, "--cell", cell, "--links", "rigid", "--gamma", "-30", "--compensate")
+    force = ("--force", "20,40,-60", "--force-axes", "process")
+    unknown = {}
+    for sd in ("0.001", "20"):
+        out = tmp_path / sd
+        outcome = cli(*common, *force, "--force-measured", sd, "--out", out)
+        assert outcome.code == 0, outcome.err
+        content = json.loads((out / "post.json").read_text(encoding="utf-8"))["compensation"]
+        unknown[sd] = content["unknown_95_um"], content["largest_um"]
+        assert not any("not measured" in note for note in content["rests_on"])
+    assert unknown["20"][0] > 1.2 * unknown["0.001"][0]
+    # How sure the force is changes nothing of what is taken off the path.
+    assert unknown["20"][1] == unknown["0.001"][1]
+    for more in (("--force-measured", "2"), (*force, "--force-measured", "-1")):
+        refused = cli(*common, *more, "--out", tmp_path / "refused")
+        assert refused.code == 2
+        assert "--force-measured" in refused.err
+        assert not (tmp_path / "refused").exists()
+
+
+def test_a_program_edited_after_it_was_posted_is_found(cli: Command, files: tuple[Path, Path], tmp_path: Path) -> None:
+    cell, cls = files
+    out = tmp_path / "out"
+    common = ("--cell", cell)
+    outcome = cli(
+        "post", "kr60-3", cls, *common, "--links", "rigid", "--gamma", "-30", "--format", "krl,json", "--out", out
+    )
+    assert outcome.code == 0, outcome.err
+    main = next((out / "krl_cartesian").glob("*.src"))
+    assert changed_since(out / "post.json", main) == ()
+    assert changed_since(out / "no.json", main) == ()
+    # A comment changes no move, and still the file is not what was posted.
+    text = main.read_text(encoding="utf-8")
+    main.write_text(text.replace("END", "; hello\nEND", 1), encoding="utf-8")
+    assert changed_since(out / "post.json", main) == (main.name,)
+    verified = cli("verify", "kr60-3", main, *common, "--json")
+    assert verified.code == 1, verified.err
+    assert f"{main.name} was changed after it was posted" in verified.out + verified.err
+    # The same by Python, with the neutral program of the same run named or found.
+    arm = sa.load("kr60-3")
+    for more in ({}, {"against": out / "json" / "pocket.json"}):
+        checked = sa.verify(arm, main, cell, **more)
+        assert any("changed after" in offence.text for offence in checked.found.offences)
+    # A second file of the program counts as much, and so does one that is gone.
+    main.write_text(text, encoding="utf-8")
+    other = next((file for file in main.parent.iterdir() if file != main), None)
+    if other is not None:
+        other.unlink()
+        assert other.name in changed_since(out / "post.json", main)
 
 
 @pytest.mark.slow
