@@ -157,7 +157,7 @@ class ArmModel:
         """
         unknown = sorted(set(springs) - set(self.robot.joint_names))
         if unknown:
-            raise InputError("joint", value=unknown[0], allowed=", ".join(self.robot.joint_names))
+            raise InputError("joint", code="M001", value=unknown[0], allowed=", ".join(self.robot.joint_names))
         laws: dict[str, SpringLaw] = {
             name: ConstantSpring(float(s)) if isinstance(s, Real | int | float) else s for name, s in springs.items()
         }
@@ -197,18 +197,21 @@ def build_model(
         shell and solid links, what :func:`meshes.link_shell_mesh`, :func:`meshes.link_solid_mesh` and
         :func:`fem.elements.shell.shell_superelement` refuse; solid links of a robot that has no solid at all.
     """
-    require_one_of("links", links, LINK_KINDS)
+    require_one_of("links", links, LINK_KINDS, code="M003")
     if flanges not in (None, *FLANGES):
-        raise InputError("flanges", value=flanges, allowed=", ".join(FLANGES))
+        raise InputError("flanges", code="M003", value=flanges, allowed=", ".join(FLANGES))
     robot = robot_from(description)
     path: LoadPath = description.load_path if load_path is None else load_path
-    require_one_of("load path", path, ("parallelogram", "serial"))
+    require_one_of("load path", path, ("parallelogram", "serial"), code="M003")
     if path == "parallelogram" and robot.parallelogram is None:
-        raise InputError(f"load path of {robot.name}", value=path, allowed="serial: this robot has no parallelogram")
+        raise InputError(
+            f"load path of {robot.name}", code="M003", value=path, allowed="serial: this robot has no parallelogram"
+        )
     taken = {*robot.joint_names, *PLACES} & {link.name for link in description.link}
     if taken:
         raise InputError(
             f"link name of {robot.name}",
+            code="M003",
             value=min(taken),
             allowed=f"a name no joint has, and none of {', '.join(PLACES)}",
             remedy="rename the link: deflections are reported by part",
@@ -216,6 +219,7 @@ def build_model(
     if links == "solid" and not any(link.solid for link in description.link):
         raise InputError(
             f"links of {robot.name}",
+            code="M003",
             value="solid",
             allowed="rigid, beam or shell: none of its links has a solid",
             remedy="import one from STEP: stiffarm import link.step --model MODEL --link NAME --out FOLDER",
@@ -273,6 +277,7 @@ def _described_link(
     if unknown:
         raise InputError(
             f"flanges of link {link.name}",
+            code="M003",
             value=unknown[0],
             allowed=", ".join(mesh.interfaces),
             remedy="remove it: only the link that a parallelogram drives has a pin",
@@ -308,6 +313,7 @@ def _new_beam_part(name: str, body: int, mesh: BeamMesh) -> LinkPart:
     except ArithmeticError as error:
         raise InputError(
             f"link {name}: {error}",
+            code="M004",
             allowed="sections, lengths and an elastic modulus that a solver can take together",
             remedy="look for a figure of the link, or of the joints at its ends, that is far too small or too large",
         ) from error
@@ -343,6 +349,7 @@ def _joint_part(robot: Robot, index: int, joint: Joint) -> JointPart:
     if part.is_coupled and p is not None and index in (p.driven, p.crank_about):
         raise InputError(
             f"bearing of {joint.name}: entries that couple it with the axis",
+            code="M004",
             value=bearing[5, :5].tolist(),
             allowed="none at the joints of a parallelogram, whose actuator sits elsewhere",
         )

@@ -106,7 +106,9 @@ class ConstantSpring:
 
     def __post_init__(self) -> None:
         if not self.stiffness > 0.0:
-            raise InputError("joint stiffness", value=self.stiffness, allowed="greater than 0 N m/rad (inf is rigid)")
+            raise InputError(
+                "joint stiffness", code="M002", value=self.stiffness, allowed="greater than 0 N m/rad (inf is rigid)"
+            )
 
     def compliance(self, q: Array) -> Array:
         """See :class:`SpringLaw`."""
@@ -129,6 +131,7 @@ class LawSpring:
         if not (np.abs(log) <= WIDEST_LOG).all():
             raise InputError(
                 "stiffness of a joint by its law",
+                code="M002",
                 value=f"exp({log[np.argmax(np.abs(np.nan_to_num(log, nan=np.inf)))]:.3g}) N m/rad",
                 allowed=f"exp(-{WIDEST_LOG:g}) to exp({WIDEST_LOG:g})",
                 remedy="check the law's coefficients and angles in the model; beyond the angles it was fitted on it "

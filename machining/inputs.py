@@ -23,7 +23,7 @@ def as_vectors(what: str, vector: ArrayLike, n: int, unit: str, *, zero: bool = 
     v = np.asarray(vector, dtype=np.float64)
     allowed = f"finite{'' if zero else ', not all zero'}, shape (3,) or ({n}, 3): {unit}"
     if v.shape not in ((3,), (n, 3)):
-        raise InputError(what, value=f"shape {v.shape}", allowed=allowed, remedy="one row a pose")
+        raise InputError(what, code="B001", value=f"shape {v.shape}", allowed=allowed, remedy="one row a pose")
     rows = np.atleast_2d(v)
     bad = ~np.isfinite(rows).all(axis=1)
     if not zero:
@@ -32,6 +32,7 @@ def as_vectors(what: str, vector: ArrayLike, n: int, unit: str, *, zero: bool = 
         row = int(np.argmax(bad))
         raise InputError(
             what if v.ndim == 1 else f"{what}, row {row}",
+            code="B001",
             value=rows[row].tolist(),
             allowed=allowed,
             remedy="give a direction" if np.isfinite(rows[row]).all() else "complete or remove it",
@@ -59,10 +60,12 @@ def as_compliances(C_tt: ArrayLike) -> Array:
     allowed = "finite, shape (n, 3, 3), m/N"
     if C.ndim != 3 or C.shape[1:] != (3, 3):
         remedy = "take it from machining.translational or machining.blocks"
-        raise InputError("compliance block", value=f"shape {C.shape}", allowed=allowed, remedy=remedy)
+        raise InputError("compliance block", code="B001", value=f"shape {C.shape}", allowed=allowed, remedy=remedy)
     bad = ~np.isfinite(C).all(axis=(1, 2))
     if bad.any():
-        raise InputError(f"compliance block at pose {int(np.argmax(bad))}", value=C[bad][0].tolist(), allowed=allowed)
+        raise InputError(
+            f"compliance block at pose {int(np.argmax(bad))}", code="B001", value=C[bad][0].tolist(), allowed=allowed
+        )
     return C
 
 
@@ -76,10 +79,12 @@ def as_rotations(what: str, R: ArrayLike, n: int) -> Array:
     """
     rotations = np.asarray(R, dtype=np.float64)
     if rotations.shape not in ((3, 3), (n, 3, 3)):
-        raise InputError(what, value=f"shape {rotations.shape}", allowed=f"(3, 3) or ({n}, 3, 3)")
+        raise InputError(what, code="B001", value=f"shape {rotations.shape}", allowed=f"(3, 3) or ({n}, 3, 3)")
     off = np.abs(np.swapaxes(rotations, -1, -2) @ rotations - np.eye(3)).max(initial=0.0)
     if not off < ROTATION_TOLERANCE or not (np.linalg.det(rotations) > 0.0).all():
-        raise InputError(what, allowed="rotations: orthonormal columns, right-handed", remedy="normalise the axes")
+        raise InputError(
+            what, code="B001", allowed="rotations: orthonormal columns, right-handed", remedy="normalise the axes"
+        )
     return np.broadcast_to(rotations, (n, 3, 3))
 
 
@@ -88,6 +93,6 @@ def as_frame(what: str, T: ArrayLike) -> Array:
     frame = np.asarray(T, dtype=np.float64)
     if frame.shape != (4, 4) or not np.isfinite(frame).all() or not np.array_equal(frame[3], [0.0, 0.0, 0.0, 1.0]):
         allowed = "finite (4, 4): rotation, position in m, and 0 0 0 1 below"
-        raise InputError(what, value=f"shape {frame.shape}", allowed=allowed)
+        raise InputError(what, code="B001", value=f"shape {frame.shape}", allowed=allowed)
     as_rotations(what, frame[:3, :3], 1)
     return frame

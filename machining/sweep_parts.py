@@ -45,6 +45,7 @@ def sweep_parts(
     if n * len(angle) > MOST:
         raise InputError(
             "map",
+            code="S011",
             value=f"{n} points x {len(angle)} angles gamma",
             allowed=f"{MOST} in all",
             remedy="make the step of the grid or of gamma larger",

@@ -54,11 +54,11 @@ class ToolPath:
         points = np.asarray(self.points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0 or not (np.abs(points) <= FARTHEST).all():
             allowed = f"numbers (n, 3) of at most {FARTHEST:g} m, n at least 1"
-            raise InputError("path points", value=f"shape {points.shape}", allowed=allowed)
+            raise InputError("path points", code="P009", value=f"shape {points.shape}", allowed=allowed)
         n = len(points)
         feed = np.asarray(self.feed, dtype=np.float64)
         if feed.shape != (n,) or not feeds(feed).all():
-            raise InputError("feed", allowed=f"({n},) m/s, {FEEDS}, NaN where it is not given")
+            raise InputError("feed", code="P009", allowed=f"({n},) m/s, {FEEDS}, NaN where it is not given")
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "normals", as_units("surface normal of the path", self.normals, n))
         object.__setattr__(self, "axes", as_units("tool axis of the path", self.axes, n))
@@ -69,7 +69,10 @@ class ToolPath:
             allowed, remedy = "neighbouring points at different places", "remove one of the two"
             raise InputErrors(
                 "path",
-                [InputError(f"point {i} repeats point {i - 1}", allowed=allowed, remedy=remedy) for i in repeated],
+                [
+                    InputError(f"point {i} repeats point {i - 1}", code="P009", allowed=allowed, remedy=remedy)
+                    for i in repeated
+                ],
             )
 
     @property
@@ -144,7 +147,7 @@ class Task:
         if np.ndim(self.T_flange_tool) == 3:
             if len(self.T_flange_tool) != self.path.n:
                 value, allowed = f"{len(self.T_flange_tool)} frames", f"one, or {self.path.n}: one a path point"
-                raise InputError("T_flange_tool", value=value, allowed=allowed)
+                raise InputError("T_flange_tool", code="P009", value=value, allowed=allowed)
             for _, T in by_frame(self.T_flange_tool, self.path.n):
                 as_frame("T_flange_tool", T)
         else:
@@ -155,13 +158,16 @@ class Task:
         if (sine < ALONG).any():
             raise InputError(
                 f"reference direction of gamma at path point {int(np.argmax(sine < ALONG))}",
+                code="P009",
                 value=reference.tolist(),
                 allowed="not along the tool axis",
                 remedy="give another reference, or split the path",
             )
         object.__setattr__(self, "reference", reference)
         if self.shift is not None and (self.shift.shape != (self.path.n, 3) or not np.isfinite(self.shift).all()):
-            raise InputError("shift of the part", value=f"shape {self.shift.shape}", allowed=f"({self.path.n}, 3) m")
+            raise InputError(
+                "shift of the part", code="P009", value=f"shape {self.shift.shape}", allowed=f"({self.path.n}, 3) m"
+            )
 
     def at(self, rows: slice | Integers, feed: Array | None = None) -> Task:
         """The same task at some of its points; gamma counts from the same direction.
@@ -242,7 +248,9 @@ def as_gammas(gamma: ArrayLike, n: int) -> Array:
     angle = np.asarray(gamma, dtype=np.float64)
     fits = (angle.ndim == 1 or (angle.ndim == 2 and len(angle) == n)) and angle.shape[-1] > 0
     if not fits or not np.isfinite(angle).all():
-        raise InputError("gamma", value=f"shape {angle.shape}", allowed=f"finite, (m,) or ({n}, m) rad, m at least 1")
+        raise InputError(
+            "gamma", code="P009", value=f"shape {angle.shape}", allowed=f"finite, (m,) or ({n}, m) rad, m at least 1"
+        )
     return np.broadcast_to(angle, (n, angle.shape[-1]))
 
 

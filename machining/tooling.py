@@ -45,6 +45,7 @@ def tools_of(cell: Cell, motions: Motions) -> tuple[CellTool, ...]:
             number = motions.tools[i].number
             raise InputError(
                 f"tool path {motions.source}, line {line}: the cell file has no table of {_named(motions, i)}",
+                code="K003",
                 value=motions.tools[i].name or number,
                 allowed=listed(f"[tools.{one.name if one.number is None else one.number}]" for one in cell.tools),
                 remedy=f"add [tools.{motions.tools[i].name or 'NAME' if number is None else number}] with the frame of "
@@ -65,6 +66,7 @@ def the_one_tool(cell: Cell, path: str) -> CellTool:
     if cell.tools and np.array_equal(cell.tool.T_flange_tool, np.eye(4)) and not (cell.tool.holder or cell.tool.cutter):
         raise InputError(
             f"{path} names no tool",
+            code="K003",
             allowed="a tool of the path, for the cell file has tables of a changer's tools only",
             remedy="add [tool] to the cell file: what is on the flange without a change",
         )
@@ -85,6 +87,7 @@ def require_tools(cell: Cell, motions: Motions | None) -> None:
     said = [motions.tools[i].name or str(motions.tools[i].number) for i in used]
     raise InputError(
         f"tool path {motions.source} uses {len(used)} tools",
+        code="K003",
         value=listed(said),
         allowed=f"one, where the cell has one: {'; '.join(_named(motions, i) for i in used[:MOST_NAMED])}",
         remedy="give the cell file a table of each, [tools.NUMBER], or choose with --tool-number or --operation "

@@ -133,7 +133,7 @@ def crank_beam_mesh(
     """Beam mesh of the parallelogram's crank, from its axis to the bar's pin, driven body's orientation."""
     p = description.parallelogram
     if p is None or robot.parallelogram is None:
-        raise InputError(f"{description.name} has no parallelogram")
+        raise InputError(f"{description.name} has no parallelogram", code="R002")
     dimensions = section_dimensions(p.crank)
     axis = robot.R_post[robot.parallelogram.driven].T[:, 2]
     path = np.vstack([np.zeros(3), robot.parallelogram.pin])
@@ -165,7 +165,9 @@ def _polyline_mesh(
     path = np.vstack([path[:1], path[1:][lengths > 1e-9]])
     lengths = lengths[lengths > 1e-9]
     if lengths.size == 0:
-        raise InputError(f"{name} has length zero", remedy="remove the link: a body without one is a rigid connection")
+        raise InputError(
+            f"{name} has length zero", code="L007", remedy="remove the link: a body without one is a rigid connection"
+        )
     t = np.linspace(0.0, 1.0, per_segment + 1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     stations = np.unique(np.concatenate([a + t * n for a, n in zip(along, lengths, strict=False)]))

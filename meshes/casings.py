@@ -61,9 +61,9 @@ def casing_mesh(
     """
     if size is None:
         size = casing_size(beam, openings)
-    require_positive(f"{beam.name}: element size (m)", size)
+    require_positive(f"{beam.name}: element size (m)", size, code="L009")
     if openings and beam.kind != "box":
-        raise InputError(f"{beam.name}: openings", value=f"in a {beam.kind}", allowed="in boxes only")
+        raise InputError(f"{beam.name}: openings", code="L009", value=f"in a {beam.kind}", allowed="in boxes only")
     tubes = [
         _tube(beam, elements, size, lines_of(_described(beam, elements, name), () if i else openings, rim))
         for i, (elements, name) in enumerate(zip(_branches(beam), list(beam.interfaces)[1:], strict=True))
@@ -213,6 +213,7 @@ def _check_twist(name: str, here: Array, there: Array) -> None:
     if not np.allclose(across @ here[:, 1:], across @ there[:, 1:], atol=1e-6):
         raise InputError(
             f"{name}: the section turns about the centre line at a kink",
+            code="L009",
             remedy="choose beam_up in or at right angles to the plane of the centre line, never along it",
         )
 

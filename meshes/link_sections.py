@@ -70,7 +70,7 @@ def equivalent_section(
     way = tip - root
     length = float(np.linalg.norm(way))
     if not length > 0.0:
-        raise InputError(f"{name}: root and tip coincide", remedy="leave the link rigid")
+        raise InputError(f"{name}: root and tip coincide", code="L009", remedy="leave the link rigid")
     x = way / length
     y = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
     y /= np.linalg.norm(y)
@@ -85,6 +85,7 @@ def equivalent_section(
     if cover < LEAST_COVER:
         raise InputError(
             f"{name}: its casing covers {100 * cover:.0f} % of the way from root to tip",
+            code="L009",
             allowed=f"{100 * LEAST_COVER:.0f} % or more",
             remedy="leave the link rigid",
         )

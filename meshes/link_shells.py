@@ -44,7 +44,7 @@ def load_shell(path: Path | str, sha256: str | None = None, name: str | None = N
     try:
         return ShellMesh(**fields if name is None else fields | {"name": name}, interfaces=rings)
     except InputError as error:
-        raise InputError(f"shell file {path} holds no valid mesh ({error})", remedy=REMEDY) from error
+        raise InputError(f"shell file {path} holds no valid mesh ({error})", code="F007", remedy=REMEDY) from error
 
 
 def link_shell_mesh(link: Link, beam: BeamMesh) -> ShellMesh:
@@ -79,6 +79,7 @@ def _check_wall(link: str, surface: Surface, mesh: ShellMesh) -> None:
     if not least * (1.0 - SAME_WALL) <= wall <= most * (1.0 + SAME_WALL):
         raise InputError(
             f"wall of link {link}'s surface (mm)",
+            code="L004",
             value=1e3 * wall,
             allowed=f"{1e3 * least:.6g} to {1e3 * most:.6g}, as in {surface.file}: the mid-surface depends on it",
             remedy="import the link's surface again with the new wall",

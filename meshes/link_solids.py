@@ -28,7 +28,7 @@ def load_solid(path: Path | str, sha256: str | None = None, name: str | None = N
     try:
         return SolidMesh(**fields if name is None else fields | {"name": name}, interfaces=rings)
     except InputError as error:
-        raise InputError(f"solid file {path} holds no valid mesh ({error})", remedy=REMEDY) from error
+        raise InputError(f"solid file {path} holds no valid mesh ({error})", code="F007", remedy=REMEDY) from error
 
 
 def link_solid_mesh(link: Link, beam: BeamMesh) -> SolidMesh | None:

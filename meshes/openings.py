@@ -141,12 +141,14 @@ def _rim_faults(branch: Branch, rim: Rim | None) -> Iterator[InputError]:
     if rim.length.si > 0.5 * branch.length * (1.0 + SAME):
         yield InputError(
             f"{branch.name}: length of the rims (m)",
+            code="L009",
             value=rim.length.si,
             allowed=f"up to half of the centre line, {0.5 * branch.length:.4g}",
         )
     if not branch.wall <= rim.wall.si <= branch.sides.min():
         yield InputError(
             f"{branch.name}: wall of the rims (m)",
+            code="L009",
             value=rim.wall.si,
             allowed=f"from the casing's wall, {branch.wall:.4g}, to the width of its mid-surface, "
             f"{branch.sides.min():.4g}",
@@ -162,6 +164,7 @@ def _overlaps(branch: Branch, openings: Sequence[Opening]) -> Iterator[InputErro
             if all(a[0] <= b[1] + SAME and b[0] <= a[1] + SAME for a, b in both):
                 yield InputError(
                     f"{branch.name}: {_label(openings, i)} and {_label(openings, j)} overlap or touch",
+                    code="L009",
                     value=f"along {list(first.along)} and {list(second.along)}, "
                     f"across {list(first.across)} and {list(second.across)}",
                     allowed="separate openings",
@@ -177,6 +180,7 @@ def _reaching_rims(branch: Branch, openings: Sequence[Opening], rim: Rim | None)
         if opening.along[0] < share - SAME or opening.along[1] > 1.0 - share + SAME:
             yield InputError(
                 f"{branch.name}: {_label(openings, i)} reaches into a rim, along",
+                code="L009",
                 value=list(opening.along),
                 allowed=f"from {share:.4g} to {1.0 - share:.4g} of the centre line (rims of {rim.length.si:.4g} m)",
                 remedy="shorten the opening or the rims",
@@ -222,6 +226,7 @@ def _near(branch: Branch, direction: str, lines: list[_Line], length: float) -> 
         if not (a.fixed and b.fixed) and SAME < b.share - a.share < least * (1.0 - SAME):
             yield InputError(
                 f"{branch.name}: {a.name} and {b.name} are close to each other {direction}, shares",
+                code="L009",
                 value=[round(a.share, 6), round(b.share, 6)],
                 allowed=f"equal, or {least:.3g} apart ({1e3 * least * length:.3g} mm; the wall is "
                 f"{1e3 * branch.wall:.3g} mm)",

@@ -65,6 +65,7 @@ def read_mesh(
     if sha256 is not None and found != sha256.lower():
         raise InputError(
             f"{where} has changed since the model was written, or is damaged: SHA-256",
+            code="F007",
             value=found,
             allowed=sha256,
             remedy=REMEDY,
@@ -72,7 +73,7 @@ def read_mesh(
     try:
         arrays = from_npz(content)
     except ValueError as error:
-        raise InputError(f"{where} is damaged ({error})", remedy=REMEDY) from error
+        raise InputError(f"{where} is damaged ({error})", code="F007", remedy=REMEDY) from error
     _check_arrays(where, schema, {**_KINDS, **kinds}, arrays)
     names = [str(interface) for interface in arrays["interfaces"]]
     rings = {interface: arrays[f"ring_{i}"].astype(np.int64) for i, interface in enumerate(names)}
@@ -89,6 +90,7 @@ def _check_arrays(where: str, schema: str, kinds: Mapping[str, str], arrays: dic
     if given is None or given.ndim or given.dtype.kind != "U" or str(given) != schema:
         raise InputError(
             f"{where}: schema",
+            code="F006",
             value="none" if given is None else str(given),
             allowed=schema,
             remedy="import the link's surface again with this version of stiffarm",
@@ -103,6 +105,7 @@ def _check_arrays(where: str, schema: str, kinds: Mapping[str, str], arrays: dic
     if wrong or arrays["interfaces"].ndim != 1 or len(set(arrays["interfaces"].tolist())) != count:
         raise InputError(
             f"{where} is damaged: arrays missing, or of the wrong kind",
+            code="F007",
             value=", ".join(wrong or ["interfaces"]),
             remedy=REMEDY,
         )
@@ -122,6 +125,7 @@ def check_fits(
     if set(rings) != set(interfaces):
         raise InputError(
             f"{where}: interfaces",
+            code="L006",
             value=", ".join(rings) or "none",
             allowed=f"exactly {', '.join(interfaces)}",
             remedy=AGAIN,
@@ -140,6 +144,7 @@ def check_fits(
             raise InputError(
                 f"{where}: the middle of ring {name} is {1e3 * distance:.4g} mm from the link's interface at "
                 f"{np.round(point, 4).tolist()} m",
+                code="L006",
                 allowed=f"at most {1e3 * limit:.4g} mm: {FARTHEST:g} radii of the ring or {STAND_OFF:g} of the link",
                 remedy=f"{AGAIN}: its geometry has changed since, or the file belongs to another link",
             )

@@ -85,13 +85,16 @@ def _shapes(mesh: ShellMesh) -> Iterator[InputError]:
     where = f"shell mesh {mesh.name}"
     for name, array, width in (("nodes", mesh.nodes, 3), ("triangles", mesh.triangles, 3), ("quads", mesh.quads, 4)):
         if array.ndim != 2 or array.shape[1] != width:
-            yield InputError(f"{where}, {name}", value=f"shape {array.shape}", allowed=f"shape (n, {width})")
+            yield InputError(
+                f"{where}, {name}", code="L007", value=f"shape {array.shape}", allowed=f"shape (n, {width})"
+            )
     elements = len(mesh.triangles) + len(mesh.quads)
     if elements == 0:
-        yield InputError(f"{where} has no elements", remedy="give triangles, quads or both")
+        yield InputError(f"{where} has no elements", code="L007", remedy="give triangles, quads or both")
     if mesh.thickness.shape != (elements,):
         yield InputError(
             f"{where}, thickness",
+            code="L007",
             value=f"shape {mesh.thickness.shape}",
             allowed=f"shape ({elements},), one number an element, triangles first",
         )
@@ -104,13 +107,15 @@ def _indices(mesh: ShellMesh) -> Iterator[InputError]:
     lists |= {f"interface {name}": ring for name, ring in mesh.interfaces.items()}
     for name, array in lists.items():
         if not np.issubdtype(array.dtype, np.integer):
-            yield InputError(f"{where}, {name}", value=f"type {array.dtype}", allowed="whole numbers")
+            yield InputError(f"{where}, {name}", code="L007", value=f"type {array.dtype}", allowed="whole numbers")
         elif array.size and not 0 <= array.min() <= array.max() < k:
             bad = array.min() if array.min() < 0 else array.max()
-            yield InputError(f"{where}, {name}, node", value=int(bad), allowed=f"0 to {k - 1}")
+            yield InputError(f"{where}, {name}, node", code="L007", value=int(bad), allowed=f"0 to {k - 1}")
     for name, ring in mesh.interfaces.items():
         if ring.ndim != 1 or ring.size == 0 or np.unique(ring).size != ring.size:
-            yield InputError(f"{where}, interface {name}: not a list of different nodes", allowed="one node or more")
+            yield InputError(
+                f"{where}, interface {name}: not a list of different nodes", code="L007", allowed="one node or more"
+            )
 
 
 def _values(mesh: ShellMesh) -> Iterator[InputError]:
@@ -118,13 +123,14 @@ def _values(mesh: ShellMesh) -> Iterator[InputError]:
     where = f"shell mesh {mesh.name}"
     if not np.isfinite(mesh.nodes).all():
         row = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
-        yield InputError(f"{where}, node {row}", value=mesh.nodes[row].tolist(), allowed="finite numbers")
+        yield InputError(f"{where}, node {row}", code="L007", value=mesh.nodes[row].tolist(), allowed="finite numbers")
         return
     unused = np.ones(len(mesh.nodes), dtype=bool)
     unused[mesh.triangles] = unused[mesh.quads] = False
     if unused.any():
         yield InputError(
             f"{where}: {int(unused.sum())} node(s) belong to no element, the first is node {int(np.argmax(unused))}",
+            code="L007",
             remedy="remove them: nothing holds their freedoms",
         )
     kinds = {"triangle": mesh.triangle_corners, "quad": mesh.quad_corners}
@@ -141,6 +147,7 @@ def _element_faults(
             yield InputError(
                 f"{where}: {flat.size} {name}(s) without area, folded, not convex or not finite, the first is {name} "
                 f"{flat[0]}",
+                code="L007",
                 value=f"corners {corners[flat[0]].tolist()} m",
                 remedy="merge double nodes and remesh slivers",
             )
@@ -148,11 +155,11 @@ def _element_faults(
     if not solid.all():
         bad = int(np.argmin(solid))
         value = float(thickness[bad])
-        yield InputError(f"{where}, thickness of element {bad} (m)", value=value, allowed="greater than 0")
+        yield InputError(f"{where}, thickness of element {bad} (m)", code="L007", value=value, allowed="greater than 0")
     if not 0.0 < youngs_modulus < np.inf:
-        yield InputError(f"{where}, Young's modulus (Pa)", value=youngs_modulus, allowed="greater than 0")
+        yield InputError(f"{where}, Young's modulus (Pa)", code="L007", value=youngs_modulus, allowed="greater than 0")
     if not -1.0 < poissons_ratio < 0.5:
-        yield InputError(f"{where}, Poisson's ratio", value=poissons_ratio, allowed="between -1 and 0.5")
+        yield InputError(f"{where}, Poisson's ratio", code="L007", value=poissons_ratio, allowed="between -1 and 0.5")
 
 
 def refuse_bad_elements(
@@ -160,10 +167,15 @@ def refuse_bad_elements(
 ) -> None:
     """Raise InputError where corners are not (e, sides, 3), thickness is not (e,), or for what a mesh refuses too."""
     if corners.ndim != 3 or corners.shape[1:] != (sides, 3):
-        raise InputError(f"corners of {name} shells", value=f"shape {corners.shape}", allowed=f"shape (e, {sides}, 3)")
+        raise InputError(
+            f"corners of {name} shells", code="L007", value=f"shape {corners.shape}", allowed=f"shape (e, {sides}, 3)"
+        )
     if thickness.shape != corners.shape[:1]:
         raise InputError(
-            f"thickness of {name} shells", value=f"shape {thickness.shape}", allowed=f"shape ({len(corners)},)"
+            f"thickness of {name} shells",
+            code="L007",
+            value=f"shape {thickness.shape}",
+            allowed=f"shape ({len(corners)},)",
         )
     for fault in _element_faults(f"{name} shells", {name: corners}, thickness, youngs_modulus, poissons_ratio):
         raise fault

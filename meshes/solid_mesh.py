@@ -111,30 +111,41 @@ def _shapes(mesh: SolidMesh) -> Iterator[InputError]:
     where = f"solid mesh {mesh.name}"
     for name, array, width in (("nodes", mesh.nodes, 3), ("tetrahedra", mesh.tetrahedra, 10)):
         if array.ndim != 2 or array.shape[1] != width or not len(array):
-            yield InputError(f"{where}, {name}", value=f"shape {array.shape}", allowed=f"shape (n, {width}), n > 0")
+            yield InputError(
+                f"{where}, {name}", code="L007", value=f"shape {array.shape}", allowed=f"shape (n, {width}), n > 0"
+            )
     lists = {"tetrahedra": mesh.tetrahedra} | {f"interface {name}": ring for name, ring in mesh.interfaces.items()}
     for name, array in lists.items():
         if not np.issubdtype(array.dtype, np.integer):
-            yield InputError(f"{where}, {name}", value=f"type {array.dtype}", allowed="whole numbers")
+            yield InputError(f"{where}, {name}", code="L007", value=f"type {array.dtype}", allowed="whole numbers")
         elif array.size and not 0 <= array.min() <= array.max() < len(mesh.nodes):
-            yield InputError(f"{where}, {name}", value=int(array.max()), allowed=f"0 to {len(mesh.nodes) - 1}")
+            yield InputError(
+                f"{where}, {name}", code="L007", value=int(array.max()), allowed=f"0 to {len(mesh.nodes) - 1}"
+            )
     for name, ring in mesh.interfaces.items():
         if ring.ndim != 1 or ring.size == 0 or np.unique(ring).size != ring.size:
-            yield InputError(f"{where}, interface {name}: not a list of different nodes", allowed="one node or more")
+            yield InputError(
+                f"{where}, interface {name}: not a list of different nodes", code="L007", allowed="one node or more"
+            )
 
 
 def _values(mesh: SolidMesh) -> Iterator[InputError]:
     where = f"solid mesh {mesh.name}"
     if not np.isfinite(mesh.nodes).all():
         row = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
-        yield InputError(f"{where}, node {row}", value=mesh.nodes[row].tolist(), allowed="finite numbers")
+        yield InputError(f"{where}, node {row}", code="L007", value=mesh.nodes[row].tolist(), allowed="finite numbers")
     unused = np.setdiff1d(np.arange(len(mesh.nodes)), mesh.tetrahedra)
     if unused.size:
         yield InputError(
             f"{where}: {unused.size} node(s) belong to no element, the first is node {unused[0]}",
+            code="L007",
             remedy="remove them: nothing holds their freedoms",
         )
     if not 0.0 < mesh.youngs_modulus < np.inf:
-        yield InputError(f"{where}, Young's modulus (Pa)", value=mesh.youngs_modulus, allowed="greater than 0")
+        yield InputError(
+            f"{where}, Young's modulus (Pa)", code="L007", value=mesh.youngs_modulus, allowed="greater than 0"
+        )
     if not -1.0 < mesh.poissons_ratio < 0.5:
-        yield InputError(f"{where}, Poisson's ratio", value=mesh.poissons_ratio, allowed="between -1 and 0.5")
+        yield InputError(
+            f"{where}, Poisson's ratio", code="L007", value=mesh.poissons_ratio, allowed="between -1 and 0.5"
+        )

@@ -24,6 +24,7 @@ def filling(arm: Arm, n: int, rng: np.random.Generator, clear: tuple[float, floa
     if len(found) < n:
         raise InputError(
             f"poses of {arm.name}",
+            code="C005",
             value=len(found),
             allowed=f"{n} within 80 % of the limits and all couplings",
             remedy="give a sheet with poses that it can take",

@@ -90,6 +90,10 @@ def checked(code: str, arm: Arm, links: str) -> str:
         places = [one for one in known if one.partition(":")[0] == kind]
         kinds = dict.fromkeys(one.partition(":")[0] + (":PLACE" if ":" in one else "") for one in known)
         raise InputError(
-            "--hide", value=code, allowed=", ".join(places or kinds), remedy="--hide any hides one in secret"
+            "--hide",
+            code="A001",
+            value=code,
+            allowed=", ".join(places or kinds),
+            remedy="--hide any hides one in secret",
         )
     return code

@@ -36,5 +36,5 @@ def finite(what: str, values: ArrayLike, shape: tuple[int | str, ...], unit: str
     if not fits or not np.isfinite(array).all():
         value = array.tolist() if fits and array.size < 10 else f"shape {array.shape}"
         form = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
-        raise InputError(what, value=value, allowed=f"finite numbers, shape {form} {unit}".rstrip())
+        raise InputError(what, code="B001", value=value, allowed=f"finite numbers, shape {form} {unit}".rstrip())
     return array

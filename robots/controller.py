@@ -70,6 +70,7 @@ def arm_controller(table: Controller | None, coordinates: Sequence[str], robot: 
     if table.angle and not table.axes:
         raise InputError(
             f"{robot}: [controller] has [[controller.angle]] but no axes",
+            code="R003",
             allowed=f"axes = [...], {len(coordinates)} names ending in _deg",
             remedy="name the controller's angles, one for each joint",
         )
@@ -111,6 +112,7 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
     if len(names) != len(coordinates) or twice(names):
         raise InputError(
             where,
+            code="R003",
             value=", ".join(names),
             allowed=f"{len(coordinates)} different names, one for each joint",
             remedy="name each of the controller's angles once, in the joints' order",
@@ -120,6 +122,7 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
         if row.coordinate not in coordinates:
             raise InputError(
                 f"{robot}: [[controller.angle]] coordinate",
+                code="R003",
                 value=row.coordinate,
                 allowed=", ".join(coordinates),
                 remedy="name a joint's coordinate",
@@ -130,6 +133,7 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
             if term.axis not in names:
                 raise InputError(
                     f"{robot}: [[controller.angle]] {row.coordinate}: axis",
+                    code="R003",
                     value=term.axis,
                     allowed=", ".join(names),
                     remedy="name one of the axes",
@@ -139,6 +143,7 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
         if name in coordinates and not (coordinates[j] == name and _same(matrix[j], offset[j], j)):
             raise InputError(
                 where,
+                code="R003",
                 value=name,
                 allowed="the same name only where both count the same angle",
                 remedy="give the controller's angle a name of its own, as in J3_deg",
@@ -147,6 +152,7 @@ def _counted(table: Controller, names: Sequence[str], coordinates: Sequence[str]
     if size[-1] < _SINGULAR * size[0]:
         raise InputError(
             f"{robot}: [[controller.angle]]",
+            code="R003",
             value=matrix.tolist(),
             allowed="factors by which the controller's angles determine all coordinates",
             remedy="check the factors: two rows say the same",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice, product
@@ -18,9 +17,6 @@ NAMES_SHOWN = 12
 _LONGEST_VALUE, _LONGEST_TEXT, _LONGEST_OF_SEVERAL = 500, 2000, 1000
 # A name is taken as another mistyped where so much of the letters agree (difflib's ratio): one slip in four letters.
 _CLOSE = 0.75
-# Modules that only put into words what others have found; and what Python adds to a function's name.
-_WORDING = frozenset({__name__, "robots.faults"})
-_UNNAMED = re.compile(r"\.?<\w+>")
 # Longer texts are no names, and more of them nobody has mistyped.
 _LONGEST_NAME, _MOST_NAMES = 60, 200
 
@@ -67,46 +63,28 @@ def line_ranges(lines: Iterable[int]) -> str:
     return listed(str(a) if a == b else f"{a}-{b}" for a, b in ranges)
 
 
-def raised_at(above: int = 0) -> str:
-    """Where an error is made, as ``module:function``, which the catalogue of failures knows it by.
-
-    Functions that only put an error into words are passed over; ``above``: so many callers more.
-    """
-    frame = sys._getframe(1)
-    while frame.f_back is not None and _only_words(frame.f_globals["__name__"], frame.f_locals.get("self")):
-        frame = frame.f_back
-    for _ in range(above):
-        frame = frame.f_back or frame
-    return f"{frame.f_globals['__name__']}:{_UNNAMED.sub('', frame.f_code.co_qualname)}"
-
-
-def _only_words(module: str, self: object) -> bool:
-    return module in _WORDING or isinstance(self, ValueError)
-
-
 class InputError(ValueError):
     """Bad input: what is wrong, which value, what is allowed, and what to do. The message is one printable line.
 
     Parameters
     ----------
     what : the thing at fault, with its place ("data.csv, row 3, column fz_N")
+    code : the entry of the catalogue of failures (``stiffarm help CODE``); it never changes
     value : the offending value as the user wrote it, if there is one
     allowed : the allowed range or form
     remedy : what the user can do about it
-    site : where the error was made (:func:`raised_at`), if another error is passed on in other words
     """
 
     def __init__(
         self,
         what: str,
         *,
+        code: str,
         value: object = None,
         allowed: str | None = None,
         remedy: str | None = None,
-        site: str | None = None,
     ) -> None:
-        self.what, self.value, self.allowed, self.remedy = what, value, allowed, remedy
-        self.site = site or raised_at()
+        self.what, self.code, self.value, self.allowed, self.remedy = what, code, value, allowed, remedy
         text = shortened(what)
         if value is not None:
             text += f": got {_shown(value)}"
@@ -129,23 +107,28 @@ class InputError(ValueError):
         return f"{shortened(self.what)}{value}{allowed}{remedy}"
 
 
-def require_one_of(what: str, value: object, allowed: Iterable[object], *, remedy: str | None = None) -> None:
+def require_one_of(
+    what: str, value: object, allowed: Iterable[object], *, code: str, remedy: str | None = None
+) -> None:
     """Raise InputError unless ``value``, which is ``what``, is one of those allowed."""
     known = tuple(allowed)
     if value not in known:
-        raise InputError(what, value=value, allowed=", ".join(map(str, known)), remedy=remedy)
+        raise InputError(what, code=code, value=value, allowed=", ".join(map(str, known)), remedy=remedy)
 
 
-def require_positive(what: str, value: float | None, unit: str = "", remedy: str | None = None) -> None:
+def require_positive(what: str, value: float | None, unit: str = "", remedy: str | None = None, *, code: str) -> None:
     """Raise InputError unless a number, in its ``unit``, is finite and greater than 0, or not given."""
     if value is not None and not 0.0 < value < math.inf:
-        raise InputError(what, value=value, allowed=f"greater than 0 {unit}".rstrip(), remedy=remedy)
+        raise InputError(what, code=code, value=value, allowed=f"greater than 0 {unit}".rstrip(), remedy=remedy)
 
 
-def require_at_least(what: str, value: float | None, least: float, unit: str = "", remedy: str | None = None) -> None:
+def require_at_least(
+    what: str, value: float | None, least: float, unit: str = "", remedy: str | None = None, *, code: str
+) -> None:
     """Raise InputError unless a number, in its ``unit``, is finite and not below ``least``, or not given."""
     if value is not None and not least <= value < math.inf:
-        raise InputError(what, value=value, allowed=f"{least:g} or more{unit and f', {unit}'}", remedy=remedy)
+        allowed = f"{least:g} or more{unit and f', {unit}'}"
+        raise InputError(what, code=code, value=value, allowed=allowed, remedy=remedy)
 
 
 def raise_any(what: str, faults: Sequence[InputError]) -> None:
@@ -157,11 +140,12 @@ def raise_any(what: str, faults: Sequence[InputError]) -> None:
 class InputErrors(InputError):  # noqa: N818 - the plural of InputError
     """Several faults found in one reading of the input, reported together: the first ones, and how many there are.
 
-    ``count``: of all faults, where ``errors`` holds the first of them only.
+    It has no code of its own: each of them has one. ``count``: of all faults, where ``errors`` holds the first of them
+    only.
     """
 
     def __init__(self, what: str, errors: Sequence[InputError], count: int | None = None) -> None:
-        super().__init__(what)
+        super().__init__(what, code="")
         self.errors = tuple(errors)
         self.count = len(self.errors) if count is None else count
         lines = [f"  - {_among_several(error)}" for error in self.errors[:FAULTS_SHOWN]]

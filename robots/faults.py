@@ -30,18 +30,27 @@ class Faults:
         return self.count > 0
 
     def add(
-        self, line: int, problem: str, *, value: str | None = None, allowed: str, remedy: str, file: str | None = None
+        self,
+        line: int,
+        problem: str,
+        *,
+        code: str,
+        value: str | None = None,
+        allowed: str,
+        remedy: str,
+        file: str | None = None,
     ) -> None:
         """Record a problem of one row (of ``file``, where there are several); ``problem`` starts with its column."""
-        self.say(line, f"{file or self.file}, row {line}, {problem}", value=value, allowed=allowed, remedy=remedy)
+        what = f"{file or self.file}, row {line}, {problem}"
+        self.say(line, what, code=code, value=value, allowed=allowed, remedy=remedy)
 
-    def say(self, line: int, what: str, **parts: Any) -> None:
+    def say(self, line: int, what: str, *, code: str, **parts: Any) -> None:
         """Record a fault of a line in the words of :class:`robots.InputError`."""
         if self._takes(line):
-            self._found.append((line, InputError(what, **parts)))
+            self._found.append((line, InputError(what, code=code, **parts)))
 
-    def each(self, lines: Sequence[int], fault: Callable[[int], Mapping[str, Any]]) -> None:
-        """Record a problem of each of many lines; ``fault``: arguments of :meth:`add` by place among them.
+    def each(self, lines: Sequence[int], fault: Callable[[int], Mapping[str, Any]], *, code: str) -> None:
+        """Record a problem of each of many lines; ``fault``: other arguments of :meth:`add` by place among them.
 
         It is asked for the first ones only: a table can have a million.
         """
@@ -49,7 +58,7 @@ class Faults:
         self.lines.update(lines)
         for k in sorted(range(len(lines)), key=lines.__getitem__)[:_FAULTS_KEPT]:
             self.count -= 1  # counted once more
-            self.add(lines[k], **fault(k))
+            self.add(lines[k], code=code, **fault(k))
 
     def record(self, line: int, error: InputError) -> None:
         """Record an error that somebody else has found in a line."""

@@ -87,5 +87,5 @@ def unit_vector(vector: ArrayLike, what: str) -> Array:
     v = np.asarray(vector, dtype=np.float64)
     norm = float(np.linalg.norm(v)) if v.shape == (3,) else 0.0
     if not 0.0 < norm < np.inf:
-        raise InputError(what, value=v.tolist(), allowed="three finite numbers, not all zero")
+        raise InputError(what, code="B001", value=v.tolist(), allowed="three finite numbers, not all zero")
     return np.asarray(v / norm)

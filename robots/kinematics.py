@@ -46,6 +46,7 @@ def as_poses(robot: Robot, q: Array) -> Array:
         row = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
         raise InputError(
             f"pose {row} for {robot.name}",
+            code="B001",
             value=poses[row].tolist(),
             allowed="finite joint angles (rad)",
             remedy="remove or complete that pose",

@@ -53,5 +53,7 @@ def optional(package: str, what: str, extra: str) -> Any:
         return importlib.import_module(package)
     except ImportError as error:
         raise InputError(
-            f"{what} need the package {package} ({error})", remedy=f"install it: pip install 'stiffarm[{extra}]'"
+            f"{what} need the package {package} ({error})",
+            code="F013",
+            remedy=f"install it: pip install 'stiffarm[{extra}]'",
         ) from error

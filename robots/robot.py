@@ -79,7 +79,7 @@ class Robot:
 
     def coordinate_index(self, coordinate: str) -> int:
         """Column of a joint coordinate in a pose array."""
-        require_one_of(f"joint coordinate of {self.name}", coordinate, self.coordinates)
+        require_one_of(f"joint coordinate of {self.name}", coordinate, self.coordinates, code="B003")
         return self.coordinates.index(coordinate)
 
     def pose_batch(self, q: Array) -> Array:
@@ -88,6 +88,7 @@ class Robot:
         if q.ndim != 2 or q.shape[1] != self.dof:
             raise InputError(
                 f"pose array for {self.name}",
+                code="B001",
                 value=f"shape {q.shape}",
                 allowed=f"(n, {self.dof}) in rad",
                 remedy="pass one row a pose",
@@ -260,6 +261,7 @@ def _check_parallelogram(robot: Robot) -> None:
     if p.driven != p.crank_about + 1:
         raise InputError(
             f"{where} driven joint",
+            code="R002",
             value=robot.joint_names[p.driven],
             allowed=f"the joint right after {robot.joint_names[p.crank_about]}, which the crank turns about",
             remedy="name that joint as 'driven', or another as 'crank_about'",
@@ -270,6 +272,7 @@ def _check_parallelogram(robot: Robot) -> None:
     if not np.allclose(axis, own, atol=1e-9):
         raise InputError(
             f"{where} joint axes",
+            code="R002",
             value=f"{np.round(own, 6).tolist()} and {np.round(axis, 6).tolist()}",
             allowed="parallel, in the same direction",
             remedy="check the axes of both joints",
@@ -280,6 +283,7 @@ def _check_parallelogram(robot: Robot) -> None:
     if np.linalg.norm(lever) < 1e-6:
         raise InputError(
             f"{where} pin",
+            code="R002",
             value=p.pin.tolist(),
             allowed="a point off the driven joint's axis",
             remedy="check the pin's position",

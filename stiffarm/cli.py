@@ -61,6 +61,16 @@ COMMANDS: dict[str, Entry] = {
     "serve": Entry("serve", "serve_command", MACHINE, "Answer questions from other programs, line by line."),
 }
 
+# Codes of wrong options, by the class of what the parser raises.
+CODES: Final = {
+    "NoSuchOption": "A021",
+    "MissingParameter": "A022",
+    "BadOptionUsage": "A022",
+    "BadArgumentUsage": "A022",
+    "BadParameter": "A023",
+    "UsageError": "A024",
+}
+
 
 class _Commands(TyperGroup):
     """Commands by name. The list says what the table says; a command is imported when it is called."""
@@ -103,7 +113,11 @@ def _refuse_empty(args: list[str]) -> None:
         if not argument.strip() or (argument.startswith("--") and argument.endswith("=")):
             place = argument if argument.strip() else f"the argument after {before}" if before else "the first argument"
             say_error(
-                InputError(f"{place} is empty", remedy="give a value, or leave it out ('.' is the folder you are in)")
+                InputError(
+                    f"{place} is empty",
+                    code="A008",
+                    remedy="give a value, or leave it out ('.' is the folder you are in)",
+                )
             )
             raise SystemExit(EXIT_BAD_INPUT)
 
@@ -124,13 +138,13 @@ def _printable() -> Iterator[None]:
 
 def _coded(text: str, error: Exception) -> str:
     """What the command line says of wrong options, with the code of the failure."""
-    from stiffarm.failures import MORE, covering
+    from stiffarm.failures import MORE
 
-    found = covering(f"click:{type(error).__name__}", text)
-    if not found or MORE in text:
+    code = CODES.get(type(error).__name__)
+    if code is None or MORE in text:
         return text
     end = "" if not text or text.endswith((".", "?")) else "."
-    return f"{text}{end} {MORE} {found[0][1].code}".lstrip()
+    return f"{text}{end} {MORE} {code}".lstrip()
 
 
 app = typer.Typer(

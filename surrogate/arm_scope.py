@@ -50,12 +50,13 @@ def scope_of(
         if name not in inputs and not low <= base[index] <= high:
             raise InputError(
                 f"fixed coordinate {name}",
+                code="S003",
                 value=value,
                 allowed=f"{np.degrees(low):g} to {np.degrees(high):g} deg of {robot.name}",
             )
     lower, upper = robot.limits[columns].T.copy()
     for name, (low, high) in (limits_deg or {}).items():
-        require_one_of("limits of an input", name, inputs)
+        require_one_of("limits of an input", name, inputs, code="S003")
         i = list(inputs).index(name)
         lower[i], upper[i] = max(lower[i], np.radians(low)), min(upper[i], np.radians(high))
     x, y, z = unit_vector(direction, "load direction").tolist()

@@ -114,6 +114,7 @@ def query(
         raise InputError(
             f"query of {surrogate.robot}: {count_rows(~good)} outside the fitted range: "
             + "; ".join(surrogate.faults(poses)),
+            code="S001",
             remedy="ask inside these ranges, fit a surrogate on a larger domain, or pass `--extrapolate` "
             "(extrapolate=True) to get flagged values without an error bar",
         )

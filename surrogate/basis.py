@@ -45,7 +45,7 @@ class Basis(Products):
     terms: Integers
 
     def __post_init__(self) -> None:
-        require_one_of("basis", self.name, BASIS_NAMES)
+        require_one_of("basis", self.name, BASIS_NAMES, code="S003")
         check_terms(self.families, self.terms)
 
     def expansion(self, coefficients: Array) -> Expansion:
@@ -115,7 +115,7 @@ def make_basis(
         return polynomial_basis(lower, upper, degree, periodic)
     if name == "trigonometric":
         return trigonometric_basis(lower, upper, degree, periodic)
-    raise InputError("basis", value=name, allowed="polynomial, trigonometric")
+    raise InputError("basis", code="S003", value=name, allowed="polynomial, trigonometric")
 
 
 def mixed_families(
@@ -140,15 +140,16 @@ def sorted_terms(terms: Integers) -> Integers:
 
 def check_size(name: BasisName, degree: int, n_inputs: int) -> None:
     """Refuse a basis that is none or too large to be fitted (InputError)."""
-    require_one_of("basis", name, BASIS_NAMES)
+    require_one_of("basis", name, BASIS_NAMES, code="S003")
     if not 1 <= n_inputs <= MAX_INPUTS:
-        raise InputError("basis: number of inputs", value=n_inputs, allowed=f"1 to {MAX_INPUTS}")
+        raise InputError("basis: number of inputs", code="S003", value=n_inputs, allowed=f"1 to {MAX_INPUTS}")
     if not 1 <= degree <= MAX_DEGREE:
-        raise InputError("basis: degree or order", value=degree, allowed=f"1 to {MAX_DEGREE}")
+        raise InputError("basis: degree or order", code="S003", value=degree, allowed=f"1 to {MAX_DEGREE}")
     terms = term_count(name, degree, n_inputs)
     if terms > MAX_TERMS:
         raise InputError(
             f"basis: terms of {name} {degree} with {n_inputs} inputs",
+            code="S003",
             value=terms,
             allowed=f"at most {MAX_TERMS}",
             remedy="lower the degree, fix one of the coordinates, or take the basis factored or adaptive",
@@ -159,7 +160,7 @@ def _box(lower: Array, upper: Array, periodic: tuple[bool, ...] | None) -> tuple
     lo, hi = as_box(lower, upper)
     turns = (False,) * len(lo) if periodic is None else periodic
     if len(turns) != len(lo):
-        raise InputError("basis: periodic", value=len(turns), allowed=f"one for each of {len(lo)} inputs")
+        raise InputError("basis: periodic", code="S003", value=len(turns), allowed=f"one for each of {len(lo)} inputs")
     middle = 0.5 * (lo + hi)
     half = np.where(turns, np.minimum(0.5 * (hi - lo), np.pi), 0.5 * (hi - lo))
     return middle - half, middle + half, turns

@@ -66,8 +66,8 @@ def space_filling_design(
         A bad box or number, or (almost) no pose is accepted; says which limits leave none.
     """
     lo, hi = as_box(lower, upper)
-    require_at_least("design: number of poses", n, 1)
-    require_one_of("design: density", density, get_args(Density))
+    require_at_least("design: number of poses", n, 1, code="C005")
+    require_one_of("design: density", density, get_args(Density), code="C005")
     sobol = qmc.Sobol(len(lo), scramble=True, rng=rng)
     found: list[Array] = []
     limits = Couplings.none(len(lo)) if couplings is None else couplings
@@ -114,6 +114,7 @@ def _nothing_left(
         )
     return InputError(
         f"design: found only {found} in the box {box}: {'; '.join(why)}",
+        code="C005",
         remedy="widen or shift the ranges so that they overlap with these limits",
     )
 

@@ -47,9 +47,11 @@ class ErrorBars:
 
     def __post_init__(self) -> None:
         if not (np.isfinite([self.exponent, self.quantile]).all() and self.quantile >= 0.0):
-            raise InputError("surrogate: error bars", value=[self.exponent, self.quantile], allowed="finite, 0 or more")
+            raise InputError(
+                "surrogate: error bars", code="F007", value=[self.exponent, self.quantile], allowed="finite, 0 or more"
+            )
         if self.scale.n_outputs != 1:
-            raise InputError("surrogate: scale of the error bars", allowed="one number at each pose")
+            raise InputError("surrogate: scale of the error bars", code="F007", allowed="one number at each pose")
 
     def half_width(self, Q: Array) -> Array:
         """Half-width (n,) of the 95 % interval of the quantity, relative to it; Q (n, k) rad."""
@@ -77,7 +79,9 @@ class ParameterBars:
         count = 0 if self.open_share is None else self.open_share.n_outputs
         if count != len(self.undetermined) or not (np.isfinite(self.misfit) and self.misfit >= 0.0):
             raise InputError(
-                "surrogate: uncertainty of parameters", allowed="a share for each open one, a finite misfit"
+                "surrogate: uncertainty of parameters",
+                code="F007",
+                allowed="a share for each open one, a finite misfit",
             )
 
     def relative_sd(self, Q: Array, y: Array) -> Array:
@@ -103,7 +107,7 @@ def learn_bars(basis: Basis, scope: Scope, Q_fitted: Array, Q: Array, error: Arr
     InputError
         Fewer than 200 runs: the 95 % factor would be chance.
     """
-    require_at_least("error bars: runs kept out", len(Q), FEWEST_RUNS)
+    require_at_least("error bars: runs kept out", len(Q), FEWEST_RUNS, code="S004")
     leverage = _leverage(basis, Q_fitted)
     quadratic = polynomial_basis(scope.lower, scope.upper, 2, scope.periodic)
     # Halves one after the other: every second point of a Sobol sequence fills only half of the box.

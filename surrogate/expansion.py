@@ -56,18 +56,24 @@ class Family:
         raw = 1 + 2 * self.harmonics + len(self.degrees)
         if not np.isfinite([self.centre, self.half_range]).all() or not self.half_range > 0.0:
             raise InputError(
-                "family: centre and half_range", value=[self.centre, self.half_range], allowed="finite, range above 0"
+                "family: centre and half_range",
+                code="F007",
+                value=[self.centre, self.half_range],
+                allowed="finite, range above 0",
             )
         highest = max(self.degrees, default=1)
         in_order = list(self.degrees) == sorted(set(self.degrees))
         if self.harmonics < 0 or min(self.degrees, default=1) < 1 or highest > _HIGHEST or not in_order:
             raise InputError(
                 "family: harmonics and degrees",
+                code="F007",
                 value=[self.harmonics, *self.degrees],
                 allowed=f"0 or more, and degrees from 1 to {_HIGHEST}, ascending",
             )
         if matrix.ndim != 2 or matrix.shape[1] != raw or not len(matrix) or not np.isfinite(matrix).all():
-            raise InputError("family: matrix", value=f"shape {matrix.shape}", allowed=f"finite, (f, {raw}), f >= 1")
+            raise InputError(
+                "family: matrix", code="F007", value=f"shape {matrix.shape}", allowed=f"finite, (f, {raw}), f >= 1"
+            )
 
     @property
     def size(self) -> int:
@@ -155,11 +161,12 @@ class Expansion(Products):
         if coefficients.ndim != 2 or len(coefficients) != len(terms) or not coefficients.shape[1]:
             raise InputError(
                 "surrogate: coefficients",
+                code="F007",
                 value=f"shape {coefficients.shape}",
                 allowed=f"({len(terms)}, m), one row for each term",
             )
         if not np.isfinite(coefficients).all():
-            raise InputError("surrogate: coefficients", value="NaN or infinity", allowed="finite numbers")
+            raise InputError("surrogate: coefficients", code="F007", value="NaN or infinity", allowed="finite numbers")
 
     @property
     def n_outputs(self) -> int:
@@ -178,11 +185,13 @@ def check_terms(families: tuple[Family, ...], terms: Integers) -> None:
     """Refuse terms (t, k) that are not sorted, stand twice or name functions that are not there (InputError)."""
     k = len(families)
     if not k or terms.ndim != 2 or terms.shape[1] != k or not len(terms):
-        raise InputError("surrogate: terms", value=f"shape {terms.shape}", allowed=f"(t, {k}), t and k at least 1")
+        raise InputError(
+            "surrogate: terms", code="F007", value=f"shape {terms.shape}", allowed=f"(t, {k}), t and k at least 1"
+        )
     sizes = np.array([f.size for f in families])
     if (terms < 0).any() or (terms >= sizes).any():
-        raise InputError("surrogate: terms", allowed="numbers of functions that the families have")
+        raise InputError("surrogate: terms", code="F007", allowed="numbers of functions that the families have")
     order = np.lexsort(terms.T[::-1])
     repeated = (np.diff(terms[order], axis=0) == 0).all(axis=1)
     if repeated.any() or (order != np.arange(len(terms))).any():
-        raise InputError("surrogate: terms", allowed="sorted by rows, each once")
+        raise InputError("surrogate: terms", code="F007", allowed="sorted by rows, each once")

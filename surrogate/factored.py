@@ -67,7 +67,7 @@ def fit_factored(
     families = mixed_families(scope.lower, scope.upper, FACTOR_ORDER, EXTRA_DEGREE, scope.periodic)
     terms = _geometry(families)
     if len(terms) > MAX_TERMS:
-        raise InputError("factored basis: terms", value=len(terms), allowed=f"at most {MAX_TERMS}")
+        raise InputError("factored basis: terms", code="S003", value=len(terms), allowed=f"at most {MAX_TERMS}")
     Q = design(runs or max(_FEWEST_RUNS, _RUNS_A_TERM * len(terms)))
     made = run(Q)
     wanted, part = _flat(made)

@@ -42,6 +42,7 @@ def trigonometric_family(lower: float, upper: float, order: int, *, periodic: bo
     if not condition < _WORST_RECOMBINATION:
         raise InputError(
             f"trigonometric basis of order {order} over a range of {2.0 * np.degrees(half):.6g} deg",
+            code="S003",
             value=f"functions that agree to 1 part in {condition:.1g}",
             allowed=f"up to {_WORST_RECOMBINATION:.0e}",
             remedy="lower the order, widen the range, or use the polynomial basis",

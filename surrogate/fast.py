@@ -84,8 +84,8 @@ def _checked(expansion: Expansion, Q: ArrayLike, threads: int | None) -> tuple[A
     """The poses, and the compiled loops where they are worth it."""
     poses, k = np.asarray(Q, dtype=np.float64), expansion.n_inputs
     if poses.ndim != 2 or poses.shape[1] != k:
-        raise InputError("surrogate: angles", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
-    require_at_least("surrogate: threads", threads, 1)
+        raise InputError("surrogate: angles", code="B003", value=f"shape {poses.shape}", allowed=f"(n, {k}), rad")
+    require_at_least("surrogate: threads", threads, 1, code="B003")
     return poses, kernels() if len(poses) * expansion.n_terms >= FEWEST else None
 
 

@@ -69,7 +69,7 @@ def fit(
         never varies, or poses that leave terms undetermined.
     """
     if target not in TARGETS or target == "factored":
-        raise InputError("fit: target", value=target, allowed="direct, logarithm")
+        raise InputError("fit: target", code="S004", value=target, allowed="direct, logarithm")
     Q, y = checked_runs(scope, Q, y, "fitted runs")
     require_variation(scope, Q)
     if basis == "adaptive":
@@ -83,12 +83,15 @@ def checked_runs(scope: Scope, Q: Array, y: Array, what: str) -> tuple[Array, Ar
     """Runs as float arrays; InputError for shapes, values that are no positive numbers, poses out of the domain."""
     Q, y = scope.poses(Q, what), np.asarray(y, dtype=np.float64)
     if len(Q) == 0 or y.shape != (len(Q),):
-        raise InputError(f"{what}: {len(Q)} poses, values {y.shape}", allowed="one for each pose, at least one")
+        raise InputError(
+            f"{what}: {len(Q)} poses, values {y.shape}", code="S004", allowed="one for each pose, at least one"
+        )
     bad = np.flatnonzero(~(np.isfinite(y) & (y > 0.0)))
     if len(bad):
         shown = ", ".join(f"row {i + 1}: {y[i]:.6g}" for i in bad[:5])
         raise InputError(
             f"{what}: {len(bad)} of {len(y)} values are no positive numbers: {shown}",
+            code="S004",
             allowed="finite and greater than 0",
             remedy="find out why these runs failed; do not fill them",
         )
@@ -96,6 +99,7 @@ def checked_runs(scope: Scope, Q: Array, y: Array, what: str) -> tuple[Array, Ar
     if faults:
         raise InputError(
             f"{what}: poses outside of the domain or a coupling; the first: " + "; ".join(faults),
+            code="S004",
             remedy="drop these runs or state a larger domain",
         )
     return Q, y
@@ -107,6 +111,7 @@ def require_variation(scope: Scope, Q: Array) -> None:
         if np.ptp(column) <= 0.0:
             raise InputError(
                 f"fitted runs: {name} is {np.degrees(column[0]):.6g} deg in all of them",
+                code="S004",
                 remedy=f"vary it, or make {name} a fixed coordinate",
             )
 

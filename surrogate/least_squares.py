@@ -43,10 +43,11 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
     InputError
         More terms than runs, an unknown solver, or poses that leave terms undetermined.
     """
-    require_one_of("solver", solver, SOLVERS)
+    require_one_of("solver", solver, SOLVERS, code="S004")
     if A.shape[1] > len(A):
         raise InputError(
             f"fit: the basis has {A.shape[1]} terms, but there are {len(A)} runs",
+            code="S004",
             allowed="at least as many runs as terms (twice as many is sound)",
             remedy="add runs, lower the degree or order, or fix one of the coordinates",
         )
@@ -63,6 +64,7 @@ def solve(A: Array, b: Array, solver: Solver = "qr") -> Solution:
     if not condition < WORST_CONDITION:
         raise InputError(
             f"fit: the poses do not determine all {A.shape[1]} terms (condition {condition:.3g})",
+            code="S004",
             allowed=f"a condition number below {WORST_CONDITION:.0e}",
             remedy="use poses that fill the domain (no grids of few levels, no repeats), fewer terms or --solver ridge",
         )

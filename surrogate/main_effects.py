@@ -52,17 +52,19 @@ def main_effects(q_deg: Array, stiffness: Array, names: Sequence[str]) -> dict[s
     if q.ndim != 2 or len(q) == 0 or q.shape != (len(k), len(names)) or k.ndim != 1:
         raise InputError(
             "main effects: shapes",
+            code="B002",
             value=f"angles {q.shape}, stiffness {k.shape}, {len(names)} names",
             allowed="(n, k), (n,) and k names, n >= 1",
         )
     if len(set(names)) < len(names):
-        raise InputError("main effects: names", value=", ".join(names), allowed="each one once")
+        raise InputError("main effects: names", code="B002", value=", ".join(names), allowed="each one once")
     if not np.isfinite(q).all():
-        raise InputError("main effects: angles", value="NaN or infinity", allowed="finite (deg)")
+        raise InputError("main effects: angles", code="B002", value="NaN or infinity", allowed="finite (deg)")
     bad = np.flatnonzero(~(np.isfinite(k) & (k > 0.0)))
     if bad.size:
         raise InputError(
             f"main effects: stiffness of run {int(bad[0]) + 1}",
+            code="B002",
             value=float(k[bad[0]]),
             allowed="finite, greater than 0",
             remedy="leave out runs that have no result",

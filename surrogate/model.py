@@ -81,9 +81,11 @@ class Factor:
     def __post_init__(self) -> None:
         count = len(self.weights)
         if self.group.ndim != 1 or not len(self.group) or (self.group < -1).any() or (self.group >= count).any():
-            raise InputError("surrogate: groups of the factor's rows", allowed=f"-1 to {count - 1} for each row")
+            raise InputError(
+                "surrogate: groups of the factor's rows", code="F007", allowed=f"-1 to {count - 1} for each row"
+            )
         if any(law.n_outputs != 1 for law in self.weights):
-            raise InputError("surrogate: weights of the factor's rows", allowed="one number at each pose")
+            raise InputError("surrogate: weights of the factor's rows", code="F007", allowed="one number at each pose")
 
     def weight(self, Q: Array) -> Array:
         """Weights (n, r) of the rows."""
@@ -131,17 +133,17 @@ class Surrogate(Scope):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_one_of("surrogate: target", self.target, TARGETS)
+        require_one_of("surrogate: target", self.target, TARGETS, code="F007")
         if any(part.n_inputs != len(self.inputs) for part in self._parts()):
-            raise InputError("surrogate: basis", allowed=f"one of {len(self.inputs)} inputs")
+            raise InputError("surrogate: basis", code="F007", allowed=f"one of {len(self.inputs)} inputs")
         if (self.target == "factored") != (self.factor is not None):
-            raise InputError("surrogate: factor", allowed="for the target 'factored', and only there")
+            raise InputError("surrogate: factor", code="F007", allowed="for the target 'factored', and only there")
         wanted = 1 if self.factor is None else 6 * len(self.factor.group)
         if self.expansion.n_outputs != wanted:
-            raise InputError(f"surrogate: {self.expansion.n_outputs} numbers a pose", allowed=str(wanted))
+            raise InputError(f"surrogate: {self.expansion.n_outputs} numbers a pose", code="F007", allowed=str(wanted))
         figures = [value for value in vars(self.errors).values() if isinstance(value, float)]
         if not all(np.isfinite(f) and f >= 0.0 for f in figures):
-            raise InputError("surrogate: error figures", value=figures, allowed="finite and 0 or more")
+            raise InputError("surrogate: error figures", code="F007", value=figures, allowed="finite and 0 or more")
 
     def _parts(self) -> list[Expansion]:
         """All expansions over the inputs."""
@@ -207,6 +209,7 @@ def raw(surrogate: Surrogate, poses: Array, direction: Array | None = None) -> A
         elif direction is not None:
             raise InputError(
                 "direction of a query",
+                code="S002",
                 value=np.asarray(direction).tolist(),
                 allowed=f"none: this surrogate knows only the load along {surrogate.load_direction}",
                 remedy="fit one with --basis factored, which knows all directions",
@@ -229,6 +232,7 @@ def predict_compliance(surrogate: Surrogate, Q: Array, direction: Array | None =
     if surrogate.quantity.name != COMPLIANCE:
         raise InputError(
             "compliance from a surrogate of",
+            code="S002",
             value=surrogate.quantity.name,
             allowed=COMPLIANCE,
             remedy="fit one of the stiffness (`stiffarm fit`)",
@@ -247,6 +251,7 @@ def compliance_matrix(surrogate: Surrogate, Q: Array) -> Array:
     if surrogate.factor is None:
         raise InputError(
             f"compliance matrix from a surrogate with the {surrogate.basis} basis",
+            code="S002",
             allowed="the basis factored",
             remedy="fit one with --basis factored",
         )
@@ -268,6 +273,7 @@ def refuse(surrogate: Surrogate, y: Array, bad: Bools) -> None:
         rows = "; ".join(f"row {i + 1}: {y[i]:.3g} {surrogate.quantity.unit}" for i in np.flatnonzero(bad)[:ROWS_SHOWN])
         raise InputError(
             f"query of {surrogate.robot}: the fit is not valid at {count_rows(bad)}: {rows}",
+            code="S001",
             allowed=f"a positive, finite {surrogate.quantity.name}",
             remedy="fit with --basis factored, with more --runs, or over a smaller domain",
         )

@@ -30,7 +30,9 @@ def learn_parameters(task: Task, Q: Array, Q_test: Array) -> ParameterBars:
     assert task.gradients is not None  # noqa: S101 - asked for only where there are some
     (z, left_open), (z_test, _) = task.gradients(task.full(Q)), task.gradients(task.full(Q_test))
     if not all(np.isfinite(values).all() for values in (z, z_test, left_open)):
-        raise InputError("calibration uncertainty: changes of the quantity by the parameters", allowed="finite numbers")
+        raise InputError(
+            "calibration uncertainty: changes of the quantity by the parameters", code="S004", allowed="finite numbers"
+        )
     y, y_test = task.run(Q), task.run(Q_test)
     size = np.linalg.norm(z_test, axis=1)
     best: ParameterBars | None = None

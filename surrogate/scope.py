@@ -40,9 +40,9 @@ class Couplings:
             object.__setattr__(self, name, frozen(getattr(self, name)))
         sizes = {len(self.names), len(self.matrix), len(self.lower), len(self.upper)}
         if self.matrix.ndim != 2 or len(sizes) != 1:
-            raise InputError("couplings", allowed="one name, row, lower and upper bound for each")
+            raise InputError("couplings", code="F007", allowed="one name, row, lower and upper bound for each")
         if not np.isfinite(self.matrix).all() or not np.all(self.lower <= self.upper):
-            raise InputError("couplings", allowed="finite factors, and lower bounds not above upper ones")
+            raise InputError("couplings", code="F007", allowed="finite factors, and lower bounds not above upper ones")
 
     @classmethod
     def none(cls, n_inputs: int) -> Couplings:
@@ -88,22 +88,22 @@ class Scope:
         k = len(self.inputs)
         object.__setattr__(self, "periodic", tuple(self.periodic) or (False,) * k)
         if len(self.periodic) != k:
-            raise InputError("surrogate: periodic", allowed=f"one of true and false for {k} inputs")
+            raise InputError("surrogate: periodic", code="F007", allowed=f"one of true and false for {k} inputs")
         for name, limits in zip(("lower", "upper"), as_box(self.lower, self.upper), strict=True):
             object.__setattr__(self, name, frozen(limits))
         if len(self.lower) != k:
-            raise InputError("surrogate: domain", allowed=f"a lower and an upper limit for {k} inputs")
+            raise InputError("surrogate: domain", code="F007", allowed=f"a lower and an upper limit for {k} inputs")
         names = [*self.inputs, *self.fixed_deg]
         if len(set(names)) < len(names):
-            raise InputError("surrogate: coordinates", value=", ".join(names), allowed="each one once")
+            raise InputError("surrogate: coordinates", code="F007", value=", ".join(names), allowed="each one once")
         if not np.isfinite([*self.fixed_deg.values()]).all():
-            raise InputError("surrogate: fixed_deg", value=dict(self.fixed_deg), allowed="finite")
+            raise InputError("surrogate: fixed_deg", code="F007", value=dict(self.fixed_deg), allowed="finite")
         if self.couplings.matrix.shape[1] != k:
-            raise InputError("surrogate: couplings", allowed=f"one factor for each of {k} inputs")
+            raise InputError("surrogate: couplings", code="F007", allowed=f"one factor for each of {k} inputs")
         # 1e-9: a direction that went through a text file with ten digits still counts as a unit vector.
         length = float(np.linalg.norm(self.load_direction))
         if len(self.load_direction) != 3 or not abs(length - 1.0) <= 1e-9:
-            raise InputError("surrogate: load_direction", value=self.load_direction, allowed="a unit (3,)")
+            raise InputError("surrogate: load_direction", code="F007", value=self.load_direction, allowed="a unit (3,)")
 
     def inside(self, Q: Array) -> Bools:
         """Which inputs of which poses lie in the domain; Q (n, k) rad -> (n, k)."""
@@ -114,13 +114,14 @@ class Scope:
         poses = np.asarray(Q, dtype=np.float64)
         k = len(self.inputs)
         if poses.ndim != 2 or poses.shape[1] != k:
-            raise InputError(f"{what}: shape {poses.shape}", allowed=f"(n, {k}): {', '.join(self.inputs)}")
+            raise InputError(f"{what}: shape {poses.shape}", code="S001", allowed=f"(n, {k}): {', '.join(self.inputs)}")
         bad = ~np.isfinite(poses)
         if bad.any():
             first = np.argwhere(bad)[:ROWS_SHOWN]
             shown = "; ".join(f"row {i + 1}: {self.inputs[j]} = {poses[i, j]}" for i, j in first)
             raise InputError(
                 f"{what}: {count_rows(np.any(bad, axis=1))} with an angle that is no finite number: {shown}",
+                code="S001",
                 remedy="give these angles or drop the rows",
             )
         return poses
@@ -148,10 +149,13 @@ def as_box(lower: Array, upper: Array) -> tuple[Array, Array]:
     """Check the limits (k,) rad of a box: InputError unless finite, each lower one below its upper one."""
     lo, hi = np.atleast_1d(np.asarray(lower, np.float64)), np.atleast_1d(np.asarray(upper, np.float64))
     if lo.shape != hi.shape or lo.ndim != 1:
-        raise InputError("domain: lower and upper", value=f"shapes {lo.shape} and {hi.shape}", allowed="(k,)")
+        raise InputError(
+            "domain: lower and upper", code="S001", value=f"shapes {lo.shape} and {hi.shape}", allowed="(k,)"
+        )
     if not (np.all(np.isfinite(lo)) and np.all(np.isfinite(hi)) and np.all(lo < hi)):
         raise InputError(
             "domain",
+            code="S001",
             value=f"{np.degrees(lo).tolist()} to {np.degrees(hi).tolist()} deg",
             allowed="finite, each lower limit below its upper limit",
             remedy="give a range to each input, or make the input a fixed coordinate",

@@ -37,7 +37,7 @@ class _Strict(Strict):
 
 def _even(rows: list[list[float]]) -> list[list[float]]:
     if len({len(row) for row in rows}) > 1:
-        raise InputError("surrogate: a matrix", allowed="rows of one length")
+        raise InputError("surrogate: a matrix", code="F007", allowed="rows of one length")
     return rows
 
 
@@ -159,17 +159,18 @@ def load_surrogate(path: str | Path) -> Surrogate:
     where = f"surrogate file {path}"
     data = parse_json(read_text(path, "surrogate file"), where, remedy=_REFIT)
     if not isinstance(data, dict):
-        raise InputError(f"{where}", value=type(data).__name__, allowed="a JSON object", remedy=_REFIT)
+        raise InputError(f"{where}", code="F007", value=type(data).__name__, allowed="a JSON object", remedy=_REFIT)
     _check_version(where, data.get("schema"))
     file = validated(_File, data, where, missing=_REFIT, remedy=_REFIT)
     try:
         surrogate = _surrogate(file)
     except (ValueError, OverflowError) as error:
         # Not only our own refusals: numpy's of rows of unlike length, or of whole numbers beyond 64 bits.
-        raise InputError(f"{where}: {error}", remedy=_REFIT) from error
+        raise InputError(f"{where}: {error}", code="F007", remedy=_REFIT) from error
     if file.content_sha256 != _checksum(data):
         raise InputError(
             f"{where}: the content does not fit its checksum, so it was changed after it was written",
+            code="F007",
             remedy="take the original file, or " + _REFIT,
         )
     return surrogate
@@ -234,10 +235,10 @@ def _arm(name: str, file: _Robot) -> Robot:
     }
     arrays = {key: np.array(getattr(file, key), dtype=np.float64) for key in shapes}
     if any(arrays[key].shape != shape for key, shape in shapes.items()) or len(file.joint_names) != n:
-        raise InputError("kinematics", allowed=f"arrays for {n} joints")
+        raise InputError("kinematics", code="F007", allowed=f"arrays for {n} joints")
     turns = np.concatenate([arrays["T_pre"][:, :3, :3], arrays["R_post"]])
     if not np.allclose(turns @ turns.swapaxes(1, 2), np.eye(3), atol=1e-9) or not (np.abs(arrays["sign"]) == 1.0).all():
-        raise InputError("kinematics", allowed="rotations, and signs of 1 or -1")
+        raise InputError("kinematics", code="F007", allowed="rotations, and signs of 1 or -1")
     return Robot(
         name=name,
         coordinates=tuple(file.coordinates),
@@ -253,7 +254,7 @@ def _arm(name: str, file: _Robot) -> Robot:
 def _surrogate(file: _File) -> Surrogate:
     k = len(file.inputs)
     if any(len(c.factors) != k for c in file.couplings):
-        raise InputError("couplings: factors", allowed=f"{k} for each coupling, one for each input")
+        raise InputError("couplings: factors", code="F007", allowed=f"{k} for each coupling, one for each input")
     couplings = Couplings(
         tuple(c.name for c in file.couplings),
         np.array([c.factors for c in file.couplings]).reshape(-1, k),
@@ -297,6 +298,7 @@ def _check_version(where: str, version: object) -> None:
     newer = number != str(version) and number.isdecimal() and len(number) < 10 and int(number) > int(own)
     raise InputError(
         f"{where}: schema" + (" is newer than this program" if newer else ""),
+        code="F006",
         value=str(version),
         allowed=SCHEMA,
         remedy="update stiffarm, or fit again with this version" if newer else _REFIT,

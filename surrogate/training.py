@@ -120,7 +120,7 @@ def train(
     InputError
         A basis asked for by name that cannot be fitted, an empty reachable set, or a rigid model.
     """
-    require_one_of("--basis", basis, get_args(BasisChoice))
+    require_one_of("--basis", basis, get_args(BasisChoice), code="A001")
     ways = _prepared(task, rng, degree, order, target, solver, progress)
     training = _run(task, task.design(runs or TRAINING_RUNS, "arcsine", rng))
     fitted: list[Surrogate] = []
@@ -140,7 +140,9 @@ def train(
         rounds += said
         seconds[name] = time.perf_counter() - start
     if not fitted:
-        raise InputError("fit: no basis could be fitted: " + "; ".join(f"{n}: {why}" for n, why in refused.items()))
+        raise InputError(
+            "fit: no basis could be fitted: " + "; ".join(f"{n}: {why}" for n, why in refused.items()), code="S004"
+        )
     fitted.sort(key=_merit)
     predicted: dict[str, Array] = {s.basis: predict(s, ways.audit.Q) for s in fitted}
     return Trained(tuple(fitted), training, ways.audit, predicted, refused, tuple(rounds), seconds, ways.uniform)
@@ -157,7 +159,11 @@ def _wanted(task: Task, basis: BasisChoice) -> list[BasisName]:
         return ["polynomial", "trigonometric", "factored" if arm else "adaptive"]
     if basis == "factored" and not arm:
         raise InputError(
-            "--basis", value=basis, allowed="polynomial, trigonometric, adaptive", remedy="factored is for compliance"
+            "--basis",
+            code="A001",
+            value=basis,
+            allowed="polynomial, trigonometric, adaptive",
+            remedy="factored is for compliance",
         )
     return [basis]
 

@@ -68,9 +68,11 @@ def test_the_check_tells_a_quoted_message(body: str, lines: list[int]) -> None:
 
 
 def test_prose_has_no_form_of_a_refusal() -> None:
-    one = InputError("set-ups that would tell a from b", value="none of 300 tried", allowed="one", remedy="turn it")
+    one = InputError(
+        "set-ups that would tell a from b", code="X004", value="none of 300 tried", allowed="one", remedy="turn it"
+    )
     assert one.prose == "set-ups that would tell a from b: none of 300 tried (needed: one). Turn it"
-    assert InputError("nothing moves").prose == "nothing moves"
-    both = InputErrors("link 3", [one, InputError("nothing moves")])
+    assert InputError("nothing moves", code="X004").prose == "nothing moves"
+    both = InputErrors("link 3", [one, InputError("nothing moves", code="X004")])
     assert both.prose == f"link 3 (2 in all): {one.prose}"
     assert "\n" not in both.prose

@@ -134,7 +134,7 @@ def compare_with_peers(
     limits = dict(most_runs or {})
     for name in [*(peers or ()), *limits]:
         if name not in PEERS:
-            raise InputError("peer", value=name, allowed=", ".join(PEERS))
+            raise InputError("peer", code="A001", value=name, allowed=", ".join(PEERS))
     for name in peers or ():
         PEERS[name].build(PEERS[name].variants[0], runs.Q.shape[1], len(runs.Q))
     jobs: list[tuple[str, Callable[[], PeerResult]]] = [
@@ -210,7 +210,7 @@ def _choose(peer: Peer, runs: _Runs, most: int | None, messages: list[str]) -> V
         if np.isfinite(rms):
             found.append((rms, variant))
     if not found:
-        raise InputError("; ".join(dict.fromkeys(refusals)) or "no variant gives finite values")
+        raise InputError("; ".join(dict.fromkeys(refusals)) or "no variant gives finite values", code="S004")
     messages += refusals
     return min(found, key=lambda item: item[0])[1]
 
@@ -306,15 +306,20 @@ def _checked(
     Q, y = _finite("fitted runs", Q, y)
     Q_test, y_test = _finite("held-out runs", Q_test, y_test)
     if Q.shape[1] != Q_test.shape[1]:
-        raise InputError("held-out runs: inputs", value=Q_test.shape[1], allowed=f"{Q.shape[1]}, as the fitted ones")
+        raise InputError(
+            "held-out runs: inputs", code="B001", value=Q_test.shape[1], allowed=f"{Q.shape[1]}, as the fitted ones"
+        )
     flags = np.zeros(len(y_test), dtype=np.bool_) if boundary is None else np.asarray(boundary, dtype=np.bool_)
     if flags.shape != y_test.shape:
-        raise InputError("boundary", value=f"shape {flags.shape}", allowed=f"({len(y_test)},), one for each run")
+        raise InputError(
+            "boundary", code="B001", value=f"shape {flags.shape}", allowed=f"({len(y_test)},), one for each run"
+        )
     seen = {row.tobytes() for row in Q + 0.0}
     twice = sum(row.tobytes() in seen for row in Q_test + 0.0)
     if twice:
         raise InputError(
             f"held-out runs: {twice} of {len(Q_test)} poses were fitted too",
+            code="T008",
             remedy="draw the held-out poses apart from the fitted ones",
         )
     return _Runs(Q, y, Q_test, y_test, flags, np.random.default_rng(seed).permutation(len(y)), clock)
@@ -324,12 +329,15 @@ def _finite(what: str, Q: Array, y: Array) -> tuple[Array, Array]:
     Q, y = np.asarray(Q, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if Q.ndim != 2 or not Q.size or y.shape != (len(Q),):
         raise InputError(
-            f"{what}: poses {Q.shape}, compliances {y.shape}", allowed="(n, k) and (n,), n and k at least 1"
+            f"{what}: poses {Q.shape}, compliances {y.shape}",
+            code="B001",
+            allowed="(n, k) and (n,), n and k at least 1",
         )
     bad = np.flatnonzero(~(np.isfinite(Q).all(axis=1) & np.isfinite(y) & (y > 0.0)))
     if len(bad):
         raise InputError(
             f"{what}: {len(bad)} of {len(y)} have an angle that is not finite or a compliance that is not positive",
+            code="B001",
             value=f"row {bad[0] + 1}: {y[bad[0]]:.6g} m/N",
             remedy="find out why these runs failed; do not fill them",
         )

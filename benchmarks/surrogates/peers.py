@@ -109,6 +109,7 @@ class Polynomial:
         if terms > len(X):
             raise InputError(
                 f"polynomial of degree {self.degree}: {terms} terms, but {len(X)} runs",
+                code="S004",
                 allowed="at least as many runs as terms",
                 remedy="add runs",
             )
@@ -264,6 +265,7 @@ def _smt_kriging() -> Any:
     except ImportError as error:
         raise InputError(
             "kriging: the package smt is not installed",
+            code="F013",
             remedy='install it (`pip install "stiffarm[smt]"`), or compare without kriging',
         ) from error
     return KRG

@@ -87,7 +87,7 @@ class Positions:
         for one in self.findings:
             if one.name == name:
                 return one
-        raise InputError("parameter", value=name, allowed=", ".join(one.name for one in self.findings))
+        raise InputError("parameter", code="B003", value=name, allowed=", ".join(one.name for one in self.findings))
 
 
 def calibrate_positions(
@@ -118,6 +118,7 @@ def calibrate_positions(
     if not weighs and layout.of("spring"):
         raise InputError(
             f"springs of {model.robot.name} under its own weight",
+            code="C004",
             value=", ".join(one.name for one in layout.unknowns if one.kind == "spring"),
             allowed="a model whose links declare masses, or readings with a payload (payload_kg)",
             remedy="add masses to the [[link]]s of the model file, or free no springs",
@@ -194,6 +195,7 @@ def check_no_worse(before: Fit, after: Fit, wrong: Sequence[Gross]) -> None:
     if last > (1.0 + ROUNDING) * first:
         raise InputError(
             "calibration: RMS of the readings",
+            code="C008",
             value=f"{last:.6g} mm",
             allowed=f"{first:.6g} mm at most, as before: nothing is written",
             remedy="keep the model as it is, or free less (--free geometry) and add readings",

@@ -129,6 +129,7 @@ def plan_campaign(model: ArmModel, wanted: Wanted, progress: Progress | None = N
     if laws := [one.name for one in layout.unknowns if one.law]:
         raise InputError(
             "parameters of a plan",
+            code="M001",
             value=", ".join(laws[:3]),
             allowed="parameters without a law of their size",
             remedy="leave periodic and rail out: what tells error curves is angles that are spread, as these are",
@@ -168,7 +169,7 @@ def _free(model: ArmModel, wanted: Wanted) -> Sequence[str]:
 def _candidates(model: ArmModel, wanted: Wanted, rng: np.random.Generator) -> tuple[Array, Bools]:
     """Poses (c, dof) rad that the arm can take, and targets (c, t) that the tracker sees there, one at least."""
     if not wanted.targets:
-        raise InputError("targets", value="none", allowed="one or more on the flange")
+        raise InputError("targets", code="C005", value="none", allowed="one or more on the flange")
     robot, count = model.robot, max(wanted.candidates, 2 * wanted.poses, 10)
     low, high = np.clip(robot.limits, -np.pi, np.pi).T
     low, high = low + wanted.margin, high - wanted.margin
@@ -187,6 +188,7 @@ def _candidates(model: ArmModel, wanted: Wanted, rng: np.random.Generator) -> tu
     if there < max(2 * wanted.poses, 10):
         raise InputError(
             "poses whose targets the tracker sees",
+            code="C005",
             value=f"{there} of {TRIED * count} drawn",
             allowed=f"{max(2 * wanted.poses, 10)} or more, twice as many as are chosen",
             remedy="check --tracker (mm, the arm's base frame) and the targets' directions, or ask for fewer poses",

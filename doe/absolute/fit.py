@@ -127,7 +127,9 @@ def fit(
         Fewer readings than frames and targets need.
     """
     if 3 * len(data) <= FRAME * len(start.frames) + 3 * len(start.targets):
-        raise InputError("readings", value=len(data), allowed=f"more than {2 * len(start.frames) + len(start.targets)}")
+        raise InputError(
+            "readings", code="C001", value=len(data), allowed=f"more than {2 * len(start.frames) + len(start.targets)}"
+        )
     u = first_values(layout, start)
     free = np.arange(len(u)) if held is None else np.flatnonzero(np.isnan(held))
     u = u if held is None else np.where(np.isnan(held), u, held)

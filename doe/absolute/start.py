@@ -126,6 +126,7 @@ def started(robot: Robot, data: AbsoluteReadings, seed: int = 0) -> Start:
     if far > most:
         raise InputError(
             "targets: farthest from the flange",
+            code="C007",
             value=f"{1e3 * far:.3g} mm",
             allowed=f"{1e3 * most:.3g} mm at most",
             remedy="check that positions are in mm, and that the model is the robot that was measured",
@@ -140,12 +141,14 @@ def _no_frame(session: str, readings: int, needed: int) -> InputError:
     if readings < needed:
         return InputError(
             f"readings of session {session}",
+            code="C001",
             value=readings,
             allowed=f"{needed} or more for its frame",
             remedy="add readings, or join sessions in which tracker and robot stayed in place",
         )
     return InputError(
         f"session {session}: no frame of the tracker brings its positions and the arm's together",
+        code="C007",
         allowed="targets that do not all lie on a line, at angles as the model counts them",
         remedy="add readings at other poses; check units, signs and zeros of the angles (stiffarm robots check)",
     )
@@ -229,6 +232,7 @@ def _check_scale(x: Array, A: Array, b: Array, used: Bools) -> None:
     if not 1.0 / SCALE < s[0] < SCALE:
         raise InputError(
             "positions of targets",
+            code="C007",
             value=f"{1.0 / s[0]:.3g} times as far from one another as the arm moves them",
             allowed="mm, as the columns x_mm, y_mm and z_mm say",
             remedy="convert them to mm, or choose the model of the robot that was measured",
@@ -236,6 +240,7 @@ def _check_scale(x: Array, A: Array, b: Array, used: Bools) -> None:
     if np.linalg.det(x[:9].reshape(3, 3)) < 0.0:
         raise InputError(
             "positions of targets",
+            code="C007",
             value="the mirror image of where the arm puts them",
             allowed="a frame whose axes are right-handed",
             remedy="give one coordinate the other sign, or swap two that were mistaken for one another",

@@ -67,6 +67,7 @@ def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> A
             faults.add(
                 1,
                 f"no column {name}",
+                code="T001",
                 allowed=f"all of {', '.join(POSITION)}",
                 remedy="give all three coordinates of the target in the tracker's frame",
             )
@@ -76,7 +77,9 @@ def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> A
         _check(data, robot, faults, check_reach)
     faults.raise_if_any("absolute readings")
     if not len(data):
-        raise InputError(f"{table.name} has no readings", remedy="each line below the header holds one target")
+        raise InputError(
+            f"{table.name} has no readings", code="T001", remedy="each line below the header holds one target"
+        )
     return data
 
 
@@ -130,6 +133,7 @@ def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults)
             faults.add(
                 line,
                 "column approach",
+                code="T003",
                 value=text,
                 allowed=f"a +, - or 0 for each of {robot.dof} joints",
                 remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
@@ -169,6 +173,7 @@ def _check(data: AbsoluteReadings, robot: Robot, faults: Faults, check_reach: bo
         faults.add(
             int(data.line[k]),
             "position",
+            code="T004",
             value=f"{1e3 * np.abs(data.position[k]).max():g} mm",
             allowed=f"up to {FARTHEST_m:g} m from the tracker",
             remedy="check the unit: columns are mm",
@@ -178,6 +183,7 @@ def _check(data: AbsoluteReadings, robot: Robot, faults: Faults, check_reach: bo
         faults.add(
             int(data.line[row]),
             "column payload_kg",
+            code="T004",
             value=f"{data.payloads[k].kg:g}",
             allowed="0 or more",
             remedy="give the mass that the flange carries beside the target",
@@ -196,7 +202,7 @@ def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:
         No table.
     """
     if not tables:
-        raise InputError("tables", value="none", allowed="one or more")
+        raise InputError("tables", code="T008", value="none", allowed="one or more")
     if len(tables) == 1:
         return tables[0]
     held = np.array([[p.kg, *p.centre] for t in tables for p in t.payloads])

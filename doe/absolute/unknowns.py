@@ -307,6 +307,7 @@ def _named(robot: Robot, data: AbsoluteReadings, name: str) -> Sequence[Unknown]
         return (one,)
     raise InputError(
         "parameter of absolute readings",
+        code="M001",
         value=name,
         allowed=f"{', '.join((*GROUPS, 'periodic4'))}, or one of a joint: {robot.joint_names[0]}.zero, .ratio, "
         ".periodic, .frame.x, .frame.rx, .per.OTHER, .sin1, .cos1, .stiffness, .rx",

@@ -230,6 +230,7 @@ def refuse_cut_cycles(
     if down.any() or "unloading" in data.phase:
         raise InputError(
             f"{where}, with {', '.join(memory)} and readings while unloading",
+            code="C002",
             value=", ".join(f"{v:g} N" for v in loads),
             allowed="all loads: these effects remember the largest",
             remedy="leave the loads out, or remove the effect",
@@ -294,7 +295,7 @@ def readings_of(data: Measurements, stage: Stage) -> Measurements:
     if stage.poses:
         used = select_poses(used, stage.poses, f"stage {stage.name!r}")
     if used.n == 0:
-        raise InputError(f"stage {stage.name!r} has no reading", remedy="check its poses and loads")
+        raise InputError(f"stage {stage.name!r} has no reading", code="C001", remedy="check its poses and loads")
     return used
 
 

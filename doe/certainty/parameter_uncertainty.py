@@ -213,6 +213,7 @@ def _same_kind(description: ModelDescription, model: ArmModel) -> None:
     if c is not None and ((has_links and c.links != model.link_kind) or c.load_path != model.load_path):
         raise InputError(
             "uncertainty of the calibrated numbers: the model in use",
+            code="M013",
             value=f"{model.link_kind} links, {model.load_path} load path",
             allowed=f"that of the calibration: {c.links} links, {c.load_path} load path",
             remedy="use these, or calibrate with the others",
@@ -226,6 +227,7 @@ def _same_numbers(uncertainty: ParameterUncertainty, own: Array) -> None:
         k = int(wrong[0])
         raise InputError(
             f"uncertainty of {uncertainty.names[k]} ({uncertainty.variable[k]} in SI): the model has",
+            code="M013",
             value=float(f"{own[k]:.9g}"),
             allowed=f"the calibrated {uncertainty.estimate[k]:.9g}",
             remedy=f"the number was changed after the calibration: {REMEDY}",
@@ -241,5 +243,6 @@ def _same_displacements(bound: Bound, model: ArmModel, q: Array) -> None:
         if not np.allclose(there, here, rtol=SAME, atol=SAME * float(np.abs(here[:, :3]).max(initial=0.0))):
             raise InputError(
                 "uncertainty of the calibrated numbers: the model in use is not the one of the model file",
+                code="M013",
                 remedy="build the model from the file as it is (effects included)",
             )

@@ -114,6 +114,7 @@ def propagate(
     if not (C > 0.0).all():
         raise InputError(
             f"pose {int(np.argmin(C > 0.0))}: the model is rigid in this direction",
+            code="M005",
             remedy="give it flexible links or joint springs",
         )
     G /= C[:, None]
@@ -232,10 +233,14 @@ def _unit_wrench(direction: Array | None, n: int) -> Array:
     """Loads (n, 6) of length one."""
     d = np.array([0.0, 0.0, -1.0]) if direction is None else np.asarray(direction, dtype=np.float64)
     if d.ndim not in (1, 2) or d.shape[-1] not in (3, 6) or (d.ndim == 2 and len(d) != n):
-        raise InputError("load direction: shape", value=d.shape, allowed=f"(3,), (6,), ({n}, 3) or ({n}, 6)")
+        raise InputError(
+            "load direction: shape", code="B001", value=d.shape, allowed=f"(3,), (6,), ({n}, 3) or ({n}, 6)"
+        )
     length = np.linalg.norm(d, axis=-1, keepdims=True)
     if not ((length > 0.0) & np.isfinite(length)).all():
-        raise InputError("load direction", value=d.tolist() if d.ndim == 1 else "some", allowed="finite, not all zero")
+        raise InputError(
+            "load direction", code="B001", value=d.tolist() if d.ndim == 1 else "some", allowed="finite, not all zero"
+        )
     out = np.zeros((n, 6))
     out[:, : d.shape[-1]] = d / length
     return out

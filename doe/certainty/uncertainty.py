@@ -193,7 +193,7 @@ def bootstrap(e: Estimate, rng: np.random.Generator, times: int = 200, progress:
         Fewer than three poses.
     """
     p = e.problem
-    require_at_least("poses for a bootstrap", len(p.poses), 3)
+    require_at_least("poses for a bootstrap", len(p.poses), 3, code="C001")
     groups = [np.flatnonzero(p.pose == k) for k in range(len(p.poses))]
     out = np.full((times, len(e.u)), np.nan)
     for i in range(times):

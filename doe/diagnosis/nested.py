@@ -68,7 +68,7 @@ class Nested:
 def check_folds(folds: int) -> None:
     """Raise InputError for a number of folds that leaves nothing to learn from."""
     if folds < 0 or folds == 1:
-        raise InputError("folds", value=folds, allowed="2 or more, 0 for none", remedy="5 is usual")
+        raise InputError("folds", code="C003", value=folds, allowed="2 or more, 0 for none", remedy="5 is usual")
 
 
 def why_not_nested(data: Measurements, folds: int) -> str | None:
@@ -104,7 +104,7 @@ def nested(
     check_folds(folds)
     reason = why_not_nested(data, folds)
     if reason is not None:
-        raise InputError("folds", value=folds, remedy=reason)
+        raise InputError("folds", code="C003", value=folds, remedy=reason)
     say = progress or (lambda text: None)
     fold = folds_of(pose_numbers(data.q), folds, seed, SPLIT)
     row, component = np.nonzero(data.used)

@@ -168,7 +168,9 @@ def free_springs(model: ArmModel, data: Measurements) -> tuple[str, ...]:
     norm = np.linalg.norm(J, axis=0)
     seen = norm > 1e-6 * max(float(norm.max(initial=0.0)), 1e-300)
     if not seen.any():
-        raise InputError("no reading sees a joint's spring", remedy="measure poses where the load has a lever")
+        raise InputError(
+            "no reading sees a joint's spring", code="C004", remedy="measure poses where the load has a lever"
+        )
     return tuple(name for name, visible in zip(wanted, seen, strict=True) if visible)
 
 

@@ -108,7 +108,9 @@ def signature(s: Setting, effect: Effect, values: Array) -> Signature:
     zero[amplitudes] = 0.0
     columns = np.stack([_column(s, effect, zero, k) for k in amplitudes], axis=1)
     if not np.isfinite(columns).all():
-        raise InputError(f"effect {effect.code}", value="readings that are not finite", remedy="check its law")
+        raise InputError(
+            f"effect {effect.code}", code="M011", value="readings that are not finite", remedy="check its law"
+        )
     priors = np.array([prior(p) for p in chosen])
     positive = np.array([not p.signed for p in chosen])
     return Signature(effect, values, *once(s, columns), priors[:, 0], priors[:, 1], positive)

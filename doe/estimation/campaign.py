@@ -180,6 +180,7 @@ class Campaign(Strict):
         if self.compare is None:
             raise InputError(
                 f"{self.title!r} has no [compare] tables",
+                code="C002",
                 allowed="[compare.sensitivity] and [compare.global], as a rule [compare.factorial] too",
                 remedy="add them (docs/reference/calibration_files.md), or only calibrate (--campaign)",
             )
@@ -199,7 +200,7 @@ class Campaign(Strict):
             for name in names:
                 if name not in known:
                     where = f"calibration file {self.title!r}: {what} of {robot.name}"
-                    raise InputError(where, value=name, allowed=", ".join(known))
+                    raise InputError(where, code="C002", value=name, allowed=", ".join(known))
 
     def free(
         self, model: ArmModel, only: tuple[str, ...] | None = None, effects: Sequence[PlacedEffect] = ()
@@ -261,6 +262,7 @@ def parse_campaign(text: str, where: str) -> Campaign:
     if data.get("schema") == "stiffarm-scheme/1":
         raise InputError(
             f"{where}: schema",
+            code="F006",
             value="stiffarm-scheme/1",
             allowed=SCHEMA,
             remedy="write it as a calibration file: each [[law]] with kind = 'regression', stages with parameters = "
@@ -289,10 +291,14 @@ def _parameter(model: ArmModel, freed: Freed, effects: Sequence[PlacedEffect]) -
     mean = freed.prior.value * angle
     if p.scale == "linear":
         if freed.prior.sd is None:
-            raise InputError(f"prior of {p.name}", value="factor", allowed="sd: this number may be zero or negative")
+            raise InputError(
+                f"prior of {p.name}", code="M002", value="factor", allowed="sd: this number may be zero or negative"
+            )
         return replace(p, prior=(mean, freed.prior.sd * angle))
     if freed.prior.factor is None or not mean > 0.0:
-        raise InputError(f"prior of {p.name}", value=freed.prior.value, allowed="a value above 0 with a factor above 1")
+        raise InputError(
+            f"prior of {p.name}", code="M002", value=freed.prior.value, allowed="a value above 0 with a factor above 1"
+        )
     return replace(p, prior=(math.log(mean), math.log(freed.prior.factor)))
 
 
@@ -304,5 +310,7 @@ def _basis(model: ArmModel, law: PolynomialChoice | FourierChoice | TableChoice)
         return FourierBasis(column, law.order)
     nodes = np.radians(law.nodes_deg)
     if not np.all(np.diff(nodes) > 0.0):
-        raise InputError(f"nodes of the law of {law.joint} (deg)", value=law.nodes_deg, allowed="rising numbers")
+        raise InputError(
+            f"nodes of the law of {law.joint} (deg)", code="C002", value=law.nodes_deg, allowed="rising numbers"
+        )
     return TableBasis(column, nodes)

@@ -252,10 +252,11 @@ def unaided(p: Problem) -> list[str]:
 def check_enough(p: Problem) -> None:
     """Raise InputError where there are no readings, or fewer of them than parameters without a prior."""
     if len(p) == 0:
-        raise InputError("no reading to calibrate on", remedy="select poses or loads that were measured")
+        raise InputError("no reading to calibrate on", code="C001", remedy="select poses or loads that were measured")
     free = unaided(p)
     if len(free) > len(p):
         raise InputError(
             f"{len(p)} reading(s) cannot determine {len(free)} parameters ({', '.join(free)})",
+            code="C001",
             remedy="measure more poses, set fewer free, or give some of them a prior",
         )

@@ -65,6 +65,7 @@ def turned(
     if axes.said is None:
         raise InputError(
             f"{where}: deflections from positions need the axes of the instrument",
+            code="I007",
             allowed="--axes base (those of the robot's base), --axes A,B,C (their orientation in the base "
             "frame, deg about fixed x, then y, then z), or --axes found with --model",
             remedy="state them with --axes",
@@ -77,6 +78,7 @@ def turned(
     if missing := [axis for axis in AXES if axis not in along]:
         raise InputError(
             f"--axes {axes.said}: no {listed(missing)} was read",
+            code="I007",
             allowed="all of x, y, z",
             remedy="only with --axes base can axes be missing",
         )
@@ -85,6 +87,7 @@ def turned(
     if unknown := sorted(set(session) - set(turns)):
         raise InputError(
             f"{where}: sessions {listed(unknown)} have no positions without a load",
+            code="I007",
             allowed="some in each session",
             remedy="state their axes with --axes A,B,C",
         )
@@ -101,7 +104,11 @@ def _said(text: str) -> Array:
         turn = np.full(3, np.nan)
     if turn.shape != (3,) or not np.isfinite(turn).all():
         raise InputError(
-            "--axes", value=text, allowed="base, found, or three angles A,B,C in deg", remedy="give one of these"
+            "--axes",
+            code="I007",
+            value=text,
+            allowed="base, found, or three angles A,B,C in deg",
+            remedy="give one of these",
         )
     return rotation_rpy(np.radians(turn))
 
@@ -110,7 +117,10 @@ def _found(axes: Axes, read: Read, when: str, rows: Bools, where: str) -> tuple[
     """Rotations (3, 3) to base axes by session, from positions without a load and the arm's kinematics."""
     if axes.robot is None:
         raise InputError(
-            "--axes found: the arm is not known", allowed="--model MODEL with it", remedy="name the arm with --model"
+            "--axes found: the arm is not known",
+            code="I007",
+            allowed="--model MODEL with it",
+            remedy="name the arm with --model",
         )
     position = np.column_stack([read.numbers[axis, when, ""] for axis in AXES])
     at = np.flatnonzero(rows & np.isfinite(position).all(axis=1))
@@ -124,6 +134,7 @@ def _found(axes: Axes, read: Read, when: str, rows: Bools, where: str) -> tuple[
         raise InputError(
             f"{where}: the arm as described misses half of the positions without a load by more than "
             f"{middle:.0f} mm, so their axes are in doubt",
+            code="I007",
             allowed=f"up to {MISSED_mm:g} mm",
             remedy="check the model, signs and zeros of the angles and units, or say --axes A,B,C",
         )

@@ -67,16 +67,17 @@ def read_grids(
     if path.suffix.lower() in (".xlsx", ".xlsm"):
         for option, given in (("--encoding", encoding), ("--separator", separator)):
             if given is not None:
-                raise InputError(f"{option}: {path} is a workbook", remedy="leave it out")
+                raise InputError(f"{option}: {path} is a workbook", code="I002", remedy="leave it out")
         return tuple(_sheet(data, where, path.name, name) for name in sheets or sheet_names(data, where))
     if sheets:
-        raise InputError(f"--sheet: {path} is no workbook", allowed="an XLSX file", remedy="leave it out")
+        raise InputError(f"--sheet: {path} is no workbook", code="I002", allowed="an XLSX file", remedy="leave it out")
     if not data.strip():
-        raise InputError(f"{where} is empty", remedy="export it again")
+        raise InputError(f"{where} is empty", code="I002", remedy="export it again")
     text, name = decoded(data, where, encoding)
     if text.lstrip()[:1] in ("{", "[") and _is_json(text):
         raise InputError(
             f"{where} is JSON",
+            code="I002",
             allowed="text in rows and columns, or a workbook (XLSX)",
             remedy="write a CSV file from it: a row for each reading, a column for each value",
         )
@@ -128,7 +129,9 @@ def _spread(rows: list[list[str]], area: str) -> None:
 
 def _text_grid(text: str, where: str, file: str, encoding: str, separator: str | None) -> Grid:
     if separator is not None and separator not in SEPARATORS:
-        raise InputError("--separator", value=separator, allowed=", ".join(SEPARATORS), remedy="choose one of them")
+        raise InputError(
+            "--separator", code="I002", value=separator, allowed=", ".join(SEPARATORS), remedy="choose one of them"
+        )
     lines = re.split(r"\r\n|\r|\n", text)
     comments = tuple((k, _COMMENT.sub("", line).strip()) for k, line in enumerate(lines, 1) if _COMMENT.match(line))
     for k, _ in comments:
@@ -137,7 +140,9 @@ def _text_grid(text: str, where: str, file: str, encoding: str, separator: str |
         separator = next((name for name, mark in SEPARATORS.items() if mark == sep[1]), None)
         lines[0] = ""
     if not any(line.strip() for line in lines):
-        raise InputError(f"{where} has no line of readings", remedy="export it again, or check its encoding")
+        raise InputError(
+            f"{where} has no line of readings", code="I002", remedy="export it again, or check its encoding"
+        )
     asked, told = separator, "as asked"
     if separator is None:
         separator, told = _separator([line for line in lines if line.strip()], where), "found"
@@ -170,6 +175,7 @@ def _separator(lines: Sequence[str], where: str) -> str:
     if scores[best] == 0.0:
         raise InputError(
             f"{where}: no separator makes a table of it",
+            code="I002",
             allowed=", ".join(SEPARATORS),
             remedy="name it with --separator, or export the file as CSV",
         )
@@ -179,6 +185,7 @@ def _separator(lines: Sequence[str], where: str) -> str:
     if rivals:
         raise InputError(
             f"{where}: the separator may be {best} or {' or '.join(rivals)}",
+            code="I002",
             allowed=", ".join(SEPARATORS),
             remedy=f"say which, as in --separator {best}",
         )

@@ -30,12 +30,14 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
     if other := [part for part in parts if not part.joints and not part.reads]:
         raise InputError(
             f"{other[0].name}: no joint angles and no readings among its columns",
+            code="I005",
             allowed=_columns_of(other[0]),
             remedy='say what they hold, as in --column "NAME=q1 deg"',
         )
     if not readings:
         raise InputError(
             f"{parts[0].name}: no readings among its columns",
+            code="I005",
             allowed=_columns_of(parts[0]),
             remedy='say what they hold, as in --column "NAME=dz mm", or give the file with them too',
         )
@@ -43,18 +45,21 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
     if bare and not angles:
         raise InputError(
             f"{bare[0].name}: no joint angles among its columns",
+            code="I005",
             allowed=_columns_of(bare[0]),
             remedy='say what they hold, as in --column "NAME=q1 deg", or give the file with them too',
         )
     if angles and len(bare) < len(readings):
         raise InputError(
             f"{angles[0].name} has joint angles alone, and other files have theirs",
+            code="I005",
             allowed="one file of angles for files without any",
             remedy="convert these files one by one",
         )
     if len(angles) > 1:
         raise InputError(
             "files with joint angles alone",
+            code="I005",
             value=", ".join(part.name for part in angles),
             allowed="one",
             remedy="convert the campaigns one by one",
@@ -62,6 +67,7 @@ def combined(parts: Sequence[Read], join: str | None) -> tuple[Read, tuple[str, 
     if len(parts) > 1 and any(not part.dated for part in parts):
         raise InputError(
             "several files have clock times without a date",
+            code="I005",
             allowed="times with a date",
             remedy='keep these columns without using them, as in --column "Time=keep"',
         )
@@ -85,6 +91,7 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
         if without and (Meaning(key[0]).kind == "joint" or key[0] in ("x", "y", "z")):
             raise InputError(
                 f"{without[0]} has no column {key[0]}, other files have",
+                code="I006",
                 allowed="the same joints and axes",
                 remedy="convert these files one by one",
             )
@@ -101,6 +108,7 @@ def _stacked(parts: Sequence[Read], notes: list[str]) -> Read:
     if without and len(without) < len(parts):
         raise InputError(
             f"{without[0]} has no column of targets, other files have",
+            code="I006",
             allowed="targets in all, or none",
             remedy="convert it by itself, with --fill target=NAME",
         )
@@ -121,15 +129,19 @@ def _session(name: str) -> str:
 
 def _joined(angles: Read, readings: Read, join: str | None, notes: list[str]) -> Read:
     if join not in (None, "pose", "order"):
-        raise InputError("--join", value=join, allowed="pose, order", remedy="choose one of them")
+        raise InputError("--join", code="I006", value=join, allowed="pose, order", remedy="choose one of them")
     both = "pose" in angles.words and "pose" in readings.words
     if join == "pose" and not both:
         raise InputError(
-            "--join pose", allowed="a pose column in both files", remedy='say which it is, as in --column "NAME=pose"'
+            "--join pose",
+            code="I006",
+            allowed="a pose column in both files",
+            remedy='say which it is, as in --column "NAME=pose"',
         )
     if join is None and not both:
         raise InputError(
             f"{angles.name} and {readings.name}: it is not known which rows belong together",
+            code="I006",
             allowed="--join order, or --join pose with a pose column in both",
             remedy="give --join order if both are in the same order, row by row",
         )
@@ -155,6 +167,7 @@ def _by_order(angles: Read, readings: Read) -> Indices:
     if angles.n != readings.n:
         raise InputError(
             f"--join order: {angles.name} has {angles.n} rows, {readings.name} {readings.n}",
+            code="I006",
             allowed="as many rows in both",
             remedy="leave out rows that are not readings with --rows, or join by pose",
         )
@@ -167,6 +180,7 @@ def _by_pose(angles: Read, readings: Read) -> Indices:
     if twice := [label for label, count in Counter(angles.words["pose"]).items() if count > 1]:
         raise InputError(
             f"{angles.name}: poses {listed(twice)} stand there twice",
+            code="I006",
             allowed="each pose once",
             remedy="remove one of each, or join with --join order",
         )
@@ -175,6 +189,7 @@ def _by_pose(angles: Read, readings: Read) -> Indices:
             faults.add(
                 line,
                 "column of the pose",
+                code="I006",
                 value=label,
                 allowed=f"a pose of {angles.name}",
                 remedy="correct the label, or add the pose's angles there",

@@ -94,10 +94,12 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     """
     asked = settings or Settings()
     if not files:
-        raise InputError("files of readings", value="none", allowed="one or more", remedy="name them")
+        raise InputError("files of readings", code="I005", value="none", allowed="one or more", remedy="name them")
     resolved = [os.path.abspath(file) for file in files]
     if again := [str(file) for k, file in enumerate(files) if resolved[k] in resolved[:k]]:
-        raise InputError("files of readings", value=again[0], allowed="each file once", remedy="leave it out")
+        raise InputError(
+            "files of readings", code="I005", value=again[0], allowed="each file once", remedy="leave it out"
+        )
     units = _units(asked)
     tables = [table for file in files for table in _tables(file, asked, several=len(files) > 1)]
     joints = robot.angle_names if robot else ()
@@ -107,6 +109,7 @@ def convert(files: Sequence[Path], settings: Settings | None = None, robot: Robo
     faults = [
         InputError(
             f'--column "{name}=..."',
+            code="I004",
             value=name,
             allowed=listed(dict.fromkeys(n for t in tables for n in t.header), 40),
             remedy="use a name of the files' columns, or another mapping file",
@@ -137,6 +140,7 @@ def _units(asked: Settings) -> tuple[str, ...]:
         if unit is None:
             raise InputError(
                 "--units",
+                code="A001",
                 value=word,
                 allowed="units such as mm, inch, deg, rad, N, Nm, C",
                 remedy="write them separated by commas, as in --units mm,deg",
@@ -158,6 +162,7 @@ def _tables(file: Path, asked: Settings, *, several: bool) -> list[Table]:
             if table is None or not table.rows:
                 raise InputError(
                     f"{grid.name} has no table of readings",
+                    code="I002",
                     allowed="rows with two numbers or more",
                     remedy="say where its names stand with --header LINE, or how its cells are separated "
                     "with --separator",
@@ -168,6 +173,7 @@ def _tables(file: Path, asked: Settings, *, several: bool) -> list[Table]:
         every = " ".join(f'--sheet "{grid.how[0].removeprefix("sheet ")}"' for grid in holding or grids)
         raise InputError(
             f"readings file {file} has {len(holding)} sheets that look like readings",
+            code="I002",
             allowed=every,
             remedy="say which to read: one, or several by repeating --sheet",
         )
@@ -175,6 +181,7 @@ def _tables(file: Path, asked: Settings, *, several: bool) -> list[Table]:
     if table is None:
         raise InputError(
             f"{holding[0].name} has no table of readings",
+            code="I002",
             allowed="rows with two numbers or more",
             remedy="check --header and --rows",
         )
@@ -212,6 +219,7 @@ def _of_other_joints(found: Sequence[Recognised], robot: Robot | None) -> list[I
     return [
         InputError(
             f"column {name!r} is taken as joint {meaning.what}, which {robot.name} does not have",
+            code="I004",
             allowed=" or ".join(f'--column "{name}={what} {meaning.unit}"' for what in known),
             remedy="say which of its joints it is, or keep: an angle of another convention must be converted first",
         )
@@ -283,6 +291,7 @@ def _check_words(made: Converted) -> None:
                 faults.say(
                     line,
                     f"{file}, row {line}, column {name}",
+                    code="I009",
                     value=row[k],
                     allowed=allowed,
                     remedy='correct it in the file, or keep the column: --column "NAME=keep"',

@@ -40,6 +40,7 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
     if data.startswith(b"PK\x03\x04") and _OPEN_DOCUMENT in data[:200]:
         raise InputError(
             f"{where} is an OpenDocument file (ODS)",
+            code="I001",
             allowed="text, or a workbook (XLSX)",
             remedy="save it as XLSX, or as CSV (UTF-8)",
         )
@@ -47,11 +48,14 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
         if data.startswith(mark):
             raise InputError(
                 f"{where} is {what} under another name",
+                code="I001",
                 allowed="text, or a workbook named .xlsx",
                 remedy="save it as XLSX, or as CSV (UTF-8)",
             )
     if encoding is not None and encoding not in ENCODINGS:
-        raise InputError("--encoding", value=encoding, allowed=", ".join(ENCODINGS), remedy="choose one of them")
+        raise InputError(
+            "--encoding", code="I001", value=encoding, allowed=", ".join(ENCODINGS), remedy="choose one of them"
+        )
     name = encoding or _found(data)
     try:
         text = data.decode(ENCODINGS[name]).removeprefix("\ufeff")
@@ -59,11 +63,13 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
         if encoding is None:
             raise InputError(
                 f"{where} is not text (byte {error.start})",
+                code="I001",
                 allowed="text, or a workbook (XLSX)",
                 remedy="export it from the instrument's program as text or CSV",
             ) from error
         raise InputError(
             f"{where} is not text in {name} (byte {error.start})",
+            code="I001",
             allowed=", ".join(ENCODINGS),
             remedy="name its encoding with --encoding, or save it as CSV (UTF-8)",
         ) from error
@@ -71,6 +77,7 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> tuple[str, 
         line = text.count("\n", 0, found.start()) + 1
         raise InputError(
             f"{where} is not text (control character in line {line})",
+            code="I001",
             allowed="text, or a workbook (XLSX)",
             remedy="export it from the instrument's program as text or CSV",
         )

@@ -61,6 +61,7 @@ def deflections(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
     if not loads_of(read).any():
         raise InputError(
             f"{read.name}: no load among its columns",
+            code="I005",
             allowed="loads, as fz in N or a mass hung on the tool",
             remedy='say which it is, as in --column "NAME=hung kg", or give --fill "hung=20 kg"; absolute '
             "positions without loads: --kind positions",
@@ -69,6 +70,7 @@ def deflections(read: Read, axes: Axes, sigma_mm: float | None) -> Deflections:
     if axes.said is not None and not any(key[0] in AXES for key in read.numbers):
         raise InputError(
             f"--axes {axes.said}: no positions are subtracted here",
+            code="I007",
             allowed="with columns x, y and z",
             remedy="leave it out: gauges read along axes of the base",
         )
@@ -92,6 +94,7 @@ def _check_turns(read: Read, axes: Axes) -> None:
         if axes.said not in (None, "base"):
             raise InputError(
                 f"{read.name}: {what} about axes of an instrument",
+                code="I008",
                 allowed="rotations about the base's axes",
                 remedy='keep it, as in --column "NAME=keep"',
             )
@@ -99,6 +102,7 @@ def _check_turns(read: Read, axes: Axes) -> None:
         if largest > LARGEST_TURN_mrad:
             raise InputError(
                 f"{read.name}: {what} {when}".rstrip(),
+                code="I008",
                 value=f"{largest:g} mrad",
                 allowed=f"up to {LARGEST_TURN_mrad:g} mrad: differences of larger angles are no rotation",
                 remedy='keep it, as in --column "NAME=keep"',
@@ -112,6 +116,7 @@ def _refuse_unloaded(read: Read) -> None:
         faults.say(
             line,
             f"{file}, row {line}: the load is 0, and the row has readings before and after it",
+            code="I008",
             allowed="a load other than 0",
             remedy="give the load, or leave the line out with --rows",
         )
@@ -125,12 +130,14 @@ def _check_pairs(read: Read) -> None:
             if (what, other, target) not in read.numbers:
                 raise InputError(
                     f"{read.name}: {what} was read {when} the load, and no column holds it {other}",
+                    code="I008",
                     allowed="both, or one column of deflections",
                     remedy=f'say which it is, as in --column "NAME={what} mm {other}"',
                 )
             if (what, "", target) in read.numbers:
                 raise InputError(
                     f"{read.name}: {what} {when} the load, and {what} without before or after",
+                    code="I008",
                     allowed="one or the other",
                     remedy='leave one out, as in --column "NAME=keep"',
                 )
@@ -138,6 +145,7 @@ def _check_pairs(read: Read) -> None:
         if any(key[0] == double for key in read.numbers):
             raise InputError(
                 f"{read.name}: positions {what} and deflections {double} both",
+                code="I008",
                 allowed="one of them",
                 remedy='keep the other, as in --column "NAME=keep"',
             )
@@ -172,6 +180,7 @@ def _of_rows(read: Read, unloaded: Bools, axes: Axes, sigma_mm: float | None) ->
     if not unloaded.any():
         raise InputError(
             f"{read.name}: all rows have a load, so there are no unloaded positions to compare with",
+            code="I008",
             allowed="rows with load 0 at the same poses, or positions before and after the load",
             remedy='add them; if these are deflections say so, as in --column "NAME=dz mm"; for positions under '
             'payloads that the flange carries: --kind positions, --column "NAME=payload kg"',
@@ -222,6 +231,7 @@ def _cycles(read: Read, unloaded: Bools) -> list[tuple[Indices, Indices]]:
             faults.say(
                 line,
                 f"{file}, row {line}: this set-up has no row without a load",
+                code="I008",
                 allowed="a row with load 0 at each pose (same label, target, session, repeat)",
                 remedy="add it, or label the rows of one set-up alike (pose)",
             )

@@ -94,12 +94,13 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
         for known in MARKS:
             if asked == known:
                 return known, "as asked"
-        raise InputError("--decimal", value=asked, allowed=", ".join(MARKS), remedy="choose one of them")
+        raise InputError("--decimal", code="I003", value=asked, allowed=", ".join(MARKS), remedy="choose one of them")
     found = evidence(cells)
     if "point" in found and "comma" in found:
         (a, point), (b, comma) = found["point"], found["comma"]
         raise InputError(
             f"{where}: {point} in line {a} has a decimal point, {comma} in line {b} a decimal comma",
+            code="I003",
             allowed="one decimal mark in a file",
             remedy="correct one of them, or leave its lines out with --rows",
         )
@@ -111,6 +112,7 @@ def decimal_mark(cells: Sequence[tuple[int, str]], where: str, asked: str | None
         raise InputError(
             f"{where}: {text} in line {line} may be {text.replace(',', '.')} or "
             f"{text.replace(',', '').replace('.', '')} (thousands), and no other number settles it",
+            code="I003",
             allowed="--decimal comma or --decimal point",
             remedy="say which with --decimal, or correct the cell",
         )

@@ -75,6 +75,7 @@ def find_table(
         raise InputError(
             f"{grid.name}: merged cells {listed(merged)} among the readings: all but the first of each "
             "would count as empty",
+            code="I002",
             allowed="one value in each cell",
             remedy="unmerge them and write the value into each cell",
         )
@@ -86,6 +87,7 @@ def find_table(
     if found is None and not columns:
         raise InputError(
             f"{grid.name}: its {width} columns have no names",
+            code="I002",
             allowed='names above the readings (--header LINE), or --names "pose,x_mm,y_mm,z_mm"',
             remedy=f"name the line that holds them, or all {width} columns separated by commas",
         )
@@ -136,6 +138,7 @@ def _names(
         if not found:
             raise InputError(
                 "--header",
+                code="I002",
                 value=header,
                 allowed="a line of the file above the readings",
                 remedy="count its lines from 1",
@@ -179,6 +182,7 @@ def _checked(grid: Grid, body: Grid, names: tuple[str, ...], units: tuple[str, .
             faults.add(
                 line,
                 "the row does not fit the names of the columns",
+                code="I009",
                 value=f"{len(row)} cells",
                 allowed=f"{len(names)} cells",
                 remedy="if it is no reading leave it out with --rows FIRST-LAST; else look for a missing or "
@@ -191,6 +195,7 @@ def _checked(grid: Grid, body: Grid, names: tuple[str, ...], units: tuple[str, .
         faults.add(
             0,
             f"columns {listed(twice)} stand there twice",
+            code="I002",
             allowed="a name for each column",
             remedy="name all columns with --names, or the line of the names with --header",
         )
@@ -199,6 +204,7 @@ def _checked(grid: Grid, body: Grid, names: tuple[str, ...], units: tuple[str, .
             faults.add(
                 0,
                 f"column number {k + 1} has cells but no name",
+                code="I002",
                 allowed="a name for each column",
                 remedy="name all columns with --names, or the line of the names with --header",
             )
@@ -238,6 +244,7 @@ def by_joint(table: Table) -> Table:
             faults.add(
                 line,
                 "names of joints",
+                code="I002",
                 value=", ".join(row[k] for k in label),
                 allowed=", ".join(joints),
                 remedy="leave out rows of other arms with --rows FIRST-LAST",
@@ -248,6 +255,7 @@ def by_joint(table: Table) -> Table:
         faults.add(
             0,
             f"columns {listed(twice)} are in the array of joints too",
+            code="I002",
             allowed="a name for each column",
             remedy="name all columns with --names",
         )
@@ -286,6 +294,7 @@ def without_units(table: Table, given: Mapping[str, Meaning]) -> Table:
                 faults.add(
                     line,
                     f"column {name}",
+                    code="I002",
                     value=row[k],
                     allowed=f"numbers in {meant}, as its others",
                     remedy="write all cells of a column in one unit",

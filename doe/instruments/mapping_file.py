@@ -66,7 +66,7 @@ def read_mapping(path: Path, joints: Sequence[str] = ()) -> Settings:
     where = f"mapping file {path}"
     data = parse_toml(read_text(path, "mapping file"), where)
     faults = [
-        InputError(f"{where}: key", value=key, allowed=", ".join(_KNOWN), remedy="remove it")
+        InputError(f"{where}: key", code="I011", value=key, allowed=", ".join(_KNOWN), remedy="remove it")
         for key in data
         if key not in _KNOWN
     ]
@@ -74,6 +74,7 @@ def read_mapping(path: Path, joints: Sequence[str] = ()) -> Settings:
         faults.append(
             InputError(
                 f"{where}: schema",
+                code="F006",
                 value=data.get("schema"),
                 allowed=SCHEMA,
                 remedy="give a file that `stiffarm readings` has written",
@@ -88,21 +89,25 @@ def read_mapping(path: Path, joints: Sequence[str] = ()) -> Settings:
             if isinstance(value, list) and all(isinstance(item, str) for item in value):
                 made[key] = tuple(value)
             else:
-                faults.append(InputError(f"{where}: {key}", value=str(value), allowed="a list of texts"))
+                faults.append(InputError(f"{where}: {key}", code="I011", value=str(value), allowed="a list of texts"))
     _take(made, data, "header", int, "a line number", faults, where)
     _take(made, data, "sigma_mm", float, "a number", faults, where)
     for key, least in (("header", 1), ("sigma_mm", 0.0)):
         if key in made and not least <= made[key] < math.inf:
-            faults.append(InputError(f"{where}: {key}", value=made[key], allowed=f"{least:g} or more"))
+            faults.append(InputError(f"{where}: {key}", code="I011", value=made[key], allowed=f"{least:g} or more"))
     if made.get("sigma_mm") == 0.0:
         faults.append(
-            InputError(f"{where}: sigma_mm", value=0, allowed="above 0", remedy="remove it if it is not known")
+            InputError(
+                f"{where}: sigma_mm", code="I011", value=0, allowed="above 0", remedy="remove it if it is not known"
+            )
         )
     for key in ("fill", "columns"):
         table = data.get(key, {})
         if not isinstance(table, dict) or not all(isinstance(item, str) for item in table.values()):
             faults.append(
-                InputError(f"{where}: {key}", allowed="names with texts", remedy="write every value in quotes")
+                InputError(
+                    f"{where}: {key}", code="I011", allowed="names with texts", remedy="write every value in quotes"
+                )
             )
             continue
         made[key] = dict(table)
@@ -133,7 +138,7 @@ def _take(
     if type(value) is kind:
         made[key] = value
     else:
-        faults.append(InputError(f"{where}: {key}", value=str(value), allowed=words))
+        faults.append(InputError(f"{where}: {key}", code="I011", value=str(value), allowed=words))
 
 
 def mapping_text(settings: Settings, source: str) -> str:

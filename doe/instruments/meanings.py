@@ -100,7 +100,7 @@ def meaning_of(text: str, where: str, joints: Sequence[str] = ()) -> Meaning:
     if what not in known and what not in own and not _JOINT.fullmatch(what):
         allowed = f"{', '.join(own) or 'q1, q2 ...'}, {', '.join(known)}"
         more = "" if own else "; a model's own joints are known with --model"
-        raise InputError(f"{where}: meaning", value=what, allowed=allowed, remedy=f"write {FORM}{more}")
+        raise InputError(f"{where}: meaning", code="I004", value=what, allowed=allowed, remedy=f"write {FORM}{more}")
     made = Meaning(what, target=target.strip())
     for word in rest:
         if word in ("before", "after") and what in TWICE:
@@ -113,13 +113,17 @@ def meaning_of(text: str, where: str, joints: Sequence[str] = ()) -> Meaning:
             allowed = ", ".join((*units_for(made), *(("before", "after") if what in TWICE else ()), "negated"))
             raise InputError(
                 f"{where}: word after {what}",
+                code="I004",
                 value=word,
                 allowed=allowed if made.kind else "none: it has no unit",
                 remedy=f"write {FORM}",
             )
     if made.target and what not in (*AXES, "sigma"):
         raise InputError(
-            f"{where}: of {made.target}", allowed="of TARGET behind x, y, z and sigma", remedy="leave it out"
+            f"{where}: of {made.target}",
+            code="I004",
+            allowed="of TARGET behind x, y, z and sigma",
+            remedy="leave it out",
         )
     return made
 
@@ -140,7 +144,9 @@ def with_unit(meaning: Meaning, unit: str, where: str) -> Meaning:
     """
     if unit not in units_for(meaning):
         allowed = ", ".join(units_for(meaning)) or "none: it has no unit"
-        raise InputError(f"{where}: unit of {meaning.what}", value=unit, allowed=allowed, remedy="choose one of them")
+        raise InputError(
+            f"{where}: unit of {meaning.what}", code="I004", value=unit, allowed=allowed, remedy="choose one of them"
+        )
     return replace(meaning, unit=unit)
 
 

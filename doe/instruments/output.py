@@ -36,12 +36,13 @@ def kind_of(read: Read, asked: str | None) -> str:
         Both may be meant.
     """
     if asked is not None and asked not in OUTPUTS:
-        raise InputError("--kind", value=asked, allowed=", ".join(OUTPUTS), remedy="choose one of them")
+        raise InputError("--kind", code="I013", value=asked, allowed=", ".join(OUTPUTS), remedy="choose one of them")
     moved = any(key[0] in ("dx", "dy", "dz") or (key[1] and key[0] in AXES) for key in read.numbers)
     placed = any(key[0] in AXES and not key[1] for key in read.numbers)
     if asked == POSITIONS and not placed:
         raise InputError(
             f"{read.name}: no positions among its columns",
+            code="I013",
             allowed="x, y and z",
             remedy='say which they are, as in --column "NAME=x mm"',
         )
@@ -50,6 +51,7 @@ def kind_of(read: Read, asked: str | None) -> str:
     if moved and placed:
         raise InputError(
             f"{read.name} has positions and deflections",
+            code="I013",
             allowed="--kind deflections or positions",
             remedy="say which with --kind, and keep the other columns",
         )
@@ -76,6 +78,7 @@ def table_of(read: Read, kind: str, settings: Settings, robot: Robot | None) -> 
     if targets := _targets(read):
         raise InputError(
             f"{read.name}: several targets ({listed(targets)}), and a deflection is that of the loaded point",
+            code="I012",
             allowed="--target NAME, the one at the loaded point",
             remedy="choose it; for absolute positions: --kind positions",
         )
@@ -102,6 +105,7 @@ def _of_target(read: Read, target: str) -> Read:
     if target not in words:
         raise InputError(
             "--target",
+            code="I012",
             value=target,
             allowed=listed(named or sorted(set(words))) or "none: no column of targets",
             remedy="choose one of them",
@@ -148,12 +152,14 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
     if any(key[1] and key[0] in AXES for key in read.numbers):
         raise InputError(
             f"{read.name}: positions before and after a load",
+            code="I013",
             allowed="--kind deflections",
             remedy="leave --kind out, or keep one of the two",
         )
     if loads_of(read).any():
         raise InputError(
             f"{read.name}: positions under a load that is hung, which a table of positions cannot hold",
+            code="I013",
             allowed="masses that the flange carries",
             remedy='say so, as in --column "NAME=payload kg"',
         )
@@ -161,6 +167,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
     if missing := [axis for axis in AXES if (axis, "", "") not in read.numbers]:
         raise InputError(
             f"{read.name}: no {listed(missing)} among its columns",
+            code="I013",
             allowed="x, y and z of a target",
             remedy='say which it is, as in --column "NAME=z mm"',
         )
@@ -172,6 +179,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
         faults.say(
             line,
             f"{file}, row {line}: a coordinate is missing",
+            code="I013",
             allowed="x, y and z, or none of them",
             remedy="fill it in, or clear the others",
         )
@@ -181,7 +189,7 @@ def _positions(read: Read, settings: Settings, joint_columns: Mapping[str, str])
         notes.append(f"rows without a position left out: {_lines(read, unread)}")
         read = taken(read, ~unread)
     if not read.n:
-        raise InputError(f"{read.name}: no row has a position", remedy="export it again")
+        raise InputError(f"{read.name}: no row has a position", code="I013", remedy="export it again")
     cells: Cells = {}
     for name in ("pose", "session", "target"):
         if name in read.words:
@@ -210,6 +218,7 @@ def _one_row_a_target(read: Read, notes: list[str]) -> Read:
     if any(not key[2] and key[0] in AXES for key in read.numbers):
         raise InputError(
             f"{read.name}: coordinates with a target and without one",
+            code="I012",
             allowed="a target for each",
             remedy='name it, as in --column "X=x mm of ball"',
         )
@@ -239,7 +248,7 @@ def _deflections(found: Deflections, joint_columns: Mapping[str, str]) -> Made:
     keep = ~unread
     read = _same_angles(taken(read, keep), notes)
     if not read.n:
-        raise InputError(f"{read.name}: no row has a reading under load", remedy="export it again")
+        raise InputError(f"{read.name}: no row has a reading under load", code="I005", remedy="export it again")
     cells: Cells = {name: read.words[name] for name in ("pose", "session") if name in read.words}
     cells |= joint_cells(read, joint_columns)
     loads = loads_of(read)
@@ -273,6 +282,7 @@ def _same_angles(read: Read, notes: list[str]) -> Read:
                 line,
                 f"{file}, row {line}, pose {label}: its joint angles differ by {apart:.3g} deg from those of "
                 f"row {read.places[at][1]}",
+                code="I008",
                 allowed=f"up to {np.degrees(SAME_ANGLE_rad):g} deg for one label",
                 remedy='correct them, or keep the label as words: --column "NAME=keep"',
             )

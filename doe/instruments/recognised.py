@@ -61,6 +61,7 @@ class Question:
         """As an error with the exact options."""
         return InputError(
             f"{file}, column {self.column!r}: {self.problem}",
+            code="I004",
             allowed=" or ".join(self.options),
             remedy="give the option that is true, or write it into the mapping file",
         )

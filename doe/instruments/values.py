@@ -127,6 +127,7 @@ def read_values(
                         faults.add(
                             line,
                             f"column {name} is empty",
+                            code="I009",
                             allowed=f"a {meaning.what} in each row, or in none",
                             remedy="fill it in, or leave the line out with --rows FIRST-LAST",
                         )
@@ -155,6 +156,7 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
                 faults.add(
                     table.lines[i],
                     f"column {name} is empty",
+                    code="I009",
                     value=cell.strip() or None,
                     allowed=allowed,
                     remedy="fill in the value, 0 too; or leave the line out with --rows FIRST-LAST",
@@ -163,13 +165,14 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
         try:
             value = seconds(cell, unit) if unit in FORMS else figure(cell, mark)
         except ValueError as error:
-            faults.add(table.lines[i], f"column {name}", value=cell, allowed=allowed, remedy=str(error))
+            faults.add(table.lines[i], f"column {name}", code="I009", value=cell, allowed=allowed, remedy=str(error))
             continue
         out[i] = in_table_unit(value, meaning)
         if meaning.kind == "joint" and abs(out[i]) > WIDEST_deg:
             faults.add(
                 table.lines[i],
                 f"column {name}",
+                code="I009",
                 value=cell,
                 allowed=f"up to ten turns, {WIDEST_deg:g} deg",
                 remedy=f"check its unit, which is {unit}",
@@ -178,6 +181,7 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
             faults.add(
                 table.lines[i],
                 f"column {name}",
+                code="I009",
                 value=cell,
                 allowed="0 or more: what hangs pulls down",
                 remedy="correct it, or give the load as a force (fz)",
@@ -186,6 +190,7 @@ def _numbers(table: Table, name: str, meaning: Meaning, cells: Sequence[str], ma
             faults.add(
                 table.lines[i],
                 f"column {name}",
+                code="I009",
                 value=cell,
                 allowed="a number above 0, or an empty cell",
                 remedy="a standard deviation of 0 is none: clear the cell",
@@ -236,7 +241,7 @@ def _fill(
     n = len(table.rows)
     if name in WORDS:
         if name in words:
-            raise InputError(f"{where}: {table.name} has a column of it", remedy="leave the option out")
+            raise InputError(f"{where}: {table.name} has a column of it", code="I010", remedy="leave the option out")
         words[name] = (text.strip(),) * n
         return Column(table.name, where, Meaning(name), "as given", 0, np.nan, np.nan)
     number, _, unit = text.strip().partition(" ")
@@ -245,14 +250,15 @@ def _fill(
     if not meaning.kind or meaning.needs_unit:
         raise InputError(
             where,
+            code="I010",
             allowed="a word such as session=day1, or a number with its unit as fz=-650 N",
             remedy="give the unit too",
         )
     if any(known[0] == meaning.what for known in numbers):
-        raise InputError(f"{where}: {table.name} has a column of it", remedy="leave the option out")
+        raise InputError(f"{where}: {table.name} has a column of it", code="I010", remedy="leave the option out")
     try:
         value = in_table_unit(figure(Figure(float(number)), "point"), meaning)
     except ValueError as error:
-        raise InputError(where, value=number, allowed="a finite number with a decimal point") from error
+        raise InputError(where, code="I010", value=number, allowed="a finite number with a decimal point") from error
     numbers[key] = np.full(n, value)
     return Column(table.name, where, meaning, "as given", 0, value, value)

@@ -85,13 +85,18 @@ def cycles_of(model: ArmModel, data: TwistReadings, branches: Branches = "mean")
     if model.bar is not None:
         raise InputError(
             f"load path of {model.robot.name}",
+            code="M003",
             value=model.load_path,
             allowed="serial: behind a parallelogram the joint's spring does not sit between the two arms",
             remedy="use --load-path serial, or calibrate with `stiffarm calibrate`",
         )
     if not data.wrench.any():
         raise InputError(
-            f"{data.source}: loads", value="zero in every row", allowed="loads other than 0", remedy="give the forces"
+            f"{data.source}: loads",
+            code="J001",
+            value="zero in every row",
+            allowed="loads other than 0",
+            remedy="give the forces",
         )
     number = _numbers(data)
     _check_branches(data, number, branches)
@@ -153,6 +158,7 @@ def _numbers(data: TwistReadings) -> Indices:
         if not loaded:
             raise InputError(
                 f"{data.source}, row {data.row_numbers[rows[0]]}: set-up {label} has no load other than zero",
+                code="J001",
                 remedy="remove the row, or give the loads of its cycle",
             )
         for i in loaded:
@@ -180,6 +186,7 @@ def _check_branches(data: TwistReadings, number: Indices, branches: Branches) ->
             labels = list(dict.fromkeys(data.setup[i] for i in rows))
             raise InputError(
                 f"{data.source}: {name} readings missing in {int(missing.sum())} of {len(missing)} load cycles",
+                code="J001",
                 value=", ".join(labels[:6]) + (" ..." if len(labels) > 6 else ""),
                 allowed="each load step on the way up and on the way down",
                 remedy="measure the way down too, or use the way up alone (--branches loading): then friction stays "

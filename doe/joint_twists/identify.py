@@ -99,7 +99,7 @@ def identify(
         unknown law.
     """
     if law is not None and law not in LAWS:
-        raise InputError("law of the stiffnesses", value=law, allowed=", ".join(LAWS))
+        raise InputError("law of the stiffnesses", code="J004", value=law, allowed=", ".join(LAWS))
     cycles = cycles_of(model, data, branches)
     names = model.robot.joint_names
     if law is not None:

@@ -151,6 +151,7 @@ def check_law(kind: LawKind, joint: str, angles: Array) -> None:
     if len(angles) < needed:
         raise InputError(
             f"law {kind} of joint {joint}: angles measured",
+            code="J004",
             value=len(angles),
             allowed=f"{needed} or more",
             remedy=f"measure joint {joint} at more angles, or ask for --law constant",

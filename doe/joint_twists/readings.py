@@ -95,14 +95,15 @@ def joined(tables: Sequence[TwistReadings]) -> TwistReadings:
         No table, the same file twice, or synthetic and measured tables together.
     """
     if not tables:
-        raise InputError("tables of joint twists", value=0, allowed="1 or more")
+        raise InputError("tables of joint twists", code="J003", value=0, allowed="1 or more")
     if len(tables) == 1:
         return tables[0]
     if len({t.sha256 for t in tables}) < len(tables):
-        raise InputError("tables of joint twists: the same file twice", remedy="leave one of them out")
+        raise InputError("tables of joint twists: the same file twice", code="J003", remedy="leave one of them out")
     if len({t.synthetic for t in tables}) > 1:
         raise InputError(
             "tables of joint twists: synthetic and measured ones together",
+            code="J003",
             value=", ".join(t.source for t in tables if t.synthetic),
             allowed="either kind",
             remedy="leave the synthetic ones out",
@@ -185,7 +186,7 @@ def check_among(
     for line, text in zip(table.lines, texts, strict=True):
         if text not in known:
             problem = f"column {name}" + ("" if text else " is empty")
-            faults.add(line, problem, value=text or None, allowed=allowed, remedy=remedy)
+            faults.add(line, problem, code="J003", value=text or None, allowed=allowed, remedy=remedy)
 
 
 def _setups(q: Array, joint: Indices, pose: Sequence[str], repeat: Sequence[str]) -> tuple[str, ...]:

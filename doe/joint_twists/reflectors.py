@@ -54,6 +54,7 @@ def motion(unloaded: Array, loaded: Array, origin: Array, what: str) -> Motion:
     if len(unloaded) < FEWEST:
         raise InputError(
             f"{what}: reflectors",
+            code="J002",
             value=len(unloaded),
             allowed=f"{FEWEST} or more, not in line",
             remedy="a rigid body's motion needs three points",
@@ -64,6 +65,7 @@ def motion(unloaded: Array, loaded: Array, origin: Array, what: str) -> Motion:
         if spread[1] < THIN * spread[0]:
             raise InputError(
                 f"{what}: reflectors nearly in line",
+                code="J002",
                 value=f"spread across the line {spread[1] / max(spread[0], 1e-300):.3f} of that along it",
                 allowed=f"{THIN} or more",
                 remedy="move one reflector away from the line: the turn about it cannot be seen",
@@ -123,6 +125,7 @@ def assemble_reflectors(table: RawTable, columns: Columns, cells: Cells, robot: 
         faults.add(
             table.lines[i],
             f"columns x_mm y_mm z_mm, the reflector moved by more than {1e3 * FARTHEST_M:g} mm",
+            code="J002",
             value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
             allowed="displacements under load",
             remedy="check units and the reflector's label",
@@ -136,6 +139,7 @@ def assemble_reflectors(table: RawTable, columns: Columns, cells: Cells, robot: 
             faults.add(
                 table.lines[rows[0]],
                 f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
+                code="J002",
                 allowed="one of each a reading",
                 remedy="give each reading a label of its own",
             )

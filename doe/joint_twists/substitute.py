@@ -84,7 +84,9 @@ def stiffness_with(
     s2 = loads_in(model, q, directions) ** 2
     moved = np.einsum("nkjr,njr->nk", s2, np.broadcast_to(compliances, (len(q), *s2.shape[2:])))
     if not or_rigid and not (moved > 0.0).all():
-        raise InputError("directional stiffness: nothing deflects in a direction", remedy="identify more stiffnesses")
+        raise InputError(
+            "directional stiffness: nothing deflects in a direction", code="M005", remedy="identify more stiffnesses"
+        )
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / moved)
 
@@ -151,7 +153,7 @@ def reachable_poses(model: ArmModel, n: int, rng: np.random.Generator, *, lowest
             kept += list(q[forward_kinematics(robot, q).p_flange[:, 2] > lowest_m])
         if len(kept) >= n:
             return np.array(kept[:n])
-    raise InputError(f"random poses of {robot.name}: hardly any keeps the limits", allowed="wider limits")
+    raise InputError(f"random poses of {robot.name}: hardly any keeps the limits", code="J005", allowed="wider limits")
 
 
 @dataclass(frozen=True)
@@ -239,10 +241,12 @@ def stiffness_window(
     InputError
         Unknown orientation; a robot without inverse kinematics in closed form; nothing in the window is reached.
     """
-    require_one_of("orientation of the flange", orientation, ORIENTATIONS)
+    require_one_of("orientation of the flange", orientation, ORIENTATIONS, code="J005")
     robot = model.robot
     if (reason := why_no_closed_form(robot)) is not None:
-        raise InputError(f"stiffness window of {robot.name}: {reason}", allowed="a robot with a spherical wrist")
+        raise InputError(
+            f"stiffness window of {robot.name}: {reason}", code="R004", allowed="a robot with a spherical wrist"
+        )
     x = origin_m[0] + np.linspace(0.0, size_m[0], points[0])
     z = origin_m[1] + np.linspace(0.0, size_m[1], points[1])
     points_m = np.column_stack([np.tile(x, z.size), np.zeros(x.size * z.size), np.repeat(z, x.size)])
@@ -261,6 +265,7 @@ def stiffness_window(
     if not reached.any():
         raise InputError(
             f"stiffness window of {robot.name}: nothing in it is reached with the flange {orientation}",
+            code="J005",
             value=f"X {1e3 * x[0]:.0f} to {1e3 * x[-1]:.0f}, Z {1e3 * z[0]:.0f} to {1e3 * z[-1]:.0f} mm",
             allowed="a window within reach",
             remedy="move it with --window, or choose another --flange",

@@ -81,7 +81,9 @@ def draw_truth(model: ArmModel, rng: np.random.Generator, *, swing: float = 0.12
         Not six joints.
     """
     if model.robot.dof != 6:
-        raise InputError(f"synthetic truth for {model.robot.name}: joints", value=model.robot.dof, allowed="6")
+        raise InputError(
+            f"synthetic truth for {model.robot.name}: joints", code="J004", value=model.robot.dof, allowed="6"
+        )
     springs = {}
     for j in range(6):
         tilt = [TORSION[j] / TWIST_RATIO_J2 if f is None else f * TORSION[j] for f in TILT[j]]
@@ -187,7 +189,9 @@ def draw_poses(model: ArmModel, campaign: Campaign, rng: np.random.Generator) ->
                 tried[:, j] = middle[j] + share * half[j]
                 tried = tried[robot.reachable(tried)]
                 if not len(tried):
-                    raise InputError(f"synthetic poses of {robot.name}: none within limits", allowed="a wider range")
+                    raise InputError(
+                        f"synthetic poses of {robot.name}: none within limits", code="J004", allowed="a wider range"
+                    )
                 out[j, a, p] = tried[int(np.argmax(_levers(model, tried[:20], j)))]
     return out
 

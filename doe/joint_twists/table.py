@@ -62,6 +62,7 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
         faults.add(
             readings.row_numbers[0],
             "the load is zero in every component, here and in every row",
+            code="T006",
             allowed="loads other than 0",
             remedy="give the forces: fx_N, fy_N, fz_N",
         )
@@ -81,6 +82,7 @@ def _assemble(table: RawTable, columns: Columns, cells: Cells, faults: Faults) -
             faults.add(
                 line,
                 "nothing was read",
+                code="T006",
                 allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
                 remedy="fill in the readings, or remove the row",
             )

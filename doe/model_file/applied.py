@@ -131,5 +131,6 @@ def check_passive(description: ModelDescription) -> None:
         if least < -1e-9:
             raise InputError(
                 f"compliance matrix of {name}: not positive semi-definite (smallest scaled eigenvalue {least:.3g})",
+                code="M002",
                 remedy="its entries off the diagonal are larger than the readings can tell: free fewer of them",
             )

@@ -68,10 +68,13 @@ def _value(p: Parameter, text: str | float, what: str) -> float:
         try:
             value = float(found["number"]) * factor(dimension, found["unit"] or p.unit)
         except ValueError as error:
-            raise InputError(f"{what} of {p.name}", value=str(text), allowed=allowed, remedy=str(error)) from None
+            raise InputError(
+                f"{what} of {p.name}", code="M002", value=str(text), allowed=allowed, remedy=str(error)
+            ) from None
     if not p.lower <= value <= p.upper:
         raise InputError(
             f"{what} of {p.name}",
+            code="M002",
             value=str(text),
             allowed=allowed,
             remedy=f"write a number in {p.unit}, or with its unit",

@@ -43,6 +43,7 @@ def factorial_poses(robot: Robot, plan: Factorial, *, whole: bool = True) -> Arr
     if bad.size:
         raise InputError(
             f"factorial run {int(bad[0]) + 1} cannot be taken: {'; '.join(robot.violations(q[bad[0]]))}",
+            code="A005",
             remedy="adjust the levels of the design there",
         )
     return q

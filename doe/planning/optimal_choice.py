@@ -68,9 +68,11 @@ def choose(
     InputError
         n out of range, unknown criterion, or information that is not positive definite.
     """
-    require_one_of("criterion of a plan", criterion, CRITERIA)
+    require_one_of("criterion of a plan", criterion, CRITERIA, code="C005")
     if not 0 < n <= len(experiments):
-        raise InputError("experiments to choose", value=n, allowed=f"1 to {len(experiments)}, the number of candidates")
+        raise InputError(
+            "experiments to choose", code="C005", value=n, allowed=f"1 to {len(experiments)}, the number of candidates"
+        )
     W = np.eye(len(known)) if weight is None else weight
 
     def score(taken: list[int]) -> Array:
@@ -141,7 +143,9 @@ def _covariance(M: Array) -> Array:
         L = np.linalg.cholesky(M)
     except np.linalg.LinAlgError as error:
         raise InputError(
-            "what is known already does not bound all parameters", remedy="give the parameters ranges or priors"
+            "what is known already does not bound all parameters",
+            code="C004",
+            remedy="give the parameters ranges or priors",
         ) from error
     half = np.linalg.solve(L, np.eye(len(M)))
     return np.asarray(half.T @ half)

@@ -182,6 +182,7 @@ def check_plannable(parameters: Sequence[Parameter]) -> None:
         if q.kind.has_sections:
             raise InputError(
                 f"parameter {q.name}: a plan cannot vary walls",
+                code="M001",
                 allowed=f"{q.place}.modulus",
                 remedy="plan for the link's modulus: readings see only how the link deflects",
             )

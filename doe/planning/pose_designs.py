@@ -45,7 +45,7 @@ def pose_design(
     InputError
         Unknown method or coordinate, ranges in which hardly any pose can be taken, too many runs.
     """
-    require_one_of("design of poses", method, METHODS)
+    require_one_of("design of poses", method, METHODS, code="C005")
     names = robot.coordinates if coordinates is None else coordinates
     columns = [robot.coordinate_index(name) for name in names]
     base = np.clip(np.zeros(robot.dof), *robot.limits.T) if fixed is None else np.asarray(fixed, dtype=np.float64)
@@ -54,7 +54,7 @@ def pose_design(
         unit = _full(len(columns), levels) if method == "factorial" else _fraction(len(columns))
         return _allowed(robot, _poses(base, columns, low, high, unit), zone)
     if not 0 < n <= MOST_RUNS:
-        raise InputError("poses of a design", value=n, allowed=f"1 to {MOST_RUNS}")
+        raise InputError("poses of a design", code="C005", value=n, allowed=f"1 to {MOST_RUNS}")
     generator = np.random.default_rng(0) if rng is None else rng
     return _drawn(robot, n, method, base, columns, low, high, zone, generator)
 
@@ -86,6 +86,7 @@ def _drawn(
         if found < n and (drawn > MOST_DRAWN or (not found and drawn > MOST_DRAWN / 10)):
             raise InputError(
                 f"poses that {robot.name} can take: {found} of {drawn} tried",
+                code="C005",
                 allowed=f"{n} or more",
                 remedy="widen the limits, lower the floor, move the boxes, or let more coordinates vary",
             )
@@ -106,7 +107,10 @@ def _allowed(robot: Robot, q: Array, zone: Zone | None) -> Array:
 def _full(k: int, levels: int) -> Array:
     if levels < 2 or levels**k > MOST_RUNS:
         raise InputError(
-            "levels of a full factorial", value=levels, allowed=f"2 or more, at most {MOST_RUNS} runs in all"
+            "levels of a full factorial",
+            code="C005",
+            value=levels,
+            allowed=f"2 or more, at most {MOST_RUNS} runs in all",
         )
     return np.array(list(product(np.linspace(0.0, 1.0, levels), repeat=k)))
 

@@ -38,13 +38,15 @@ class Protocol:
     def __post_init__(self) -> None:
         length = np.linalg.norm(self.directions, axis=1) if self.directions.ndim == 2 else np.zeros(0)
         if self.directions.shape[1:] != (3,) or not length.size or not np.allclose(length, 1.0):
-            raise InputError("directions of a plan", value=self.directions.tolist(), allowed="unit vectors (d, 3)")
+            raise InputError(
+                "directions of a plan", code="C006", value=self.directions.tolist(), allowed="unit vectors (d, 3)"
+            )
         if self.forces.size == 0 or not (np.isfinite(self.forces) & (self.forces > 0.0)).all():
-            raise InputError("forces of a plan (N)", value=self.forces.tolist(), allowed="greater than 0")
+            raise InputError("forces of a plan (N)", code="C006", value=self.forces.tolist(), allowed="greater than 0")
         if not self.components or not set(self.components) <= set(range(6)):
-            raise InputError("components to read", value=self.components, allowed="0 to 5, one or more")
+            raise InputError("components to read", code="C006", value=self.components, allowed="0 to 5, one or more")
         if not 1 <= self.repeats <= 1000:
-            raise InputError("repeats of a plan", value=self.repeats, allowed="1 to 1000")
+            raise InputError("repeats of a plan", code="C006", value=self.repeats, allowed="1 to 1000")
 
     @property
     def course(self) -> Array:

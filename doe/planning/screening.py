@@ -68,9 +68,9 @@ def screen(
     """
     parameters = free.parameters
     if not parameters:
-        raise InputError("parameters to screen", value="none", remedy="name at least one")
+        raise InputError("parameters to screen", code="M001", value="none", remedy="name at least one")
     if samples < 8 or samples & (samples - 1):
-        raise InputError("samples of a Sobol study", value=samples, allowed="a power of two from 8")
+        raise InputError("samples of a Sobol study", code="M002", value=samples, allowed="a power of two from 8")
     study, shape = _study(parameters), (len(free.at), len(parameters))
     sobol, morris, runs = (np.full(shape, np.nan),) * 4, (np.full(shape, np.nan),) * 2, 0
     if "sobol" in methods:
@@ -108,7 +108,10 @@ def evaluate_runs(free: FreeModel, u: Array, component: int) -> Array:
         bad = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
         values = {p.name: p.outer(float(v)) for p, v in zip(free.parameters, u[bad], strict=True)}
         raise InputError(
-            f"run {bad} of the study is not finite", value=values, remedy="narrow the ranges of the parameters"
+            f"run {bad} of the study is not finite",
+            code="S004",
+            value=values,
+            remedy="narrow the ranges of the parameters",
         )
     return np.asarray(out)
 

@@ -156,6 +156,7 @@ def refuse_telling_nothing(p: Problem, source: str) -> None:
         return
     raise InputError(
         f"{source}: these {told.readings} readings tell nothing about the arm: {told.words}",
+        code="T013",
         allowed=f"at most {100.0 * NOISY:g} % unexplained, or {100.0 * LEVEL:g} of 100 such trials that fit better",
         remedy="check signs, the order of the rows, which column is which, loads and joint angles; "
         "else measure again with larger loads",
@@ -219,6 +220,7 @@ class Frozen:
         name, value, moves = DISPLACEMENTS[self.component], 1e3 * self.value, 1e3 * self.moves
         return InputError(
             f"{source}: column {name} reads the same in all {self.setups} set-ups",
+            code="T013",
             value=f"{value:g} {unit}",
             allowed=f"readings that follow load and pose: an arm of this geometry would leave it by {moves:.2g} {unit}",
             remedy="check that the gauge touches and moves freely; leave cells empty where nothing was read",
@@ -246,6 +248,7 @@ def refuse_frozen(model: ArmModel, data: Measurements, whole: Problem | None = N
             faults.append(
                 InputError(
                     f"{file}: every reading is 0",
+                    code="T013",
                     allowed="readings that differ from 0: every arm deflects under a load",
                     remedy="check that the gauge touches, and that the columns hold what it read",
                 )

@@ -75,6 +75,7 @@ def sigma_doubt(model: ArmModel, data: Measurements, *, confirmed: bool = True) 
     if not 1.0 / limit <= times <= limit:
         raise InputError(
             f"{data.source}: {said}{' (micrometres typed as millimetres?)' if times < 1.0 else ''}",
+            code="T014",
             allowed=f"a standard deviation within {limit:g} times of what the readings show",
             remedy="correct the column sigma_mm (standard deviation of one reading, mm) or leave it out, so that the "
             f"scatter is estimated{'' if confirmed else '; or confirm with --confirm-units that it is right as it is'}",

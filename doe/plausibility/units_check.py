@@ -230,6 +230,7 @@ def check_units(
         alike = " or ".join(first.looks_like)
         raise InputError(
             f"{data.source}: {f'these look like {alike}' if alike else 'these are no known units'}: {first.found}",
+            code="T011",
             allowed=first.allowed,
             remedy="correct the column (loads N and N m, deflections mm and mrad, angles deg), or confirm with "
             "--confirm-units that the table is right as it is",

@@ -139,11 +139,11 @@ def fit_pose(
 
 
 def _check(levels: int, bounds: tuple[float, float], spacing: str) -> None:
-    require_at_least("levels of a parametric study", levels, FEWEST_LEVELS)
+    require_at_least("levels of a parametric study", levels, FEWEST_LEVELS, code="M002")
     if not 0.0 < bounds[0] < bounds[1] < np.inf:
         text = f"{bounds[0]:g} to {bounds[1]:g} N m/rad"
-        raise InputError("bounds of a parametric study", value=text, allowed="0 < lower < upper, finite")
-    require_one_of("spacing of the levels", spacing, ("log", "linear"))
+        raise InputError("bounds of a parametric study", code="M002", value=text, allowed="0 < lower < upper, finite")
+    require_one_of("spacing of the levels", spacing, ("log", "linear"), code="M002")
 
 
 def _widest(A: Array, bounds: tuple[float, float], gauge_m: float) -> Array:

@@ -65,10 +65,11 @@ def fit_law(robot: Robot, points: SpringPoints, degree: int, source: str) -> Log
         No points, or a stiffness that is not positive and finite.
     """
     if points.stiffness.size == 0:
-        raise InputError(f"regression of {points.joint}: no calibrated point")
+        raise InputError(f"regression of {points.joint}: no calibrated point", code="C001")
     if not (np.isfinite(points.stiffness).all() and (points.stiffness > 0.0).all()):
         raise InputError(
             f"regression of {points.joint}: stiffness",
+            code="C001",
             value=points.stiffness.tolist(),
             allowed="positive, finite",
         )

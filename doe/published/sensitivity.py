@@ -50,9 +50,11 @@ def sensitivity_study(
         Bounds out of order, an unknown joint, or a pose where no translation was read.
     """
     if not 0.0 < low < high:
-        raise InputError("sensitivity bounds", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high")
+        raise InputError(
+            "sensitivity bounds", code="M002", value=f"{low:g} to {high:g} N m/rad", allowed="0 < low < high"
+        )
     for joint in joints:
-        require_one_of("joint of the sensitivity study", joint, model.robot.joint_names)
+        require_one_of("joint of the sensitivity study", joint, model.robot.joint_names, code="M002")
     design = two_level_factorial(len(joints))
     columns = [model.robot.joint_names.index(name) for name in joints]
     compliance = np.where(design > 0.0, 1.0 / high, 1.0 / low)
@@ -62,7 +64,9 @@ def sensitivity_study(
     for index in largest_rows(data.pose, size):
         pose, component = data.pose[index], int(of_reading[index])
         if np.isnan(size[index]):
-            raise InputError(f"pose {pose} has no reading of a translation", remedy="give dx_mm, dy_mm or dz_mm")
+            raise InputError(
+                f"pose {pose} has no reading of a translation", code="C001", remedy="give dx_mm, dy_mm or dz_mm"
+            )
         runs = (rest[index, component] + compliance @ influence[index, component, columns]) * 1e3
         # Half the runs have a factor high, half low: the contrast over half their number is the effect.
         towards = 1.0 if data.displacement[index, component] > 0.0 else -1.0

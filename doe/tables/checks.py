@@ -27,6 +27,7 @@ def check_read(m: Measurements, faults: Faults) -> None:
         faults.add(
             m.row_numbers[0],
             "no deflection was read, here or in any row",
+            code="T006",
             allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
             remedy="fill in the readings",
         )
@@ -40,26 +41,29 @@ def check_loads(m: Measurements, faults: Faults) -> None:
         faults.add(
             m.row_numbers[0],
             "the load is zero in every component, here and in every row",
+            code="T006",
             allowed="loads other than 0",
             remedy="give them, or remove the rows: deflections are relative to the unloaded arm",
         )
         unloaded = np.zeros(m.n, dtype=np.bool_)
-    for wrong, problem, allowed, remedy in (
-        (
-            unloaded,
-            "the load is zero in every component",
-            "a load other than 0",
-            "give the load, or remove the row: deflections are relative to the unloaded arm",
-        ),
-        (
-            given.any(axis=1) & ~given.all(axis=1),
-            f"columns {', '.join(POINT)}: the point is incomplete",
-            "three numbers, or three empty cells (the tool point)",
-            "fill in the missing coordinate, 0 too",
-        ),
-    ):
-        parts = {"problem": problem, "allowed": allowed, "remedy": remedy}
-        faults.each([m.row_numbers[i] for i in np.flatnonzero(wrong)], lambda _, parts=parts: parts)  # type: ignore[misc]
+    faults.each(
+        [m.row_numbers[i] for i in np.flatnonzero(unloaded)],
+        lambda _: {
+            "problem": "the load is zero in every component",
+            "allowed": "a load other than 0",
+            "remedy": "give the load, or remove the row: deflections are relative to the unloaded arm",
+        },
+        code="T006",
+    )
+    faults.each(
+        [m.row_numbers[i] for i in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1))],
+        lambda _: {
+            "problem": f"columns {', '.join(POINT)}: the point is incomplete",
+            "allowed": "three numbers, or three empty cells (the tool point)",
+            "remedy": "fill in the missing coordinate, 0 too",
+        },
+        code="T004",
+    )
 
 
 def check_labels(m: Measurements, faults: Faults) -> None:
@@ -75,6 +79,7 @@ def check_labels(m: Measurements, faults: Faults) -> None:
             "allowed": f"the angles of row {m.row_numbers[known[other[n]]]}",
             "remedy": "correct the angles, or give this pose a label of its own",
         },
+        code="T007",
     )
 
 
@@ -120,7 +125,7 @@ def check_duplicates(m: Measurements, faults: Faults, files: Sequence[str] | Non
             "remedy": "give each a number in the column repeat, or remove one",
         }
 
-    faults.each([m.row_numbers[i] for i in at], fault)
+    faults.each([m.row_numbers[i] for i in at], fault, code="T007")
 
 
 def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Robot, faults: Faults) -> None:
@@ -131,6 +136,7 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
         faults.add(
             lines[int(outside[0])],
             problem,
+            code="T005",
             allowed="joint angles in degrees",
             remedy="convert the joint columns to degrees",
         )
@@ -152,7 +158,7 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
             "remedy": "correct the pose or model",
         }
 
-    faults.each([lines[int(poses[k])] for k, _ in shown], fault)
+    faults.each([lines[int(poses[k])] for k, _ in shown], fault, code="T005")
 
 
 def plausibility_notes(m: Measurements) -> Iterator[str]:
@@ -180,12 +186,13 @@ def refuse_seen(seen: Measurements, held_out: Measurements, by: str = "the diagn
     """
     what = f"readings to hold out (--holdout {held_out.source})"
     if seen.q.shape[1] != held_out.q.shape[1]:
-        raise InputError(f"{what}: joints", value=held_out.q.shape[1], allowed=f"{seen.q.shape[1]}")
+        raise InputError(f"{what}: joints", code="T008", value=held_out.q.shape[1], allowed=f"{seen.q.shape[1]}")
     known = set(joint_keys(seen.q))
     both = [label for label, key in zip(held_out.pose, joint_keys(held_out.q), strict=True) if key in known]
     if both:
         raise InputError(
             f"{what}: poses that are in {seen.source} too",
+            code="T008",
             value=", ".join(dict.fromkeys(both)),
             allowed=f"poses that {by} has not seen",
             remedy="remove them from one of the two tables",

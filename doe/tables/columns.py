@@ -88,10 +88,10 @@ def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTab
     suffix = path.suffix.lower()
     hint = CONVERT if kind == READINGS and suffix not in UNREADABLE else ""
     if suffix not in SUFFIXES:
-        raise InputError(kind, value=str(path), allowed=allowed, remedy=f"save it as one of these{hint}")
+        raise InputError(kind, code="T001", value=str(path), allowed=allowed, remedy=f"save it as one of these{hint}")
     remedy = f"the first line holds the column names, each further line one {row}"
     if not data.strip():
-        raise InputError(f"{kind} {path} is empty", remedy=remedy)
+        raise InputError(f"{kind} {path} is empty", code="T001", remedy=remedy)
     where = f"{kind} {path}"
     if suffix == ".csv":
         numbered, notes = _csv_rows(data, where, hint), list[str]()
@@ -100,10 +100,10 @@ def read_table(path: Path, kind: str = READINGS, row: str = "reading") -> RawTab
         numbered, notes = list(enumerate(sheet.rows, start=1)), list(sheet.notes)
     stripped = [(line, tuple(map(str.strip, row))) for line, row in numbered]
     if not stripped or not any(stripped[0][1]):
-        raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), remedy=remedy)
+        raise InputError("; ".join((f"{where} has no column names in line 1", *notes)), code="T001", remedy=remedy)
     body = {line: row for line, row in stripped[1:] if any(row)}
     if not body:
-        raise InputError("; ".join((f"{where} has a header but no {row}s", *notes)), remedy=remedy)
+        raise InputError("; ".join((f"{where} has a header but no {row}s", *notes)), code="T001", remedy=remedy)
     if blank := [line for line, row in stripped[1:] if not any(row)]:
         notes.append(f"blank lines skipped: {line_ranges(blank)}")
     return RawTable(
@@ -126,7 +126,9 @@ def table_of_frame(frame: pd.DataFrame, name: str = "DataFrame") -> RawTable:
         No columns or no rows.
     """
     if not len(frame.columns) or not len(frame):
-        raise InputError(f"{name}: rows, columns", value=f"{len(frame)}, {len(frame.columns)}", allowed="1 or more")
+        raise InputError(
+            f"{name}: rows, columns", code="T001", value=f"{len(frame)}, {len(frame.columns)}", allowed="1 or more"
+        )
     missing = frame.isna().to_numpy()
     rows = tuple(
         tuple("" if gone else str(cell).strip() for cell, gone in zip(row, without, strict=True))
@@ -142,7 +144,7 @@ def _csv_rows(data: bytes, where: str, hint: str) -> list[tuple[int, list[str]]]
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         what = f"{where} is not UTF-8 text (byte {error.start})"
-        raise InputError(what, remedy=f"save it as 'CSV UTF-8', or a workbook as .xlsx{hint}") from error
+        raise InputError(what, code="T002", remedy=f"save it as 'CSV UTF-8', or a workbook as .xlsx{hint}") from error
     first = re.split(r"[\r\n]", text, maxsplit=1)[0]
     return split_rows(text, max(",;\t", key=first.count), where)
 
@@ -166,7 +168,7 @@ def split_rows(text: str, separator: str, where: str) -> list[tuple[int, list[st
             line = reader.line_num + 1  # a quoted cell may run over several lines
     except csv.Error as error:
         what = f"{where}, row {line} is not valid CSV ({error})"
-        raise InputError(what, remedy='check the quotation marks (") from that line on') from error
+        raise InputError(what, code="T002", remedy='check the quotation marks (") from that line on') from error
     return rows
 
 
@@ -175,6 +177,7 @@ def check_width(where: str, line: int, columns: int) -> None:
     if columns > MOST_COLUMNS:
         raise InputError(
             f"{where}, row {line}: columns",
+            code="T003",
             value=columns,
             allowed=f"up to {MOST_COLUMNS} columns",
             remedy="split the table, or leave out what is no reading",
@@ -209,6 +212,7 @@ def find_columns(
         faults.add(
             1,
             f"column {name} is not a joint coordinate of {robot.name}",
+            code="T003",
             value=name,
             allowed=", ".join(angles),
             remedy="choose the robot that was measured, or convert the angles",
@@ -232,6 +236,7 @@ def sorted_columns(table: RawTable, names: Sequence[str], faults: Faults) -> tup
             faults.add(
                 1,
                 f"{column} has cells but no name",
+                code="T003",
                 allowed="a name for each column",
                 remedy="name the column, or clear its cells",
             )
@@ -239,6 +244,7 @@ def sorted_columns(table: RawTable, names: Sequence[str], faults: Faults) -> tup
             faults.add(
                 1,
                 f"{column} stands there twice",
+                code="T003",
                 value=name,
                 allowed="each name once",
                 remedy="rename or remove one of the two",
@@ -250,6 +256,7 @@ def sorted_columns(table: RawTable, names: Sequence[str], faults: Faults) -> tup
             faults.add(
                 1,
                 f"{column} has a wrong or missing unit",
+                code="T003",
                 value=name,
                 allowed=right,
                 remedy=f"convert the values if need be and name the column {right}",
@@ -282,6 +289,7 @@ def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults
             faults.add(
                 1,
                 f"the header has no {kind}",
+                code="T003",
                 allowed=f"at least one of {', '.join(group)}",
                 remedy=f"add those that are not zero throughout, named exactly so{hint}",
             )
@@ -290,6 +298,7 @@ def _check_groups(needed: Mapping[str, Sequence[str]], present: set[str], faults
         faults.add(
             1,
             f"no column {', '.join(missing)}",
+            code="T003",
             allowed=f"all of {', '.join(POINT)}, or none",
             remedy="give all three coordinates of the loaded point in the flange frame",
         )
@@ -374,7 +383,7 @@ def numbers(
                 "remedy": why + hint,
             }
 
-        faults.each([table.lines[i] for i in bad], fault)
+        faults.each([table.lines[i] for i in bad], fault, code="T004")
     return out
 
 
@@ -406,6 +415,7 @@ def joint_angles(table: RawTable, columns: Columns, robot: Robot, faults: Faults
         faults.add(
             table.lines[row],
             f"column {robot.coordinates[k]}",
+            code="T005",
             value=f"{np.degrees(q[row, k]):g}",
             allowed=f"{np.degrees(read[row, k]):g}, as the controller's angles of this row say",
             remedy=f"correct one of them, or keep only the columns {', '.join(shown)}",
@@ -443,6 +453,7 @@ def check_words(table: RawTable, columns: Columns, faults: Faults) -> None:
             faults.each(
                 [table.lines[i] for i in bad],
                 lambda n, cells=cells, bad=bad, parts=parts: parts | {"value": cells[bad[n]]},  # type: ignore[misc]
+                code="T004",
             )
 
 
@@ -459,5 +470,6 @@ def drop_ragged(table: RawTable, faults: Faults) -> RawTable:
             "allowed": f"{width} cells",
             "remedy": f"look for a missing or extra separator, or a decimal comma{table.hint}",
         },
+        code="T002",
     )
     return replace(table, rows=tuple(compress(table.rows, whole)), lines=tuple(compress(table.lines, whole)))

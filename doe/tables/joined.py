@@ -29,7 +29,7 @@ def join(tables: Sequence[Measurements]) -> Measurements:
         The same reading in two of them without a repeat number that tells them apart, contradicting or not.
     """
     if not tables:
-        raise InputError("measurement tables to join", value=0, allowed="1 or more")
+        raise InputError("measurement tables to join", code="T008", value=0, allowed="1 or more")
     if len(tables) == 1:
         return tables[0]
     names = _names(tables)
@@ -58,13 +58,16 @@ def files_of(m: Measurements) -> tuple[str, ...] | None:
 def _names(tables: Sequence[Measurements]) -> list[str]:
     """Names of the files, numbered where two are the same."""
     if len({t.q.shape[1] for t in tables}) > 1:
-        raise InputError("measurement tables to join", value="different robots", allowed="tables of one robot")
+        raise InputError(
+            "measurement tables to join", code="T008", value="different robots", allowed="tables of one robot"
+        )
     first: dict[str, str] = {}
     names: list[str] = []
     for t in tables:
         if t.sha256 in first:
             raise InputError(
                 f"measurement tables {first[t.sha256]} and {t.source} are the same",
+                code="T008",
                 allowed="each table once",
                 remedy="leave one of them out",
             )

@@ -158,7 +158,7 @@ def select_loads(data: Measurements, loads_N: tuple[float, ...]) -> Measurements
         hit = np.abs(data.loads_N - load) <= 0.01 * abs(load)
         if not hit.any():
             present = ", ".join(f"{v:g}" for v in np.unique(np.round(data.loads_N, 6)))
-            raise InputError(f"{data.source}: load to calibrate on (N)", value=load, allowed=present)
+            raise InputError(f"{data.source}: load to calibrate on (N)", code="T009", value=load, allowed=present)
         keep |= hit
     return data.select(keep)
 
@@ -174,7 +174,9 @@ def select_poses(data: Measurements, poses: Sequence[str], where: str) -> Measur
     known = list(dict.fromkeys(data.pose))
     for pose in poses:
         if pose not in known:
-            raise InputError(f"{where}: pose", value=pose, allowed=f"one in {data.source}: {', '.join(known)}")
+            raise InputError(
+                f"{where}: pose", code="T009", value=pose, allowed=f"one in {data.source}: {', '.join(known)}"
+            )
     return data.select(np.isin(np.array(data.pose, dtype=str), poses))
 
 

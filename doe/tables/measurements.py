@@ -58,7 +58,7 @@ class Measurements:
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, nothing)
         if self.q.ndim != 2 or not (np.isfinite(self.q).all() and np.isfinite(self.wrench).all()):
-            raise InputError("measurements: q, wrench", allowed="finite numbers, (n, dof) and (n, 6)")
+            raise InputError("measurements: q, wrench", code="B001", allowed="finite numbers, (n, dof) and (n, 6)")
         check_columns("measurements", {**self.extra, **columns_of(self)}, self.q, wrench=6, displacement=6, point=3)
 
     @property
@@ -113,7 +113,7 @@ class Measurements:
         """Return the readings where ``mask`` (n,) is true; source, hash and notes stay."""
         mask = np.asarray(mask)
         if mask.dtype != np.bool_ or mask.shape != (self.n,):
-            raise InputError("mask", value=f"{mask.dtype} {mask.shape}", allowed=f"bool ({self.n},)")
+            raise InputError("mask", code="B001", value=f"{mask.dtype} {mask.shape}", allowed=f"bool ({self.n},)")
         extra = {name: tuple(compress(column, mask)) for name, column in self.extra.items()}
         return replace(self, **selected(self, mask), extra=extra)  # type: ignore[arg-type]
 
@@ -154,7 +154,7 @@ def check_columns(what: str, columns: Mapping[str, Array | tuple[Any, ...]], q: 
     for name, column in columns.items():
         shape, expected = np.shape(column), (len(q), *every.get(name, ()))
         if shape != expected:
-            raise InputError(f"{what}: {name}", value=f"shape {shape}", allowed=f"{expected}")
+            raise InputError(f"{what}: {name}", code="B001", value=f"shape {shape}", allowed=f"{expected}")
 
 
 def selected(table: Any, mask: Bools) -> dict[str, object]:

@@ -162,9 +162,11 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
     """
     path = Path(path)
     if path.suffix.lower() != ".csv" or not path.parent.is_dir():
-        raise InputError("measurement file to write", value=str(path), allowed="a .csv in an existing folder")
+        raise InputError(
+            "measurement file to write", code="B004", value=str(path), allowed="a .csv in an existing folder"
+        )
     if m.q.shape[1] != robot.dof:
-        raise InputError("measurements: joints", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
+        raise InputError("measurements: joints", code="A010", value=m.q.shape[1], allowed=f"{robot.dof} ({robot.name})")
     columns = _text_columns(m, robot, to_fill)
     with written_whole(path) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
         write_rows(stream, [columns, *zip(*columns.values(), strict=True)])
@@ -199,5 +201,5 @@ def bundled_data(name: str) -> Path:
         No measurements are bundled for that name.
     """
     files = {"fanuc-r2000ic": "fanuc_r2000ic.csv", "xr701": "xr701_gotlih.csv"}
-    require_one_of("bundled measurements", name, files)
+    require_one_of("bundled measurements", name, files, code="A011")
     return Path(str(resources.files("doe").joinpath("data", files[name])))

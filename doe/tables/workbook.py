@@ -69,6 +69,7 @@ def read_first_sheet(data: bytes, where: str) -> Sheet:
         if not visible:
             raise InputError(
                 f"{where}: the first sheet, {name}, is hidden",
+                code="T010",
                 allowed="the readings on the first sheet",
                 remedy="show it, or move the sheet with the readings to the front",
             )
@@ -89,7 +90,9 @@ def sheet_names(data: bytes, where: str) -> tuple[str, ...]:
     with _readable(data, where) as archive:
         names = tuple(name for name, _, visible in _sheets(archive, where)[0] if visible)
         if not names:
-            raise InputError(f"{where} has no sheet that can be seen", remedy="show the sheet with the readings")
+            raise InputError(
+                f"{where} has no sheet that can be seen", code="T010", remedy="show the sheet with the readings"
+            )
         return names
 
 
@@ -107,7 +110,7 @@ def read_sheet(data: bytes, where: str, name: str) -> Sheet:
             if known == name:
                 return _read(data, archive, where, (k, name, part), stale, heads=True)
         allowed = listed(known for known, _, _ in sheets)
-        raise InputError(f"{where}: sheet", value=name, allowed=allowed, remedy="choose one of them")
+        raise InputError(f"{where}: sheet", code="T010", value=name, allowed=allowed, remedy="choose one of them")
 
 
 @contextmanager
@@ -120,7 +123,9 @@ def _readable(data: bytes, where: str) -> Iterator[zipfile.ZipFile]:
         raise
     except Exception as error:  # a broken workbook raises zip, XML, key and value errors alike
         raise InputError(
-            f"{where} is not a readable XLSX workbook ({error})", remedy="save it again as XLSX, or as CSV (UTF-8)"
+            f"{where} is not a readable XLSX workbook ({error})",
+            code="T010",
+            remedy="save it again as XLSX, or as CSV (UTF-8)",
         ) from error
 
 
@@ -144,6 +149,7 @@ def _check_archive(archive: zipfile.ZipFile, where: str) -> None:
     if len(parts) > _MOST_FILES or size > _LARGEST_UNPACKED:
         raise InputError(
             f"{where}: unpacked",
+            code="F002",
             value=f"{size / 2**20:.0f} MB in {len(parts)} files",
             allowed=f"up to {_LARGEST_UNPACKED / 2**20:.0f} MB in {_MOST_FILES} files",
             remedy="save the table alone in a workbook, or as CSV (UTF-8)",
@@ -157,7 +163,7 @@ def _refuse_document_type(archive: zipfile.ZipFile, part: zipfile.ZipInfo, where
     """No workbook has one; what it defines can expand a thousandfold, or name files of this machine."""
 
     def refuse(*_: object) -> None:
-        raise InputError(f"{where}: {part.filename} has a document type (<!DOCTYPE>)", remedy=_SAVE)
+        raise InputError(f"{where}: {part.filename} has a document type (<!DOCTYPE>)", code="T010", remedy=_SAVE)
 
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = refuse
@@ -172,7 +178,7 @@ def _sheets(archive: zipfile.ZipFile, where: str) -> tuple[list[tuple[str, str, 
     targets = {link.get("Id"): link for link in links.iter(f"{{{_PACKAGE}}}Relationship")}
     sheets = [s for s in book.iter(f"{{{_SHEET}}}sheet") if _is_worksheet(targets.get(s.get(f"{{{_RELATION}}}id")))]
     if not sheets:
-        raise InputError(f"{where} has no sheet of cells", remedy=_SAVE)
+        raise InputError(f"{where} has no sheet of cells", code="T010", remedy=_SAVE)
     calculation = next(book.iter(f"{{{_SHEET}}}calcPr"), None)
     stale = calculation is not None and calculation.get("fullCalcOnLoad", "0") in ("1", "true")
     found = []
@@ -237,7 +243,9 @@ class _Scan:
             (self._errors, "an error in place of a value", "correct it, or clear the cell"),
         )
         faults = [
-            InputError(f"{self.where}: {what} in {listed(cells)}", allowed="numbers and text", remedy=remedy)
+            InputError(
+                f"{self.where}: {what} in {listed(cells)}", code="T010", allowed="numbers and text", remedy=remedy
+            )
             for cells, what, remedy in kinds
             if cells
         ]
@@ -245,6 +253,7 @@ class _Scan:
             faults.append(
                 InputError(
                     f"{self.where}: merged cells {listed(merged)}: all but the first of each would count as empty",
+                    code="T010",
                     allowed="one value in each cell",
                     remedy="unmerge them and write the value that was read into each cell",
                 )
@@ -253,6 +262,7 @@ class _Scan:
             faults.append(
                 InputError(
                     f"{self.where}: rows {line_ranges(self._hidden_rows)} are hidden",
+                    code="T010",
                     allowed="rows that can be seen",
                     remedy="show them (clear the filter) if they count, or delete them",
                 )
@@ -275,7 +285,7 @@ class _Scan:
         number = element.get("r", "")
         row = int(number) if number.isdecimal() else self._row + 1
         if row <= self._row:
-            raise InputError(f"{self.where}: row {row} stands behind row {self._row}", remedy=_SAVE)
+            raise InputError(f"{self.where}: row {row} stands behind row {self._row}", code="T010", remedy=_SAVE)
         self._row, self._column, self._row_hidden = row, 0, _is_hidden(element)
 
     def _take_cell(self, cell: ElementTree.Element) -> None:
@@ -302,6 +312,7 @@ class _Scan:
         if self.columns > MOST_COLUMNS or self.rows * self.columns > MOST_CELLS:
             raise InputError(
                 f"{self.where}: cell {address} makes this a table",
+                code="T010",
                 value=f"of {self.rows} rows and {self.columns} columns",
                 allowed=f"up to {MOST_COLUMNS} columns, and {MOST_CELLS} cells",
                 remedy="clear the cells away from the readings, or save the readings alone as CSV (UTF-8)",
@@ -314,7 +325,7 @@ class _Scan:
         place = _CELL.fullmatch(address)
         column = 0 if place is None else _column_number(place[1])
         if place is None or int(place[2]) != self._row or column <= self._column:
-            raise InputError(f"{self.where}: cell {address} stands in a wrong place", remedy=_SAVE)
+            raise InputError(f"{self.where}: cell {address} stands in a wrong place", code="T010", remedy=_SAVE)
         return column
 
 

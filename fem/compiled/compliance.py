@@ -125,6 +125,7 @@ def directional_stiffness(
     if not (displacement > 0.0).all():
         raise InputError(
             f"pose {int(np.argmin(displacement > 0.0))}: the model is rigid in this direction",
+            code="M005",
             remedy="give it flexible links or joint springs",
         )
     return np.asarray(1.0 / displacement)
@@ -137,7 +138,7 @@ def unit_force(direction: Array | None) -> Array:
 
 
 def _is_compiled(model: ArmModel, q: Array, threads: int | None, *, often: bool) -> bool:
-    require_at_least("threads (None: as many as there are processors)", threads, 1)
+    require_at_least("threads (None: as many as there are processors)", threads, 1, code="B003")
     if len(q) < max(FEWEST_OFTEN if often else FEWEST, 1) or why_not_flat(model) is not None or kernels() is None:
         return False
     return bool(max(q.max(), -q.min()) <= LARGEST)
@@ -177,4 +178,6 @@ _plan = once_for_each(flat_arm)
 def _check_out(out: Array | None, n: int) -> None:
     shape = (n, 6, 6)
     if out is not None and (out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous):
-        raise InputError("out", value=f"{out.dtype} {out.shape}", allowed=f"contiguous float64 of shape {shape}")
+        raise InputError(
+            "out", code="B001", value=f"{out.dtype} {out.shape}", allowed=f"contiguous float64 of shape {shape}"
+        )

@@ -76,21 +76,28 @@ class EffectParameter:
     of_stays: bool = False
 
     def __post_init__(self) -> None:
-        require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS)
+        require_one_of(f"effect parameter {self.name}: dimension", self.dimension, DIMENSIONS, code="M011")
         try:
             factor(self.dimension, self.unit)
         except ValueError as error:
-            raise InputError(f"effect parameter {self.name}: {error}", remedy="name a unit of that dimension") from None
+            raise InputError(
+                f"effect parameter {self.name}: {error}", code="M011", remedy="name a unit of that dimension"
+            ) from None
         if not (0.0 <= self.lower < self.upper < math.inf or (self.role == "shape" and self.lower < self.upper)):
             raise InputError(
                 f"effect parameter {self.name}: plausible range",
+                code="M011",
                 value=f"{self.lower:g} to {self.upper:g} (SI)",
                 allowed="0 <= lower < upper, finite",
             )
         if self.scale == "compliance" and not self.lower > 0.0:
-            raise InputError(f"effect parameter {self.name}: lower end of a stiffness", value=self.lower, allowed="> 0")
+            raise InputError(
+                f"effect parameter {self.name}: lower end of a stiffness", code="M011", value=self.lower, allowed="> 0"
+            )
         if self.role == "shape" and not self.grid:
-            raise InputError(f"effect parameter {self.name}: grid of a shape", value="none", allowed="values to try")
+            raise InputError(
+                f"effect parameter {self.name}: grid of a shape", code="M011", value="none", allowed="values to try"
+            )
 
     @property
     def si_unit(self) -> str:
@@ -168,10 +175,12 @@ class Effect:
     held_rigid: bool = False
 
     def __post_init__(self) -> None:
-        require_one_of(f"effect {self.code}: stage", self.stage, STAGES)
+        require_one_of(f"effect {self.code}: stage", self.stage, STAGES, code="M011")
         names = [p.name for p in self.parameters]
         if len(set(names)) < len(names):
-            raise InputError(f"effect {self.code}: parameters", value=", ".join(names), allowed="each name once")
+            raise InputError(
+                f"effect {self.code}: parameters", code="M011", value=", ".join(names), allowed="each name once"
+            )
 
     @property
     def place(self) -> str:
@@ -258,6 +267,7 @@ class Effect:
         if unknown or missing:
             raise InputError(
                 f"parameters of effect {self.code}",
+                code="M011",
                 value=f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}",
                 allowed=", ".join(names) or "none",
             )
@@ -265,7 +275,7 @@ class Effect:
         for p in self.parameters:
             if not math.isfinite(values[p.name]) or (p.scale == "compliance" and not values[p.name] > 0.0):
                 allowed = f"a finite number{' above 0' if p.scale == 'compliance' else ''} ({p.si_unit})"
-                raise InputError(f"{self.code}.{p.name}", value=values[p.name], allowed=allowed)
+                raise InputError(f"{self.code}.{p.name}", code="M011", value=values[p.name], allowed=allowed)
             inner.append(p.amplitude(values[p.name]))
         return PlacedEffect(self, np.array(inner))
 

@@ -58,14 +58,15 @@ def _made(make: Callable[[ArmModel], Any], where: str, model: ArmModel) -> list[
         given = make(model)
         effects = list(given) if isinstance(given, Iterable) else given
     except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise InputError(f"{where}: {error}", code="M012") from error
     except Exception as error:  # what it does is the user's affair
         raise InputError(
-            f"{where}: effects(model) fails ({type(error).__name__}: {error})", remedy="mend the file"
+            f"{where}: effects(model) fails ({type(error).__name__}: {error})", code="M012", remedy="mend the file"
         ) from error
     if not isinstance(effects, list) or not all(isinstance(e, Effect) for e in effects):
         raise InputError(
             f"{where}: effects(model)",
+            code="M012",
             value=type(given).__name__,
             allowed="a list of fem.effects.Effect",
             remedy="return the effects in a list",
@@ -75,14 +76,14 @@ def _made(make: Callable[[ArmModel], Any], where: str, model: ArmModel) -> list[
         try:
             _try(effect, model)
         except InputError as error:
-            raise InputError(f"{where}: {error}") from error
+            raise InputError(f"{where}: {error}", code="M012") from error
     return out
 
 
 def _try(effect: Effect, model: ArmModel) -> None:
     """Ask the law at plausible numbers and at zero amplitude, on a few poses."""
     if not effect.code or effect.code != effect.code.strip():
-        raise InputError("effect: code", value=effect.code, allowed="a word such as my-effect:j2")
+        raise InputError("effect: code", code="M012", value=effect.code, allowed="a word such as my-effect:j2")
     middle = model.robot.limits.mean(axis=1)
     q = middle + np.linspace(0.0, 0.2, TRIED)[:, None] * np.diff(model.robot.limits, axis=1)[:, 0] / 2.0
     wrench = np.zeros((TRIED, 6))
@@ -99,6 +100,7 @@ def _try(effect: Effect, model: ArmModel) -> None:
         if np.abs(left - deflection(model, q, wrench, point)).max() > NOTHING:
             raise InputError(
                 f"law of effect {effect.code}: it acts although its amplitudes are zero",
+                code="M012",
                 remedy="make it proportional to its amplitudes, or make the number a shape",
             )
 
@@ -126,7 +128,9 @@ def catalogue(
     out: dict[str, Effect] = {}
     for effect in effects:
         if effect.code in out:
-            raise InputError("effect", value=effect.code, allowed="each code once", remedy="rename your own effect")
+            raise InputError(
+                "effect", code="M011", value=effect.code, allowed="each code once", remedy="rename your own effect"
+            )
         out[effect.code] = effect
     return out
 
@@ -144,7 +148,7 @@ def effect_of(
     """One effect by its code; raises InputError where the model cannot have it."""
     known = catalogue(model, description, own)
     known |= learned_among(model, [code])
-    require_one_of("effect", code, known)
+    require_one_of("effect", code, known, code="M011")
     return known[code]
 
 

@@ -110,6 +110,7 @@ def described_effects(
             faults.append(
                 InputError(
                     f"{where}: this model has no such effect ({model.load_path} load path, {model.link_kind} links)",
+                    code="M011",
                     allowed=codes_in_words(known),
                     remedy="correct or remove it; a code of your own needs the file with its law (--effect FILE.py)",
                 )
@@ -201,13 +202,17 @@ def _values(effect: Effect, table: EffectTable, where: str, faults: list[InputEr
     for name in table.parameters:
         if name not in names:
             allowed = ", ".join(names) or "none"
-            faults.append(InputError(f"{where}.parameters: unknown parameter", value=name, allowed=allowed))
+            faults.append(
+                InputError(f"{where}.parameters: unknown parameter", code="M011", value=name, allowed=allowed)
+            )
     for parameter in effect.parameters:
         place, number = f"{where}.parameters.{parameter.name}", table.parameters.get(parameter.name)
         if number is None:
             if parameter.role == "shape" and parameter.default is None:
                 remedy = "add it (a table { value, unit, source })"
-                faults.append(InputError(f"{place}: this key is missing", allowed=_range(parameter), remedy=remedy))
+                faults.append(
+                    InputError(f"{place}: this key is missing", code="M011", allowed=_range(parameter), remedy=remedy)
+                )
             values.append(parameter.default or 0.0)
             continue
         try:
@@ -216,7 +221,9 @@ def _values(effect: Effect, table: EffectTable, where: str, faults: list[InputEr
             faults.append(fault)
     if effect.amplitudes and not table.parameters:
         remedy = "give one of them, or remove the effect"
-        faults.append(InputError(f"{where}: no parameter is given", allowed=", ".join(names), remedy=remedy))
+        faults.append(
+            InputError(f"{where}: no parameter is given", code="M011", allowed=", ".join(names), remedy=remedy)
+        )
     return values if len(faults) == before else None
 
 
@@ -225,24 +232,28 @@ def _si(parameter: EffectParameter, number: EffectNumber, place: str) -> float:
     try:
         scale = factor(parameter.dimension, number.unit)
     except ValueError as error:
-        raise InputError(f"{place}: {error}", remedy="correct the unit") from error
+        raise InputError(f"{place}: {error}", code="M011", remedy="correct the unit") from error
     if parameter.dimension == "compliance" and _kind(number.unit) != _kind(parameter.unit):
-        raise InputError(f"{place}: unit", value=number.unit, allowed=parameter.unit)
+        raise InputError(f"{place}: unit", code="M011", value=number.unit, allowed=parameter.unit)
     value = number.value * scale
     low = parameter.lower if parameter.role == "shape" else 0.0
     must_be_positive = parameter.scale == "compliance" or (parameter.role == "shape" and low > 0.0)
     if must_be_positive and not value > 0.0:
-        raise InputError(place, value=number.value, allowed=f"greater than 0, plausible {_range(parameter)}")
+        raise InputError(
+            place, code="M011", value=number.value, allowed=f"greater than 0, plausible {_range(parameter)}"
+        )
     if parameter.role == "shape" and not _within_reason(parameter, value):
-        raise InputError(place, value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}")
+        raise InputError(
+            place, code="M011", value=number.value, allowed=f"not far from what is plausible, {_range(parameter)}"
+        )
     if must_be_positive:
         try:
             check_magnitude(parameter.dimension, number.unit, number.value, positive=True)
         except ValueError as error:
             allowed = f"plausible {_range(parameter)}"
-            raise InputError(f"{place}: {error}", value=number.value, allowed=allowed) from error
+            raise InputError(f"{place}: {error}", code="M011", value=number.value, allowed=allowed) from error
     if not parameter.signed and low >= 0.0 and value < 0.0:
-        raise InputError(place, value=number.value, allowed=f"0 or more, plausible {_range(parameter)}")
+        raise InputError(place, code="M011", value=number.value, allowed=f"0 or more, plausible {_range(parameter)}")
     return value
 
 

@@ -42,7 +42,9 @@ def act(placed: PlacedEffect, subject: Any, situation: Situation | None) -> Any:
         raise
     except Exception as error:  # a law may fail in any way
         raise InputError(
-            f"law of effect {effect.code} fails ({type(error).__name__}: {error})", remedy="mend it in its file"
+            f"law of effect {effect.code} fails ({type(error).__name__}: {error})",
+            code="M012",
+            remedy="mend it in its file",
         ) from error
     return _checked(effect, subject, situation, given)
 
@@ -51,13 +53,17 @@ def _checked(effect: Effect, subject: Any, situation: Situation | None, given: A
     what = f"law of effect {effect.code} (stage {effect.stage})"
     if effect.stage == "model":
         if not isinstance(given, ArmModel):
-            raise InputError(what, value=type(given).__name__, allowed="an ArmModel", remedy="return the changed model")
+            raise InputError(
+                what, code="M012", value=type(given).__name__, allowed="an ArmModel", remedy="return the changed model"
+            )
         return given
     if effect.stage == "frame":
         pairs = [(given, np.eye(3), "rotation")]
     elif effect.stage == "load":
         if not isinstance(given, LoadedPoses):
-            raise InputError(what, value=type(given).__name__, allowed="LoadedPoses", remedy="return the changed loads")
+            raise InputError(
+                what, code="M012", value=type(given).__name__, allowed="LoadedPoses", remedy="return the changed loads"
+            )
         pairs = [(getattr(given, name), getattr(subject, name), name) for name in ("q", "wrench", "point")]
     else:
         assert situation is not None  # noqa: S101 - these stages have one
@@ -65,9 +71,11 @@ def _checked(effect: Effect, subject: Any, situation: Situation | None, given: A
     for value, like, name in pairs:
         if not isinstance(value, np.ndarray) or value.shape != like.shape:
             shape = value.shape if isinstance(value, np.ndarray) else type(value).__name__
-            raise InputError(f"{what}: {name}", value=f"shape {shape}", allowed=f"an array {like.shape}")
+            raise InputError(f"{what}: {name}", code="M012", value=f"shape {shape}", allowed=f"an array {like.shape}")
         if not np.issubdtype(value.dtype, np.floating) or not np.isfinite(value).all():
-            raise InputError(f"{what}: {name}", value="NaN, inf or no real numbers", allowed="finite numbers")
+            raise InputError(
+                f"{what}: {name}", code="M012", value="NaN, inf or no real numbers", allowed="finite numbers"
+            )
     return given
 
 

@@ -98,13 +98,16 @@ def distributing_coupling(nodes: Array, ring: Integers, point: Array, weights: A
     r = len(ring)
     w = np.ones(r) if weights is None else np.asarray(weights, dtype=np.float64)
     if w.shape != (r,) or not np.isfinite(w).all() or (w < 0.0).any() or not w.any():
-        raise InputError("weights of a distributing coupling", value=w.tolist(), allowed=f"{r} numbers, none negative")
+        raise InputError(
+            "weights of a distributing coupling", code="L006", value=w.tolist(), allowed=f"{r} numbers, none negative"
+        )
     centre = w @ nodes[ring] / w.sum()
     arms = nodes[ring] - centre
     spread = np.linalg.svd(np.sqrt(w)[:, None] * arms, compute_uv=False)
     if r < 3 or not spread[1] > SMALLEST_SPREAD * spread[0]:
         raise InputError(
             "a distributing coupling whose nodes lie on one line",
+            code="L006",
             value=f"{r} node(s)",
             allowed="three nodes or more that span a surface",
             remedy="choose more nodes or the rigid coupling",
@@ -171,6 +174,7 @@ def giving_way(reading: sp.csc_array) -> tuple[Integers, Integers]:
     if used.size < count or not abs(factor[count - 1, count - 1]) > SMALLEST_SHARE:
         raise InputError(
             "interfaces of a shell mesh that share nodes: their points cannot move apart",
+            code="L006",
             remedy="choose separate rings",
         )
     return used[pivots[:count]], np.sort(used[pivots[count:]])

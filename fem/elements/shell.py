@@ -177,7 +177,7 @@ def shell_superelement(
 
 def shell_solution(mesh: LinkMesh, shell: CoupledShell) -> tuple[Array, Array]:
     """:meth:`CoupledShell.solution` of a mesh; errors as of :func:`shell_superelement`."""
-    require_at_least(f"interfaces of {mesh_kind(mesh)} mesh {mesh.name}", len(mesh.interfaces), 2)
+    require_at_least(f"interfaces of {mesh_kind(mesh)} mesh {mesh.name}", len(mesh.interfaces), 2, code="L006")
     try:
         return shell.solution()
     except ArithmeticError as error:
@@ -185,7 +185,9 @@ def shell_solution(mesh: LinkMesh, shell: CoupledShell) -> tuple[Array, Array]:
         if isinstance(mesh, ShellMesh):
             value = f"thickness {mesh.thickness.min():.3g} to {mesh.thickness.max():.3g} m"
             remedy = "look for walls far too thin and for slivers"
-        raise InputError(f"{mesh_kind(mesh)} mesh {mesh.name}: {error}", value=value, remedy=remedy) from error
+        raise InputError(
+            f"{mesh_kind(mesh)} mesh {mesh.name}: {error}", code="L006", value=value, remedy=remedy
+        ) from error
 
 
 def mesh_kind(mesh: LinkMesh) -> str:
@@ -208,6 +210,7 @@ def _kinds(mesh: LinkMesh, points: Array, coupling: Coupling | Mapping[str, Coup
     if points.shape != (len(names), 3) or not np.isfinite(points).all():
         raise InputError(
             f"interface points of {mesh_kind(mesh)} mesh {mesh.name}",
+            code="L006",
             value=f"shape {points.shape}" if np.isfinite(points).all() else points.tolist(),
             allowed=f"finite, shape ({len(names)}, 3), m, for {', '.join(names)}",
         )
@@ -216,6 +219,7 @@ def _kinds(mesh: LinkMesh, points: Array, coupling: Coupling | Mapping[str, Coup
     if wrong or set(by_name) - set(names):
         raise InputError(
             f"coupling of {mesh_kind(mesh)} mesh {mesh.name}",
+            code="L006",
             value=dict(by_name),
             allowed=f"'rigid' or 'distributing' for {', '.join(names)}",
         )
@@ -229,6 +233,7 @@ def _expansion(mesh: LinkMesh, rigid: Mapping[int, Integers], points: Array) -> 
     if np.unique(tied).size != tied.size:
         raise InputError(
             f"rigid interfaces of {mesh_kind(mesh)} mesh {mesh.name} share nodes",
+            code="L006",
             remedy="choose separate rings, or the distributing coupling for one of them",
         )
     own = 6 if isinstance(mesh, ShellMesh) else 3
@@ -279,6 +284,7 @@ def ring_parts(mesh: LinkMesh, rings: list[Integers], kinds: list[Coupling]) -> 
     if whole.max() > 0:
         raise InputError(
             f"{mesh_kind(mesh)} mesh {mesh.name}",
+            code="L007",
             value=f"{whole.max() + 1} separate bodies of {np.bincount(whole).tolist()} nodes",
             allowed="one body",
             remedy="merge the nodes where the bodies touch, or drop the loose ones",

@@ -49,6 +49,7 @@ def _gradients(mesh: SolidMesh, cells: slice, order: int) -> tuple[Array, Array]
         bad = int(np.flatnonzero(~(volume > 0.0).all(axis=1))[0])
         raise InputError(
             f"solid mesh {mesh.name}: {int((~(volume > 0.0).all(axis=1)).sum())} tetrahedra turned inside out or flat",
+            code="L007",
             value=f"the first near {np.round(corners[bad].mean(axis=0), 4).tolist()} m",
             remedy="choose a smaller element size",
         )

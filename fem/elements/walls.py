@@ -59,12 +59,16 @@ def _condensed(description: ModelDescription, model: ArmModel, name: str, ratio:
     link = next(one for one in data["link"] if one["name"] == name)
     for kinds, key in ((("shell", "solid"), "surface"), (("solid",), "solid")):
         if link.get(key) is not None and model.link_kind in kinds:
-            raise InputError(f"parameter {name}.wall", value=f"a prepared {key}", allowed="links with a section")
+            raise InputError(
+                f"parameter {name}.wall", code="M001", value=f"a prepared {key}", allowed="links with a section"
+            )
     for key in WALLS:
         if link.get(key) is not None:
             link[key]["wall"] = {**link[key]["wall"], "value": link[key]["wall"]["value"] * ratio}
     try:
         changed = ModelDescription.model_validate(data)
     except ValueError as error:
-        raise InputError(f"parameter {name}.wall: {ratio:.3g} times its wall does not fit its section") from error
+        raise InputError(
+            f"parameter {name}.wall: {ratio:.3g} times its wall does not fit its section", code="M001"
+        ) from error
     return link_part(changed, model, name).element.flexibility

@@ -148,6 +148,7 @@ class Parameter:
         if not (lower < upper and np.isfinite([lower, upper]).all() and (lower > 0.0 or not positive)):
             raise InputError(
                 f"range of {self.name} ({self.unit})",
+                code="M002",
                 value=f"{lower:g} to {upper:g}",
                 allowed=f"{'0 < ' if positive else ''}lower < upper, finite",
             )

@@ -85,7 +85,7 @@ class _Stiffness(_Entry):
 
     def check(self, p: Parameter, among: Sequence[Parameter], given: Given) -> None:
         if (p.place, p.index[0]) in given.laws:
-            raise InputError(f"parameter {p.name}", value="a constant and a law", allowed="one of them")
+            raise InputError(f"parameter {p.name}", code="M001", value="a constant and a law", allowed="one of them")
 
     def screened(self, p: Parameter, springs: tuple[float, float]) -> tuple[float, float]:
         if p.spring_of is not None:
@@ -177,11 +177,14 @@ class _Wall(_OfLink):
 
     def check(self, p: Parameter, among: Sequence[Parameter], given: Given) -> None:
         if p.place not in given.walls:
-            raise InputError(f"parameter {p.name}", value="no sections to vary", allowed="a link with a section")
+            raise InputError(
+                f"parameter {p.name}", code="M001", value="no sections to vary", allowed="a link with a section"
+            )
         other = next((x for x in among if isinstance(x.kind, _Modulus) and x.place == p.place), None)
         if other is not None:
             raise InputError(
                 f"parameters {p.name} and {other.name}",
+                code="M001",
                 value="both free",
                 allowed="one of them: readings only see their product",
             )
@@ -293,7 +296,10 @@ class _OfEffect(Kind):
     def check(self, p: Parameter, among: Sequence[Parameter], given: Given) -> None:
         if p.place not in given.codes:
             raise InputError(
-                "parameter", value=p.name, allowed=f"effects here: {', '.join(sorted(given.codes)) or 'none'}"
+                "parameter",
+                code="M001",
+                value=p.name,
+                allowed=f"effects here: {', '.join(sorted(given.codes)) or 'none'}",
             )
 
     def put(self, p: Parameter, value: float, tables: Tables, figure: Figure) -> None:
@@ -389,6 +395,7 @@ def _refuse_law(model: ArmModel, place: str, row: int) -> None:
     ):
         raise InputError(
             f"parameter {place}.{ROWS[row]}",
+            code="M001",
             value="a law over the joint's angle (bearing_laws)",
             allowed="a constant of the model file",
             remedy="leave it as it is, or replace the law by a constant in [joint.bearing]",

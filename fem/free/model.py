@@ -71,7 +71,7 @@ class FreeModel:
         seen = [(p.kind, p.place, p.index) for p in self.parameters]
         for k, (p, key) in enumerate(zip(self.parameters, seen, strict=True)):
             if key in seen[:k]:
-                raise InputError(f"parameter {p.name}", value="given twice", allowed="each number once")
+                raise InputError(f"parameter {p.name}", code="M001", value="given twice", allowed="each number once")
             p.kind.check(p, self.parameters, given)
 
     @property

@@ -79,7 +79,7 @@ def polynomial_basis(model: ArmModel, inputs: tuple[str, ...], degree: int) -> P
         Unknown coordinate, or a degree out of range.
     """
     if not 0 <= degree <= HIGHEST_DEGREE:
-        raise InputError("degree of a spring's law", value=degree, allowed=f"0 to {HIGHEST_DEGREE}")
+        raise InputError("degree of a spring's law", code="M001", value=degree, allowed=f"0 to {HIGHEST_DEGREE}")
     columns = tuple(model.robot.coordinate_index(name) for name in inputs)
     limits = model.robot.limits[list(columns)]
     powers = sorted(
@@ -100,7 +100,7 @@ def law_parameters(model: ArmModel, joint: str, basis: Basis, spread: float = 1.
     ``spread``: standard deviation of the prior of every coefficient but those of the mean: laws that the data
     do not ask for stay flat. ``row`` as in :class:`FreeLaw`: of a bearing law they are ``JOINT.ROW.law[0]`` onwards.
     """
-    require_one_of("joint of a law", joint, model.robot.joint_names)
+    require_one_of("joint of a law", joint, model.robot.joint_names, code="M001")
     compliance = float(law_compliance(model, FreeLaw(joint, basis, 0, row), np.zeros((1, model.robot.dof)))[0])
     softest, stiffest = SHIFT if row < 3 else TURN
     level = -np.log(compliance) if compliance > 0.0 else np.log(stiffest)
@@ -131,7 +131,7 @@ def parameter(model: ArmModel, name: str, effects: Sequence[PlacedEffect] = ()) 
     made = (kind.made(model, place, what) for kind in KINDS)
     found = next((p for p in made if p is not None), None) or of_effect(effects, name)
     if found is None:
-        raise InputError("parameter", value=name, allowed="; ".join(known_parameters(model, effects)))
+        raise InputError("parameter", code="M001", value=name, allowed="; ".join(known_parameters(model, effects)))
     return replace(found, name=name)
 
 
@@ -192,7 +192,9 @@ def named_numbers(model: ArmModel, names: Sequence[str], effects: Sequence[Place
             ]
         if index >= law.basis.size:
             whole = name.rpartition("[")[0]
-            raise InputError("coefficient of a law", value=name, allowed=f"{whole}[0] to [{law.basis.size - 1}]")
+            raise InputError(
+                "coefficient of a law", code="M001", value=name, allowed=f"{whole}[0] to [{law.basis.size - 1}]"
+            )
         columns.append(law.first + index)
     u = [0.0 if p.kind.shifts else p.inner(p.value) for p in parameters]
     return NamedNumbers(tuple(parameters), tuple(laws), np.array(u), np.array(columns, dtype=np.intp))
@@ -214,6 +216,7 @@ def _law_of(model: ArmModel, name: str, joint: str, row: int) -> LawSpring:
     if joint not in having:
         raise InputError(
             "coefficient of a law",
+            code="M001",
             value=name,
             allowed=f"joints with a law: {', '.join(having) or 'none in this model'}",
         )

@@ -43,6 +43,7 @@ class _System(Unknowns):
         elif link.shell is not None:
             raise InputError(
                 f"full assembly of link {link.name}",
+                code="B003",
                 value="shell or solid",
                 allowed="beam links, or condensed=True",
                 remedy="use fem.solve_shell_arm",

@@ -91,7 +91,10 @@ def mesh_of(link: LinkPart) -> ShellMesh | SolidMesh:
     """Shell or solid mesh of a link; without one it raises an InputError."""
     if link.shell is None:
         raise InputError(
-            f"link {link.name}", value="no shell mesh", allowed="a model built with links='shell' or links='solid'"
+            f"link {link.name}",
+            code="M003",
+            value="no shell mesh",
+            allowed="a model built with links='shell' or links='solid'",
         )
     return link.shell
 
@@ -113,7 +116,7 @@ def couple_links(model: ArmModel) -> dict[str, CoupledShell]:
         The model has no links, or links that are not shells.
     """
     if not model.links:
-        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell, solid")
+        raise InputError(f"links of {model.robot.name}", code="M003", value=model.link_kind, allowed="shell, solid")
     return {link.name: couple(mesh_of(link), link.element.points, _flanges(link)) for link in all_links(model)}
 
 
@@ -168,7 +171,10 @@ def solve_shell_arm(
         x = _solve(K, force, bar, 0.0 if model.bar is None else model.bar.compliance)
     except ArithmeticError as error:
         raise InputError(
-            f"{model.robot.name}: {error}", value=pose[0].tolist(), remedy="check the joint angles and the springs"
+            f"{model.robot.name}: {error}",
+            code="B003",
+            value=pose[0].tolist(),
+            remedy="check the joint angles and the springs",
         ) from error
     push = None
     if bar is not None:
@@ -190,7 +196,7 @@ def one_pose(
     """Check one pose (dof,), loads (6,) or (l, 6) and a point (3,); returned as (1, dof), (l, 6) and (1, 3)."""
     pose = as_poses(model.robot, np.atleast_2d(np.asarray(q, dtype=np.float64)))
     if len(pose) != 1:
-        raise InputError("poses of a full solve", value=len(pose), allowed="one at a time")
+        raise InputError("poses of a full solve", code="B003", value=len(pose), allowed="one at a time")
     loads = np.asarray(wrench, dtype=np.float64)
     loads = as_wrenches(loads, len(loads) if loads.ndim == 2 else 1)
     return pose, loads, as_points(point, 1)

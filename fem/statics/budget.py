@@ -76,12 +76,14 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
         row = int(np.argmin(np.isfinite(total)))
         raise InputError(
             f"pose {row}: the strain energy is not finite",
+            code="M005",
             remedy="check the springs that depend on joint angles: far outside the angles of their fit they run away",
         )
     if not (total > 0.0).all():
         row = int(np.argmin(total > 0.0))
         raise InputError(
             f"pose {row}: nothing deflects under this load",
+            code="M005",
             value=loads[row].tolist(),
             allowed="a load, and a model that is not rigid against it",
             remedy="give the model flexible links or joint springs",
@@ -92,6 +94,7 @@ def compliance_budget(model: ArmModel, q: Array, wrench: Array, point: Array | N
         row, column = (int(i) for i in np.argwhere(wrong)[0])
         raise InputError(
             f"part {list(by_part)[column]} at pose {row}: strain energy (J)",
+            code="M005",
             value=float(energy[row, column]),
             allowed="0 or more",
             remedy="check its stiffness and its mesh: its compliance matrix is not positive",

@@ -80,12 +80,14 @@ def _check(model: ArmModel, parts: list[Transfer]) -> None:
     if not parts:
         raise InputError(
             f"model of {model.robot.name}: nothing in it deflects",
+            code="M005",
             remedy="give it flexible links or joint springs",
         )
     for part in parts:
         if (part.compliance < 0.0).any() and part.compliance.ndim == 1:
             raise InputError(
                 f"model of {model.robot.name}: compliance of {part.name} with what couples it to other directions",
+                code="M004",
                 allowed="positive semidefinite",
                 remedy="a softer spring about the axis, or a weaker coupling",
             )
@@ -112,6 +114,7 @@ def _root(model: ArmModel, part: Transfer) -> Array:
     if (values[:, 0] < -_NO_COMPLIANCE * np.abs(values).max()).any():
         raise InputError(
             f"model of {model.robot.name}: compliance of {part.name} at the stated load",
+            code="M004",
             allowed="positive semidefinite",
             remedy="learn the stiffness along one load (--basis polynomial or trigonometric)",
         )

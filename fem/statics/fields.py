@@ -143,7 +143,7 @@ def arm_fields(
     """
     pose, loads, at = one_pose(model, q, wrench, point)
     if len(loads) != 1:
-        raise InputError("loads of a field", value=len(loads), allowed="one at a time")
+        raise InputError("loads of a field", code="B003", value=len(loads), allowed="one at a time")
     shapes = link_shapes(model) if shapes is None else shapes
     frames = forward_kinematics(model.robot, pose)
     tool = tool_position(model.robot, frames, at)

@@ -55,12 +55,13 @@ def as_points(point: ArrayLike | None, n: int) -> Array | None:
 def _check(what: str, values: Array, width: int, n: int, unit: str) -> None:
     allowed = f"finite, shape ({width},) or ({n}, {width}): {unit}"
     if values.shape not in ((width,), (n, width)):
-        raise InputError(what, value=f"shape {values.shape}", allowed=allowed, remedy="one row a pose")
+        raise InputError(what, code="A006", value=f"shape {values.shape}", allowed=allowed, remedy="one row a pose")
     if not np.isfinite(values).all():
         bad = np.atleast_2d(values)
         row = int(np.flatnonzero(~np.isfinite(bad).all(axis=1))[0])
         raise InputError(
             f"{what}, row {row}",
+            code="A006",
             value=bad[row].tolist(),
             allowed=allowed,
             remedy="remove or complete that row",

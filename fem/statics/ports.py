@@ -123,7 +123,7 @@ def _places(
 
 def port_of(places: dict[str, Port], name: str) -> Port:
     """One port by name; raises InputError if the arm has none of that name."""
-    require_one_of("place of a compliance", name, places)
+    require_one_of("place of a compliance", name, places, code="B003")
     return places[name]
 
 

@@ -50,6 +50,7 @@ def refuse_beyond(robot: Robot, displacement: Array, what: str) -> None:
         moved = float(np.linalg.norm(np.nan_to_num(np.atleast_2d(displacement)[worst, :3])))
         raise InputError(
             f"{what}: beyond small displacements, for which alone the model holds",
+            code="M006",
             value=f"the tool moves by {moved * 1e3:.4g} mm, the arm turns by {turned[worst]:.3g} rad",
             allowed=f"a turn of up to {LIMIT:g} rad, as {LIMIT * stretched_length(robot) * 1e3:.3g} mm at the tool",
             remedy="check the load (N) and the model's stiffnesses (N m/rad, N/m)",

@@ -250,6 +250,7 @@ def flat_parallelogram(robot: Robot, pose: int) -> InputError:
     return InputError(
         f"pose {pose}: the parallelogram of {robot.name} is "
         "flat (bar and lever in line), so the bar cannot carry the forearm's moment",
+        code="M007",
         allowed="poses away from that singularity",
         remedy="check the joint angles",
     )

@@ -253,7 +253,7 @@ def crank_and_bar(description: ModelDescription, robot: Robot) -> tuple[Solid, S
     """
     p = robot.parallelogram
     if p is None or description.parallelogram is None:
-        raise InputError(f"{robot.name} has no parallelogram")
+        raise InputError(f"{robot.name} has no parallelogram", code="R002")
     axis = robot.R_post[p.driven].T[:, 2]
     (crank,) = beam_solids(crank_beam_mesh(description, robot, elements_per_segment=1), {"root": axis, "tip": axis})
     way = body_tip(robot, p.crank_about + 1)

@@ -103,7 +103,7 @@ class LinearAxis:
             c = np.asarray(self.compliance, dtype=np.float64)
             if c.shape != (6,) or not (np.isfinite(c) & (c >= 0.0)).all():
                 allowed = "six figures of 0 or more: three in m/N, three in rad/(N m)"
-                raise InputError(f"{where}: compliance", value=c.tolist(), allowed=allowed)
+                raise InputError(f"{where}: compliance", code="K001", value=c.tolist(), allowed=allowed)
             object.__setattr__(self, "compliance", c)
 
 
@@ -183,21 +183,27 @@ class Cell:
         object.__setattr__(self, "T_world_base0", as_frame("robot frame in the world", self.T_world_base0))
         object.__setattr__(self, "T_world_part0", as_frame("part frame in the world", self.T_world_part0))
         if len(self.linear_axes) > MOST_LINEAR_AXES:
-            raise InputError("linear axes", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}")
+            raise InputError(
+                "linear axes", code="K001", value=len(self.linear_axes), allowed=f"at most {MOST_LINEAR_AXES}"
+            )
         if self.floor is not None and not np.isfinite(self.floor):
-            raise InputError("height of the floor (m)", value=self.floor, allowed="a finite number, or no floor")
+            raise InputError(
+                "height of the floor (m)", code="K001", value=self.floor, allowed="a finite number, or no floor"
+            )
         if self.beam_radius is not None:
-            require_at_least("radius of beams (m)", self.beam_radius, 0.0)
-        require_at_least("safety distance (m)", self.safety, 0.0)
+            require_at_least("radius of beams (m)", self.beam_radius, 0.0, code="K001")
+        require_at_least("safety distance (m)", self.safety, 0.0, code="K001")
         for what, rate in (("joint speeds", self.joint_speed), ("joint accelerations", self.joint_acceleration)):
             if rate is not None and not (np.asarray(rate, dtype=np.float64) > 0.0).all():
-                raise InputError(what, value=rate, allowed="more than 0")
+                raise InputError(what, code="K001", value=rate, allowed="more than 0")
         if self.turntable is None and any(f.on_turntable for f in self.fixtures):
-            raise InputError("fixture on the turntable", allowed="only in a cell with a turntable")
+            raise InputError("fixture on the turntable", code="K001", allowed="only in a cell with a turntable")
         names = [body.name for body in self.bodies] + [axis.name for axis in self.linear_axes] + [FLOOR]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise InputError("name in the cell", value=", ".join(twice), allowed="each once; the floor has one too")
+            raise InputError(
+                "name in the cell", code="K001", value=", ".join(twice), allowed="each once; the floor has one too"
+            )
 
     def with_tool(self, tool: Tool) -> Cell:
         """The cell while this tool is on the flange."""
@@ -242,7 +248,7 @@ class Cell:
         T = np.broadcast_to(np.eye(4), (len(angle), 4, 4)).copy()
         if self.turntable is None:
             if angle.any():
-                raise InputError("angle of the turntable", allowed="0: this cell has none")
+                raise InputError("angle of the turntable", code="K001", allowed="0: this cell has none")
             return T
         x, y, z = self.turntable.axis
         K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -279,10 +285,10 @@ def _within(value: Array, limits: Array) -> Bools:
 def _range(what: str, limits: ArrayLike) -> Array:
     pair = np.asarray(limits, dtype=np.float64)
     if pair.shape != (2,) or not np.isfinite(pair).all() or not pair[0] < pair[1]:
-        raise InputError(what, value=pair.tolist(), allowed="a pair [lower, upper] with lower < upper")
+        raise InputError(what, code="K001", value=pair.tolist(), allowed="a pair [lower, upper] with lower < upper")
     return pair
 
 
 def _rates(where: str, unit: str, speed: float | None, acceleration: float | None) -> None:
     for what, value in ((f"speed ({unit}/s)", speed), (f"acceleration ({unit}/s^2)", acceleration)):
-        require_positive(f"{where}: {what}", value)
+        require_positive(f"{where}: {what}", value, code="K001")

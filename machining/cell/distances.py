@@ -76,7 +76,7 @@ def clearance(
         Shapes, values that are not finite, ``within`` not above 0.
     """
     if not within > 0.0:
-        raise InputError("distance that matters (m)", value=within, allowed="greater than 0")
+        raise InputError("distance that matters (m)", code="K001", value=within, allowed="greater than 0")
     poses = as_poses(scene.arm.robot, np.asarray(q, dtype=np.float64))
     n = len(poses)
     travel = None if e is None else np.asarray(e, dtype=np.float64)

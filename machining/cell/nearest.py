@@ -94,7 +94,7 @@ def _solids(scene: Scene, name: str) -> list[tuple[ExactSolid, int]]:
         if scene.members[i].body.name == name
     ]
     if not out:
-        raise InputError("body", value=name, allowed=", ".join(m.body.name for m in scene.members))
+        raise InputError("body", code="K001", value=name, allowed=", ".join(m.body.name for m in scene.members))
     return out
 
 

@@ -88,7 +88,10 @@ def _solid(shape: Shape, folder: Path, name: str) -> Solid:
         file = folder / shape.file
         if not file.is_file():
             raise InputError(
-                f"mesh file of {name} not found", value=shape.file, remedy="give its path relative to the cell file"
+                f"mesh file of {name} not found",
+                code="K002",
+                value=shape.file,
+                remedy="give its path relative to the cell file",
             )
         return mesh_file(file, shape.unit)
     if isinstance(shape, BoxShape):
@@ -120,6 +123,7 @@ def _changed(key: str, table: ChangedToolTable, folder: Path) -> Tool:
     if milling is not None and not milling.is_file():
         raise InputError(
             f"milling file of tool {key} not found",
+            code="K003",
             value=table.milling,
             remedy="give its path relative to the cell file",
         )

@@ -112,7 +112,7 @@ class Scene:
         carried[:, :, :3, 3] = self.cell.carried(e)[:, 1:]
         for what, rows in (("travels of the linear axes", to_base), ("angles of the turntable", turned)):
             if len(rows) not in (1, len(q)):
-                raise InputError(what, value=f"{len(rows)} rows", allowed=f"1 or {len(q)}, one a pose")
+                raise InputError(what, code="K001", value=f"{len(rows)} rows", allowed=f"1 or {len(q)}, one a pose")
         out = [to_base[:, None], (to_base @ turned)[:, None], to_base[:, None] @ carried]
         T = np.concatenate([np.broadcast_to(x, (len(q), *x.shape[1:])) for x in out], axis=1)
         return np.concatenate([R, T[:, :, :3, :3]], axis=1), np.concatenate([p, T[:, :, :3, 3]], axis=1)
@@ -307,7 +307,7 @@ def _check_rates(cell: Cell, robot: Robot) -> None:
     for what, rate in (("joint speeds", cell.joint_speed), ("joint accelerations", cell.joint_acceleration)):
         if rate is not None and np.shape(rate) not in ((), (robot.dof,)):
             allowed = f"one, or {robot.dof} for {robot.name}"
-            raise InputError(f"{what} of the cell", value=f"{np.size(rate)} figures", allowed=allowed)
+            raise InputError(f"{what} of the cell", code="K001", value=f"{np.size(rate)} figures", allowed=allowed)
 
 
 def _check_names(cell: Cell, members: tuple[Member, ...]) -> None:
@@ -315,11 +315,14 @@ def _check_names(cell: Cell, members: tuple[Member, ...]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(
-            "body name used in robot and cell", value=", ".join(twice), remedy="give it another name in the cell"
+            "body name used in robot and cell",
+            code="K001",
+            value=", ".join(twice),
+            remedy="give it another name in the cell",
         )
     known = {*map(plain_name, names), FLOOR}
     for pair in cell.allowed_contacts:
         for name in pair:
             if plain_name(name) not in known:
                 allowed = ", ".join(sorted(known))
-                raise InputError("allowed contact names no body", value=name, allowed=allowed)
+                raise InputError("allowed contact names no body", code="K001", value=name, allowed=allowed)

@@ -72,7 +72,9 @@ def hull(points: ArrayLike, radius: float = 0.0) -> Solid:
     try:
         mesh = trimesh.convex.convex_hull(p)
     except Exception as error:  # whatever Qhull says
-        raise InputError("points of a hull", value=f"{len(p)} points", allowed="points that span a volume") from error
+        raise InputError(
+            "points of a hull", code="K002", value=f"{len(p)} points", allowed="points that span a volume"
+        ) from error
     nodes = np.asarray(mesh.vertices, dtype=np.float64)
     return Solid(nodes, np.asarray(mesh.faces, dtype=np.int64), True, nodes[:1], float(radius))
 
@@ -87,7 +89,7 @@ def box(size: ArrayLike) -> Solid:
     """
     s = np.asarray(size, dtype=np.float64)
     if s.shape != (3,) or not (np.isfinite(s) & (s > 0.0)).all():
-        raise InputError("size of a box (m)", value=s.tolist(), allowed="three numbers greater than 0")
+        raise InputError("size of a box (m)", code="K002", value=s.tolist(), allowed="three numbers greater than 0")
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
     return hull(corners * s)
 
@@ -127,7 +129,7 @@ def capsule(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
     """
     nodes = finite("ends of a capsule", np.array([start, end]), (2, 3), "m")
     if not np.linalg.norm(nodes[1] - nodes[0]) > 0.0:
-        raise InputError("ends of a capsule", value=nodes[0].tolist(), allowed="two different points")
+        raise InputError("ends of a capsule", code="K002", value=nodes[0].tolist(), allowed="two different points")
     return Solid(nodes, np.array([[0, 1, 1]]), True, nodes[:1], _size("radius", radius))
 
 
@@ -141,13 +143,14 @@ def surface(name: str, nodes: ArrayLike, faces: ArrayLike, radius: float = 0.0) 
     """
     p, f = finite("points of a solid", nodes, ("k", 3), "m"), np.asarray(faces, dtype=np.int64)
     if f.ndim != 2 or f.shape[1] != 3 or not len(f) or f.min() < 0 or f.max() >= len(p):
-        raise InputError(f"faces of {name}", value=f"shape {f.shape}", allowed="(m, 3) numbers of nodes")
+        raise InputError(f"faces of {name}", code="K002", value=f"shape {f.shape}", allowed="(m, 3) numbers of nodes")
     _size(f"rounding radius of {name}", radius, zero=True)
     mesh = trimesh.Trimesh(p, f, process=True)
     if not mesh.is_watertight:
         count = census(p, f)[1]
         raise InputError(
             f"surface of {name} is not closed",
+            code="L003",
             value=f"{count} open edges" if count else "edges with more than two faces",
             allowed="a closed surface: without an inside, a body within it is not seen",
             remedy="close it in the program it came from, or give a box or cylinder around it",
@@ -156,7 +159,7 @@ def surface(name: str, nodes: ArrayLike, faces: ArrayLike, radius: float = 0.0) 
         mesh.fix_normals()
     around = mesh.convex_hull
     if not mesh.volume > 0.0:
-        raise InputError(f"surface of {name} encloses nothing", remedy="export it again")
+        raise InputError(f"surface of {name} encloses nothing", code="L003", remedy="export it again")
     corners, cells = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     labels = _graph.connected_component_labels(mesh.face_adjacency, node_count=len(cells))
     first = np.unique(labels, return_index=True)[1]
@@ -175,7 +178,7 @@ def mesh_file(path: Path, unit: str) -> Solid:
         Another unit, a file that is missing or cannot be read, a surface that is not closed.
     """
     if unit not in UNITS:
-        raise InputError(f"unit of {path.name}", value=unit, allowed=" or ".join(UNITS))
+        raise InputError(f"unit of {path.name}", code="L001", value=unit, allowed=" or ".join(UNITS))
     nodes, faces, _ = read_surface(path, UNITS[unit])
     return surface(path.name, nodes, faces)
 
@@ -201,5 +204,5 @@ def all_nodes(solids: Sequence[Solid]) -> Array:
 
 def _size(what: str, value: float, zero: bool = False) -> float:
     if not (np.isfinite(value) and (value > 0.0 or (zero and value == 0.0))):
-        raise InputError(f"{what} (m)", value=value, allowed=f"greater than 0{' or 0' if zero else ''}")
+        raise InputError(f"{what} (m)", code="K002", value=value, allowed=f"greater than 0{' or 0' if zero else ''}")
     return float(value)

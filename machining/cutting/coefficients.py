@@ -44,9 +44,12 @@ class CuttingCoefficients:
         values = np.asarray(self.values, dtype=np.float64)
         if values.shape != (6,) or not np.isfinite(values).all():
             raise InputError(
-                "cutting coefficients", value=values.tolist(), allowed=f"6 finite numbers: {', '.join(NAMES)}"
+                "cutting coefficients",
+                code="K005",
+                value=values.tolist(),
+                allowed=f"6 finite numbers: {', '.join(NAMES)}",
             )
-        require_positive("cutting coefficient K_tc", float(values[0]), "Pa")
+        require_positive("cutting coefficient K_tc", float(values[0]), "Pa", code="K005")
         object.__setattr__(self, "values", values)
 
 
@@ -66,9 +69,9 @@ class PlungeCoefficients:
     relative_sd: float = 0.1
 
     def __post_init__(self) -> None:
-        require_positive("plunging coefficient K_pc", self.chip, "Pa")
-        require_at_least("plunging coefficient K_pe", self.edge, 0.0, "N/m")
-        require_at_least("relative standard deviation of plunging coefficients", self.relative_sd, 0.0)
+        require_positive("plunging coefficient K_pc", self.chip, "Pa", code="K005")
+        require_at_least("plunging coefficient K_pe", self.edge, 0.0, "N/m", code="K005")
+        require_at_least("relative standard deviation of plunging coefficients", self.relative_sd, 0.0, code="K005")
 
 
 def shop_coefficients(
@@ -112,7 +115,7 @@ def published(name: str) -> CuttingCoefficients:
     InputError
         No such set.
     """
-    require_one_of("cutting coefficients", name, PUBLISHED)
+    require_one_of("cutting coefficients", name, PUBLISHED, code="K005")
     alloy = name.partition("-")[0]
     others = [one.values for key, one in PUBLISHED.items() if key != name and key.partition("-")[0] == alloy]
     return replace(PUBLISHED[name], others=np.array(others).reshape(-1, 6))

@@ -117,13 +117,16 @@ def compare(
         before.arc_length, after.arc_length, rtol=0.0, atol=1e-9
     )
     if not same_path:
-        raise InputError("comparison of surface errors: the paths differ", allowed="two sets of postures of one path")
+        raise InputError(
+            "comparison of surface errors: the paths differ", code="K008", allowed="two sets of postures of one path"
+        )
     u = before.uncertain
     # With a balance the depth, and so the force, rightly depends on the posture.
     same_force = before.balance is not None or np.allclose(before.force_part, after.force_part, rtol=1e-9, atol=1e-9)
     if not (u.same_as(after.uncertain) and same_force and (before.balance is None) == (after.balance is None)):
         raise InputError(
             "comparison of surface errors: model, force or their uncertainties differ",
+            code="K008",
             allowed="the same model, force, tool, balance and uncertainty before and after",
             remedy="compute both with the same arguments but the postures",
         )

@@ -57,7 +57,7 @@ class ForceOfEach:
         """
         n = task.path.n
         if len(self.tool) != n:
-            raise InputError("tools along a path", value=f"{len(self.tool)} points", allowed=f"{n}")
+            raise InputError("tools along a path", code="K004", value=f"{len(self.tool)} points", allowed=f"{n}")
         parts = []
         for i in np.unique(self.tool).tolist():
             force, rows = self.forces[i], np.flatnonzero(self.tool == i)
@@ -66,6 +66,7 @@ class ForceOfEach:
         if not parts:
             raise InputError(
                 "cutting force",
+                code="K004",
                 value="none for any tool of the path",
                 allowed="one or more",
                 remedy="give a tool of the cell file its milling file, or --milling or --force",

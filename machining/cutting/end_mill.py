@@ -49,12 +49,13 @@ class EndMill:
     helix: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive("diameter of the mill", self.diameter, "m")
+        require_positive("diameter of the mill", self.diameter, "m", code="K005")
         if isinstance(self.teeth, bool) or self.teeth != int(self.teeth) or self.teeth < 1:
-            raise InputError("teeth of the mill", value=self.teeth, allowed="a whole number, 1 or more")
+            raise InputError("teeth of the mill", code="K005", value=self.teeth, allowed="a whole number, 1 or more")
         if not 0.0 <= self.helix < 0.5 * np.pi:
             raise InputError(
                 "helix angle of the mill",
+                code="K005",
                 value=f"{np.degrees(self.helix):g} deg",
                 allowed="0 to below 90 deg, right-hand",
                 remedy="angles are rad here",
@@ -91,10 +92,11 @@ class Engagement:
     wall: Literal["left", "right"] | None = None
 
     def __post_init__(self) -> None:
-        require_positive("axial depth of cut", self.axial_depth, "m")
+        require_positive("axial depth of cut", self.axial_depth, "m", code="K005")
         if not 0.0 <= self.entry < self.exit <= np.pi:
             raise InputError(
                 "entry and exit angle",
+                code="K005",
                 value=f"{np.degrees(self.entry):g} to {np.degrees(self.exit):g} deg",
                 allowed="0 <= entry < exit <= 180 deg",
                 remedy="angles are rad here",
@@ -103,6 +105,7 @@ class Engagement:
         if not reached.get(self.wall, False):
             raise InputError(
                 "wall of the engagement",
+                code="K005",
                 value=self.wall,
                 allowed="'left' with entry 0, 'right' with exit 180 deg, or None",
             )
@@ -146,6 +149,7 @@ def immersion(mill: EndMill, radial_depth: float | Array) -> Array:
     if bad.any():
         raise InputError(
             "radial depth of cut",
+            code="K005",
             value=f"{float(np.extract(bad, depth)[0]) * 1e3:g} mm",
             allowed=f"more than 0, up to the diameter {mill.diameter * 1e3:g} mm",
             remedy="lengths are m here",
@@ -268,9 +272,11 @@ class ToolBending:
             ("diameter of the bending tool", self.diameter, "m"),
             ("modulus of the tool", self.modulus, "Pa"),
         ):
-            require_positive(what, value, unit)
+            require_positive(what, value, unit, code="K005")
         if not 0.0 <= self.relative_sd <= 0.5:
-            raise InputError("relative standard deviation of the tool", value=self.relative_sd, allowed="0 to 0.5")
+            raise InputError(
+                "relative standard deviation of the tool", code="K005", value=self.relative_sd, allowed="0 to 0.5"
+            )
 
     @property
     def compliance(self) -> float:

@@ -31,8 +31,8 @@ class Balance:
     rounds: int = 50
 
     def __post_init__(self) -> None:
-        require_positive("tolerance of the balance", self.tolerance, "m")
-        require_at_least("rounds of the balance", self.rounds, 1)
+        require_positive("tolerance of the balance", self.tolerance, "m", code="K006")
+        require_at_least("rounds of the balance", self.rounds, 1, code="K006")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,9 @@ def balanced(task: Task, force: MillingForce, error: Callable[[ForceAlong], Arra
     width = engaged.exit - engaged.entry
     if engaged.wall is None or width >= np.pi:
         allowed = "peripheral milling: a wall, and a radial depth below the diameter"
-        raise InputError("balance of depth and deflection", value=f"{np.degrees(width):.4g} deg", allowed=allowed)
+        raise InputError(
+            "balance of depth and deflection", code="K006", value=f"{np.degrees(width):.4g} deg", allowed=allowed
+        )
     check_wall(task, engaged, process_axes(task))
     nominal = 0.5 * mill.diameter * (1.0 - np.cos(width))
     e, change, rounds = np.zeros(task.path.n), np.inf, 0
@@ -86,6 +88,7 @@ def balanced(task: Task, force: MillingForce, error: Callable[[ForceAlong], Arra
 def _restless(settings: Balance, change: float) -> InputError:
     return InputError(
         "balance of depth and deflection",
+        code="K006",
         value=f"still moving by {change:.3g} m after {settings.rounds} rounds",
         allowed=f"{settings.tolerance:g} m",
         remedy="the cut is too heavy for this arm: less axial depth or feed; or give more rounds",
@@ -98,6 +101,7 @@ def _in_cut(depth: Array, diameter: float) -> Array:
         row = int(np.argmax(out))
         raise InputError(
             f"balance of depth and deflection at path point {row}: radial depth with the deflection",
+            code="K006",
             value=f"{depth[row] * 1e3:.4g} mm",
             allowed=f"more than 0, below the diameter {diameter * 1e3:g} mm",
             remedy="the cut is too heavy for this arm: less axial depth or feed",

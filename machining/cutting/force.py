@@ -90,10 +90,12 @@ class ConstantForce:
     def __post_init__(self) -> None:
         value = np.asarray(self.components, dtype=np.float64)
         if value.shape != (3,) or not np.isfinite(value).all() or not value.any():
-            raise InputError("cutting force", value=value.tolist(), allowed="3 finite numbers, not all zero: N")
-        require_one_of("axes of the cutting force", self.axes, ("base", "part", "process"))
+            raise InputError(
+                "cutting force", code="K005", value=value.tolist(), allowed="3 finite numbers, not all zero: N"
+            )
+        require_one_of("axes of the cutting force", self.axes, ("base", "part", "process"), code="K005")
         object.__setattr__(self, "components", value)
-        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0)
+        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0, code="K005")
         if self.covariance is not None:
             object.__setattr__(self, "covariance", as_covariance("covariance of the force", self.covariance, 3))
 
@@ -143,18 +145,24 @@ class MillingForce:
         if len(given) != 1 or not 0.0 < given[0] < np.inf:
             raise InputError(
                 "feed per tooth or spindle speed",
+                code="K005",
                 value=f"{self.feed_per_tooth} m, {self.spindle_speed} rad/s",
                 allowed="one of them, finite and more than 0",
                 remedy="with a spindle speed the feed is taken from the path",
             )
-        require_one_of("instant of the milling force", self.instant, ("mean", "generating"))
+        require_one_of("instant of the milling force", self.instant, ("mean", "generating"), code="K005")
         if self.instant == "generating" and self.engagement.wall is None:
-            raise InputError("force that makes the wall: the engagement leaves none", allowed="wall 'left' or 'right'")
+            raise InputError(
+                "force that makes the wall: the engagement leaves none", code="K005", allowed="wall 'left' or 'right'"
+            )
         if self.height is not None and not 0.0 <= self.height <= self.engagement.axial_depth:
             raise InputError(
-                "height on the wall", value=self.height, allowed=f"0 to {self.engagement.axial_depth:g} m above the tip"
+                "height on the wall",
+                code="K005",
+                value=self.height,
+                allowed=f"0 to {self.engagement.axial_depth:g} m above the tip",
             )
-        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0)
+        require_at_least("relative standard deviation of the force", self.relative_sd, 0.0, code="K005")
         if self.covariance is not None:
             object.__setattr__(self, "covariance", as_covariance("covariance of the coefficients", self.covariance, 6))
 
@@ -175,6 +183,7 @@ class MillingForce:
         if np.isnan(feed).any():
             raise InputError(
                 f"feed at path point {int(np.argmax(np.isnan(feed)))}",
+                code="K007",
                 value="not given",
                 allowed="more than 0 m/s at every point after the first",
                 remedy="give the path a feed, or the force a feed per tooth",
@@ -203,7 +212,9 @@ class MillingForce:
         entry, exit_ = np.full(task.path.n, engaged.entry), np.full(task.path.n, engaged.exit)
         if radial_depth is not None:
             if engaged.wall is None:
-                raise InputError("radial depth of an engagement without a wall", allowed="wall 'left' or 'right'")
+                raise InputError(
+                    "radial depth of an engagement without a wall", code="K007", allowed="wall 'left' or 'right'"
+                )
             swept = immersion(self.mill, radial_depth)
             entry, exit_ = (0.0 * swept, swept) if engaged.wall == "left" else (np.pi - swept, np.pi + 0.0 * swept)
         # Most paths have one cut, or few, for all their points.
@@ -247,6 +258,7 @@ def check_wall(task: Task, engagement: Engagement, axes: ProcessAxes) -> None:
         row = int(np.argmax(along < SAME_NORMAL))
         raise InputError(
             f"surface normal at path point {row}",
+            code="K007",
             value=f"{np.degrees(np.arccos(np.clip(along[row], -1.0, 1.0))):.3g} deg off the wall's",
             allowed=f"out of the wall {engagement.wall} of the feed, within 1 deg",
             remedy="check the normals, the direction of the path, and up or down milling",
@@ -264,12 +276,12 @@ def as_covariance(what: str, matrix: ArrayLike, size: int) -> Array:
     C = np.asarray(matrix, dtype=np.float64)
     allowed = f"({size}, {size}), finite, symmetric, no negative variance"
     if C.shape != (size, size) or not np.isfinite(C).all() or not np.allclose(C, C.T, rtol=1e-9, atol=0.0):
-        raise InputError(what, value=f"shape {C.shape}", allowed=allowed)
+        raise InputError(what, code="K005", value=f"shape {C.shape}", allowed=allowed)
     scale = np.sqrt(np.maximum(np.diag(C), 0.0))
     scale[scale == 0.0] = 1.0
     # Units differ by orders of magnitude, so the check is on correlations; 1e-9 is round-off.
     if np.linalg.eigvalsh(C / np.outer(scale, scale)).min(initial=0.0) < -1e-9:
-        raise InputError(what, value="a negative variance", allowed=allowed)
+        raise InputError(what, code="K005", value="a negative variance", allowed=allowed)
     return C
 
 
@@ -293,7 +305,9 @@ def along_cuts(force: CuttingForce, task: Task, cuts: Sequence[slice], *, at_sta
         No cuts; else as the force.
     """
     if not cuts:
-        raise InputError("cutting force of a path", value="no move mills sideways", allowed="moves at feed")
+        raise InputError(
+            "cutting force of a path", code="K004", value="no move mills sideways", allowed="moves at feed"
+        )
     parts = [force.along(task.at(cut)) for cut in cuts]
     basis = np.zeros((task.path.n, *parts[0].basis.shape[1:]))
     skipped = 0 if at_start else 1

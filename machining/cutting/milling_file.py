@@ -95,6 +95,7 @@ def read_milling(path: str | Path) -> Cut:
     if table.get("schema") != SCHEMA:
         raise InputError(
             f"milling file {file}: schema",
+            code="F006",
             value=str(table.get("schema")),
             allowed=SCHEMA,
             remedy=f'write schema = "{SCHEMA}"',
@@ -109,6 +110,7 @@ def _force(read: _File, mill: EndMill) -> MillingForce:
     if (cut.feed_per_tooth_mm is None) == (cut.spindle_rpm is None):
         raise InputError(
             "milling file, [cut]: feed_per_tooth_mm and spindle_rpm",
+            code="K005",
             value="both" if cut.spindle_rpm is not None else "neither",
             allowed="one of them",
             remedy="with spindle_rpm the feed per tooth comes from the path's feed",
@@ -136,11 +138,16 @@ def _engagement(cut: _Cut, mill: EndMill) -> Engagement:
     if cut.kind == "slot":
         if cut.radial_depth_mm is not None:
             raise InputError(
-                "milling file, [cut]: radial_depth_mm of a slot", value=cut.radial_depth_mm, remedy="leave it out"
+                "milling file, [cut]: radial_depth_mm of a slot",
+                code="K005",
+                value=cut.radial_depth_mm,
+                remedy="leave it out",
             )
         return slotting(mill, axial)
     if cut.radial_depth_mm is None:
-        raise InputError("milling file, [cut]: radial_depth_mm is missing", allowed="up to the mill's diameter")
+        raise InputError(
+            "milling file, [cut]: radial_depth_mm is missing", code="K005", allowed="up to the mill's diameter"
+        )
     return (up_milling if cut.kind == "up" else down_milling)(mill, axial, cut.radial_depth_mm * 1e-3)
 
 
@@ -148,12 +155,15 @@ def _coefficients(material: _Material) -> CuttingCoefficients:
     given = (material.tc_N_per_mm2, material.te_N_per_mm, material.rc_N_per_mm2, material.re_N_per_mm)
     if material.published is not None:
         if any(v is not None for v in given):
-            raise InputError("milling file, [material]", value="published and figures", allowed="one of the two")
+            raise InputError(
+                "milling file, [material]", code="K005", value="published and figures", allowed="one of the two"
+            )
         return published(material.published)
     tc, te, rc, re = given
     if tc is None or te is None or rc is None or re is None or material.source is None:
         raise InputError(
             "milling file, [material]",
+            code="K005",
             allowed="published = NAME, or tc_N_per_mm2, te_N_per_mm, rc_N_per_mm2, re_N_per_mm and their source",
             remedy="complete it",
         )

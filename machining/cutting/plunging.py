@@ -37,6 +37,7 @@ class Thrust:
         if self.force.plunge is None:
             raise InputError(
                 "force of a tool that plunges or drills",
+                code="K007",
                 value="no coefficients",
                 allowed="milling that goes sideways, or the coefficients of the end teeth",
                 remedy="add the table [plunge] to the milling file, or give --force in base or part axes",

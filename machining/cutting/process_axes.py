@@ -49,6 +49,7 @@ def process_axes(task: Task) -> ProcessAxes:
     if path.n < 2:
         raise InputError(
             "feed direction of the path",
+            code="K007",
             value="1 point",
             allowed="a path of 2 points or more",
             remedy="give the point before or after, or the force in base or part axes",
@@ -60,6 +61,7 @@ def process_axes(task: Task) -> ProcessAxes:
     if (length < ALONG).any():
         raise InputError(
             f"feed direction at path point {int(np.argmax(length < ALONG))}",
+            code="K007",
             value="along the tool axis",
             allowed="a move across the tool axis",
             remedy="leave plunging moves out, or give the force in base or part axes",

@@ -106,7 +106,7 @@ class PartShares(StiffnessUncertainty):
             shares = fem.deflection_by_part(model, q, np.eye(6)[k], point)
             lost = set(self.names) - set(shares)
             if lost:
-                raise InputError("parts of the uncertainty", value=min(lost), allowed=", ".join(shares))
+                raise InputError("parts of the uncertainty", code="M013", value=min(lost), allowed=", ".join(shares))
             for j, name in enumerate(self.names):
                 out[:, j, :, k] = shares[name][:, :3]
         return Influence(out, (), np.zeros((len(q), 0, 3, 3)), np.zeros(len(q), dtype=np.bool_))
@@ -140,10 +140,14 @@ def assumed_uncertainty(
     unknown = sorted(set(own) - set(parts))
     if unknown or not parts:
         allowed = ", ".join(parts) or "a model in which something deflects"
-        raise InputError("part with an uncertain compliance", value=unknown[0] if unknown else "none", allowed=allowed)
+        raise InputError(
+            "part with an uncertain compliance", code="M013", value=unknown[0] if unknown else "none", allowed=allowed
+        )
     sd = np.array([own.get(name, relative_sd) for name in parts])
     if not ((sd >= 0.0) & (sd <= LARGEST_SD)).all():
-        raise InputError("relative standard deviation of a compliance", value=sd.max(), allowed=f"0 to {LARGEST_SD}")
+        raise InputError(
+            "relative standard deviation of a compliance", code="M013", value=sd.max(), allowed=f"0 to {LARGEST_SD}"
+        )
     said = "assumed" if relative_sd == ASSUMED_SD else "as stated"
     note = f"compliances: standard deviation {100 * relative_sd:g} % of each part, independent, {said}"
     if own:
@@ -176,6 +180,7 @@ class CalibratedCompliances(StiffnessUncertainty):
             if not np.allclose(own, there, rtol=SAME_MODEL, atol=SAME_MODEL * np.abs(own[:, :3]).max(initial=0.0)):
                 raise InputError(
                     "uncertainty of the stiffnesses: it belongs to another model than the one in use",
+                    code="M013",
                     remedy="use the model of the calibrated file",
                 )
         # A free model counts the point from the flange, as do the tasks.

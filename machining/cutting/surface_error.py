@@ -162,7 +162,9 @@ def surface_error(
     found = None
     if balance is not None:
         if not isinstance(force, MillingForce):
-            raise InputError("balance of depth and deflection", value="a constant force", allowed="a milling force")
+            raise InputError(
+                "balance of depth and deflection", code="K006", value="a constant force", allowed="a milling force"
+            )
         found = balanced(task, force, lambda f: _along(task, whole, f.force), balance)
     acting: ForceAlong = force.along(task) if found is None else found.force
     gain = np.ones(len(q)) if found is None else found.gain
@@ -252,7 +254,7 @@ def _along(task: Task, C: Array, force: Array) -> Array:
 def _check_on_path(model: fem.ArmModel, task: Task, q: Array) -> None:
     n, robot = task.path.n, model.robot
     if len(q) != n:
-        raise InputError("postures", value=f"{len(q)} of them", allowed=f"{n}, one a path point")
+        raise InputError("postures", code="K008", value=f"{len(q)} of them", allowed=f"{n}, one a path point")
     frames = forward_kinematics(robot, q)
     off = np.linalg.norm(tool_position(robot, frames, task.tip) - task.targets, axis=1)
     axis = -(frames.R_flange @ task.T_flange_tool[..., :3, 2, None])[..., 0]
@@ -262,6 +264,7 @@ def _check_on_path(model: fem.ArmModel, task: Task, q: Array) -> None:
         row = int(np.argmax(bad))
         raise InputError(
             f"posture of path point {row} ({int(bad.sum())} of {n} postures)",
+            code="K008",
             value=f"tool point {off[row] * 1e3:.4g} mm and tool axis {np.degrees(turned[row]):.3g} deg off",
             allowed=f"{OFF_PATH * 1e3:g} mm, {np.degrees(OFF_AXIS):.2g} deg",
             remedy="take postures of this task: the same path, part frame and tool",

@@ -112,12 +112,12 @@ def read_placement(path: str | Path) -> Placement:
     content = parse_json(read_text(file, "placement", remedy=REMEDY), f"placement {file}", remedy=REMEDY)
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise InputError(f"schema of placement {file.name}", value=found, allowed=SCHEMA, remedy=REMEDY)
+        raise InputError(f"schema of placement {file.name}", code="F006", value=found, allowed=SCHEMA, remedy=REMEDY)
     try:
         return _placement(content)
     except (KeyError, TypeError, ValueError) as error:
         what = f"key {error} is missing" if isinstance(error, KeyError) else str(error)
-        raise InputError(f"placement {file.name}: {what}", remedy=REMEDY) from error
+        raise InputError(f"placement {file.name}: {what}", code="F006", remedy=REMEDY) from error
 
 
 def _placement(content: Mapping[str, Any]) -> Placement:

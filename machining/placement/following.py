@@ -187,6 +187,7 @@ def check_rates(problem: Problem, x: Array) -> None:
             if most is not None and size.max(initial=0.0) > most * ROUNDING:
                 raise InputError(
                     f"{what} of axis {axis.name} at point {int(np.argmax(size))}",
+                    code="G006",
                     value=f"{size.max() * 1e3:.3g} {unit}",
                     allowed=f"{most * 1e3:g} {unit}",
                     remedy="lower the feed, or use mode fixed or steps",

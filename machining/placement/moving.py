@@ -72,12 +72,13 @@ def find_moving(
     if why_no_closed_form(problem.model.robot) is not None:
         raise InputError(
             f"base moving along the path of {problem.model.robot.name}",
+            code="R004",
             value="an arm whose inverse kinematics is searched",
             allowed="arms with a closed form",
             remedy="use mode fixed or steps",
         )
     x, angles = grid_with(problem, POSITIONS[min(problem.space.d, 3)], ANGLES, also, gamma)
-    count, error = 0, InputError("base moving along the path")
+    count, error = 0, InputError("base moving along the path", code="G003")
     best: Found | None = None
     for trial, (many, most) in enumerate(TRIALS):
         rows = problem.path.even_rows(many)
@@ -244,6 +245,7 @@ def _gap_error(problem: Problem, rows: Integers, gap: Gap) -> InputError:
     a, b = int(rows[gap.after]), int(rows[min(gap.after + 1, len(rows) - 1)])
     return InputError(
         f"base moving along the path: no course leads on from point {a} to {b}",
+        code="G003",
         allowed="joints and axes within their speeds, clearance and distance from singularities kept",
         remedy="lower the feed, widen the ranges of the axes or of gamma, or move the part",
     )

@@ -54,9 +54,9 @@ class How:
     course: bool = False
 
     def __post_init__(self) -> None:
-        require_one_of("mode of the placement", self.mode, MODES)
-        require_at_least("steps of the base", self.steps, 2, remedy="or mode fixed")
-        require_at_least("cost of moving the base, a share of the merit", self.cost, 0.0)
+        require_one_of("mode of the placement", self.mode, MODES, code="G004")
+        require_at_least("steps of the base", self.steps, 2, code="G004", remedy="or mode fixed")
+        require_at_least("cost of moving the base, a share of the merit", self.cost, 0.0, code="G004")
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,9 @@ def place(problem: Problem, how: How | None = None, said: Said | None = None) ->
     """
     how = how or How()
     if how.course and not isinstance(problem.gamma, GammaRange):
-        raise InputError("course of gamma", value="one angle", allowed="a range of angles", remedy="give a range")
+        raise InputError(
+            "course of gamma", code="G004", value="one angle", allowed="a range of angles", remedy="give a range"
+        )
     if how.mode == "steps":
         check_cuts(problem, how.anywhere)
     surveyed = survey(problem)
@@ -203,7 +205,10 @@ def _resting_table(problem: Problem, fixed: Found | None) -> tuple[Problem, Arra
     if space.turns:
         if not space.free:
             raise InputError(
-                "base in steps or moving", value="only the turntable has a range", allowed="a linear axis with a range"
+                "base in steps or moving",
+                code="G005",
+                value="only the turntable has a range",
+                allowed="a linear axis with a range",
             )
         at = space.table if fixed is None else float(fixed.x[-1])
         problem = replace(problem, space=space.without_table(at))
@@ -215,7 +220,7 @@ def _in_steps(
 ) -> tuple[_Choice, int]:
     resting, also = _resting_table(problem, fixed)
     cuts = find_steps(resting, how.steps, anywhere=how.anywhere, cost=how.cost, also=also, progress=progress)
-    count, error = cuts[0].evaluations, InputError("base moved in steps")
+    count, error = cuts[0].evaluations, InputError("base moved in steps", code="G006")
     for number, cut in enumerate(cuts):
         try:
             choice, looked = _drive_pieces(resting, cut)

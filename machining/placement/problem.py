@@ -58,7 +58,7 @@ class Goal:
     by_length: bool = False
 
     def __post_init__(self) -> None:
-        require_one_of("aim of the placement", self.aim, AIMS)
+        require_one_of("aim of the placement", self.aim, AIMS, code="G004")
 
     @property
     def minimised(self) -> bool:
@@ -88,7 +88,9 @@ class Goal:
     def weights_of_ksf(self) -> Criterion:
         """The criterion; there must be one."""
         if self.criterion is None:
-            raise InputError("weights of K_sf", value="none", remedy="give them, or use machining.placement.place")
+            raise InputError(
+                "weights of K_sf", code="G004", value="none", remedy="give them, or use machining.placement.place"
+            )
         return self.criterion
 
     def gains(self, value: Array, n: int, slope: float) -> Array:
@@ -143,8 +145,10 @@ class Problem:
 
     def __post_init__(self) -> None:
         if self.free is not None and self.free.shape != (self.path.n - 1,):
-            raise InputError("free segments", value=f"shape {self.free.shape}", allowed=f"({self.path.n - 1},)")
-        require_at_least("clearance", self.clearance, 0.0, "m")
+            raise InputError(
+                "free segments", code="G004", value=f"shape {self.free.shape}", allowed=f"({self.path.n - 1},)"
+            )
+        require_at_least("clearance", self.clearance, 0.0, "m", code="G004")
 
     @property
     def cell(self) -> Cell:
@@ -222,7 +226,7 @@ class Problem:
         size = np.linalg.norm(force, axis=1)
         if not (size > 0.0).all():
             where = f"cutting force at path point {int(rows[np.argmin(size)])}"
-            raise InputError(where, value="0 N", allowed="a force that has a direction")
+            raise InputError(where, code="G004", value="0 N", allowed="a force that has a direction")
         p, R = task.path, task.T_base_part[:3, :3]
         path = ToolPath(p.points, (force / size[:, None]) @ R, p.axes, p.feed)
         return replace(task, path=path), Objective("directional")

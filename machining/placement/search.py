@@ -240,7 +240,9 @@ def find_staying(problem: Problem, e: Array, table: float) -> Found:
     x = problem.space.coordinates(e, table)
     there, angle = problem.space.sites(x[None])
     if np.abs(there[0] - e).max(initial=0.0) > 1e-9 or abs(float(angle[0]) - table) > 1e-9:
-        raise InputError("present place of the base", value="an axis that is held elsewhere", remedy="widen its range")
+        raise InputError(
+            "present place of the base", code="G006", value="an axis that is held elsewhere", remedy="widen its range"
+        )
     looker, rows = Looker(problem), problem.sure_rows(FINE_ROWS)
     for _ in range(ROUNDS):
         look = looker.at(x[None], rows)[0]
@@ -386,6 +388,7 @@ def _no_position(problem: Problem, basins: list[Look]) -> InputError:
         return unreachable(problem, nearest.x, nearest.shortfall)
     return InputError(
         "no base position can take the whole path",
+        code="G001",
         value=f"nearest at {problem.space.words(nearest.x)}, where there is a {nearest.why} on the way",
         allowed=f"{problem.clearance * 1e3:g} mm of clearance and no singularity",
         remedy="widen the ranges of the axes or of gamma, or move what is in the way",

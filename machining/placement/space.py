@@ -114,6 +114,7 @@ def space_of(
     if unknown:
         raise InputError(
             f"linear axis of cell {cell.name}",
+            code="G005",
             value=unknown[0],
             allowed=", ".join(known) or "none: this cell has no linear axis",
             remedy="correct the name, or add a [[linear_axis]] table to the cell file",
@@ -135,6 +136,7 @@ def space_of(
     if not low:
         raise InputError(
             f"cell {cell.name}: nothing to place",
+            code="G005",
             value="no linear axis with a range",
             allowed="one to three [[linear_axis]] tables, or a range of the turntable",
             remedy="describe the rail in the cell file: [[linear_axis]] with name, direction, limits_mm",
@@ -160,13 +162,13 @@ def _within(what: str, unit: str, limits: Array | None, wanted: tuple[float, flo
     """A range (m or rad) within limits, rounded onto them; ``limits`` None: without end."""
     said, (a, b) = _span(wanted, unit), wanted
     if not (np.isfinite(a) and np.isfinite(b) and a <= b):
-        raise InputError(what, value=said, allowed="from below to")
+        raise InputError(what, code="G005", value=said, allowed="from below to")
     if limits is None:
         return float(a), float(b)
     low, high = map(float, limits)
     if a < low - ROUNDING or b > high + ROUNDING:
         allowed = f"within its limits, {_span((low, high), unit)}"
-        raise InputError(what, value=said, allowed=allowed, remedy="narrow the range")
+        raise InputError(what, code="G005", value=said, allowed=allowed, remedy="narrow the range")
     return max(a, low), min(b, high)
 
 
@@ -176,11 +178,12 @@ def _table_range(cell: Cell, table: float | tuple[float, float]) -> tuple[bool, 
     a, b = table if isinstance(table, tuple) else (table, table)
     if cell.turntable is not None:
         if turns and a == b:
-            raise InputError("range of the turntable", value=_span((a, b), "deg"), allowed="from below to")
+            raise InputError("range of the turntable", code="G005", value=_span((a, b), "deg"), allowed="from below to")
         return turns, _within("range of the turntable", "deg", cell.turntable.limits, (a, b))
     if turns or a != 0.0:
         raise InputError(
             f"turntable of cell {cell.name}",
+            code="G005",
             value=_span((a, b), "deg"),
             allowed="none: this cell has no turntable",
             remedy="add a [turntable] table to the cell file",

@@ -181,6 +181,7 @@ def find_steps(
         check_reached(problem, sites, " in pieces")
         raise InputError(
             f"the path in {most} pieces",
+            code="G006",
             value="no positions take all pieces",
             allowed="limits, steps, clearance kept in each",
             remedy="allow more pieces, allow cuts anywhere, or widen the ranges",
@@ -197,6 +198,7 @@ def check_cuts(problem: Problem, anywhere: bool) -> None:
     if not anywhere and (problem.free is None or not problem.free.any()):
         raise InputError(
             "base moved in steps",
+            code="G006",
             value="the path has no rapid move",
             allowed="moves of the base at rapid moves, while the tool is out of the cut",
             remedy="allow them anywhere (the tool is taken off the part there), or give a path with rapid moves",

@@ -258,6 +258,7 @@ def unreachable(problem: Problem, x: Array, lacking: Shortfall, *, pieces: str =
     return PathError(
         lacking.point,
         f"no base position reaches the whole path{pieces}",
+        code="G001",
         value=f"nearest at {problem.space.words(x)}, where {lacking.words}",
         allowed="every point within reach and joint limits at one angle gamma and one branch",
         remedy="widen the ranges of the axes or of gamma, cut the path into more pieces (steps), let the axes move "

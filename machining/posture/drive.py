@@ -75,14 +75,14 @@ class Drive:
     def __post_init__(self) -> None:
         for name in ("motion", "limit", "singular", "clearance"):
             for figure in (name,) if name == "motion" else (name, f"{name}_zone", f"{name}_least"):
-                require_at_least(f"path cost {figure}", getattr(self, figure), 0.0)
-        require_at_least("gain of turning gamma", self.turn_gain, 0.0)
+                require_at_least(f"path cost {figure}", getattr(self, figure), 0.0, code="G004")
+        require_at_least("gain of turning gamma", self.turn_gain, 0.0, code="G004")
         if not self.jump > 0.0:
-            raise InputError("jump", value=self.jump, allowed="more than 0 rad")
+            raise InputError("jump", code="G004", value=self.jump, allowed="more than 0 rad")
         if not self.gamma_step >= 0.0:
-            raise InputError("gamma_step", value=self.gamma_step, allowed="0 rad or more")
+            raise InputError("gamma_step", code="G004", value=self.gamma_step, allowed="0 rad or more")
         if self.speed is not None and not (np.asarray(self.speed, dtype=np.float64) > 0.0).all():
-            raise InputError("joint speeds", value=self.speed, allowed="more than 0 rad/s")
+            raise InputError("joint speeds", code="G004", value=self.speed, allowed="more than 0 rad/s")
 
     def speeds(self, robot: Robot) -> Array:
         """Joint speeds (dof,) rad/s, inf where there is no limit.
@@ -94,13 +94,15 @@ class Drive:
         """
         speed = np.asarray(np.inf if self.speed is None else self.speed, dtype=np.float64)
         if speed.shape not in ((), (robot.dof,)):
-            raise InputError("joint speeds", value=f"shape {speed.shape}", allowed=f"one, or {robot.dof} in rad/s")
+            raise InputError(
+                "joint speeds", code="G004", value=f"shape {speed.shape}", allowed=f"one, or {robot.dof} in rad/s"
+            )
         return np.broadcast_to(speed, (robot.dof,))
 
     def links(self, robot: Robot, path: ToolPath, free: Bools | None = None) -> Links:
         """Allowed steps of a path's segments and the costs of motion; ``free`` (n - 1,): segments without bounds."""
         if free is not None and free.shape != (path.n - 1,):
-            raise InputError("free segments", value=f"shape {free.shape}", allowed=f"({path.n - 1},)")
+            raise InputError("free segments", code="G004", value=f"shape {free.shape}", allowed=f"({path.n - 1},)")
         times = np.where(np.isnan(path.times), np.inf, path.times)
         step = np.minimum(self.speeds(robot) * times[:, None], self.jump)
         unit = np.where(np.isfinite(step), step, FREE_STEP)
@@ -139,7 +141,10 @@ class Drive:
             return np.zeros(len(q)), np.ones(len(q), dtype=np.bool_)
         if distance.shape != (len(q),) or np.isnan(distance).any():
             raise InputError(
-                "clearance callback", value=f"shape {distance.shape}", allowed=f"({len(q)},) m for {len(q)} poses"
+                "clearance callback",
+                code="G004",
+                value=f"shape {distance.shape}",
+                allowed=f"({len(q)},) m for {len(q)} poses",
             )
         cost = _soft(distance, self.clearance, self.clearance_zone)
         return cost, np.asarray(distance >= self.clearance_least)

@@ -58,11 +58,12 @@ class GammaRange:
         if not 0.0 < width <= 2.0 * np.pi + CLOSED:
             raise InputError(
                 "range of gamma",
+                code="G004",
                 value=f"{np.degrees(self.lower):g} to {np.degrees(self.upper):g} deg",
                 allowed="lower below upper, at most 360 deg apart",
                 remedy="for one angle use postures_at",
             )
-        require_at_least("number of angles gamma", self.count, 2)
+        require_at_least("number of angles gamma", self.count, 2, code="G004")
 
     @classmethod
     def of_degrees(cls, lower: float, upper: float, step: float) -> GammaRange:
@@ -73,7 +74,7 @@ class GammaRange:
         InputError
             As for the range, or a step that is not above 0.
         """
-        require_positive("step of gamma", step, "deg")
+        require_positive("step of gamma", step, "deg", code="G004")
         cells = max(1, round((upper - lower) / step))
         whole = cls(np.radians(lower), np.radians(upper))
         return cls(whole.lower, whole.upper, max(2, cells if whole.closed else cells + 1))
@@ -164,6 +165,7 @@ class Sweep:
             f"path point {int(lost[0])}{more if len(lost) > 1 else ''} cannot be reached at any of "
             f"{self.gamma.shape[1]} angles gamma from {np.degrees(self.gamma[first].min()):.4g} to "
             f"{np.degrees(self.gamma[first].max()):.4g} deg",
+            code="G001",
             value=why or "no solution was found",
             allowed="one branch within joint limits",
             remedy="move the part, change the tool or its axis, or widen the range of gamma",

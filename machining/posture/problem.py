@@ -241,6 +241,7 @@ def _check_left(n: int, point: Integers, thing: str, least: tuple[str, str]) -> 
         raise PathError(
             empty,
             f"all postures are too near to {thing}",
+            code="G002",
             allowed=f"a distance of {least[0]} or more",
             remedy=f"move the part, tilt the tool, or lower that distance: {least[1]} ({least[0]} in Python)",
         )
@@ -313,6 +314,7 @@ def gap_error(problem: Problem, gap: Gap) -> PathError:
     return PathError(
         gap.after,
         f"path cannot be driven from point {gap.after} to {gap.after + 1}",
+        code="G003",
         value=f"{value}; distance to the nearest singularity there {near:.2g}",
         allowed=f"at most {np.degrees(step[joint]):.3g} deg of {robot.joint_names[joint]}",
         remedy="lower the feed, give points closer together, a finer grid or more range of gamma, or move the part",

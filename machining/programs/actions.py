@@ -140,6 +140,7 @@ def _spindle(event: Event, table: CommandsTable, scaled: bool) -> tuple[tuple[Ac
     if rpm > table.spindle_full_rpm * (1.0 + ROUNDING):
         raise InputError(
             f"spindle speed of line {event.line}",
+            code="Q004",
             value=f"{rpm:g} rpm",
             allowed=f"up to {table.spindle_full_rpm:g} rpm, spindle_full_rpm of the cell file",
             remedy="post the tool path with another speed, or correct the cell file",
@@ -269,6 +270,7 @@ def _wrong(move: int, where: Sequence[str], action: Action, how: str, instead: l
     wanted = f" (wanted there: {instead[0].words})" if instead else ""
     return InputError(
         f"command {action.words} {place}",
+        code="Q001",
         value=f"{how}{wanted}",
         allowed="the commands of the tool path, in their order",
         remedy="write it as the bundled template does",

@@ -51,11 +51,15 @@ class Approach:
     def __post_init__(self) -> None:
         if self.ways.ndim != 1 or not np.isin(self.ways, (-1.0, 0.0, 1.0)).all() or not self.ways.any():
             raise InputError(
-                "ways that joints come", value=str(self.ways.tolist()), allowed="1, -1 or 0 for each joint, not all 0"
+                "ways that joints come",
+                code="Q009",
+                value=str(self.ways.tolist()),
+                allowed="1, -1 or 0 for each joint, not all 0",
             )
         if not 0.0 < self.angle <= LARGEST * (1.0 + 1e-12):
             raise InputError(
                 "angle of the approach",
+                code="Q009",
                 value=f"{np.degrees(self.angle):g} deg",
                 allowed=f"above 0, up to {np.degrees(LARGEST):g} deg",
                 remedy="give several times the lost motion of the joints, as 0.5 deg",
@@ -96,7 +100,10 @@ def approached(program: JointProgram, approach: Approach, *, straight: bool = Fa
     robot = program.robot
     if len(approach.ways) != robot.dof:
         raise InputError(
-            "ways that joints come", value=f"{len(approach.ways)}", allowed=f"{robot.dof}, one for each joint"
+            "ways that joints come",
+            code="Q009",
+            value=f"{len(approach.ways)}",
+            allowed=f"{robot.dof}, one for each joint",
         )
     ends = positioned(program)
     q, wanted = program.q[ends], np.broadcast_to(approach.ways * approach.angle, (len(ends), robot.dof))
@@ -191,6 +198,7 @@ def _refuse_turning_back(program: JointProgram, moves: Integers, step: Array) ->
         raise InputError(
             f"line {int(program.motions.line[moves[k]])}: {program.robot.joint_names[joint]} turns back on the "
             "straight way to its target",
+            code="Q009",
             allowed="all joints turning one way",
             remedy="make rapid moves joint moves (--rapid joint), or come by a smaller angle",
         )

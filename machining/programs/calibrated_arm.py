@@ -125,7 +125,9 @@ def correct(
     """
     program = nominal.program
     if program.robot.dof != JOINTS:
-        raise InputError(f"compensation of {program.robot.name}", value=f"{program.robot.dof} joints", allowed="6")
+        raise InputError(
+            f"compensation of {program.robot.name}", code="Q008", value=f"{program.robot.dof} joints", allowed="6"
+        )
     wanted = _in_base(program, program.T_part_tool)
     acting = None if cut is None else _acting(nominal, cut)
     loaded = _Loaded(arm, nominal, None if acting is None else acting.found.force, cut, ramp)
@@ -135,6 +137,7 @@ def correct(
         worst = int(np.argmax(length))
         raise InputError(
             f"line {int(program.motions.line[worst])}: correction",
+            code="Q008",
             value=f"{length[worst] * 1e6:.0f} um",
             allowed=f"up to {cap * 1e6:.0f} um (--cap-um)",
             remedy="check the calibrated model, tool and part frame and the force, or raise --cap-um",
@@ -173,6 +176,7 @@ def _doubt(arm: RealArm, program: JointProgram, largest: float) -> tuple[float, 
     if SURE * worst > max(largest, LEAST_m):
         raise InputError(
             f"line {int(program.motions.line[rows[int(np.argmax(place))]])}: where the calibrated arm has this tool",
+            code="Q008",
             value=f"known to {SURE * worst * 1e6:.0f} um (95 %), for a correction of up to {largest * 1e6:.0f} um",
             allowed="a correction that is larger than its doubt",
             remedy="calibrate on readings of a target near the tool point, or of several targets that are far apart",
@@ -194,6 +198,7 @@ def _unread(arm: RealArm, q: Array) -> dict[str, int]:
     if errors is not None and unread and errors.sin.shape[1] < CURVE_ORDER:
         raise InputError(
             "targets at angles that were not read",
+            code="Q008",
             value=", ".join(f"{n} of {j}" for j, n in unread.items()),
             allowed=f"none, for error curves of {errors.sin.shape[1]} orders: what these say there is not identified",
             remedy=f"calibrate with --free periodic (its curves of {CURVE_ORDER} orders stay at zero there), measure "
@@ -240,6 +245,7 @@ def _reached(loaded: _Loaded, program: JointProgram, wanted: Array) -> tuple[Arr
     worst = int(np.argmax(away))
     raise InputError(
         f"line {int(program.motions.line[worst])}: compensation does not come to rest",
+        code="Q008",
         value=f"still {away[worst] * 1e6:.3g} um away after {ROUNDS} rounds",
         allowed=f"{THERE_m * 1e6:g} um",
         remedy="keep the path away from singularities (another gamma), check the calibrated model and the force",
@@ -255,6 +261,7 @@ def _step(program: JointProgram, q: Array, off: Array, T_flange_tool: Array) -> 
         worst = int(np.argmax(far))
         raise InputError(
             f"line {int(program.motions.line[worst])}: posture next to a singularity",
+            code="Q008",
             value=f"a correction of {np.linalg.norm(off[worst, :3]) * 1e6:.3g} um turns a joint by "
             f"{np.degrees(far[worst]):.3g} deg",
             allowed=f"up to {np.degrees(LARGEST_STEP):.3g} deg",
@@ -268,6 +275,7 @@ def _refuse_beyond_limits(program: JointProgram, q: Array) -> None:
     if out.size:
         raise InputError(
             f"line {int(program.motions.line[out[0]])}: moved target beyond the joints' limits",
+            code="Q008",
             value="; ".join(program.robot.violations(q[out[0]])),
             remedy="choose another gamma or place the part elsewhere",
         )

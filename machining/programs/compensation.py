@@ -94,8 +94,8 @@ def compensate(
         A cap that is not positive, a path that mills nothing, a deflection that does not come to rest, or a moved path
         that cannot be driven.
     """
-    require_positive("cap of the compensation", cap, "m")
-    require_at_least("ramp of the compensation", ramp, 0.0, "m")
+    require_positive("cap of the compensation", cap, "m", code="Q008")
+    require_at_least("ramp of the compensation", ramp, 0.0, "m", code="Q008")
     wanted = nominal.program.motions.points
     task, (kept, place) = nominal.state.task, nominal.state.places
     acting = Acting(milling_force(force, task, nominal.program.motions.cutting[kept]))
@@ -117,6 +117,7 @@ def compensate(
         posted = repost(model, posted, wanted - moved)
     raise InputError(
         "compensation does not come to rest",
+        code="Q008",
         value=f"still moves by {change * 1e6:.3g} um after {ROUNDS} rounds",
         allowed=f"less than {AT_REST * 1e6:g} um",
         remedy="check force and stiffness, or keep the path away from singularities",

@@ -256,7 +256,7 @@ class Controller(Format):
         if unsaid.any():
             number = int(np.argmax(unsaid)) + 1
             raise InputError(
-                f"{self.name} program, move {number}", value="no speed", allowed="a speed before each move"
+                f"{self.name} program, move {number}", code="Q001", value="no speed", allowed="a speed before each move"
             )
         return float(np.nanmax(np.abs(said / wanted - 1.0), initial=0.0))
 
@@ -464,7 +464,7 @@ class Controller(Format):
             (found.external.shape[1] == axes, f"{found.external.shape[1]} external axes", f"{axes}, as the cell has"),
         ):
             if not is_same:
-                raise InputError(f"{self.name} program", value=value, allowed=allowed)
+                raise InputError(f"{self.name} program", code="Q001", value=value, allowed=allowed)
 
     def _same_sides(self, found: ReadMoves, program: JointProgram, convention: Convention) -> bool:
         """Whether configurations are those of the joint angles; straight moves may do without, their start decides."""

@@ -97,6 +97,7 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
         arms = {c.robot: c.formats for c in known} | {row["name"]: row["formats"] for row in library_table()}
         raise InputError(
             f"joint convention of {robot.name} on a controller for {language}",
+            code="Q003",
             allowed="known for " + ", ".join(sorted(name for name, formats in arms.items() if language in formats)),
             remedy="give sign and offset_deg of each joint in [arm] of the file of --options, or formats "
             "in [controller] of the model file, or write json or csv",
@@ -104,14 +105,14 @@ def convention_for(robot: Robot, externals: int, language: str, given: Conventio
     rows = {("matrix", len(row)) for row in (found.matrix, *found.matrix) if found.matrix}
     for name, count in (("sign", len(found.sign)), ("offset_deg", len(found.offset_deg)), *rows):
         if count != robot.dof:
-            raise InputError(f"[arm] {name}", value=count, allowed=f"{robot.dof} numbers, one a joint")
+            raise InputError(f"[arm] {name}", code="Q003", value=count, allowed=f"{robot.dof} numbers, one a joint")
     for name, count in (
         ("external_sign", len(found.external_sign)),
         ("external_offset", len(found.external_offset)),
     ):
         if count not in (0, externals):
             allowed = f"{externals} numbers: linear axes, then the turntable"
-            raise InputError(f"[arm] {name}", value=count, allowed=allowed)
+            raise InputError(f"[arm] {name}", code="Q003", value=count, allowed=allowed)
     return found
 
 
@@ -157,6 +158,7 @@ def sides(robot: Robot, q: Array, controller_deg: Array) -> tuple[Bools, Bools, 
     if why is not None:
         raise InputError(
             f"configuration of {robot.name} in a Cartesian program: {why}",
+            code="R004",
             allowed="arms with a spherical wrist",
             remedy="write the joint program",
         )

@@ -101,19 +101,26 @@ class RoundTrip:
         off = max(self.tip, self.turned, self.travel, self.table)
         template = "write it as the bundled template does"
         if not self.same_moves:
-            return InputError("joint moves and straight ones", value="exchanged", allowed="as asked", remedy=template)
+            return InputError(
+                "joint moves and straight ones", code="Q001", value="exchanged", allowed="as asked", remedy=template
+            )
         if not off < tolerance:
             return InputError(
                 "off the tool path",
+                code="Q001",
                 value=f"{max(self.tip, self.travel) * 1e6:.3g} um, {max(self.turned, self.table) * 1e6:.3g} urad",
                 allowed=f"{tolerance * 1e6:g} um, {tolerance * 1e6:g} urad",
                 remedy="set more decimals in the file of --options; own templates write coordinates as bundled ones do",
             )
         if not self.same_sides:
-            return InputError("configuration of the arm", value="another", allowed="the path's", remedy=template)
+            return InputError(
+                "configuration of the arm", code="Q001", value="another", allowed="the path's", remedy=template
+            )
         if not self.pace < SAME_PACE:
             value, allowed = f"by {100.0 * self.pace:.3g} %", f"{100.0 * SAME_PACE:g} %"
-            return InputError("speeds differ from the tool path's", value=value, allowed=allowed, remedy=template)
+            return InputError(
+                "speeds differ from the tool path's", code="Q001", value=value, allowed=allowed, remedy=template
+            )
         return self.commands
 
 
@@ -143,7 +150,7 @@ class Format(ABC):
     def check_kind(self, kind: str) -> None:
         """Raise InputError for a kind that it does not write."""
         if kind not in self.kinds:
-            raise InputError(f"kind of a {self.name} program", value=kind, allowed=" or ".join(self.kinds))
+            raise InputError(f"kind of a {self.name} program", code="Q002", value=kind, allowed=" or ".join(self.kinds))
 
     def check(self, robot: Robot, externals: int, options: WriteOptions) -> None:
         """Refuse, before any work, an arm or options that it cannot write."""
@@ -151,6 +158,7 @@ class Format(ABC):
             if getattr(options, key).lower() in self.words:
                 raise InputError(
                     f"{key} of a {self.name} program",
+                    code="Q004",
                     value=getattr(options, key),
                     allowed="no word of the language",
                     remedy="choose another name",
@@ -168,6 +176,7 @@ class Format(ABC):
             if not fits:
                 raise InputError(
                     f"cell file, [commands] {key} for {self.title}",
+                    code="Q004",
                     value=given,
                     allowed=allowed,
                     remedy="correct it, or leave it out",
@@ -175,6 +184,7 @@ class Format(ABC):
         if table.tool_change is not None and table.tool_change.lower() in self.words:
             raise InputError(
                 f"cell file, [commands] tool_change for {self.title}",
+                code="Q004",
                 value=table.tool_change,
                 allowed="no word of the language",
                 remedy="choose another name",
@@ -220,7 +230,9 @@ class Neutral(Format):
         robot, cell = program.robot, program.cell
         back = self.program(next(iter(files.values())), robot, cell)
         if back.n != program.n:
-            raise InputError(f"{self.name} program", value=f"{back.n} moves", allowed=f"{program.n}, as written")
+            raise InputError(
+                f"{self.name} program", code="Q001", value=f"{back.n} moves", allowed=f"{program.n}, as written"
+            )
         by_frames = frame_distance(back.T_part_tool, program.T_part_tool)
         by_joints = frame_distance(back.reached(), program.T_part_tool)
         feed, wanted = back.motions.feed, program.motions.feed

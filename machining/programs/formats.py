@@ -42,7 +42,7 @@ NEUTRAL: dict[str, Neutral] = {f".{f.name}": f for f in FORMATS.values() if isin
 
 def format_of(name: str, kind: str) -> Format:
     """The format of a name. Raises InputError for an unknown name, or a kind that it does not write."""
-    require_one_of("format of programs", name, FORMATS)
+    require_one_of("format of programs", name, FORMATS, code="Q002")
     FORMATS[name].check_kind(kind)
     return FORMATS[name]
 
@@ -112,6 +112,7 @@ def read_program(
     if language is None:
         raise InputError(
             f"program {path.name}",
+            code="Q002",
             value=kind or "no ending",
             allowed=f"{' or '.join(CONTROLLERS if kind in NEUTRAL else [*NEUTRAL, *CONTROLLERS])}",
             remedy="give a program that `stiffarm post` wrote, its main file where it has several",
@@ -181,6 +182,7 @@ def parse_options(data: object, where: str) -> WriteOptions:
         if getattr(options, key).lower() in words:
             raise InputError(
                 f"{where}, {key}",
+                code="Q004",
                 value=getattr(options, key),
                 allowed="no word of a language",
                 remedy="correct it in the file",

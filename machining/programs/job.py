@@ -74,6 +74,7 @@ def _speed(motions: Motions, options: WriteOptions) -> Array:
             first = int(motions.line[np.argmax(unknown)])
             raise InputError(
                 f"feed of {int(unknown.sum())} moves, the first of source line {first}",
+                code="Q007",
                 allowed="known for all moves that are not rapid",
                 remedy="set default_feed_mm_min in the file of --options",
             )
@@ -318,7 +319,7 @@ def formatted(values: Array, decimals: Sequence[int]) -> list[tuple[str, ...]]:
         A number that is not finite.
     """
     if not np.isfinite(values).all():
-        raise InputError("coordinate of a program", value="not a finite number", allowed="finite numbers")
+        raise InputError("coordinate of a program", code="Q007", value="not a finite number", allowed="finite numbers")
     if values.shape[1] == 0:
         return [()] * len(values)
     # Adding 0 turns -0 into 0.
@@ -337,7 +338,7 @@ def job_of(
 ) -> Job:
     """Collect what a writer needs. Raises InputError for an empty program, or feeds that are not known."""
     if program.n == 0:
-        raise InputError("program", value="no moves", allowed="one move or more")
+        raise InputError("program", code="Q007", value="no moves", allowed="one move or more")
     T_base = part_in_base(program, convention)
     return Job(program, kind, options, convention, commands(program, options), between, T_base, tools)
 

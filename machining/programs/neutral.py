@@ -103,7 +103,7 @@ def table_of(names: Sequence[str], rows: ArrayLike, where: str) -> dict[str, Arr
             row = int(np.argmin(good))
             allowed = f"a {'whole' if name in _WHOLE else 'finite'} number from {least:g} to {most:g}"
             value = "none" if np.isnan(column[row]) else f"{column[row]:g}"
-            raise InputError(f"{where}, move {row + 1}, {name}", value=value, allowed=allowed)
+            raise InputError(f"{where}, move {row + 1}, {name}", code="Q005", value=value, allowed=allowed)
     return table
 
 
@@ -120,7 +120,9 @@ def program_of(
     values = np.stack([table[name] for name in FRAME], axis=1)
     off = np.abs(np.linalg.norm(values[:, 3:], axis=1) - 1.0)
     if (off > UNIT).any():
-        raise InputError(f"{where}, move {int(np.argmax(off > UNIT)) + 1}, qw to qz", allowed="a unit quaternion")
+        raise InputError(
+            f"{where}, move {int(np.argmax(off > UNIT)) + 1}, qw to qz", code="Q005", allowed="a unit quaternion"
+        )
     T = framed(from_quaternions(values[:, 3:]), values[:, :3] * 1e-3)
     of_program = {name: others.pop(name) for name in ("branch", "names")}
     axes = len(cell.linear_axes)

@@ -81,8 +81,8 @@ class PostSettings:
         return replace(self, gamma=gamma, travel=travel, near=None if self.near is None else self.near[row])
 
     def __post_init__(self) -> None:
-        require_positive("tolerance of joint programs", self.tolerance, "m")
-        require_one_of("rapid moves", self.rapid, ("linear", "joint"))
+        require_positive("tolerance of joint programs", self.tolerance, "m", code="Q007")
+        require_one_of("rapid moves", self.rapid, ("linear", "joint"), code="Q007")
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def post(
     """
     settings = settings or PostSettings()
     if motions.n == 0:
-        raise InputError(f"tool path {motions.source} has no motion")
+        raise InputError(f"tool path {motions.source} has no motion", code="Q007")
     require_tools(cell, motions)
     motions = entered(numbered(cell, motions))
     travel = _travel(cell, settings, motions.n)
@@ -180,6 +180,7 @@ def post(
     worst = int(np.argmax(np.where(may, bend, 0.0)))
     raise InputError(
         f"line {int(state.motions.line[worst])}: joint motion leaves the straight line",
+        code="Q006",
         value=f"{bend[worst] * 1e6:.3g} um",
         allowed=f"{settings.tolerance * 1e6:.3g} um",
         remedy="raise the tolerance, or keep the path away from singularities",
@@ -209,7 +210,9 @@ def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
     k = len(cell.linear_axes)
     travel = np.zeros(k) if settings.travel is None else np.asarray(settings.travel, dtype=np.float64)
     if travel.shape not in ((k,), (n, k)) or not np.isfinite(travel).all():
-        raise InputError("travels of the linear axes", value=f"shape {travel.shape}", allowed=f"({k},) or ({n}, {k}) m")
+        raise InputError(
+            "travels of the linear axes", code="Q007", value=f"shape {travel.shape}", allowed=f"({k},) or ({n}, {k}) m"
+        )
     rows = np.broadcast_to(travel, (n, k)).copy()
     inside = cell.inside_limits(rows, np.full(n, settings.table))
     if not inside.all():
@@ -217,6 +220,7 @@ def _travel(cell: Cell, settings: PostSettings, n: int) -> Array:
         ranges = ", ".join(f"{a.name} {a.limits[0] * 1e3:g} to {a.limits[1] * 1e3:g} mm" for a in cell.linear_axes)
         raise InputError(
             f"external axes at move {row}",
+            code="Q007",
             value=f"{(rows[row] * 1e3).tolist()} mm, turntable {np.degrees(settings.table):g} deg",
             allowed=ranges or "no linear axes; the turntable within its limits",
             remedy="choose a place within the limits",

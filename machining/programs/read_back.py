@@ -74,21 +74,23 @@ def collected(moves: Iterable[ReadMove | Action]) -> ReadMoves:
         sizes = len(move.words), len(move.external)
         if move.kind != first.kind:
             what = f"{move.where}: {move.kind} coordinates after {first.kind} ones"
-            raise InputError(what, allowed="one kind in a program")
+            raise InputError(what, code="Q005", allowed="one kind in a program")
         if sizes != (len(first.words), len(first.external)):
-            raise InputError(f"{move.where}: {sizes[0]} + {sizes[1]} coordinates", allowed="as many as in other moves")
+            raise InputError(
+                f"{move.where}: {sizes[0]} + {sizes[1]} coordinates", code="Q005", allowed="as many as in other moves"
+            )
         rows.append(move)
         if len(rows) == BLOCK:
             parts.append(_table(rows))
             rows = []
     if first is None:
-        raise InputError("program", value="no move in it", allowed="one or more")
+        raise InputError("program", code="Q005", value="no move in it", allowed="one or more")
     if rows:
         parts.append(_table(rows))
     names = ("words", "external", "joint", "speed", "duration")
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     if not (np.isfinite(arrays["words"]).all() and np.isfinite(arrays["external"]).all()):
-        raise InputError("coordinate in a program", allowed="finite numbers")
+        raise InputError("coordinate in a program", code="Q005", allowed="finite numbers")
     configuration = [row for part in parts for row in part.configuration]
     where = [place for part in parts for place in part.where]
     return ReadMoves(first.kind, configuration=configuration, where=where, actions=actions, **arrays)
@@ -109,9 +111,9 @@ def number(where: str, text: str) -> float:
     try:
         value = float(text) if text.isascii() and "_" not in text else np.nan
     except ValueError as error:
-        raise InputError(where, value=text.strip(), allowed="a number") from error
+        raise InputError(where, code="Q005", value=text.strip(), allowed="a number") from error
     if not abs(value) <= LARGEST:
-        raise InputError(where, value=text.strip(), allowed=f"a finite number of at most {LARGEST:g}")
+        raise InputError(where, code="Q005", value=text.strip(), allowed=f"a finite number of at most {LARGEST:g}")
     return value
 
 
@@ -133,7 +135,7 @@ def whole(where: str, text: str) -> int:
     """A whole number. Raises InputError for anything else."""
     value = number(where, text)
     if value != int(value):
-        raise InputError(where, value=text.strip(), allowed="a whole number")
+        raise InputError(where, code="Q005", value=text.strip(), allowed="a whole number")
     return int(value)
 
 
@@ -203,7 +205,9 @@ class Grammar:
             missing = [call for call in calls if call.lower() not in names]
             if missing:
                 what = "a file of the program"
-                raise InputError("sub-program", value=missing[0], allowed=what, remedy="give all its files")
+                raise InputError(
+                    "sub-program", code="Q005", value=missing[0], allowed=what, remedy="give all its files"
+                )
             bodies += [(names[call.lower()], files[names[call.lower()]]) for call in calls]
         for source, body in bodies:
             yield from self._statements(source, body, reader)
@@ -219,15 +223,17 @@ class Grammar:
                 yield Line(where, code, move)
                 continue
             if self.jumps.search(code):
-                raise InputError(f"{where}: a jump", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
+                raise InputError(
+                    f"{where}: a jump", code="Q005", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER
+                )
             before = depth
             depth = max(0, depth + len(self.opens.findall(code)) - len(self.closes.findall(code)))
             if self.motion.search(code):
                 if move is None:
-                    raise InputError(where, value=code.strip()[:80], allowed=self.readable)
+                    raise InputError(where, code="Q005", value=code.strip()[:80], allowed=self.readable)
                 if depth > 0:
                     what = f"{where}: motion within a loop or a condition"
-                    raise InputError(what, value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
+                    raise InputError(what, code="Q005", value=code.strip()[:80], allowed=STRAIGHT, remedy=IN_ORDER)
             asks, action = reader.optional(code), reader.found(code)
             if asks is not None:
                 asked = asks, depth
@@ -243,4 +249,6 @@ def file_of(files: Mapping[str, str], suffix: str) -> tuple[str, str]:
     for name, text in files.items():
         if name.endswith(suffix):
             return name, text
-    raise InputError("files of a program", value=", ".join(files) or "none", allowed=f"a main file *{suffix} first")
+    raise InputError(
+        "files of a program", code="Q005", value=", ".join(files) or "none", allowed=f"a main file *{suffix} first"
+    )

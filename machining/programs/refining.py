@@ -104,7 +104,9 @@ def subdivided(motions: Motions, pieces: Integers) -> tuple[Motions, Bools, Inte
     """
     n = motions.n
     if pieces.shape != (n,) or (pieces < 1).any() or (n and pieces[0] != 1):
-        raise InputError("pieces of moves", value=f"shape {pieces.shape}", allowed=f"({n},), 1 or more, 1 at the first")
+        raise InputError(
+            "pieces of moves", code="Q007", value=f"shape {pieces.shape}", allowed=f"({n},), 1 or more, 1 at the first"
+        )
     move = np.repeat(np.arange(n), pieces)
     last = np.cumsum(pieces) - 1
     part = np.arange(len(move)) - (last - pieces + 1)[move] + 1
@@ -146,6 +148,7 @@ def _turned(a: Array, b: Array, share: Array, line: Integers, wanted: Bools) -> 
     if opposite.any():
         raise InputError(
             f"line {int(line[np.argmax(opposite)])}: the tool axis turns by half a turn in one move",
+            code="Q007",
             allowed="less than 180 deg a move",
             remedy="give a point in between",
         )

@@ -73,7 +73,9 @@ def _there(path: Path) -> bool:
     except FileNotFoundError:
         return False
     except OSError as error:
-        raise InputError(f"template {path} cannot be read ({error.strerror})", remedy="check its folder") from error
+        raise InputError(
+            f"template {path} cannot be read ({error.strerror})", code="F001", remedy="check its folder"
+        ) from error
     return True
 
 
@@ -94,11 +96,12 @@ def environment(folder: Path | None) -> Sandbox:
     if folder is None:
         return bundled()
     if not folder.is_dir():
-        raise InputError("folder of templates", value=str(folder), allowed="a folder that exists")
+        raise InputError("folder of templates", code="A007", value=str(folder), allowed="a folder that exists")
     names = _names()
     if not any(_there(folder / name) for name in names):
         raise InputError(
             f"folder of templates {folder} holds no template that is used",
+            code="Q010",
             allowed=", ".join(names),
             remedy="name its files as the bundled ones",
         )
@@ -149,11 +152,13 @@ def rendered(made: Sandbox, name: str, context: Mapping[str, Any]) -> Iterator[s
     except InputError:
         raise
     except jinja2.TemplateSyntaxError as error:
-        raise InputError(f"template {error.name or name}, line {error.lineno}: {error.message}") from error
+        raise InputError(f"template {error.name or name}, line {error.lineno}: {error.message}", code="Q010") from error
     except jinja2.TemplateNotFound as error:
-        raise InputError(f"template {error} is not there", remedy="give it in the folder of templates") from error
+        raise InputError(
+            f"template {error} is not there", code="Q010", remedy="give it in the folder of templates"
+        ) from error
     except _FAULTS as error:
-        raise InputError(f"template {name}: {_said(error)}", remedy="correct the template") from error
+        raise InputError(f"template {name}: {_said(error)}", code="Q010", remedy="correct the template") from error
 
 
 def _said(error: BaseException) -> str:

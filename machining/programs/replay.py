@@ -53,7 +53,9 @@ def replayed(
     found = collected(language.read(files, cell, options))
     axes = len(cell.linear_axes) + (cell.turntable is not None)
     if found.external.shape[1] != axes:
-        raise InputError(f"{source}, external axes", value=found.external.shape[1], allowed=f"{axes}, as the cell has")
+        raise InputError(
+            f"{source}, external axes", code="Q005", value=found.external.shape[1], allowed=f"{axes}, as the cell has"
+        )
     convention, n = language.convention(robot, axes, options), len(found.words)
     external, k = convention.external_back(found.external), len(cell.linear_axes)
     travel = external[:, :k] * MM
@@ -113,6 +115,7 @@ def held_against(
     if program.n != written.n:
         raise InputError(
             f"{program.motions.source} beside {written.motions.source}",
+            code="Q005",
             value=f"{program.n} moves",
             allowed=f"{written.n}, as in the neutral program",
             remedy="give the neutral program of the same run",
@@ -143,7 +146,7 @@ def _tools(found: ReadMoves, cell: Cell) -> tuple[Integers, tuple[Tool, ...]]:
     for move, action in found.actions:
         change = action.kind == "tool" or (action.kind == "call" and action.name == cell.commands.tool_change)
         if change and action.value not in numbers:
-            raise InputError("tool of a program", value=action.value, allowed=", ".join(numbers))
+            raise InputError("tool of a program", code="Q005", value=action.value, allowed=", ".join(numbers))
         if change:
             out[move:] = numbers.index(action.value)
     return out, tuple(Tool(tool.number, tool.name) for tool in cell.tools)
@@ -161,7 +164,10 @@ def _joints(
     why = why_not_spherical(robot)
     if why is not None:
         raise InputError(
-            f"frames of {robot.name}: {why}", allowed="its joint program", remedy="verify the joint program"
+            f"frames of {robot.name}: {why}",
+            code="Q005",
+            allowed="its joint program",
+            remedy="verify the joint program",
         )
     solved, out = inverse_kinematics(robot, T_base_tool, T_flange_tool=T_flange_tool), []
     before = np.zeros(robot.dof) if robot.limits is None else robot.limits.mean(axis=1)
@@ -175,6 +181,7 @@ def _joints(
         if not len(candidates):
             raise InputError(
                 f"{found.where[i]}: frame",
+                code="Q005",
                 value=", ".join(map(str, said)) or "no configuration",
                 allowed="one that the arm reaches in that configuration",
             )

@@ -166,6 +166,7 @@ def run_post(
         if wrong is not None:
             raise InputError(
                 f"{target.name} program, {target.kind} coordinates, read back: {wrong.what}",
+                code="Q001",
                 value=wrong.value,
                 allowed=wrong.allowed,
                 remedy=wrong.remedy,

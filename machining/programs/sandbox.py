@@ -72,6 +72,7 @@ class Budget:
         if self.left < 0.0 or time.monotonic() > self.deadline:
             raise InputError(
                 f"template {self.name} does not come to an end",
+                code="Q010",
                 allowed=f"{STEPS} steps in {SECONDS:g} s, and {STEPS_PER_MOVE} in {SECONDS_PER_MOVE:g} s a move more",
                 remedy="look for loops in loops, and for macros that call themselves",
             )
@@ -88,6 +89,7 @@ class Budget:
         """The error for a value that is too large, or would be."""
         return InputError(
             f"template {self.name} makes a text, list or number that is too large",
+            code="Q010",
             allowed=f"{LARGEST} characters or items, whole numbers of {BITS} bits",
             remedy="write in pieces what is long",
         )
@@ -96,6 +98,7 @@ class Budget:
         """The error for a template that prints more characters than that."""
         return InputError(
             f"template {self.name} prints too much",
+            code="Q010",
             allowed=f"{most:,} characters and {per_move:,} a move",
             remedy="look for loops in loops",
         )

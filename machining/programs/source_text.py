@@ -27,7 +27,9 @@ class SourceText:
         self._text = text
 
     def __str__(self) -> str:
-        raise InputError("template prints a text of the source file as it is", remedy="put it through | comment")
+        raise InputError(
+            "template prints a text of the source file as it is", code="Q010", remedy="put it through | comment"
+        )
 
     __repr__ = __str__
 

@@ -103,6 +103,7 @@ def not_reached(found: InverseSolutions, do: str) -> InputError:
     ]
     return InputError(
         f"{do}: the tool cannot be brought there",
+        code="V003",
         value="; ".join(words) or "no solution was found",
         allowed="one branch within reach and joint limits",
         remedy="turn the tool (gamma_deg), move the part or the base, or ask for which = all to see every branch",
@@ -147,6 +148,7 @@ def poses_of(arm: Arm, fields: Fields, state: State, *, inside: bool = True) -> 
         raise PathError(
             row,
             f"{fields.do}: q_deg" + ("" if poses.one else f", row {row}"),
+            code="V003",
             value="; ".join(arm.robot.violations(poses.q[row])),
             allowed="poses within joint limits",
             remedy="correct it",

@@ -121,12 +121,14 @@ class _Search:
         if not valid:
             return InputError(
                 what,
+                code="V003",
                 value=f"out of reach or beyond joint limits at {span}",
                 allowed="one branch within reach and joint limits",
                 remedy="move the part or the base, or widen the range of gamma; ik with which = all says why",
             )
         return InputError(
             what,
+            code="V003",
             value=f"{valid} postures at {span}, all singular or farther than jump_deg from near_deg",
             allowed="one that may be taken",
             remedy="allow a larger jump_deg, or retract and start anew without near_deg",
@@ -145,6 +147,7 @@ def _first_free(arm: Arm, state: State, q: Array) -> tuple[int, float]:
             return start + int(free[0]), float(room[free[0]])
     raise InputError(
         "best_angle: collisions",
+        code="V003",
         value=f"the best {min(len(q), TRIES)} postures come nearer than {safety * 1e3:g} mm to something",
         allowed="one that keeps the cell's safety distance",
         remedy="widen the range of gamma, move what is in the way, or ask with collisions = false to see the posture",

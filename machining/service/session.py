@@ -15,12 +15,10 @@ from machining.service.state import State, state_of, vectors_of
 from machining.service.wire import (
     LONGEST_LINE,
     MOST_ROWS,
-    CodeOf,
     Fields,
     NotReadError,
     error_of,
     id_of,
-    no_code,
     numbers,
     read_line,
     write_line,
@@ -36,7 +34,7 @@ class Session(Arm):
     """A robot in its cell that answers requests.
 
     ``arm``: the arm's bodies, None: collisions are not looked at. ``facts``: what ``hello`` says besides, as versions
-    and file names. ``code_of``: the code of an error. ``stopped``: a request asked for the end.
+    and file names. ``stopped``: a request asked for the end.
     """
 
     def __init__(
@@ -45,10 +43,8 @@ class Session(Arm):
         cell: Cell,
         arm: ArmBodies | None = None,
         facts: Mapping[str, Any] | None = None,
-        code_of: CodeOf = no_code,
     ) -> None:
         super().__init__(model, cell, arm)
-        self.code_of = code_of
         self.facts = dict(facts or {})
         self.stopped = False
 
@@ -76,7 +72,7 @@ class Session(Arm):
 
     def failure(self, name: Any, error: Exception) -> dict[str, Any]:
         """The answer to a request, ``name`` its id, that ended in an error."""
-        return {"id": name, "ok": False, "error": error_of(error, self.code_of)}
+        return {"id": name, "ok": False, "error": error_of(error)}
 
     def _run(self, request: Mapping[str, Any], within: str | None) -> dict[str, Any]:
         do = request.get("do")
@@ -100,7 +96,7 @@ def serve(session: Session, requests: BinaryIO, write: Callable[[bytes], None], 
             while line and not line.endswith(b"\n"):
                 line = requests.readline(longest)
             allowed, remedy = f"at most {longest} bytes", "ask in several requests"
-            error = NotReadError("line", value="too long", allowed=allowed, remedy=remedy)
+            error = NotReadError("line", code="V001", value="too long", allowed=allowed, remedy=remedy)
             write(write_line(session.failure(None, error)))
             continue
         write(session.answer(line))

@@ -26,14 +26,6 @@ MOST = 1e9
 MOST_ROWS = 100_000
 
 
-# The code of an error in a catalogue of failures, None where it has none.
-CodeOf = Callable[[BaseException], str | None]
-
-
-def no_code(error: BaseException) -> None:
-    """No code: whoever answers has no catalogue."""
-
-
 class NotReadError(InputError):
     """A line that is no request."""
 
@@ -52,16 +44,18 @@ def read_line(line: bytes) -> dict[str, Any]:
     try:
         text = line.decode("utf-8").removeprefix("\ufeff").strip()
     except UnicodeDecodeError as error:
-        raise NotReadError("line", value=f"byte {error.start} is not UTF-8", allowed="UTF-8") from None
+        raise NotReadError("line", code="V001", value=f"byte {error.start} is not UTF-8", allowed="UTF-8") from None
     form = 'one JSON object a line, as in {"id": 1, "do": "ping"}'
     if not text:
-        raise NotReadError("line", value="empty", allowed=form)
+        raise NotReadError("line", code="V001", value="empty", allowed=form)
     try:
         request = parse_json(text, "line", remedy=form)
     except InputError as error:
-        raise NotReadError("line", value=error.what.removeprefix("line is ")[:SHOWN], allowed=form) from None
+        raise NotReadError(
+            "line", code="V001", value=error.what.removeprefix("line is ")[:SHOWN], allowed=form
+        ) from None
     if not isinstance(request, dict):
-        raise NotReadError("line", value=f"a JSON {type(request).__name__}", allowed=form)
+        raise NotReadError("line", code="V001", value=f"a JSON {type(request).__name__}", allowed=form)
     return request
 
 
@@ -78,7 +72,9 @@ def id_of(request: Mapping[str, Any]) -> str | int | float | None:
         return given
     if isinstance(given, int | float) and not isinstance(given, bool) and abs(given) <= LARGEST_ID:
         return given
-    raise InputError("id", value=_short(given), allowed=f"a number, or a string of at most {LONGEST_ID} characters")
+    raise InputError(
+        "id", code="V001", value=_short(given), allowed=f"a number, or a string of at most {LONGEST_ID} characters"
+    )
 
 
 def write_line(answer: Mapping[str, Any]) -> bytes:
@@ -86,19 +82,20 @@ def write_line(answer: Mapping[str, Any]) -> bytes:
     return _ENCODER.encode(answer).encode("ascii") + b"\n"
 
 
-def error_of(error: BaseException, code_of: CodeOf = no_code) -> dict[str, Any]:
+def error_of(error: BaseException) -> dict[str, Any]:
     """What an answer says of an error: what, value, allowed, remedy, code.
 
-    Besides ``point`` of a path, or ``problems`` of several errors. ``code_of``: the code, null where there is none.
+    Besides ``point`` of a path, or ``problems`` of several errors. The code of several is null.
     """
-    said: dict[str, Any] = {"what": "", "value": None, "allowed": None, "remedy": None, "code": code_of(error)}
+    said: dict[str, Any] = {"what": "", "value": None, "allowed": None, "remedy": None, "code": None}
     if isinstance(error, InputErrors):
-        problems = [error_of(one, code_of) for one in error.errors[:20]]
+        problems = [error_of(one) for one in error.errors[:20]]
         return said | {"what": str(error).splitlines()[0][:SHOWN], "problems": problems}
     if not isinstance(error, InputError):
         what = f"internal error: {type(error).__name__}: {str(error)[:SHOWN]}"
-        return said | {"what": what, "remedy": "report it, with the request"}
+        return said | {"what": what, "remedy": "report it, with the request", "code": "X002"}
     said |= {"what": error.what, "value": _short(error.value), "allowed": error.allowed, "remedy": error.remedy}
+    said |= {"code": error.code}
     point = getattr(error, "point", None)
     return said if point is None else said | {"point": int(point)}
 
@@ -155,7 +152,11 @@ class Fields:
         if self.left:
             known = ", ".join(dict.fromkeys(self.seen))
             raise InputError(
-                f"{self.do}: unknown key", value=next(iter(self.left)), allowed=known, remedy="correct or remove it"
+                f"{self.do}: unknown key",
+                code="V002",
+                value=next(iter(self.left)),
+                allowed=known,
+                remedy="correct or remove it",
             )
 
     def take(self, key: str) -> Any:
@@ -165,11 +166,11 @@ class Fields:
 
     def fault(self, key: str, value: object, allowed: str, remedy: str | None = None) -> InputError:
         """An error about a key."""
-        return InputError(f"{self.do}: {key}", value=value, allowed=allowed, remedy=remedy)
+        return InputError(f"{self.do}: {key}", code="V002", value=value, allowed=allowed, remedy=remedy)
 
     def needed(self, key: str, allowed: str) -> InputError:
         """An error about a key that is missing."""
-        return InputError(f"{self.do}: {key} is missing", allowed=allowed, remedy=f"give {key}")
+        return InputError(f"{self.do}: {key} is missing", code="V002", allowed=allowed, remedy=f"give {key}")
 
     def given(self, key: str, fits: Callable[[Any], bool], allowed: str) -> Any:
         """The value of a key that fits, None where it is not given."""

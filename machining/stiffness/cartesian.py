@@ -126,6 +126,7 @@ def inverse(C: Array, what: str) -> Array:
     if singular.any():
         raise InputError(
             f"{what} at pose {int(np.argmax(singular))} ({int(singular.sum())} of {len(C)} poses)",
+            code="M005",
             allowed="a compliance that has an inverse: no direction in which the tool is rigid",
             remedy="leave singular poses out, or use the compliance itself",
         )
@@ -146,6 +147,10 @@ def _as_six(C: Array) -> Array:
     C = np.asarray(C, dtype=np.float64)
     if C.ndim != 3 or C.shape[1:] != (6, 6):
         raise InputError(
-            "compliance", value=f"shape {C.shape}", allowed="(n, 6, 6)", remedy="take it from fem.compliance"
+            "compliance",
+            code="B001",
+            value=f"shape {C.shape}",
+            allowed="(n, 6, 6)",
+            remedy="take it from fem.compliance",
         )
     return C

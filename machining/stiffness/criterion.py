@@ -57,9 +57,11 @@ class Criterion:
 
     def __post_init__(self) -> None:
         for name, unit, value in (("alpha", "mm^2/N^2", self.alpha), ("beta", "mm^4/N^4", self.beta)):
-            require_at_least(f"weight {name} of K_sf", value, 0.0, unit, "leave it out")
+            require_at_least(f"weight {name} of K_sf", value, 0.0, unit, "leave it out", code="G004")
         if self.alpha == 0.0 and self.beta == 0.0:
-            raise InputError("weights of K_sf", value="both 0", allowed="one of them above 0", remedy="leave them out")
+            raise InputError(
+                "weights of K_sf", code="G004", value="both 0", allowed="one of them above 0", remedy="leave them out"
+            )
 
     @classmethod
     def comparable(cls, stiffness: float, n: int) -> Criterion:
@@ -70,8 +72,8 @@ class Criterion:
         InputError
             A stiffness that is not positive and finite, or no point.
         """
-        require_positive("stiffness of reference for K_sf", stiffness, "N/m")
-        require_at_least("points of the path", n, 1)
+        require_positive("stiffness of reference for K_sf", stiffness, "N/m", code="G004")
+        require_at_least("points of the path", n, 1, code="G004")
         k = stiffness / N_PER_MM
         return cls(1.0 / (n * k**2), 1.0 / k**4)
 
@@ -90,11 +92,15 @@ class Criterion:
         """
         k = np.asarray(stiffness, dtype=np.float64) / N_PER_MM
         if k.ndim < 1 or k.shape[-1] == 0 or not (k > 0.0).all():
-            raise InputError("stiffness along the path", value=f"shape {k.shape}", allowed="more than 0 N/m, a point")
+            raise InputError(
+                "stiffness along the path", code="G004", value=f"shape {k.shape}", allowed="more than 0 N/m, a point"
+            )
         m = k.shape[-1]
         w = np.full(m, 1.0 / m) if share is None else np.asarray(share, dtype=np.float64)
         if w.shape != (m,) or not (w >= 0.0).all() or abs(w.sum() - 1.0) > ROUNDING:
-            raise InputError("shares of the points", value=f"shape {w.shape}", allowed=f"({m},), adding up to 1")
+            raise InputError(
+                "shares of the points", code="G004", value=f"shape {w.shape}", allowed=f"({m},), adding up to 1"
+            )
         count = m if n is None else n
         return Terms(np.asarray(self.alpha * count * (k**2 @ w)), np.asarray(self.beta * (k @ w) ** 4))
 

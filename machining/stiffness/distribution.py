@@ -84,9 +84,11 @@ class Distribution:
         gamma, value = np.asarray(self.gamma, dtype=np.float64), np.asarray(self.value, dtype=np.float64)
         if gamma.ndim != 1 or value.ndim != 2 or value.shape[1] != len(gamma) or value.size == 0:
             shapes = f"gamma {gamma.shape}, value {value.shape}"
-            raise InputError("distribution", value=shapes, allowed="(m,) and (n, m), n and m at least 1")
+            raise InputError("distribution", code="S012", value=shapes, allowed="(m,) and (n, m), n and m at least 1")
         if np.isinf(value).any() or not np.isfinite(gamma).all():
-            raise InputError("distribution", value="infinite", allowed="finite, NaN where a point is not reached")
+            raise InputError(
+                "distribution", code="S012", value="infinite", allowed="finite, NaN where a point is not reached"
+            )
         object.__setattr__(self, "gamma", gamma)
         object.__setattr__(self, "value", value)
 
@@ -113,7 +115,7 @@ class Distribution:
 
     def statistics(self, over: Over = "reached") -> Statistics:
         """Mean, scatter and range at each gamma."""
-        require_one_of("statistics over", over, ("reached", "common"))
+        require_one_of("statistics over", over, ("reached", "common"), code="S012")
         counted = self.reached if over == "reached" else np.broadcast_to(self.common[:, None], self.value.shape)
         number = counted.sum(axis=0)
         some = np.where(number > 0, number, np.nan)
@@ -291,7 +293,7 @@ def best_gamma(
         No gamma reaches all of the region (``partly``: none of it); a region of another shape or without a point.
     """
     aim = aim or found.objective.aim
-    require_one_of("aim of the best gamma", aim, ("mean", "worst"))
+    require_one_of("aim of the best gamma", aim, ("mean", "worst"), code="S012")
     region = found if inside is None else found.within(inside)
     s = region.statistics()
     worst = s.largest if found.objective.minimised else s.smallest
@@ -301,6 +303,7 @@ def best_gamma(
         whole = " all of" if not partly else " any point of"
         raise InputError(
             f"region of {len(region.value)} points: no gamma reaches{whole} it",
+            code="S012",
             value=f"at most {100.0 * s.share[most]:.4g} % of it, at {np.degrees(found.gamma[most]):.4g} deg",
             allowed="a gamma that does",
             remedy="move or shrink the region, change the tool, or judge by what is reached (partly)",
@@ -333,7 +336,7 @@ def trade_off(
 ) -> TradeOff:
     """Mean or worst value against reach, over the points ``inside`` (n,), default all; errors as :func:`best_gamma`."""
     aim = aim or found.objective.aim
-    require_one_of("aim of the best gamma", aim, ("mean", "worst"))
+    require_one_of("aim of the best gamma", aim, ("mean", "worst"), code="S012")
     region = found if inside is None else found.within(inside)
     s = region.statistics()
     score = s.mean if aim == "mean" else s.largest if found.objective.minimised else s.smallest
@@ -358,5 +361,7 @@ def _first_best(merit: Array) -> Integers:
 def _checked(inside: Bools, n: int) -> Bools:
     mask = np.asarray(inside)
     if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
-        raise InputError("region", value=f"shape {mask.shape}, {mask.dtype}", allowed=f"({n},) of bool, some true")
+        raise InputError(
+            "region", code="S012", value=f"shape {mask.shape}, {mask.dtype}", allowed=f"({n},) of bool, some true"
+        )
     return mask

@@ -79,6 +79,7 @@ class StiffnessEllipsoid:
         if not np.isfinite(self.semi_axes[pose]).all():
             raise InputError(
                 f"stiffness ellipsoid of pose {pose}",
+                code="M005",
                 value=self.semi_axes[pose].tolist(),
                 allowed="finite semi-axes",
                 remedy="choose a pose that is not singular",
@@ -107,6 +108,7 @@ def stiffness_ellipsoid(C_tt: ArrayLike) -> StiffnessEllipsoid:
     if none.any():
         raise InputError(
             f"compliance at pose {int(np.argmax(none))}: nothing deflects",
+            code="M005",
             remedy="give the model flexible links or joint springs",
         )
     rigid = values <= RIGID * values[:, :1]

@@ -26,7 +26,9 @@ def in_box(grid: Layout, lower: ArrayLike, upper: ArrayLike) -> Bools:
     """
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     if low.shape != (3,) or high.shape != (3,) or not (low <= high).all():
-        raise InputError("box of the workpiece", value=f"{low} to {high}", allowed="lower (3,) up to upper (3,), m")
+        raise InputError(
+            "box of the workpiece", code="S011", value=f"{low} to {high}", allowed="lower (3,) up to upper (3,), m"
+        )
     p = own_points(grid)
     rim = RIM * max(float(np.ptp(axis.values)) for axis in grid.axes) * 1e-3
     return _some(np.asarray(((p >= low - rim) & (p <= high + rim)).all(axis=1)), "box")
@@ -45,7 +47,9 @@ def in_polygon(grid: Layout, corners_mm: ArrayLike) -> Bools:
     """
     at = np.asarray(corners_mm, dtype=np.float64)
     if at.ndim != 2 or at.shape[1] != 2 or len(at) < 3 or not np.isfinite(at).all():
-        raise InputError("polygon of the workpiece", value=f"shape {at.shape}", allowed="finite corners (k, 2), k >= 3")
+        raise InputError(
+            "polygon of the workpiece", code="S011", value=f"shape {at.shape}", allowed="finite corners (k, 2), k >= 3"
+        )
     # The axes of a layout are z, y, x: its fastest is the first of the polygon's.
     slow, fast = grid.axes[-2:]
     scale = np.array([np.ptp(fast.values) / (len(fast.values) - 1), np.ptp(slow.values) / (len(slow.values) - 1)])
@@ -70,6 +74,9 @@ def in_polygon(grid: Layout, corners_mm: ArrayLike) -> Bools:
 def _some(inside: Bools, what: str) -> Bools:
     if not inside.any():
         raise InputError(
-            f"{what} of the workpiece", value="no point of the grid inside", remedy="make it larger, or the step finer"
+            f"{what} of the workpiece",
+            code="S011",
+            value="no point of the grid inside",
+            remedy="make it larger, or the step finer",
         )
     return inside

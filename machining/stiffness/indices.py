@@ -253,12 +253,14 @@ def evaluate(name: str, C_tt: ArrayLike, normal: ArrayLike | None = None, force:
     InputError
         No such index, or the normal or force that it needs is missing; else as the index's own function.
     """
-    require_one_of("stiffness index", name, INDICES)
+    require_one_of("stiffness index", name, INDICES, code="S015")
     index, C = INDICES[name], as_compliances(C_tt)
     given = {"normal": normal, "force": force}
     for need in index.uses:
         if given[need] is None:
-            raise InputError(f"{need} for index {name}", allowed="a vector in base axes", remedy=f"give the {need}")
+            raise InputError(
+                f"{need} for index {name}", code="S015", allowed="a vector in base axes", remedy=f"give the {need}"
+            )
     unused = np.array([0.0, 0.0, 1.0])
     n = unused if normal is None else as_vectors("surface normal", normal, len(C), "a direction in base axes")
     F = unused if force is None else as_vectors("force", force, len(C), "N")

@@ -129,6 +129,7 @@ def _check_stable(own: Array, K_C: Array) -> None:
         row = int(np.argmax(~(share < 1.0)))
         raise InputError(
             f"load at pose {row}: it takes away {share[row]:.3g} times the joint stiffness, and the model buckles",
+            code="M006",
             allowed="less than 1",
             remedy="check the load's size (N, N m) and the joint stiffnesses (N m/rad)",
         )

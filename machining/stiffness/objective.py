@@ -44,11 +44,13 @@ class Objective:
     aim: Literal["mean", "worst"] = "mean"
 
     def __post_init__(self) -> None:
-        require_one_of("objective", self.quantity, (*QUANTITIES, ROOM))
-        require_one_of("aim of the objective", self.aim, ("mean", "worst"))
+        require_one_of("objective", self.quantity, (*QUANTITIES, ROOM), code="G004")
+        require_one_of("aim of the objective", self.aim, ("mean", "worst"), code="G004")
         uses = INDICES[self.quantity].uses if self.quantity in INDICES else ()
         if self.force is None and (self.minimised or "force" in uses):
-            raise InputError(f"force for {self.quantity}", allowed="N in base axes", remedy="give the force")
+            raise InputError(
+                f"force for {self.quantity}", code="G004", allowed="N in base axes", remedy="give the force"
+            )
 
     @property
     def minimised(self) -> bool:
@@ -110,6 +112,7 @@ class Objective:
         return PathError(
             point,
             f"{self.quantity} at path point {point}",
+            code="M005",
             value="not finite",
             allowed="poses in which something deflects",
             remedy="choose k_fs, or a model without rigid directions",
@@ -150,7 +153,7 @@ def shown(quantity: str) -> Shown:
     InputError
         No such quantity.
     """
-    require_one_of("quantity", quantity, (*QUANTITIES, ROOM))
+    require_one_of("quantity", quantity, (*QUANTITIES, ROOM), code="S015")
     if quantity == ROOM:
         return Shown(quantity, 1.0, "")
     if quantity in DISPLACEMENTS:

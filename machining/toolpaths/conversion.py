@@ -71,7 +71,9 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
     if moves is None:
         cutting = motions.cutting
         if not cutting.any():
-            raise InputError("tool path", value="no move at feed", remedy="check RAPID or G0 in the program")
+            raise InputError(
+                "tool path", code="P002", value="no move at feed", remedy="check RAPID or G0 in the program"
+            )
         milled = mills(motions.points, motions.axes, cutting)
         cutting = milled if milled.any() else cutting
         # Each run with the move before it, as in cutting_runs.
@@ -80,9 +82,11 @@ def to_tool_path(motions: Motions, normals: ArrayLike | None = None, *, moves: A
         cutting = np.ones(motions.n, dtype=np.bool_)
         chosen = np.asarray(moves, dtype=np.int64)
         if chosen.ndim != 1 or not len(chosen) or chosen.min() < 0 or chosen.max() >= motions.n:
-            raise InputError("moves of the path", allowed=f"indices (k,) from 0 to {motions.n - 1}, k at least 1")
+            raise InputError(
+                "moves of the path", code="P009", allowed=f"indices (k,) from 0 to {motions.n - 1}, k at least 1"
+            )
         if (np.diff(chosen) <= 0).any():
-            raise InputError("moves of the path", allowed="ascending")
+            raise InputError("moves of the path", code="P009", allowed="ascending")
     normal = motions.axes if normals is None else np.broadcast_to(np.asarray(normals, dtype=np.float64), (motions.n, 3))
     first = _first_of_repeated(motions.points[chosen])
     last = np.append(first[1:], len(chosen)) - 1
@@ -191,7 +195,9 @@ def read_given_path(
     is_table = kind == "csv" or (kind is None and file.suffix.lower() == ".csv")
     if is_table and not content(file).startswith(MARK.encode()):
         if operations or tool_numbers:
-            raise InputError(f"{file.name} has neither operations nor tools", remedy="leave out the choice of them")
+            raise InputError(
+                f"{file.name} has neither operations nor tools", code="P009", remedy="leave out the choice of them"
+            )
         return _milled_rows(read_path(file))
     motions = read_toolpath(file, kind=kind, options=options)
     motions = select(motions, operations=operations, tool_numbers=tool_numbers)

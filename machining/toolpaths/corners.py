@@ -42,17 +42,23 @@ def _turn(start: Array, corner: Array, end: Array) -> tuple[Array, Array, float]
     """Unit directions into and out of a corner, and the angle rad that the way turns by in X Y."""
     a, b = corner - start, end - corner
     if abs(a[2]) + abs(b[2]) > 1e-9 or not np.hypot(*a[:2]) > 1e-9 or not np.hypot(*b[:2]) > 1e-9:
-        raise StatementError("a rounding or chamfer of a corner that is not in the plane", "two lines in the plane")
+        raise StatementError(
+            "a rounding or chamfer of a corner that is not in the plane", "two lines in the plane", code="P021"
+        )
     into, out = a / np.linalg.norm(a), b / np.linalg.norm(b)
     turn = math.atan2(into[0] * out[1] - into[1] * out[0], float(into @ out))
     if abs(turn) < 1e-9 or abs(turn) > math.pi - 1e-6:
-        raise StatementError("a rounding or chamfer between lines that make no corner", "two lines at an angle")
+        raise StatementError(
+            "a rounding or chamfer between lines that make no corner", "two lines at an angle", code="P021"
+        )
     return into, out, turn
 
 
 def _room(start: Array, corner: Array, end: Array, cut: float, word: str) -> None:
     if not 0.0 < cut <= min(np.linalg.norm(corner - start), np.linalg.norm(end - corner)) + 1e-9:
-        raise StatementError(f"a {word} too large for its lines", "a radius or length that both lines have room for")
+        raise StatementError(
+            f"a {word} too large for its lines", "a radius or length that both lines have room for", code="P021"
+        )
 
 
 def through_point(start: Array, on_way: Array, end: Array) -> tuple[Array, bool]:
@@ -66,7 +72,7 @@ def through_point(start: Array, on_way: Array, end: Array) -> tuple[Array, bool]
     (a, b), (c, d) = (on_way - start)[:2], (end - start)[:2]
     bend = a * d - b * c
     if abs(bend) < 1e-9 * (np.hypot(a, b) + np.hypot(c, d)):
-        raise StatementError("an arc through points in a line", "three points that bend")
+        raise StatementError("an arc through points in a line", "three points that bend", code="P021")
     p, q, out = a * a + b * b, c * c + d * d, start.copy()
     out[:2] += np.array([p * d - q * b, q * a - p * c]) / (2.0 * bend)
     return out, bend < 0.0
@@ -82,12 +88,12 @@ def tangent_arc(start: Array, end: Array, along: Array) -> tuple[Array, bool]:
     """
     way, size = end[:2] - start[:2], float(np.hypot(*along[:2]))
     if not size > 1e-9:
-        raise StatementError("CT without a contour before it", "L, C, CR or CT before it")
+        raise StatementError("CT without a contour before it", "L, C, CR or CT before it", code="P011")
     u = along[:2] / size
     normal = np.array([-u[1], u[0]])
     beside = float(normal @ way)
     if abs(beside) < 1e-9:
-        raise StatementError("CT straight ahead", "an end beside the direction of the contour before it")
+        raise StatementError("CT straight ahead", "an end beside the direction of the contour before it", code="P011")
     radius = float(way @ way) / (2.0 * beside)
     centre = start.copy()
     centre[:2] += radius * normal

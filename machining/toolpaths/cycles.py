@@ -108,7 +108,7 @@ class Cycle:
             fault = f"more than {MAX_PECKS} pecks"
         else:
             return self
-        raise StatementError(f"cycle with {fault}", allowed)
+        raise StatementError(f"cycle with {fault}", allowed, code="P012")
 
 
 def drill(

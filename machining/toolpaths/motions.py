@@ -140,7 +140,9 @@ class Motions:
         for name in ("points", "axes", "rapid", "feed", "line", "tool", "spindle", "dwell", "operation"):
             shape = getattr(self, name).shape
             if shape != wanted.get(name, (n,)):
-                raise InputError(f"motions, {name}", value=f"shape {shape}", allowed=f"shape {wanted.get(name, (n,))}")
+                raise InputError(
+                    f"motions, {name}", code="B001", value=f"shape {shape}", allowed=f"shape {wanted.get(name, (n,))}"
+                )
         checks = (
             ("points", bool((np.abs(self.points) <= limits.FARTHEST).all()), limits.PLACES),
             ("axes", (np.abs(np.linalg.norm(self.axes, axis=1) - 1.0) < 1e-9).all(), "unit vectors"),
@@ -152,7 +154,7 @@ class Motions:
         )
         for name, good, allowed in checks:
             if not good:
-                raise InputError(f"motions, {name}", allowed=allowed)
+                raise InputError(f"motions, {name}", code="B001", allowed=allowed)
         for event in self.events:
             self._check(event)
 
@@ -161,19 +163,21 @@ class Motions:
         value, where = event.value, f"motions, {event.kind or 'event'} of line {event.line}"
         sizes = {"tool": len(self.tools), "operation": len(self.operations), "probe": 2}
         if event.kind not in KINDS:
-            raise InputError(where, allowed=", ".join(KINDS[1:]))
+            raise InputError(where, code="B001", allowed=", ".join(KINDS[1:]))
         if not 0 <= event.move <= self.n:
-            raise InputError(where, value=f"before move {event.move}", allowed=f"0 to {self.n}")
+            raise InputError(where, code="B001", value=f"before move {event.move}", allowed=f"0 to {self.n}")
         if event.kind in sizes and not (0.0 <= value < sizes[event.kind] and value == int(value)):
-            raise InputError(where, value=value, allowed=f"a whole number below {sizes[event.kind]}")
+            raise InputError(where, code="B001", value=value, allowed=f"a whole number below {sizes[event.kind]}")
         if event.kind == "spindle" and (
             abs(value) > limits.FASTEST_TURN or (math.isnan(value) and event.text not in ("CLW", "CCLW"))
         ):
-            raise InputError(where, value=value, allowed=f"up to {limits.FASTEST_TURN:g} rad/s, or CLW or CCLW")
+            raise InputError(
+                where, code="B001", value=value, allowed=f"up to {limits.FASTEST_TURN:g} rad/s, or CLW or CCLW"
+            )
         if event.kind == "dwell" and not 0.0 <= value <= limits.LONGEST_REST:
-            raise InputError(where, value=value, allowed=f"0 to {limits.LONGEST_REST:g} s")
+            raise InputError(where, code="B001", value=value, allowed=f"0 to {limits.LONGEST_REST:g} s")
         if event.kind == "coolant" and event.text not in COOLANTS:
-            raise InputError(where, value=event.text, allowed=", ".join(COOLANTS))
+            raise InputError(where, code="B001", value=event.text, allowed=", ".join(COOLANTS))
 
     @property
     def n(self) -> int:

@@ -92,14 +92,18 @@ class ReadOptions:
             "rotary_reversed": ("", "A", "B", "C", "AC", "BC"),
         }
         for name, allowed in choices.items():
-            require_one_of(f"option {name}", getattr(self, name), allowed)
+            require_one_of(f"option {name}", getattr(self, name), allowed, code="P007")
         for name in ("chord_tolerance", "arc_tolerance"):
             if not 1e-9 <= getattr(self, name) <= 1e-2:
-                raise InputError(f"option {name}", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
+                raise InputError(f"option {name}", code="P007", value=getattr(self, name), allowed="1e-9 to 1e-2 m")
         if self.retract is not None and not abs(self.retract) <= FARTHEST:
-            raise InputError("option retract", value=self.retract, allowed=f"-{FARTHEST:g} to {FARTHEST:g} m")
+            raise InputError(
+                "option retract", code="P007", value=self.retract, allowed=f"-{FARTHEST:g} to {FARTHEST:g} m"
+            )
         for name in ("max_bytes", "max_moves"):
-            require_at_least(f"option {name}", getattr(self, name), 1)
+            require_at_least(f"option {name}", getattr(self, name), 1, code="P007")
         for name, point in (("start", self.start), ("pivot", self.pivot), *self.offsets.items()):
             if point is not None and (len(point) != 3 or not all(abs(v) <= FARTHEST for v in point)):
-                raise InputError(f"option {name}", value=str(point), allowed=f"three numbers of at most {FARTHEST:g} m")
+                raise InputError(
+                    f"option {name}", code="P007", value=str(point), allowed=f"three numbers of at most {FARTHEST:g} m"
+                )

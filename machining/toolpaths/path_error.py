@@ -16,12 +16,12 @@ class PathError(InputError):
         points: int | Integers,
         what: str,
         *,
+        code: str,
         value: object = None,
         allowed: str | None = None,
         remedy: str | None = None,
-        site: str | None = None,
     ) -> None:
-        super().__init__(what, value=value, allowed=allowed, remedy=remedy, site=site)
+        super().__init__(what, code=code, value=value, allowed=allowed, remedy=remedy)
         self.points = np.atleast_1d(np.asarray(points, dtype=np.int64))
 
     @property
@@ -32,4 +32,4 @@ class PathError(InputError):
     def at(self, points: int | Integers, where: str) -> PathError:
         """The same at other points, of a finer path or under another name."""
         what = f"{where}: {self.what}"
-        return PathError(points, what, value=self.value, allowed=self.allowed, remedy=self.remedy, site=self.site)
+        return PathError(points, what, code=self.code, value=self.value, allowed=self.allowed, remedy=self.remedy)

@@ -57,7 +57,7 @@ def read_toolpath(path: str | Path, *, kind: str | None = None, options: ReadOpt
     """
     path, options = Path(path), options or ReadOptions()
     if kind is not None and kind not in KINDS:
-        raise InputError("kind of the tool path", value=kind, allowed=", ".join(KINDS))
+        raise InputError("kind of the tool path", code="P001", value=kind, allowed=", ".join(KINDS))
     data = content(path, options.max_bytes)
     refuse_robot_program(path.name, data[:_HEAD].decode("latin-1").splitlines())
     kind = kind or _kind(path)
@@ -81,10 +81,12 @@ def _kind(path: Path) -> str:
     by_content = "apt" if apt > gcode else "gcode" if gcode > apt else None
     remedy = "say it: --kind apt, gcode, heidenhain or csv (kind= in Python)"
     if by_content is None and by_name is None:
-        raise InputError(f"{path.name}: kind of tool path not clear", allowed=", ".join(KINDS), remedy=remedy)
+        raise InputError(
+            f"{path.name}: kind of tool path not clear", code="P001", allowed=", ".join(KINDS), remedy=remedy
+        )
     if by_content and by_name and by_content != by_name:
         what = f"{path.name}: its suffix says {by_name}, its lines look like {by_content}"
-        raise InputError(what, allowed="one kind", remedy=remedy)
+        raise InputError(what, code="P001", allowed="one kind", remedy=remedy)
     return by_content or by_name or ""
 
 

@@ -13,7 +13,7 @@ from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
 from machining.toolpaths.retracts import CLEARANCE, Retracts
 from robots import InputError
 from robots.arrays import Array, Bools, Integers
-from robots.errors import listed, raised_at
+from robots.errors import listed
 from robots.faults import Faults
 
 Vector = tuple[float, float, float]
@@ -27,12 +27,11 @@ TURN = float(np.cos(np.radians(10.0)))
 
 
 class StatementError(ValueError):
-    """A statement that cannot be read: what is wrong, what is allowed, what to do."""
+    """A statement that cannot be read: what is wrong, what is allowed, what to do, and its code."""
 
-    def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None) -> None:
+    def __init__(self, what: str, allowed: str | None = None, remedy: str | None = None, *, code: str) -> None:
         super().__init__(what)
-        self.what, self.allowed, self.remedy = what, allowed, remedy
-        self.site = raised_at()
+        self.what, self.allowed, self.remedy, self.code = what, allowed, remedy, code
 
 
 class Recorder:
@@ -138,6 +137,7 @@ class Recorder:
         if len(self.lines) + more > self.max_moves:
             raise InputError(
                 f"{self.source}: number of moves",
+                code="P005",
                 allowed=f"up to {self.max_moves}",
                 remedy="split it, or allow more: --read max_moves=N, or coarser chords: --read chord_tolerance_um=10",
             )
@@ -147,7 +147,7 @@ class Recorder:
         last = len(self.lines) - 1
         whole = self._dwells.get(last, 0.0) + seconds
         if not 0.0 <= whole <= limits.LONGEST_REST:
-            self.error(line, "dwell", value=seconds, allowed=f"0 to {limits.LONGEST_REST:g} s")
+            self.error(line, "dwell", code="P004", value=seconds, allowed=f"0 to {limits.LONGEST_REST:g} s")
             return
         if len(self.lines):
             self._dwells[last] = whole
@@ -228,13 +228,12 @@ class Recorder:
         if count or len(self._notes) < NOTES:
             self._notes[text] = (first, count + 1)
 
-    def error(self, line: int, what: str, **parts: Any) -> None:
+    def error(self, line: int, what: str, *, code: str, **parts: Any) -> None:
         """Fault of a line; 0: of the file. ``parts``: as those of :class:`robots.InputError`."""
-        parts.setdefault("site", raised_at(1))
         if isinstance(parts.get("value"), str):
             parts["value"] = clean(parts["value"])
         where = f"{self.source}, line {line}: " if line else f"{self.source}: "
-        self.faults.say(line, where + clean(what), **parts)
+        self.faults.say(line, where + clean(what), code=code, **parts)
 
     def motions(self) -> Motions:
         """The result.
@@ -248,7 +247,7 @@ class Recorder:
         if self.retracts.raised and not self.faults:
             points = self._retracted(points, axes)
         if not self.faults and not len(line):
-            self.error(0, "no motion in the file", remedy="give the file of a tool path")
+            self.error(0, "no motion in the file", code="P002", remedy="give the file of a tool path")
         self.faults.raise_if_any("tool path file")
         self._settle_change()
         self._begins(None)
@@ -264,6 +263,7 @@ class Recorder:
             self.error(
                 0,
                 "height of retracts, mm",
+                code="P004",
                 value=f"{one.height * 1e3:.6g}",
                 allowed=f"at least {least * 1e3:.6g}: the highest point of the path at feed, along the tool axis",
                 remedy="raise it: --read retract=MM (retract= in Python), or leave it out",
@@ -296,14 +296,21 @@ class Recorder:
         axes = np.frombuffer(self.axes, dtype=np.float64).reshape(-1, 3) if len(line) else np.zeros((0, 3))
         for i in np.flatnonzero(~(np.abs(points) <= limits.FARTHEST).all(axis=1)):
             value = ", ".join(f"{v * 1e3:g}" for v in points[i])
-            self.error(int(line[i]), "coordinates, mm", value=value, allowed=limits.PLACES)
+            self.error(int(line[i]), "coordinates, mm", code="P004", value=value, allowed=limits.PLACES)
         self._check_states(line)
         with np.errstate(over="ignore", invalid="ignore"):
             length = np.linalg.norm(axes, axis=1)
         bad = ~((length > 1e-9) & (length < 1e9))
         for i in np.flatnonzero(bad):
             allowed = "a direction from the tip into the holder"
-            self.error(int(line[i]), "tool axis", value=str(axes[i].tolist()), allowed=allowed, remedy="give i,j,k")
+            self.error(
+                int(line[i]),
+                "tool axis",
+                code="P004",
+                value=str(axes[i].tolist()),
+                allowed=allowed,
+                remedy="give i,j,k",
+            )
         off = np.flatnonzero(~bad & (np.abs(length - 1.0) > UNIT))
         if len(off):
             text = f"tool axes of {len(off)} moves differ from length 1 by up to {np.abs(length[off] - 1).max():.2g}"
@@ -322,13 +329,13 @@ class Recorder:
             cutting = first + np.flatnonzero(~rapid[first:last])
             if wrong[0][i] and len(cutting):
                 value = f"{float(feed[i]) * 6e4:g}"
-                self.error(int(line[cutting[0]]), "feed, mm/min", value=value, allowed=limits.FEEDS)
+                self.error(int(line[cutting[0]]), "feed, mm/min", code="P004", value=value, allowed=limits.FEEDS)
             if wrong[1][i] and last > first:
                 value, allowed = (
                     f"{float(spindle[i]) * 30.0 / np.pi:g}",
                     f"up to {limits.FASTEST_TURN * 30.0 / np.pi:.3g}",
                 )
-                self.error(int(line[first]), "spindle speed, rpm", value=value, allowed=allowed)
+                self.error(int(line[first]), "spindle speed, rpm", code="P004", value=value, allowed=allowed)
 
     def _state_columns(self) -> Array:
         """First move, feed, spindle, tool and operation of each state, as columns."""

@@ -45,6 +45,7 @@ def refuse_robot_program(name: str, head: Sequence[str]) -> None:
         if any(pattern.match(line) for line in head):
             raise InputError(
                 f"{name}: a robot program of {language}, no tool path",
+                code="P023",
                 allowed="tool paths of CAM systems: G-code, APT or CL data, Heidenhain's language, CSV",
                 remedy="give the CAM file that it was made from: stiffarm post writes robot programs from that"
                 + (f" (--format {form})" if form else "")

@@ -36,6 +36,7 @@ def select(motions: Motions, *, operations: Sequence[str] = (), tool_numbers: Se
     if not keep.any():
         raise InputError(
             f"tool path {motions.source}: the operations and tools chosen have no move",
+            code="P006",
             allowed=f"operations {_operations(motions)}; tools {_numbers(motions)}",
             remedy="leave out --operation or --tool-number (operations=, tool_numbers= in Python)",
         )
@@ -72,7 +73,11 @@ def _named(motions: Motions, wanted: Sequence[str]) -> Bools:
     missing = [name for name in wanted if name.strip().lower() not in known]
     if missing:
         raise InputError(
-            "operation of the tool path", value=listed(missing), allowed=_operations(motions), remedy="give its name"
+            "operation of the tool path",
+            code="P006",
+            value=listed(missing),
+            allowed=_operations(motions),
+            remedy="give its name",
         )
     names = {name.strip().lower() for name in wanted}
     return np.asarray(np.isin(motions.operation, [i for i, name in enumerate(known) if name in names]))
@@ -84,7 +89,11 @@ def _numbered(motions: Motions, wanted: Sequence[int]) -> Bools:
     missing = [str(number) for number in wanted if number not in [tool.number for tool in motions.tools]]
     if missing:
         raise InputError(
-            "tool number of the tool path", value=listed(missing), allowed=_numbers(motions), remedy="give one of them"
+            "tool number of the tool path",
+            code="P006",
+            value=listed(missing),
+            allowed=_numbers(motions),
+            remedy="give one of them",
         )
     return np.asarray(np.isin(motions.tool, [i for i, tool in enumerate(motions.tools) if tool.number in wanted]))
 

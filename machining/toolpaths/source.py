@@ -26,10 +26,12 @@ def content(path: Path, max_bytes: int = LARGEST_FILE) -> bytes:
     # CP/M and DOS end a text with byte 0x1A.
     data = read_bytes(path, "tool path file", most=max_bytes).removeprefix(BYTE_ORDER_MARK).rstrip(b"\x1a")
     if not data:
-        raise InputError(f"tool path file {path.name} is empty", remedy="post the program once more")
+        raise InputError(f"tool path file {path.name} is empty", code="P002", remedy="post the program once more")
     if b"\0" in data[:_SAMPLE]:
         raise InputError(
-            f"tool path file {path.name} holds NUL bytes: binary or UTF-16", remedy="write it as text in UTF-8"
+            f"tool path file {path.name} holds NUL bytes: binary or UTF-16",
+            code="P002",
+            remedy="write it as text in UTF-8",
         )
     return data
 
@@ -51,7 +53,10 @@ def lines_of(name: str, data: bytes) -> Iterator[str]:
     for number, line in enumerate(iter(partial(file.readline, LINE_LIMIT + 1), ""), start=1):
         if len(line) > LINE_LIMIT:
             raise InputError(
-                f"{name}, line {number}: length", allowed=f"up to {LINE_LIMIT} characters", remedy="break it"
+                f"{name}, line {number}: length",
+                code="P002",
+                allowed=f"up to {LINE_LIMIT} characters",
+                remedy="break it",
             )
         yield line
 

@@ -137,6 +137,7 @@ def _checked_table(header: list[str], rows: list[tuple[int, list[str]]], faults:
             faults.add(
                 line,
                 "the point of the row before once more",
+                code="P008",
                 value=str(point[:3].tolist()),
                 allowed="neighbouring points at different places",
                 remedy="remove one of the two",
@@ -153,10 +154,10 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     try:
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except csv.Error as error:
-        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", remedy=REMEDY) from error
+        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", code="P008", remedy=REMEDY) from error
     rows = [(line, row) for line, row in rows if any(row)]
     if len(rows) < 2:
-        raise InputError(f"tool path {path} has no points", remedy=REMEDY)
+        raise InputError(f"tool path {path} has no points", code="P002", remedy=REMEDY)
     return rows[0][1], rows[1:]
 
 
@@ -169,14 +170,18 @@ def _check_header(path: Path, header: list[str]) -> None:
     for words, names in (("twice", doubled), ("unknown", unknown), ("missing", missing)):
         if names:
             raise InputError(
-                f"{path.name}, columns {words}", value=listed(names), allowed=", ".join(known), remedy=REMEDY
+                f"{path.name}, columns {words}",
+                code="P008",
+                value=listed(names),
+                allowed=", ".join(known),
+                remedy=REMEDY,
             )
 
 
 def _numbers(line: int, row: list[str], names: Sequence[str], faults: Faults, remedy: str) -> dict[str, float]:
     """Numbers of one row by column; what is bad about it is added to ``faults`` and left out."""
     if len(row) != len(names):
-        faults.add(line, "number of cells", value=str(len(row)), allowed=str(len(names)), remedy=remedy)
+        faults.add(line, "number of cells", code="P008", value=str(len(row)), allowed=str(len(names)), remedy=remedy)
         return {}
     out: dict[str, float] = {}
     for name, cell in zip(names, row, strict=True):
@@ -187,13 +192,21 @@ def _numbers(line: int, row: list[str], names: Sequence[str], faults: Faults, re
         if good or (column.empty and not cell):
             out[name] = value
         else:
-            faults.add(line, f"column {name}", value=clean(cell), allowed=column.allowed, remedy="correct the cell")
+            faults.add(
+                line,
+                f"column {name}",
+                code="P008",
+                value=clean(cell),
+                allowed=column.allowed,
+                remedy="correct the cell",
+            )
     for group, what in ((NORMAL, "normal"), (AXIS, "tool axis")):
         given = [out[name] for name in group if name in out]
         if len(given) == len(group) and max(map(abs, given)) < SHORTEST:
             faults.add(
                 line,
                 f"columns {', '.join(group)}: {what} of length zero",
+                code="P008",
                 value=", ".join(f"{v:g}" for v in given),
                 allowed="a direction",
                 remedy="give one",
@@ -265,7 +278,7 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
         reader = csv.reader(file)
         try:
             if next(reader, None) != [MARK]:
-                raise InputError(f"{path.name}, line 1", allowed=MARK, remedy=REWRITE)
+                raise InputError(f"{path.name}, line 1", code="P008", allowed=MARK, remedy=REWRITE)
             headed = False
             for row in filter(None, reader):
                 if headed:
@@ -281,18 +294,20 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                         else:
                             events.append(_event(cells))
                     except ValueError as error:
-                        faults.say(reader.line_num, f"{path.name}, line {reader.line_num}: {error}")
+                        faults.say(reader.line_num, f"{path.name}, line {reader.line_num}: {error}", code="P008")
                 elif row[0] == OPERATION and len(row) == 2:
                     operations.append(as_read(row[1]))
                 elif tuple(row) == MOTIONS:
                     headed = True
                 else:
                     allowed = f"{TOOL}, {OPERATION}, {EVENT} or the columns"
-                    faults.add(reader.line_num, "first cell", value=clean(row[0]), allowed=allowed, remedy=REWRITE)
+                    faults.add(
+                        reader.line_num, "first cell", code="P008", value=clean(row[0]), allowed=allowed, remedy=REWRITE
+                    )
         except csv.Error as error:
-            raise InputError(f"{path.name}, line {reader.line_num} ({error})") from error
+            raise InputError(f"{path.name}, line {reader.line_num} ({error})", code="P008") from error
     if not faults and not len(table["line"]):
-        raise InputError(f"{path.name} has no moves", allowed=",".join(MOTIONS))
+        raise InputError(f"{path.name} has no moves", code="P002", allowed=",".join(MOTIONS))
     faults.raise_if_any("motions")
     return _motions(table, tools, operations, events, path.name)
 

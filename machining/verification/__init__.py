@@ -3,10 +3,11 @@
 from machining.verification.contacts import Contact, contact_of
 from machining.verification.courses import MovingAxes, moving_axes
 from machining.verification.demands import Demands, Interpolation
-from machining.verification.offences import KIND_WORDS, Kind, Offence, Severity, worst_first
+from machining.verification.offences import KIND_CODES, KIND_WORDS, Kind, Offence, Severity, worst_first
 from machining.verification.verify import Verification, verify
 
 __all__ = [
+    "KIND_CODES",
     "KIND_WORDS",
     "Contact",
     "Demands",

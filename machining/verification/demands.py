@@ -45,8 +45,8 @@ class Demands:
     smoothing: float = 0.05
 
     def __post_init__(self) -> None:
-        require_one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"))
+        require_one_of("interpolation", self.interpolation, ("joint", "linear", "mixed"), code="Q011")
         for name in ("resolution", "horizon", "tolerance", "axis_tolerance", "jump", "jump_ratio", "smoothing"):
-            require_positive(f"verification, {name}", getattr(self, name))
+            require_positive(f"verification, {name}", getattr(self, name), code="Q011")
         for name in ("safety", "singular_least"):
-            require_at_least(f"verification, {name}", getattr(self, name), 0.0)
+            require_at_least(f"verification, {name}", getattr(self, name), 0.0, code="Q011")

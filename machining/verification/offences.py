@@ -58,6 +58,23 @@ KIND_WORDS = {
     Kind.OTHER_POINT: "with this tool and this part frame the joints lead elsewhere than the program says",
     Kind.DEVIATION: "between its points the tool leaves the programmed line",
 }
+# Codes in the catalogue of failures.
+KIND_CODES = {
+    Kind.COLLISION: "Z001",
+    Kind.RAPID_CONTACT: "Z002",
+    Kind.LOW_RAPID: "Z014",
+    Kind.COMMAND: "Z003",
+    Kind.LIMIT: "Z004",
+    Kind.BRANCH_JUMP: "Z005",
+    Kind.UNFOLLOWED: "Z006",
+    Kind.SINGULARITY: "Z007",
+    Kind.CLEARANCE: "Z008",
+    Kind.UNPROVEN: "Z009",
+    Kind.SPEED: "Z010",
+    Kind.ACCELERATION: "Z011",
+    Kind.OTHER_POINT: "Z013",
+    Kind.DEVIATION: "Z012",
+}
 RANK = {kind: place for place, kind in enumerate(Kind)}
 # Kinds whose values are compared as shares of their limits: they may be in different units.
 RELATIVE = (Kind.SPEED, Kind.ACCELERATION, Kind.OTHER_POINT, Kind.DEVIATION)

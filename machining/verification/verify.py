@@ -123,10 +123,11 @@ def verify(
     """
     demands = demands or Demands()
     if program.n == 0:
-        raise InputError(f"program {program.motions.source} has no motion")
+        raise InputError(f"program {program.motions.source} has no motion", code="Q011")
     if arm.robot.coordinates != program.robot.coordinates:
         raise InputError(
             "program of another robot",
+            code="A010",
             value=", ".join(program.robot.coordinates),
             allowed=", ".join(arm.robot.coordinates),
             remedy="give the model that the program was made for",

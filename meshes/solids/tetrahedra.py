@@ -77,7 +77,7 @@ np.savez(target, cells=cells, nodes=np.asarray(mesh.Coordinates(), dtype=np.floa
 def require_netgen(what: str) -> None:
     """Raise InputError where Netgen is not installed."""
     if importlib.util.find_spec("netgen") is None:
-        raise InputError(f"{what} needs the package netgen-mesher", remedy=EXTRA)
+        raise InputError(f"{what} needs the package netgen-mesher", code="F013", remedy=EXTRA)
 
 
 def usual_size(area: float, volume: float) -> float:
@@ -112,11 +112,12 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
         No Netgen, file missing or unreadable, no solid or several.
     """
     require_netgen(f"STEP file {path.name}")
-    require_positive("scale (m for one unit of the file)", scale)
+    require_positive("scale (m for one unit of the file)", scale, code="L008")
     content = read_bytes(path, "STEP file")
     if not content.lstrip().startswith(b"ISO-10303-21"):
         raise InputError(
             f"STEP file {path.name} is none",
+            code="L008",
             value=content[:20].decode("latin-1"),
             allowed="ISO-10303-21 first",
             remedy="export it as STEP (AP203, AP214 or AP242)",
@@ -124,11 +125,14 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
     try:
         found = run_apart(_STEP, (str(path.absolute()),), {}, TIMEOUT_S)
     except ApartError as error:
-        raise InputError(f"STEP file {path.name} cannot be read ({error})", remedy="export it again") from error
+        raise InputError(
+            f"STEP file {path.name} cannot be read ({error})", code="L008", remedy="export it again"
+        ) from error
     solids, faces = (int(number) for number in found["counts"])
     if solids != 1:
         raise InputError(
             f"STEP file {path.name}: solids",
+            code="L008",
             value=solids or f"none, {faces} loose faces",
             allowed="one",
             remedy="unite the bodies that are cast or welded together, and export the link's structure alone"
@@ -141,6 +145,7 @@ def open_step(path: Path, scale: float | None = None) -> StepSolid:
     if not (np.isfinite([area, volume]).all() and area > 0.0 and volume > 0.0 and np.isfinite(extent).all()):
         raise InputError(
             f"STEP file {path.name}: its solid's volume (mm3) and area (mm2)",
+            code="L008",
             value=f"{volume:.4g} and {area:.4g}",
             allowed="above 0",
             remedy="heal it in the program it came from, and export it again",
@@ -166,6 +171,7 @@ def mesh_step(solid: StepSolid, size: float | None) -> tuple[Array, Integers, fl
     except ApartError as error:
         raise InputError(
             f"STEP file {solid.name}: Netgen cannot mesh its solid ({error})",
+            code="L008",
             remedy="heal it in the program it came from, or choose another element size",
         ) from error
     nodes, cells = _used(solid.name, made["cells"].astype(np.int64), made["nodes"].astype(np.float64))
@@ -201,6 +207,7 @@ def in_surface(
         raise SurfaceFault(
             f"surface {name} crosses itself: {np.unique(pairs).size} triangles, the first near "
             f"{np.round(skin[cells[pairs[0, 0]]].mean(axis=0), 4).tolist()} m",
+            code="L003",
             remedy="separate the parts in the program it came from, or choose a smaller element size",
         )
     try:
@@ -210,6 +217,7 @@ def in_surface(
     except ApartError as error:
         raise SurfaceFault(
             f"surface {name}: Netgen cannot fill it with tetrahedra ({error})",
+            code="L008",
             remedy="repair the surface in the program it came from, or choose another element size",
         ) from error
     points, tetrahedra = _used(name, made["cells"].astype(np.int64), made["nodes"].astype(np.float64))
@@ -238,6 +246,7 @@ def _check_count(name: str, size: float, area: float, volume: float) -> None:
     if count > MOST_ELEMENTS:
         raise InputError(
             f"element size for {name} (mm)",
+            code="L005",
             value=1e3 * size,
             allowed=f"at most {MOST_ELEMENTS} tetrahedra, not some {count:.3g}",
             remedy="choose a larger element size, or look at the file's unit of length",
@@ -248,7 +257,9 @@ def _used(name: str, cells: Integers, nodes: Array) -> tuple[Array, Integers]:
     """Netgen's nodes and tetrahedra, right-handed, of four or ten nodes, nodes that none of them uses left out."""
     raw = cells - 1
     if not len(raw):
-        raise InputError(f"solid {name}: Netgen made no tetrahedra", remedy="choose a smaller element size")
+        raise InputError(
+            f"solid {name}: Netgen made no tetrahedra", code="L008", remedy="choose a smaller element size"
+        )
     order = RIGHT_HANDED if raw.shape[1] >= len(RIGHT_HANDED) and (raw[:, 9] >= 0).all() else RIGHT_HANDED[:4]
     used, place = np.unique(raw[:, order], return_inverse=True)
     return nodes[used], place.reshape(-1, len(order))

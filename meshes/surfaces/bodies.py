@@ -46,7 +46,9 @@ def body_surface(visuals: Sequence[Visual]) -> BodySurface:
     for visual in visuals:
         own, cells, said = _shape(visual)
         if not (np.isfinite(visual.scale).all() and (visual.scale != 0.0).all()):
-            raise InputError(f"scale of {said[0]}", value=visual.scale.tolist(), allowed="three numbers other than 0")
+            raise InputError(
+                f"scale of {said[0]}", code="L001", value=visual.scale.tolist(), allowed="three numbers other than 0"
+            )
         if visual.scale.prod() < 0.0:
             cells = cells[:, ::-1]
         if (visual.scale != 1.0).any():
@@ -71,7 +73,7 @@ def _shape(visual: Visual) -> tuple[Array, Integers, list[str]]:
 
 def _primitive(solid: Primitive) -> Any:
     if not all(0.0 < value < np.inf for value in solid.size):
-        raise InputError(f"size of a {solid.kind} (m)", value=list(solid.size), allowed="greater than 0")
+        raise InputError(f"size of a {solid.kind} (m)", code="L001", value=list(solid.size), allowed="greater than 0")
     if solid.kind == "box":
         return trimesh.creation.box(solid.size)
     if solid.kind == "cylinder":

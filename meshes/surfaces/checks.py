@@ -58,6 +58,7 @@ def repair_surface(name: str, nodes: Array, faces: Integers, hole: float) -> tup
     if (np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)[1] > 2).any():
         raise SurfaceFault(
             f"surface {name}: edges with more than two faces",
+            code="L003",
             remedy="remove inner walls and touching parts, or let the import wrap it",
         )
     faces, turned = _wound(name, faces)
@@ -90,6 +91,7 @@ def material_surface(name: str, nodes: Array, faces: Integers) -> tuple[Array, I
             place = np.round(nodes[edges[wrong][0]].mean(axis=0), 4).tolist()
             raise SurfaceFault(
                 f"surface {name} as a solid: {int(wrong.sum())} edges {what}",
+                code="L003",
                 value=f"the first near {place} m",
                 allowed="two faces at every edge",
                 remedy="export the solid as one closed body, or as STEP",
@@ -105,6 +107,7 @@ def material_surface(name: str, nodes: Array, faces: Integers) -> tuple[Array, I
     if solid.sum() > 1:
         raise SurfaceFault(
             f"surface {name} as a solid: separate bodies",
+            code="L003",
             value=f"{int(solid.sum())}, of {', '.join(f'{1e6 * v:.4g}' for v in volume[solid])} cm3",
             allowed="one",
             remedy="unite the bodies that are cast or welded together, or export the link's structure alone",
@@ -161,6 +164,7 @@ def _without_flat(name: str, nodes: Array, faces: Integers) -> tuple[Integers, l
     if flat.all() or len(_open_edges(faces[~flat])) > len(_open_edges(faces)):
         raise SurfaceFault(
             f"surface {name}: {int(flat.sum())} degenerate triangles (three corners on a line)",
+            code="L003",
             value=f"the first has corners {np.round(corners[flat][0], 6).tolist()} m",
             allowed="triangles with area, unless the surface stays closed without them",
             remedy="remesh the surface in the program it came from",
@@ -180,6 +184,7 @@ def _largest_body(name: str, nodes: Array, faces: Integers) -> tuple[Integers, l
     if share > SECOND_BODY:
         raise SurfaceFault(
             f"surface {name}: {order.size} separate bodies, areas of the two largest 1 : {share:.2f}",
+            code="L003",
             allowed=f"one body, others below {SECOND_BODY:g} of its area",
             remedy="export the casing's outer skin alone, or unite the parts",
         )
@@ -200,7 +205,7 @@ def _wound(name: str, faces: Integers) -> tuple[Integers, int]:
     agreeing = [[one, np.where(against, two + m, two)], [one + m, np.where(against, two, two + m)]]
     label = connected(2 * m, np.concatenate(agreeing, axis=1).T).reshape(2, m)
     if (label[0] == label[1]).any():
-        raise SurfaceFault(f"surface {name} has one side only", remedy="repair it in a CAD program")
+        raise SurfaceFault(f"surface {name} has one side only", code="L003", remedy="repair it in a CAD program")
     turned = label[0] > label[1]
     if turned.sum() > m / 2:
         turned = ~turned
@@ -228,6 +233,7 @@ def _fill_holes(name: str, nodes: Array, faces: Integers, hole: float) -> tuple[
         raise SurfaceFault(
             f"surface {name} is open: {np.unique(loop).size} hole(s), the largest {around.max():.4g} m around "
             f"at {np.round(middle, 4).tolist()} m",
+            code="L003",
             allowed=f"a closed surface, or plain holes up to {hole:.4g} m around, which are filled",
             remedy="close it in the program it came from, or let the import wrap it",
         )

@@ -48,6 +48,7 @@ def grid_around(name: str, points: Array, step: float, margin: float) -> Grid:
     if not shape.prod() <= MOST_POINTS:
         raise InputError(
             f"surface {name}: a grid of {1e3 * step:.3g} mm over {np.round(high - low, 3).tolist()} m",
+            code="L005",
             value=f"{shape.prod():.3g} points",
             allowed=f"up to {MOST_POINTS:.3g}",
             remedy="choose a larger target size, and look for stray parts far from the casing",

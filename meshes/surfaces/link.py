@@ -212,24 +212,28 @@ def _check_numbers(interfaces: Mapping[str, Interface], settings: ImportSettings
     sizes = {"wall thickness (m)": settings.wall, "target size (m)": settings.target_size}
     sizes |= {"opening (m)": settings.opening}
     for what, value in sizes.items():
-        require_positive(what, value)
-    require_one_of("repair", settings.repair, REPAIRS)
+        require_positive(what, value, code="L011")
+    require_one_of("repair", settings.repair, REPAIRS, code="L011")
     check_interfaces(interfaces)
 
 
 def check_interfaces(interfaces: Mapping[str, Interface]) -> None:
     """Refuse interfaces that are none: no points, numbers that are not finite, no way to find a ring."""
     for name, one in interfaces.items():
-        require_positive(f"interface radius {name} (m)", one.radius)
+        require_positive(f"interface radius {name} (m)", one.radius, code="L006")
     if not interfaces:
-        raise InputError("no interface points", remedy="name one point or more, the root first")
+        raise InputError("no interface points", code="L006", remedy="name one point or more, the root first")
     for name, one in interfaces.items():
         finite(f"interface point {name}", one.point, (3,), "m")
         if one.axis is not None and not (one.axis.shape == (3,) and 0.0 < np.linalg.norm(one.axis) < np.inf):
-            raise InputError(f"interface axis {name}", value=one.axis.tolist(), allowed="three numbers, not all zero")
+            raise InputError(
+                f"interface axis {name}", code="L006", value=one.axis.tolist(), allowed="three numbers, not all zero"
+            )
     alone = [one for one in interfaces.values() if one.radius is None and one.axis is None]
     if len(interfaces) == 1 and alone:
-        raise InputError("one interface has no direction to cut along", remedy="give its radius (--radius LINK.END=MM)")
+        raise InputError(
+            "one interface has no direction to cut along", code="L006", remedy="give its radius (--radius LINK.END=MM)"
+        )
 
 
 def quality_words(least_angle_deg: float) -> str:

@@ -42,11 +42,12 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
     InputError
         File missing or unreadable, no triangles, numbers that are not finite, ``scale`` not positive.
     """
-    require_one_of(f"surface {path.name}", path.suffix.lower(), SUFFIXES)
-    require_positive("scale (m for one unit of the file)", scale)
+    require_one_of(f"surface {path.name}", path.suffix.lower(), SUFFIXES, code="L001")
+    require_positive("scale (m for one unit of the file)", scale, code="L001")
     if path.suffix.lower() == ".dae" and importlib.util.find_spec("collada") is None:
         raise InputError(
             f"surface {path.name}: DAE files need the package pycollada",
+            code="F013",
             remedy="install pycollada, or convert the file to STL",
         )
     data = read_bytes(path, "surface file")
@@ -58,15 +59,22 @@ def read_surface(path: Path, scale: float | None, heed_up_axis: bool = True) -> 
             faces = np.asarray(mesh.faces, dtype=np.int64)
     except Exception as error:  # the readers raise whatever their parsers do
         raise InputError(
-            f"surface {path.name} cannot be read ({type(error).__name__}: {error})", remedy="export it again"
+            f"surface {path.name} cannot be read ({type(error).__name__}: {error})",
+            code="L001",
+            remedy="export it again",
         ) from error
     if not faces.size:
-        raise InputError(f"surface {path.name} has no triangles", remedy="export a surface, not points or curves")
+        raise InputError(
+            f"surface {path.name} has no triangles", code="L001", remedy="export a surface, not points or curves"
+        )
     if not 0 <= faces.min() <= faces.max() < len(nodes):
-        raise InputError(f"surface {path.name}: triangles of corners that are not there", remedy="export it again")
+        raise InputError(
+            f"surface {path.name}: triangles of corners that are not there", code="L001", remedy="export it again"
+        )
     if not (np.abs(nodes) <= LARGEST_COORDINATE).all():
         raise InputError(
             f"surface {path.name}: corners that are not finite numbers",
+            code="L001",
             allowed=f"at most {LARGEST_COORDINATE:g} in size",
             remedy="export it again",
         )
@@ -105,7 +113,7 @@ def check_scale(
     if span is None:
         span = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
     else:
-        require_positive("expected span (m)", span)
+        require_positive("expected span (m)", span, code="L002")
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
     low, high = ratio
     if span == 0.0:
@@ -115,6 +123,7 @@ def check_scale(
         remedy = f"multiply scale by {fits[0]:g} (--scale {fits[0]:g} if none was given)" if fits else "check both"
         raise InputError(
             f"scale of {name}: surface {diagonal:.4g} m across, interfaces {span:.4g} m apart",
+            code="L002",
             value=f"ratio {diagonal / span:.4g}",
             allowed=f"{low:g} to {high:g}",
             remedy=remedy,

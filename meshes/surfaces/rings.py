@@ -88,6 +88,7 @@ def choose_rings(
     if common:
         raise InputError(
             f"interfaces {' and '.join(common)}{skin.of} share nodes",
+            code="L006",
             remedy="give smaller radii for both (--radius LINK.END=MM)",
         )
     return rings, notes
@@ -125,6 +126,7 @@ def _ring(name: str, interfaces: Mapping[str, Interface], skin: Skin, share: flo
         raise InputError(
             f"no ring found at interface {name}{skin.of}: {count} nodes around {np.round(here.point, 6).tolist()} m "
             f"within {where}",
+            code="L006",
             value=f"the nearest node is {distance.min():.4g} m away",
             allowed=f"{LEAST_RING} nodes or more",
             remedy="move the point onto the surface's end, or give its radius (--radius LINK.END=MM)",

@@ -104,6 +104,7 @@ def as_it_is(name: str, nodes: Array, faces: Integers, settings: ImportSettings)
     if settings.repair == "auto" and detail > MOST_DETAIL and len(faces) > FEW_FACES:
         raise SurfaceFault(
             f"surface {name} has {detail:.2g} m of sharp edges for each strip of elements a metre long",
+            code="L005",
             allowed=f"up to {MOST_DETAIL:g}",
             remedy="let the import wrap it, or choose a smaller target size",
         )
@@ -208,7 +209,9 @@ def _remeshed(
     _refuse_crossings(name, middle, cells, "crosses itself even wrapped", "choose a smaller target size")
     if not least_angle(middle, cells) > USELESS_ANGLE_DEG:
         raise SurfaceFault(
-            f"surface {name}: wrapped, it leaves triangles without area", remedy="choose another target size"
+            f"surface {name}: wrapped, it leaves triangles without area",
+            code="L005",
+            remedy="choose another target size",
         )
     return middle, cells, notes, edges
 
@@ -227,13 +230,17 @@ def _check_room(name: str, nodes: Array, faces: Integers, size: float, wall: flo
     elements = _elements(nodes, faces, size)
     if not 50.0 <= elements <= MOST_ELEMENTS:
         raise InputError(
-            f"target size for {name} (m)", value=size, allowed=f"50 to {MOST_ELEMENTS} elements, not {elements:.3g}"
+            f"target size for {name} (m)",
+            code="L005",
+            value=size,
+            allowed=f"50 to {MOST_ELEMENTS} elements, not {elements:.3g}",
         )
     room = 2.0 * (mesh.volume / mesh.area - offset)
     # A plain tube has a quarter of its width more than this; two sides of a wall have exactly the wall.
     if room < 2.0 * wall:
         raise SurfaceFault(
             f"surface {name} encloses {room:.3g} m on average between its sides (2 volume / area)",
+            code="L004",
             value=f"wall {wall:.3g} m",
             allowed="a wall below half of it",
             remedy="if the file holds both sides of the casing's wall, export the outer skin alone, closed, or let "
@@ -246,7 +253,9 @@ def _refuse_crossings(name: str, nodes: Array, faces: Integers, what: str, remed
     if len(pairs):
         place = np.round(nodes[faces[pairs[0, 0]]].mean(axis=0), 4).tolist()
         raise SurfaceFault(
-            f"surface {name} {what}: {np.unique(pairs).size} triangles, the first near {place} m", remedy=remedy
+            f"surface {name} {what}: {np.unique(pairs).size} triangles, the first near {place} m",
+            code="L003",
+            remedy=remedy,
         )
 
 
@@ -285,6 +294,7 @@ def offset_inward(name: str, nodes: Array, faces: Integers, depth: float) -> tup
         move[worst] *= 0.5
     raise SurfaceFault(
         f"surface {name}: {int(folded.sum())} elements fold on the way to the mid-surface",
+        code="L004",
         value=f"inward by {depth:.4g} m",
         remedy="smooth sharp details, or choose a larger target size or a thinner wall",
     )

@@ -45,6 +45,7 @@ class TooFar(SurfaceFault):
         self.departure = off
         super().__init__(
             f"surface {name}: {off}",
+            code="L005",
             allowed=f"95 % within {1e3 * most:.3g} mm",
             remedy="close openings of another width",
         )
@@ -90,6 +91,7 @@ def by_trial(
     raise InputError(
         f"surface {name}: no closing width by trial gives one casing within two elements ({1e3 * most:.3g} mm) of the "
         f"original",
+        code="L005",
         value="; ".join(map(str, failed)),
         allowed=f"off by up to {1e3 * most:.3g} mm for 95 % of what is seen",
         remedy=_remedy(name, failed),

@@ -64,10 +64,11 @@ class Wrap:
 
 def check_method(method: str) -> None:
     """Raise InputError where there is no such way to wrap, or its package is missing."""
-    require_one_of("wrap method", method, METHODS)
+    require_one_of("wrap method", method, METHODS, code="L011")
     if method == "alpha" and importlib.util.find_spec("pymeshlab") is None:
         raise InputError(
             "alpha wrap needs the package pymeshlab (GPL-3.0)",
+            code="F013",
             remedy='install it (`pip install "stiffarm[wrap]"`), or wrap by the grid, which needs nothing',
         )
 
@@ -101,7 +102,9 @@ def wrap_surface(
         skin = _grid_wrapped(name, nodes[faces], ball, offset, size / STEPS)
     found = bodies(*skin)
     if not found:
-        raise InputError(f"surface {name} has no triangles left to wrap", remedy="check the file and its scale")
+        raise InputError(
+            f"surface {name} has no triangles left to wrap", code="L003", remedy="check the file and its scale"
+        )
     wider = f"or close wider gaps (--close-mm above {2e3 * ball:.3g})"
     _refuse_second_body(name, found, f"further apart than {2e3 * ball:.3g} mm", wider)
     notes = [
@@ -120,6 +123,7 @@ def _refuse_second_body(name: str, found: list[tuple[Array, Integers]], why: str
     if second > SECOND_BODY * first:
         raise SurfaceFault(
             f"surface {name}: {len(found)} separate bodies, {why}; volumes of the two largest 1 : {second / first:.2f}",
+            code="L003",
             allowed=f"one body, others below {SECOND_BODY:g} of its volume",
             remedy=f"unite the parts, {remedy}",
         )
@@ -143,7 +147,7 @@ def _alpha_wrapped(name: str, nodes: Array, faces: Integers, alpha: float, offse
         return wrap["nodes"].astype(np.float64), wrap["faces"].astype(np.int64)
     except (ApartError, KeyError) as error:
         failed = f"surface {name}: the alpha wrap failed ({error})"
-        raise SurfaceFault(failed, remedy="wrap by the grid instead") from error
+        raise SurfaceFault(failed, code="L003", remedy="wrap by the grid instead") from error
 
 
 def middle_surface(
@@ -169,6 +173,7 @@ def middle_surface(
     if not core:
         raise SurfaceFault(
             f"surface {name} has no room for its wall: nothing of it is {1e3 * (wall + 2.0 * margin):.3g} mm thick",
+            code="L004",
             value=f"wall {1e3 * wall:.3g} mm, target size {1e3 * size:.3g} mm",
             remedy=remedy,
         )
@@ -180,6 +185,7 @@ def middle_surface(
     if lost > MOST_LOST:
         raise SurfaceFault(
             f"surface {name}: {100 * lost:.0f} % of its volume is in parts too thin for the wall and the elements",
+            code="L004",
             value=f"wall {1e3 * wall:.3g} mm, target size {1e3 * size:.3g} mm",
             allowed=f"up to {100 * MOST_LOST:.0f} %",
             remedy=remedy,

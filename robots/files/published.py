@@ -250,6 +250,7 @@ def _unhealed(folder: Path, reason: str) -> InputError:
     return InputError(
         f"folder {folder} holds results of two runs: one was killed while they moved, and {JOURNAL} there cannot be "
         f"followed ({reason})",
+        code="F010",
         remedy="check access rights and free space and try again, or choose another folder",
     )
 

@@ -114,7 +114,9 @@ def read_bytes(
         return before
     data = _read(path, kind, most, remedy)
     if ledger is not None and not ledger.enter(place, data):
-        raise InputError(f"{kind} {path} has changed while this command was running", remedy="run the command again")
+        raise InputError(
+            f"{kind} {path} has changed while this command was running", code="F003", remedy="run the command again"
+        )
     return data
 
 
@@ -137,7 +139,9 @@ def read_text(
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{kind} {path} cannot be read (no UTF-8 text from byte {error.start} on)", remedy="save it as UTF-8 text"
+            f"{kind} {path} cannot be read (no UTF-8 text from byte {error.start} on)",
+            code="F004",
+            remedy="save it as UTF-8 text",
         ) from error
 
 
@@ -155,7 +159,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         reason = _reason(error)
         if closed := _closed_list(text, reason):
             reason, remedy = f"{closed} is above it", f"remove the line {closed}"
-        raise InputError(f"{where} is not valid TOML ({reason})", remedy=remedy) from error
+        raise InputError(f"{where} is not valid TOML ({reason})", code="F005", remedy=remedy) from error
     return data
 
 
@@ -178,7 +182,7 @@ def parse_json(text: str, where: str, *, remedy: str = "mend the file at that pl
             # Once more, to say which number it is.
             _loaded(text, _finite)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{where} is not valid JSON ({_reason(error)})", remedy=remedy) from error
+        raise InputError(f"{where} is not valid JSON ({_reason(error)})", code="F005", remedy=remedy) from error
     return data
 
 
@@ -205,7 +209,7 @@ def _read(path: Path | str, kind: str, most: int | None, remedy: str, start: int
         if isinstance(error, InputError):
             raise
         reason = "it does not exist" if isinstance(error, FileNotFoundError) else getattr(error, "strerror", None)
-        raise InputError(f"{kind} {path} cannot be read ({reason or error})", remedy=remedy) from error
+        raise InputError(f"{kind} {path} cannot be read ({reason or error})", code="F001", remedy=remedy) from error
 
 
 def _ordinary(path: Path | str, kind: str, most: int | None, remedy: str, start: int = -1) -> bytes:
@@ -219,13 +223,14 @@ def _ordinary(path: Path | str, kind: str, most: int | None, remedy: str, start:
         what = "a folder" if stat.S_ISDIR(mode) else "a pipe, socket or device"
         raise InputError(
             f"{kind} {path} cannot be read (it is {what})",
+            code="F001",
             allowed="an ordinary file",
             remedy=remedy if stat.S_ISDIR(mode) else "save what comes from there as a file, and give that",
         )
     with os.fdopen(os.open(path, flags), "rb") as file:
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):  # it was changed between the two calls
-            raise InputError(f"{kind} {path} cannot be read (no ordinary file)", remedy=remedy)
+            raise InputError(f"{kind} {path} cannot be read (no ordinary file)", code="F001", remedy=remedy)
         if most is None:
             return file.read(start)
         data = file.read(status.st_size + 1) if status.st_size <= most else b""
@@ -235,6 +240,7 @@ def _ordinary(path: Path | str, kind: str, most: int | None, remedy: str, start:
     if status.st_size > most or len(data) > most:
         raise InputError(
             f"{kind} {path}: size",
+            code="F002",
             value=f"{max(status.st_size, len(data))} bytes",
             allowed=f"up to {most} bytes",
             remedy="split it, or leave out what is not needed",

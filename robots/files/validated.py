@@ -67,7 +67,7 @@ def _faults(
     # Where a key is missing or a table contradicts itself, the value is the whole table: no help to a reader.
     shown = value if isinstance(value, str | int | float | list | tuple) and item["type"] != "missing" else None
     place = ".".join(([table] if table else []) + _steps(data, item["loc"])) or "file"
-    return [InputError(f"{where}: {place}: {text}", value=shown, remedy=remedy) for text in messages]
+    return [InputError(f"{where}: {place}: {text}", code="F011", value=shown, remedy=remedy) for text in messages]
 
 
 def _in_plain_words(message: str) -> str:

@@ -137,7 +137,11 @@ class InverseSolutions:
         w = np.ones(dof) if weight is None else np.asarray(weight, dtype=np.float64)
         if w.shape != (dof,) or not np.isfinite(w).all() or (w < 0.0).any():
             raise InputError(
-                "weights of joints", value=w.tolist(), allowed=f"{dof} numbers, 0 or more", remedy="one for each joint"
+                "weights of joints",
+                code="B003",
+                value=w.tolist(),
+                allowed=f"{dof} numbers, 0 or more",
+                remedy="one for each joint",
             )
         wanted = as_near(self.robot, q, n)
         turned = self.turns()
@@ -189,6 +193,7 @@ def as_near(robot: Robot, near: Array | None, n: int) -> Array:
     if given.shape not in ((robot.dof,), (n, robot.dof)) or not np.isfinite(given).all():
         raise InputError(
             f"preferred joint angles for {robot.name}",
+            code="B001",
             value=f"shape {given.shape}" if np.isfinite(given).all() else "a value that is not finite",
             allowed=f"({robot.dof},) or ({n}, {robot.dof}) finite angles in rad",
             remedy="give one pose, or one for each target",

@@ -55,7 +55,7 @@ def singularity_distance(
     """
     q = as_poses(robot, q)
     length = axis_lines(robot).length if length_m is None else float(length_m)
-    require_positive("length for the Jacobian", length, "m", "give one in m")
+    require_positive("length for the Jacobian", length, "m", "give one in m", code="B003")
     J = jacobian(robot, q, point)
     J = np.concatenate([J[:, :3] / length, J[:, 3:]], axis=1)
     sigma = np.asarray(np.linalg.svd(J, compute_uv=False)[:, -1], dtype=np.float64)

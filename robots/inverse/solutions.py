@@ -58,7 +58,9 @@ def inverse_kinematics(
     tool = as_frames(tool[None] if tool.ndim == 2 else tool, "tool frame")
     if len(tool) not in (1, len(targets)):
         allowed = f"(4, 4) or ({len(targets)}, 4, 4)"
-        raise InputError("tool frame", value=f"shape {tool.shape}", allowed=allowed, remedy="give one tool a target")
+        raise InputError(
+            "tool frame", code="B001", value=f"shape {tool.shape}", allowed=allowed, remedy="give one tool a target"
+        )
     flange = targets @ inverse(tool)
     wanted = as_near(robot, near, len(targets))
     if why_not_spherical(robot) is None:
@@ -119,6 +121,7 @@ def _searched(robot: Robot, flange: Array, near: Array, generator: np.random.Gen
     if generator is None:
         raise InputError(
             f"inverse kinematics of {robot.name} needs a search, because {why_no_closed_form(robot)}",
+            code="B003",
             allowed="a random generator",
             remedy="pass generator=numpy.random.default_rng(0)",
         )
@@ -158,12 +161,18 @@ def as_frames(T: Array, what: str) -> Array:
     """Check rigid transforms (n, 4, 4); rotations rounded by a file's digits are made orthonormal."""
     T = np.asarray(T, dtype=np.float64)
     if T.ndim != 3 or T.shape[1:] != (4, 4):
-        raise InputError(what, value=f"shape {T.shape}", allowed="(n, 4, 4)", remedy="pass one frame a target")
+        raise InputError(
+            what, code="B001", value=f"shape {T.shape}", allowed="(n, 4, 4)", remedy="pass one frame a target"
+        )
     finite = np.isfinite(T).all(axis=(1, 2))
     if not finite.all():
         row = int(np.flatnonzero(~finite)[0])
         raise InputError(
-            f"{what}, number {row}", value=T[row].tolist(), allowed="finite numbers", remedy="complete or remove it"
+            f"{what}, number {row}",
+            code="B001",
+            value=T[row].tolist(),
+            allowed="finite numbers",
+            remedy="complete or remove it",
         )
     R = T[:, :3, :3]
     off = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2), initial=0.0)
@@ -173,6 +182,7 @@ def as_frames(T: Array, what: str) -> Array:
         row = int(np.flatnonzero(bad)[0])
         raise InputError(
             f"{what}, number {row}, is no rigid transform",
+            code="B001",
             value=T[row].round(6).tolist(),
             allowed="a right-handed rotation matrix, a position, and 0 0 0 1 below",
             remedy="build it from unit axes, x cross y = z",

@@ -130,6 +130,7 @@ def spherical_wrist_arm(robot: Robot) -> SphericalWristArm:
     if reason is not None:
         raise InputError(
             f"closed-form inverse kinematics of {robot.name}",
+            code="R004",
             value=reason,
             allowed="six joints, axes 4 to 6 through one point, axes 2 and 3 parallel",
             remedy="use the numerical solver",

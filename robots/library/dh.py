@@ -60,6 +60,7 @@ def description_from_dh(
     if form == "modified" and flange is None:
         raise InputError(
             f"{where}: no row named flange",
+            code="R005",
             allowed="a last row flange: alpha_deg, a_mm, d_mm from the last joint to the mounting plate",
             remedy="add it (d_mm = 0 and a_mm = 0 where the last joint's d_mm reaches the plate)",
         )

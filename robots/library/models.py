@@ -75,6 +75,7 @@ def load_description(model: str | Path) -> ModelDescription:
         close = meant(name, ", ".join(library_names())) or next(begun, None)
         raise InputError(
             "model",
+            code="R001",
             value=name,
             allowed=f"{', '.join((*bundled_names(), *([close] if close else [])))}, an arm of the library, or the path "
             "of a model TOML or a URDF",
@@ -126,10 +127,12 @@ def save_description(description: ModelDescription, path: Path) -> None:
     """
     if path.exists():
         raise InputError(
-            f"model file {path} exists already", remedy="choose another name; models are never overwritten"
+            f"model file {path} exists already", code="F009", remedy="choose another name; models are never overwritten"
         )
     if not path.parent.is_dir():
-        raise InputError(f"folder {path.parent} does not exist", remedy="make it, or choose another folder")
+        raise InputError(
+            f"folder {path.parent} does not exist", code="F008", remedy="make it, or choose another folder"
+        )
     with ExitStack() as undo:
         write_whole(path, to_toml(with_copied_surfaces(description, path.parent, undo)))
         undo.pop_all()

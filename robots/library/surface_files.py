@@ -44,6 +44,7 @@ def with_copied_surfaces(description: ModelDescription, folder: Path, undo: Exit
         if found != surface.sha256:
             raise InputError(
                 f"surface file of link {link}, {source}, has changed since it was prepared: SHA-256",
+                code="F007",
                 value=found,
                 allowed=surface.sha256,
                 remedy="import the link again",
@@ -61,6 +62,7 @@ def _copy(link: str, source: Path, target: Path, undo: ExitStack) -> None:
     if target.exists():
         raise InputError(
             f"surface file {target} of link {link} exists with other content",
+            code="F009",
             remedy="move it away, or choose another folder",
         )
     try:
@@ -72,6 +74,7 @@ def _copy(link: str, source: Path, target: Path, undo: ExitStack) -> None:
     except OSError as error:
         raise InputError(
             f"surface file {target} of link {link} cannot be written ({error.strerror or error})",
+            code="F008",
             remedy="choose another folder",
         ) from error
     undo.callback(_if_possible, target.unlink)

@@ -78,6 +78,7 @@ def check_pendant(robot: Robot, readings: PendantReadings, tolerance: float = TO
     if n < FEWEST_POSES or np.ptp(readings.q, axis=0).max() < STILL_rad:
         raise InputError(
             "pendant table: poses",
+            code="R007",
             value=n if n < FEWEST_POSES else "all the same",
             allowed=f"{FEWEST_POSES} or more that differ; ten that move every joint tell most",
             remedy="drive to more poses and note angles and position",
@@ -121,6 +122,7 @@ def _refuse_other_units(robot: Robot, readings: PendantReadings) -> None:
         if 1.0 / UNIT_BAND < read * size / moved < UNIT_BAND:
             raise InputError(
                 "pendant table: columns x_mm, y_mm, z_mm",
+                code="R007",
                 value=f"positions that span {1e3 * read:.3g} mm, where the model's tool spans {1e3 * moved:.4g} mm",
                 allowed="mm",
                 remedy=f"multiply them by {size:g}: they look like {unit}",

@@ -68,6 +68,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
     if not robot.joints:
         raise InputError(
             f"{where} has no joints" + (": a mesh alone is no robot" if robot.links else ""),
+            code="R014",
             remedy="give the URDF of the whole robot",
         )
     above: dict[str, Any] = {}
@@ -77,6 +78,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
             faults.append(
                 InputError(
                     f"{where}: link {joint.child} hangs on two joints, {above[joint.child].name} and {joint.name}",
+                    code="R014",
                     allowed="one joint above each link (URDF knows no closed loops)",
                     remedy="cut the loop at one of them",
                 )
@@ -88,6 +90,7 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
     if len(roots) > 1:
         raise InputError(
             f"{where} has several roots",
+            code="R014",
             value=listed(roots),
             allowed="one link without a joint above it",
             remedy="join them with fixed joints, or remove the ones that are not the robot",
@@ -97,7 +100,11 @@ def kinematic_tree(robot: Any, where: str) -> Tree:
     if len(reached) < len(links):
         loop = sorted(set(links) - reached)
         raise InputError(
-            f"{where}: links in a cycle", value=listed(loop), allowed="a tree of links", remedy="cut the cycle"
+            f"{where}: links in a cycle",
+            code="R014",
+            value=listed(loop),
+            allowed="a tree of links",
+            remedy="cut the cycle",
         )
     return Tree(where, roots[0], links, above, below)
 
@@ -138,6 +145,7 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
         if name is not None and name not in tree.links:
             raise InputError(
                 f"{tree.name}: {option}",
+                code="R014",
                 value=name,
                 allowed=f"a link: {listed(tree.links)}",
                 remedy="check its name",
@@ -150,6 +158,7 @@ def find_chain(tree: Tree, base: str | None, tip: str | None) -> Chain:
     if not moving:
         raise InputError(
             f"{tree.name}: no revolute joint between {start} and {end}",
+            code="R014",
             remedy="give the URDF of an arm, or name its links with base and tip (options of `stiffarm import`)",
         )
     last = joints.index(moving[-1])
@@ -167,6 +176,7 @@ def _way(tree: Tree, base: str, tip: str) -> list[Any]:
         if link not in tree.above:
             raise InputError(
                 f"{tree.name}: tip",
+                code="R014",
                 value=tip,
                 allowed=f"a link below {base}: {listed(links_below(tree, base)) or 'there is none'}",
                 remedy="name another tip, or another base",
@@ -180,6 +190,7 @@ def _no_revolute(tree: Tree, joint: Any) -> InputError:
     kind = joint.type if joint.mimic is None else f"{joint.type}, coupled to {joint.mimic.joint} by <mimic>"
     return InputError(
         f"{tree.name}: joint {joint.name} on the way to the tip",
+        code="R014",
         value=kind,
         allowed="revolute, continuous or fixed",
         remedy=f"end the arm before it with tip={joint.parent}, begin behind it with "
@@ -224,6 +235,7 @@ def _next_joint(tree: Tree, moving: list[Any], depth: dict[str, int]) -> Any | N
         leaves = [name for j in best for name in (j.child, *links_below(tree, j.child)) if not tree.below[name]]
         raise InputError(
             f"{tree.name}: the arm goes on from {best[0].parent} through {', '.join(j.name for j in best)}",
+            code="R014",
             allowed="one arm",
             remedy=f"{_TIP_REMEDY}: {listed((best[0].parent, *leaves))}",
         )
@@ -246,6 +258,7 @@ def _tip_of_last_body(tree: Tree, group: list[str], moving: list[Any]) -> str:
     if len(ends) > 1:
         raise InputError(
             f"{tree.name}: the last body has several ends, and none is called tool0 or flange",
+            code="R014",
             value=listed(ends),
             allowed="one",
             remedy=_TIP_REMEDY,

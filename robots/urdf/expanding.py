@@ -25,6 +25,7 @@ def expanded(path: Path) -> str:
     except ImportError as error:
         raise InputError(
             f"{path.name} is a xacro file, and the package xacro is not installed",
+            code="F013",
             remedy=f"pip install 'stiffarm[xacro]', or {by_hand}",
         ) from error
     try:
@@ -34,8 +35,10 @@ def expanded(path: Path) -> str:
     except Exception as error:
         if "$(find" in str(error) or "ament_index" in str(error) or "rospkg" in str(error):
             raise InputError(
-                f"{path.name} takes in files of a ROS package ($(find ...)), and ROS is not here", remedy=by_hand
+                f"{path.name} takes in files of a ROS package ($(find ...)), and ROS is not here",
+                code="R012",
+                remedy=by_hand,
             ) from error
         raise InputError(
-            f"{path.name} cannot be expanded by xacro ({type(error).__name__}: {error})", remedy=by_hand
+            f"{path.name} cannot be expanded by xacro ({type(error).__name__}: {error})", code="R012", remedy=by_hand
         ) from error

@@ -122,6 +122,7 @@ def _quantities_of(where: str) -> Iterator[None]:
         message = str(first["msg"]).removeprefix("Value error, ")
         raise InputError(
             f"{where}: {error.title.lower()} {message}",
+            code="R013",
             value=first["input"] if not isinstance(first["input"], dict) else first["input"].get("value"),
             remedy="correct it in the file; URDF has metres, radians and kilograms",
         ) from error
@@ -131,12 +132,17 @@ def _faults_of(where: str, joint: Any) -> Iterator[InputError]:
     """Faults of a joint's axis, place and limits; only of joints that are used: a gripper's are its simulator's."""
     if not np.linalg.norm(joint.axis) > 1e-9:
         yield InputError(
-            f"{where}: axis", value=joint.axis.tolist(), allowed="a direction", remedy="correct it in the file"
+            f"{where}: axis",
+            code="R013",
+            value=joint.axis.tolist(),
+            allowed="a direction",
+            remedy="correct it in the file",
         )
     length = float(np.linalg.norm(transform(joint)[:3, 3]))
     if not length < _LONGEST_M:
         yield InputError(
             f"{where}: origin",
+            code="R013",
             value=f"{length:g} m away from its parent",
             allowed=f"less than {_LONGEST_M:g} m",
             remedy="give lengths in m, as URDF has them",
@@ -146,6 +152,7 @@ def _faults_of(where: str, joint: Any) -> Iterator[InputError]:
     if joint.limit is None or joint.limit.lower is None or joint.limit.upper is None:
         yield InputError(
             f"{where} has no limits",
+            code="R013",
             allowed="<limit lower=... upper=... /> in rad",
             remedy="add them, or make the joint continuous where it turns without end",
         )
@@ -156,7 +163,9 @@ def _faults_of(where: str, joint: Any) -> Iterator[InputError]:
         allowed = f"at most {_WIDEST_rad:g} rad in size"
         remedy = "make the joint continuous if it turns without end"
     if not lower < upper or not max(-lower, upper) <= _WIDEST_rad:
-        yield InputError(f"{where}: limits", value=f"{lower:g} to {upper:g} rad", allowed=allowed, remedy=remedy)
+        yield InputError(
+            f"{where}: limits", code="R013", value=f"{lower:g} to {upper:g} rad", allowed=allowed, remedy=remedy
+        )
 
 
 def _joints(tree: Tree, chain: Chain, names: list[str]) -> list[Joint]:

@@ -101,17 +101,22 @@ def _root(path: Path, data: bytes) -> Any:
     try:
         root = etree.fromstring(data.removeprefix(BYTE_ORDER_MARK).lstrip(), parser)
     except etree.XMLSyntaxError as error:
-        raise InputError(f"URDF {path} is no XML ({error.msg})", remedy="export it again") from error
+        raise InputError(f"URDF {path} is no XML ({error.msg})", code="R011", remedy="export it again") from error
     # Old files use prefixes of simulators without declaring them; that harms nothing here.
     errors = [entry for entry in parser.error_log if entry.domain_name != "NAMESPACE"]
     if root is None or errors:
         where = f"line {errors[0].line}: {errors[0].message}" if errors else "nothing in it"
-        raise InputError(f"URDF {path} is no XML ({where})", remedy="mend the file there, or export it again")
+        raise InputError(
+            f"URDF {path} is no XML ({where})", code="R011", remedy="mend the file there, or export it again"
+        )
     if root.getroottree().docinfo.doctype:
-        raise InputError(f"URDF {path} has a document type (<!DOCTYPE>)", remedy="remove it: URDF needs none")
+        raise InputError(
+            f"URDF {path} has a document type (<!DOCTYPE>)", code="R011", remedy="remove it: URDF needs none"
+        )
     if root.tag != "robot":
         raise InputError(
             f"URDF {path}: outermost element",
+            code="R011",
             value=str(root.tag),
             allowed="robot",
             remedy="give the robot's URDF, not an SDF, a launch file or a mesh",
@@ -126,6 +131,7 @@ def _refuse_xacro(path: Path, root: Any) -> None:
         place = f", line {marks[0].sourceline}" if marks else ""
         raise InputError(
             f"{path.name} is a xacro file{place}, a recipe for a URDF",
+            code="R012",
             remedy=f"expand it first: xacro {path.name} > {path.name.split('.')[0]}.urdf",
         )
 
@@ -164,7 +170,9 @@ def _faults_of_links(root: Any) -> Iterator[InputError]:
     for mass in root.iter("mass"):
         value = _numbers(mass.get("value", "0"))
         if value and value[0] < 0.0:
-            yield InputError(f"{_place(mass)}: mass", value=value[0], allowed="0 kg or more", remedy="correct it")
+            yield InputError(
+                f"{_place(mass)}: mass", code="R013", value=value[0], allowed="0 kg or more", remedy="correct it"
+            )
 
 
 def _faults_of_joints(root: Any) -> Iterator[InputError]:
@@ -180,6 +188,7 @@ def _faults_of_joints(root: Any) -> Iterator[InputError]:
             if value not in known:
                 yield InputError(
                     f"{_place(joint)}: {what}",
+                    code="R013",
                     value=value or "none",
                     allowed=allowed,
                     remedy="correct it in the file",
@@ -193,7 +202,11 @@ def _faults_of_numbers(root: Any) -> Iterator[InputError]:
             fault = None if text is None else _fault_of_numbers(element.tag, text, counts)
             if fault is not None:
                 yield InputError(
-                    f"{_place(element)}: {element.tag} {attribute}", value=text, allowed=fault[0], remedy=fault[1]
+                    f"{_place(element)}: {element.tag} {attribute}",
+                    code="R013",
+                    value=text,
+                    allowed=fault[0],
+                    remedy=fault[1],
                 )
 
 
@@ -222,6 +235,8 @@ def _faults_of_names(root: Any, kind: str) -> Iterator[InputError]:
     elements = root.findall(kind)
     for element in elements:
         if not element.get("name"):
-            yield InputError(f"{kind} at line {element.sourceline} has no name", remedy="give it one")
+            yield InputError(f"{kind} at line {element.sourceline} has no name", code="R013", remedy="give it one")
     for name in twice(element.get("name") for element in elements if element.get("name")):
-        yield InputError(f"{kind} name used twice", value=name, allowed="each name once", remedy="rename one")
+        yield InputError(
+            f"{kind} name used twice", code="R013", value=name, allowed="each name once", remedy="rename one"
+        )

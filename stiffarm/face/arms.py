@@ -66,7 +66,9 @@ class Arm(fem.arm.Arm):
         """Write the arm as a model TOML, with where each value came from; returns the path."""
         path = Path(file)
         if path.suffix.lower() != ".toml":
-            raise InputError("model file", value=str(path), allowed="a name ending in .toml", remedy="add .toml")
+            raise InputError(
+                "model file", code="B004", value=str(path), allowed="a name ending in .toml", remedy="add .toml"
+            )
         save_description(self.description, path)
         return path
 
@@ -104,6 +106,7 @@ class Arm(fem.arm.Arm):
         if wrong := self.robot.violations(q):
             raise InputError(
                 f"q_deg: {self.name} cannot take this pose: {'; '.join(wrong)}",
+                code="A005",
                 remedy="keep the ranges named (a coordinate that is not named stands at 0)",
             )
         return q
@@ -138,7 +141,9 @@ class Picture:
 
         path = Path(file)
         if path.suffix.lower() != ".png":
-            raise InputError("picture file", value=str(path), allowed="a name ending in .png", remedy="add .png")
+            raise InputError(
+                "picture file", code="B004", value=str(path), allowed="a name ending in .png", remedy="add .png"
+            )
         write_whole(path, self.png)
         return path
 

@@ -87,7 +87,7 @@ class Calibration(Shown):
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
-        raise InputError("parameter", value=name, allowed=", ".join(p.name for p in self.parameters))
+        raise InputError("parameter", code="B003", value=name, allowed=", ".join(p.name for p in self.parameters))
 
     def title(self) -> str:
         """Robot, errors, and how many parameters were free, at a bound and identified."""
@@ -115,7 +115,9 @@ class Calibration(Shown):
         from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 
         if not self.found.stages:
-            raise InputError("plot of springs pose by pose", allowed="a calibration with intervals: scheme='global'")
+            raise InputError(
+                "plot of springs pose by pose", code="B003", allowed="a calibration with intervals: scheme='global'"
+            )
         return Picture.of(intervals_figure({"": self.found.stages[-1].result.certainty.estimates})).kept(file)
 
 
@@ -166,7 +168,7 @@ def calibrate(
     from stiffarm.commands.calibrate import general, step
 
     if campaign is not None and free is not None:
-        raise InputError("free and campaign: one of them at a time", remedy="leave one of them out")
+        raise InputError("free and campaign: one of them at a time", code="B003", remedy="leave one of them out")
     names = words_of(free, "free")
     file = None if campaign is None else Path(campaign)
     loads = numbers(loads_N, "loads_N")

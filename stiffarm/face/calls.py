@@ -51,14 +51,15 @@ def in_order(values: ByName, names: Sequence[str], argument: str, unit: str = "n
         if len(row) != len(names):
             raise InputError(
                 argument,
+                code="B003",
                 value=f"{len(row)} numbers",
                 allowed=f"{len(names)}, those of {', '.join(names)}, or by name",
             )
         values = dict(zip(names, row, strict=True))
     for name, value in values.items():
-        require_one_of(f"{argument}: name", name, names, remedy="use these names")
+        require_one_of(f"{argument}: name", name, names, code="B003", remedy="use these names")
         if not _is_finite(value):
-            raise InputError(f"{argument}: {name}", value=value, allowed=f"a finite {unit}")
+            raise InputError(f"{argument}: {name}", code="B003", value=value, allowed=f"a finite {unit}")
     return [float(values.get(name, 0.0)) for name in names]
 
 
@@ -87,7 +88,7 @@ def words_of(given: Sequence[str] | str | None, argument: str) -> tuple[str, ...
         return None
     names = given.split(",") if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(name, str) for name in names):
-        raise InputError(argument, value=given, allowed="names, as in ['j2.stiffness', 'j3.stiffness']")
+        raise InputError(argument, code="B003", value=given, allowed="names, as in ['j2.stiffness', 'j3.stiffness']")
     return tuple(name.strip() for name in names)
 
 
@@ -106,13 +107,13 @@ def numbers(given: ArrayLike | None, argument: str) -> tuple[float, ...] | None:
     except (TypeError, ValueError):
         row = np.zeros((0, 0))
     if row.ndim != 1:
-        raise InputError(argument, value=str(given), allowed="numbers in a row")
+        raise InputError(argument, code="B003", value=str(given), allowed="numbers in a row")
     return tuple(row.tolist())
 
 
 def _of_arguments(error: InputError) -> InputError:
     allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
-    return InputError(_words(error.what), value=error.value, allowed=allowed, remedy=remedy, site=error.site)
+    return InputError(_words(error.what), code=error.code, value=error.value, allowed=allowed, remedy=remedy)
 
 
 def _words(text: str) -> str:

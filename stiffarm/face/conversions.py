@@ -126,7 +126,7 @@ def convert_readings(
     """
     several = [files] if isinstance(files, str | Path) else list(files)
     if rows is not None and not 0 < rows[0] <= rows[1]:
-        raise InputError("rows", value=rows, allowed="first and last line, counted from 1")
+        raise InputError("rows", code="B003", value=rows, allowed="first and last line, counted from 1")
     with called():
         robot = None if arm is None else arm.robot
         asked = settings_of(

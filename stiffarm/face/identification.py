@@ -110,11 +110,15 @@ def identify(
     from stiffarm.session.inputs import refuse_effects
 
     if synthetic == (tables is not None):
-        raise InputError("tables and synthetic", allowed="one of the two", remedy="give tables, or synthetic=True")
+        raise InputError(
+            "tables and synthetic", code="B003", allowed="one of the two", remedy="give tables, or synthetic=True"
+        )
     usual = Request()
     corner_and_size = None if window_mm is None else tuple(1e-3 * float(v) for v in window_mm)
     if corner_and_size is not None and (len(corner_and_size) != 4 or not min(corner_and_size[2:]) > 0.0):
-        raise InputError("window_mm", value=window_mm, allowed="X, Z, width and height in mm, the last two above 0")
+        raise InputError(
+            "window_mm", code="B003", value=window_mm, allowed="X, Z, width and height in mm, the last two above 0"
+        )
     x, z, width, height = corner_and_size or (*usual.origin_m, *usual.size_m)
     with called():
         given = arm.with_links("rigid")

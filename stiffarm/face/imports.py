@@ -189,7 +189,9 @@ def import_link(
 
     source = Path(surface)
     if not source.is_file():
-        raise InputError("surface", value=str(surface), allowed="an existing file", remedy="check the path")
+        raise InputError(
+            "surface", code="A007", value=str(surface), allowed="an existing file", remedy="check the path"
+        )
     with called():
         # The link keeps the material that the model gives it.
         options = ImportOptions(
@@ -221,5 +223,5 @@ def _metres(argument: str, value_mm: float) -> float: ...
 @overload
 def _metres(argument: str, value_mm: float | None) -> float | None: ...
 def _metres(argument: str, value_mm: float | None) -> float | None:
-    require_positive(f"{argument} (mm)", value_mm)
+    require_positive(f"{argument} (mm)", value_mm, code="B003")
     return None if value_mm is None else 1e-3 * value_mm

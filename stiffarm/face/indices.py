@@ -40,7 +40,7 @@ class Indices(Shown):
 
     def __getitem__(self, name: str) -> Array:
         """An index (n,) by its name, in SI: N/m or a pure number."""
-        require_one_of("index", name, self.found.values)
+        require_one_of("index", name, self.found.values, code="B003")
         return self.found.values[name]
 
     def plot(self, file: str | Path | None = None) -> Picture:

@@ -68,7 +68,7 @@ class Map(Shown):
 
     def __getitem__(self, name: str) -> Array:
         """A quantity (n,) by its name, NaN where there is no pose."""
-        require_one_of("quantity", name, self.data.fields)
+        require_one_of("quantity", name, self.data.fields, code="B003")
         return np.asarray(self.data.fields[name].values)
 
     def save(self, file: str | Path) -> Path:
@@ -79,7 +79,7 @@ class Map(Shown):
         path = Path(file)
         kinds = {f".{name}": write for name, write in WRITERS.items()} | {".csv": write_table}
         if path.suffix.lower() not in kinds:
-            raise InputError("map file", value=str(path), allowed=f"a name ending in {', '.join(kinds)}")
+            raise InputError("map file", code="B004", value=str(path), allowed=f"a name ending in {', '.join(kinds)}")
         with called(), written_whole(path) as draft:
             kinds[path.suffix.lower()](self.data, draft)
         return path
@@ -274,7 +274,7 @@ def _stepped(arm: Arm, plane: str, step_mm: float) -> dict[str, Range]:
     """Ranges of a plane's two axes with a step, over all that the tool reaches."""
     from surrogate.maps.layouts import range_for, reach_of
 
-    require_positive("step_mm", step_mm)
+    require_positive("step_mm", step_mm, code="B003")
     reach = reach_of(arm.robot, arm.robot.T_flange_tool[:3, 3])
     ends = {axis: 1e3 * np.array([reach.lower[k], reach.upper[k]]) for k, axis in enumerate("xyz")}
     values = {axis: range_for(float(ends[axis][0]), float(ends[axis][1]), step_mm) for axis in plane}

@@ -89,10 +89,12 @@ def new_arm(
     with called():
         checked_name(name)
         check_masses({"--payload-kg": payload_kg, "--mass-kg": mass_kg})
-        require_one_of("--springs", springs, ("none", "class"), remedy="use one of these")
+        require_one_of("--springs", springs, ("none", "class"), code="B003", remedy="use one of these")
         given = given_of({"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like})
         if not given:
-            raise InputError("new_arm", value="no source", allowed="mdh, dh, urdf or like", remedy="give one of them")
+            raise InputError(
+                "new_arm", code="B003", value="no source", allowed="mdh, dh, urdf or like", remedy="give one of them"
+            )
         description = described(name, given, title, payload_kg, mass_kg, tip, base)
         return NewArm(as_face(fem.arm.Arm.of(with_class_springs(description) if springs == "class" else description)))
 
@@ -164,7 +166,7 @@ def check_kinematics(arm: Arm, pendant: str | Path, *, tolerance_mm: float = 1.0
     from stiffarm.commands.robots.pendant_table import read_pendant
 
     with called():
-        require_positive("--tolerance-mm", tolerance_mm, "mm")
+        require_positive("--tolerance-mm", tolerance_mm, "mm", code="B003")
         readings, convention, _ = read_pendant(Path(pendant), arm.robot, arm.name)
         found = check_pendant(arm.robot, readings, 1e-3 * tolerance_mm)
         content = check_payload(arm.description, arm.robot, found, convention)

@@ -48,7 +48,9 @@ class Plan(Shown):
 
         path = Path(file)
         if path.suffix.lower() != ".csv":
-            raise InputError("measurement sheet", value=str(path), allowed="a name ending in .csv", remedy="add .csv")
+            raise InputError(
+                "measurement sheet", code="B004", value=str(path), allowed="a name ending in .csv", remedy="add .csv"
+            )
         with called():
             write_table(plan_sheet(self.arm, None, self.found), path)
         return path

@@ -51,7 +51,7 @@ class PositionCalibration(Shown):
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter
-        raise InputError("parameter", value=name, allowed=", ".join(p.name for p in self.parameters))
+        raise InputError("parameter", code="B003", value=name, allowed=", ".join(p.name for p in self.parameters))
 
     def title(self) -> str:
         """Robot and accuracy."""
@@ -86,7 +86,7 @@ class PositionCalibration(Shown):
                 error, half = (np.where(one.known, 1e3 * x, np.nan) for x in (one.error, one.half95))
                 return frame({"angle_deg": np.degrees(one.angle), "error_mrad": error, "half95_mrad": half})
         known = ", ".join(c.joint for c in self.found.curves)
-        raise InputError("joint", value=joint, allowed=known or "none, for periodic was not free")
+        raise InputError("joint", code="B003", value=joint, allowed=known or "none, for periodic was not free")
 
     def save_urdf(self, file: str | Path) -> Path:
         """Write the calibrated arm as a URDF: frames and zeros of its joints as they really are; returns the path."""
@@ -95,7 +95,9 @@ class PositionCalibration(Shown):
 
         path = Path(file)
         if path.suffix.lower() != ".urdf":
-            raise InputError("URDF file", value=str(path), allowed="a name ending in .urdf", remedy="add .urdf")
+            raise InputError(
+                "URDF file", code="B004", value=str(path), allowed="a name ending in .urdf", remedy="add .urdf"
+            )
         comment = f"stiffarm: calibrated from positions {self.found.found.data.source}"
         write_whole(path, urdf_text(self.arm.robot, comment=comment))
         return path

@@ -134,7 +134,9 @@ def post(
 
     place = Path(folder)
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise InputError("folder", value=str(place), allowed="a new or empty folder", remedy="choose another name")
+        raise InputError(
+            "folder", code="F009", value=str(place), allowed="a new or empty folder", remedy="choose another name"
+        )
     with called():
         arm = at_load(arm, at_load_N)
         targets = parse_targets(",".join(formats), coordinates)

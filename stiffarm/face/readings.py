@@ -108,7 +108,7 @@ def read_readings(
     """
     several = [source] if isinstance(source, str | Path) or not isinstance(source, Sequence) else list(source)
     if not several:
-        raise InputError("source", value="nothing", allowed="one or more tables")
+        raise InputError("source", code="B003", value="nothing", allowed="one or more tables")
     with called():
         tables = [_read(one, k, arm) for k, one in enumerate(several, start=1)]
         for table in tables:

@@ -210,7 +210,9 @@ def place(
         require_springs(arm, "placement")
         cut = _cut(force_N, force_axes, milling)
         if cut is None:
-            raise InputError("place needs a cutting force", allowed="force_N or milling", remedy="give one of the two")
+            raise InputError(
+                "place needs a cutting force", code="K004", allowed="force_N or milling", remedy="give one of the two"
+            )
         described = read_cell(Path(cell))
         expect(Path(path), PATH)
         given = read_given_path(Path(path), operations=operations, tool_numbers=tool_numbers)
@@ -252,7 +254,7 @@ def _cut(force_N: Sequence[float] | None, axes: Axes, milling: str | Path | None
     from machining.cutting.milling_file import Cut
 
     if force_N is not None and milling is not None:
-        raise InputError("force_N and milling", value="both", allowed="one of the two")
+        raise InputError("force_N and milling", code="K004", value="both", allowed="one of the two")
     if milling is not None:
         return read_milling(Path(milling))
     return None if force_N is None else Cut(ConstantForce(np.array(force_N, dtype=np.float64), axes))

@@ -115,7 +115,9 @@ class Surrogate(Shown):
         path = Path(file)
         ending = path.suffix.lower()
         if ending not in (known := (".json", *ENDINGS)):
-            raise InputError("surrogate file", value=str(path), allowed=f"a name ending in {', '.join(known)}")
+            raise InputError(
+                "surrogate file", code="B004", value=str(path), allowed=f"a name ending in {', '.join(known)}"
+            )
         with called():
             if ending == ".json":
                 save_surrogate(self.learned, path)
@@ -193,7 +195,7 @@ def fit(
     arm = at_load(arm, at_load_N, direction)
     names = inputs_that_matter(arm.model, direction) if inputs is None else tuple(inputs)
     for name in names:
-        require_one_of("inputs", name, arm.coordinates)
+        require_one_of("inputs", name, arm.coordinates, code="B003")
     along = tuple(float(v) for v in np.array(direction, dtype=np.float64) / np.linalg.norm(direction))
     rng = np.random.default_rng(seed)
     with called():

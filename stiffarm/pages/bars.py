@@ -70,7 +70,9 @@ def bars_figure(
     values = np.array([[one.get(label, np.nan) for label in labels] for one in series.values()])
     known = values[np.isfinite(values)]
     if not known.size or (log and (known <= 0.0).any()):
-        raise InputError(f"bars of {what}", value=known.tolist(), allowed="a finite value" + ", all above 0" * log)
+        raise InputError(
+            f"bars of {what}", code="B002", value=known.tolist(), allowed="a finite value" + ", all above 0" * log
+        )
     limit = np.inf if log else axis_limit(known)
     top = min(1.12 * limit, float(known.max())) or limit
     # Numbers side by side: three digits of the longest bar, on a logarithmic axis of each.

@@ -64,7 +64,7 @@ def dumbbells_figure(
     """
     values = np.array(list(rows.values()), dtype=np.float64).reshape(-1, 2)
     if not np.isfinite(values).any():
-        raise InputError(f"dumbbells of {what}", value=values.tolist(), allowed="a finite value")
+        raise InputError(f"dumbbells of {what}", code="B002", value=values.tolist(), allowed="a finite value")
     lying = len(rows) <= _MOST_ROWS
     size = (10.0, 1.35 + 0.36 * len(rows)) if lying else (10.0, 3.8)
     with drawing(heading, size) as (figure, (ax,)):

@@ -97,7 +97,7 @@ def chosen(renderer: Renderer | None) -> tuple[bool, str]:
     """
     works, message = (False, "matplotlib was asked for") if renderer == "matplotlib" else gl_available()
     if renderer == "pyvista" and not works:
-        raise InputError("renderer", value=renderer, allowed="matplotlib", remedy=message)
+        raise InputError("renderer", code="B002", value=renderer, allowed="matplotlib", remedy=message)
     return works, message
 
 

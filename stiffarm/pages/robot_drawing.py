@@ -82,7 +82,9 @@ def draw_robot(description: ModelDescription, robot: Robot, pose: ArrayLike) -> 
     """
     q = np.asarray(pose, dtype=np.float64)
     if q.shape != (robot.dof,):
-        raise InputError(f"pose to draw {robot.name} in", value=f"shape {q.shape}", allowed=f"({robot.dof},)")
+        raise InputError(
+            f"pose to draw {robot.name} in", code="B002", value=f"shape {q.shape}", allowed=f"({robot.dof},)"
+        )
     frames = forward_kinematics(robot, q[None])
     bodies = _base_plate(description)
     for link in description.link:

@@ -119,7 +119,7 @@ def new_figure(
     figure, and its axes row by row
     """
     if isinstance(size, str):
-        require_one_of("figure size", size, SIZES_IN)
+        require_one_of("figure size", size, SIZES_IN, code="B002")
         size = SIZES_IN[size]
     with house_style():
         figure = Figure(figsize=size, dpi=DPI, layout="constrained" if rows > 0 else None)
@@ -167,7 +167,7 @@ def save_png(figure: Figure, path: Path) -> None:
 def require_folder(path: Path) -> None:
     """Raise InputError unless the folder that a picture shall go to exists."""
     if not path.parent.is_dir():
-        raise InputError("picture folder", value=str(path.parent), allowed="an existing folder")
+        raise InputError("picture folder", code="F008", value=str(path.parent), allowed="an existing folder")
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def colour_scale(values: Array, colour_range: tuple[float, float] | None) -> tup
     """
     low, high = np.percentile(values, [2.0, 98.0]) if colour_range is None else colour_range
     if not (np.isfinite([low, high]).all() and low < high) and colour_range is not None:
-        raise InputError("colour range (N/mm)", value=str(colour_range), allowed="two ascending numbers")
+        raise InputError("colour range (N/mm)", code="B002", value=str(colour_range), allowed="two ascending numbers")
     if high - low < 1e-6 * high:
         low, high = 0.95 * low, 1.05 * high
     if low > 0.0 and high / low > _LOG_FROM_RATIO:

@@ -223,7 +223,9 @@ def _check_stdout() -> None:
     """Refuse to work for an answer that nobody will get."""
     if "stdout" in CLOSED and "--json" in sys.argv[1:]:
         raise InputError(
-            "stdout is closed, where the answer belongs (--json)", remedy="redirect it to a file, or leave --json out"
+            "stdout is closed, where the answer belongs (--json)",
+            code="F012",
+            remedy="redirect it to a file, or leave --json out",
         )
 
 

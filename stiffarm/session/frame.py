@@ -126,14 +126,18 @@ class Frame:
                 continue
             if not file.is_file():
                 option = f"--{name.replace('_', '-')}"
-                raise InputError(option, value=str(file), allowed="an existing file", remedy="check the path")
+                raise InputError(
+                    option, code="A007", value=str(file), allowed="an existing file", remedy="check the path"
+                )
             self.files[name.removesuffix("_file")] = file
 
     @contextmanager
     def folder(self, seed: int | None = None) -> Iterator[OutputFolder]:
         """The folder of ``--out``, of a command that must have one."""
         if self.out is None:
-            raise InputError("--out", value="none", allowed="a folder for the results", remedy="give --out FOLDER")
+            raise InputError(
+                "--out", code="A003", value="none", allowed="a folder for the results", remedy="give --out FOLDER"
+            )
         folder = OutputFolder(self.out, ["stiffarm", *sys.argv[1:]], self.files, seed)
         with cautioned(self.caution), folder as self._folder:
             yield self._folder

@@ -43,7 +43,7 @@ def read_model(
         asked = description.calibration.links if description.calibration else "beam"
     if asked not in LINK_KINDS or (flanges and (asked not in MESHED or flanges not in FLANGES)):
         allowed = [*LINK_KINDS, *(f"{meshed}:{choice}" for meshed in MESHED for choice in FLANGES)]
-        raise InputError("--links", value=links, allowed=", ".join(allowed), remedy="choose one of them")
+        raise InputError("--links", code="M003", value=links, allowed=", ".join(allowed), remedy="choose one of them")
     kind: LinkKind = next(known for known in LINK_KINDS if known == asked)
     if flanges:
         description = with_flanges(description, "distributing" if flanges == "distributing" else "rigid")
@@ -83,7 +83,9 @@ def refuse_effects(given: Arm, what: str, remedy: str) -> None:
     """Refuse a model with effects where their part in the springs would be counted twice."""
     if given.description.effect:
         codes = ", ".join(table.code for table in given.description.effect)
-        raise InputError(f"{what} of a model with effects", value=codes, allowed="no [[effect]]", remedy=remedy)
+        raise InputError(
+            f"{what} of a model with effects", code="M011", value=codes, allowed="no [[effect]]", remedy=remedy
+        )
 
 
 @contextmanager

@@ -30,6 +30,7 @@ def json_text(content: Mapping[str, Any]) -> str:
             raise
         raise InputError(
             f"results that are no finite numbers: {listed(places)}",
+            code="X004",
             remedy="look for extreme figures in the model, the tables and the options; with --debug see where",
         ) from error
 

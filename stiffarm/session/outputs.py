@@ -62,6 +62,7 @@ class OutputFolder:
             if isinstance(error, OSError):
                 raise InputError(
                     f"output folder {self.target} cannot be written ({error.strerror or error})",
+                    code="F008",
                     remedy="choose another folder with --out",
                 ) from error
             raise
@@ -157,6 +158,7 @@ class OutputFolder:
         except OSError as error:
             raise InputError(
                 f"output folder {self.target} cannot take the results ({error})",
+                code="F008",
                 remedy="move away what is in the way there, or choose another folder with --out",
             ) from error
 

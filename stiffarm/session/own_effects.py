@@ -27,7 +27,7 @@ def own_effects(files: Sequence[Path] | None) -> tuple[Maker, ...]:
     found = list(files or ())
     twice = [str(file) for k, file in enumerate(found) if file.resolve() in [f.resolve() for f in found[:k]]]
     if twice:
-        raise InputError("--effect", value=twice[0], allowed="each file once", remedy="leave one out")
+        raise InputError("--effect", code="M012", value=twice[0], allowed="each file once", remedy="leave one out")
     return tuple(_maker(file) for file in found)
 
 
@@ -52,22 +52,26 @@ class _AsRead(importlib.machinery.SourceFileLoader):
 
 def _maker(file: Path) -> Maker:
     if not file.is_file() or file.suffix != ".py":
-        raise InputError("--effect", value=str(file), allowed="an existing Python file (.py)", remedy="check the path")
+        raise InputError(
+            "--effect", code="M012", value=str(file), allowed="an existing Python file (.py)", remedy="check the path"
+        )
     loader = _AsRead(f"stiffarm_own_effect_{file.stem}", str(file))
     loader.source = read_bytes(file, "effect file")
     spec = importlib.util.spec_from_loader(loader.name, loader)
     if spec is None:
-        raise InputError("--effect", value=str(file), allowed="a Python file (.py)")
+        raise InputError("--effect", code="M012", value=str(file), allowed="a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     try:
         loader.exec_module(module)
     except (Exception, SystemExit) as error:  # what the file does is the user's affair
         raise InputError(
-            f"--effect {file}: the file fails ({type(error).__name__}: {error})", remedy="mend the file"
+            f"--effect {file}: the file fails ({type(error).__name__}: {error})", code="M012", remedy="mend the file"
         ) from error
     make = getattr(module, "effects", None)
     if not callable(make):
         raise InputError(
-            f"--effect {file}: it defines no function 'effects'", remedy="define effects(model) -> list[Effect]"
+            f"--effect {file}: it defines no function 'effects'",
+            code="M012",
+            remedy="define effects(model) -> list[Effect]",
         )
     return checked_maker(make, f"--effect {file}")

@@ -31,21 +31,23 @@ def parse_word(text: str, allowed: tuple[Word, ...], option: str) -> Word:
     for word in allowed:
         if word == text:
             return word
-    raise InputError(option, value=text, allowed=", ".join(allowed), remedy="choose one of them")
+    raise InputError(option, code="A001", value=text, allowed=", ".join(allowed), remedy="choose one of them")
 
 
 def refuse_given(options: Mapping[str, object], why_not: str, remedy: str) -> None:
     """Refuse options that were given (not None) where nothing would heed them."""
     given = [name for name, value in options.items() if value is not None]
     if given:
-        raise InputError(f"{', '.join(given)}: {why_not}", remedy=remedy)
+        raise InputError(f"{', '.join(given)}: {why_not}", code="A002", remedy=remedy)
 
 
 def refuse_together(options: Mapping[str, object]) -> None:
     """Refuse more than one of some options that exclude one another."""
     given = [name for name, value in options.items() if value is not None]
     if len(given) > 1:
-        raise InputError(f"{' and '.join(given)}: one of them at a time", remedy=f"leave out {given[0]} or {given[-1]}")
+        raise InputError(
+            f"{' and '.join(given)}: one of them at a time", code="A002", remedy=f"leave out {given[0]} or {given[-1]}"
+        )
 
 
 def typed_again(command: str, arguments: Iterable[object], options: Mapping[str, object]) -> str:
@@ -76,9 +78,13 @@ def parse_names(text: str | None, allowed: tuple[str, ...] | None, option: str) 
     known = None if allowed is None else ", ".join(allowed)
     for name in names:
         if allowed is not None and name not in allowed:
-            raise InputError(option, value=name, allowed=known, remedy="choose from these, separated by commas")
+            raise InputError(
+                option, code="A001", value=name, allowed=known, remedy="choose from these, separated by commas"
+            )
     if not names or twice(names):
-        raise InputError(option, value=text, allowed=known, remedy="name at least one, each once, separated by commas")
+        raise InputError(
+            option, code="A001", value=text, allowed=known, remedy="name at least one, each once, separated by commas"
+        )
     return names
 
 
@@ -88,13 +94,16 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
     faults = []
     if "=" not in text:
         some = ",".join(f"{name}={value.strip() or 0}" for name, value in zip(allowed, text.split(","), strict=False))
-        raise InputError(option, value=text, allowed="name=value pairs separated by commas", remedy=f"write {some}")
+        raise InputError(
+            option, code="A004", value=text, allowed="name=value pairs separated by commas", remedy=f"write {some}"
+        )
     for item in text.split(","):
         name, _, number = (part.strip() for part in item.partition("="))
         if name not in allowed:
             faults.append(
                 InputError(
                     f"{option}: name",
+                    code="A004",
                     value=name,
                     allowed=", ".join(allowed),
                     remedy=f"write name=value pairs separated by commas, as in {allowed[0]}=5",
@@ -109,13 +118,18 @@ def parse_pairs(text: str, option: str, allowed: tuple[str, ...]) -> dict[str, f
             faults.append(
                 InputError(
                     f"{option}: {name}",
+                    code="A004",
                     value=number,
                     allowed="a finite number",
                     remedy=f"write it with a decimal point and without a unit, as in {name}=5",
                 )
             )
         elif name in out:
-            faults.append(InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one"))
+            faults.append(
+                InputError(
+                    f"{option}: {name} is given twice", code="A004", allowed="each name once", remedy="remove one"
+                )
+            )
         else:
             out[name] = value
     raise_any(option, faults)
@@ -129,9 +143,13 @@ def parse_settings(texts: Sequence[str], option: str) -> dict[str, str]:
         name, sign, value = (part.strip() for part in text.partition("="))
         if not (name and sign and value):
             remedy = "write a parameter, =, and its value"
-            raise InputError(option, value=text, allowed="NAME=VALUE, as in j2.stiffness=1.4e6", remedy=remedy)
+            raise InputError(
+                option, code="A004", value=text, allowed="NAME=VALUE, as in j2.stiffness=1.4e6", remedy=remedy
+            )
         if name in out:
-            raise InputError(f"{option}: {name} is given twice", allowed="each name once", remedy="remove one")
+            raise InputError(
+                f"{option}: {name} is given twice", code="A004", allowed="each name once", remedy="remove one"
+            )
         out[name] = value
     return out
 
@@ -147,6 +165,7 @@ def parse_pose(robot: Robot, text: str) -> Array:
     if wrong:
         raise InputError(
             f"--pose {text}: {robot.name} cannot take it: {'; '.join(wrong)}",
+            code="A005",
             remedy="keep the ranges named (a coordinate that is not given stands at 0)",
         )
     return np.asarray(q)
@@ -162,6 +181,7 @@ def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
     if mixed:
         raise InputError(
             f"{option}: {', '.join(mixed)} beside {', '.join(other)}",
+            code="A004",
             allowed=f"either the model's coordinates or the controller's angles: {', '.join(shown)}",
             remedy="give all angles in one of the two",
         )
@@ -175,6 +195,7 @@ def parse_load(text: str, option: str = "--load") -> Array:
     if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
         raise InputError(
             option,
+            code="A006",
             value=text,
             allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
             remedy="give the load in N and N m, as in fz_N=-650",
@@ -192,6 +213,7 @@ def parse_loads(text: str | None) -> tuple[float, ...] | None:
     if loads is None or not all(0.0 < v <= LARGEST_LOAD for v in loads):
         raise InputError(
             "--loads",
+            code="A006",
             value=text,
             allowed="'all', or force magnitudes greater than 0 N",
             remedy="separate them by commas, as in 150,650",
@@ -210,7 +232,7 @@ def parse_vector(text: str, option: str, unit: str) -> Array:
     values = parse_numbers(text)
     if values is None or len(values) != 3 or not any(values):
         allowed = f"three finite numbers x,y,z, not all zero: {unit}"
-        raise InputError(option, value=text, allowed=allowed, remedy=f"write it as in {option} 0,0,1")
+        raise InputError(option, code="A004", value=text, allowed=allowed, remedy=f"write it as in {option} 0,0,1")
     return np.array(values)
 
 
@@ -231,7 +253,9 @@ def parse_frame(text: str, option: str) -> Array:
     """
     values = parse_numbers(text)
     if values is None or len(values) not in (3, 6):
-        raise InputError(option, value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0")
+        raise InputError(
+            option, code="A004", value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0"
+        )
     return frame_mm_deg(values)
 
 
@@ -264,7 +288,11 @@ def parse_joint_figures(robot: Robot, text: str, option: str) -> Array:
     values = parse_numbers(text)
     if values is None or len(values) not in (1, robot.dof) or not all(v > 0.0 for v in values):
         raise InputError(
-            option, value=text, allowed=f"one number above 0, or {robot.dof} separated by commas", remedy="correct it"
+            option,
+            code="A004",
+            value=text,
+            allowed=f"one number above 0, or {robot.dof} separated by commas",
+            remedy="correct it",
         )
     return np.broadcast_to(np.array(values), (robot.dof,)).copy()
 
@@ -273,7 +301,7 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
     """Where the coordinates that are no input of a surrogate stand: ``q5_deg=0``; deg, 0 if not given."""
     others = tuple(n for n in robot.coordinates if n not in names)
     if text is not None and not others:
-        raise InputError("--fixed", value=text, allowed="nothing: every coordinate is one of --inputs")
+        raise InputError("--fixed", code="A002", value=text, allowed="nothing: every coordinate is one of --inputs")
     given = {} if text is None else parse_pairs(text, "--fixed", others)
     fixed = {name: given.get(name, 0.0) for name in others}
     for name, value in fixed.items():
@@ -281,6 +309,7 @@ def fixed_coordinates(robot: Robot, names: tuple[str, ...], text: str | None) ->
         if not low <= value <= high:
             raise InputError(
                 f"--fixed: {name}" + ("" if name in given else ", which is not given and taken as 0"),
+                code="A005",
                 value=value,
                 allowed=f"{low:g} to {high:g} deg",
                 remedy=f"give --fixed {name}=..., or make it one of --inputs",
@@ -308,6 +337,7 @@ def parse_payload(text: str) -> Payload:
     if len(centre) != 3 or not 0.0 <= kg <= HEAVIEST_kg or max(map(abs, centre)) > WIDEST_mm:
         raise InputError(
             "--payload",
+            code="A004",
             value=text,
             allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within {WIDEST_mm:g} mm of the flange",
             remedy="give the mass of spindle and tool, as in 25,0,0,120",

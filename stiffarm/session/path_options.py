@@ -106,13 +106,15 @@ def reading(
     for text in read or ():
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not value:
-            raise InputError("--read", value=text, allowed="KEY=VALUE", remedy="as in --read frames=written")
+            raise InputError(
+                "--read", code="A004", value=text, allowed="KEY=VALUE", remedy="as in --read frames=written"
+            )
         if OFFSET.fullmatch(key.upper()):
             name, where = key.upper(), offsets
         else:
             name, where = key.removesuffix("_um") if key.removesuffix("_um") in LENGTHS_UM else key, given
         if name in where:
-            raise InputError(f"--read {key}", value=value, allowed="each key once", remedy="leave one out")
+            raise InputError(f"--read {key}", code="A004", value=value, allowed="each key once", remedy="leave one out")
         where[name] = _point(key, value) if where is offsets else _value(key, value)
     options = ReadOptions(units=units, rotary=rotary, tcp=tcp, offsets=offsets, **given)
     return Reading(kind, options, tuple(operation or ()), tuple(tool_number or ()))
@@ -125,26 +127,32 @@ def _value(key: str, text: str) -> Any:
         return tuple(filter(None, (part.strip().upper() for part in text.split(","))))
     if key in SWITCHES:
         if text not in ("yes", "no"):
-            raise InputError(f"--read {key}", value=text, allowed="yes or no", remedy=f"as in --read {key}=yes")
+            raise InputError(
+                f"--read {key}", code="A004", value=text, allowed="yes or no", remedy=f"as in --read {key}=yes"
+            )
         return text == "yes"
     if key in POINTS:
         return _point(key, text)
     if key in LENGTHS_MM or (key.removesuffix("_um") in LENGTHS_UM and key.endswith("_um")):
         numbers, (unit, factor) = parse_numbers(text), ("mm", 1e-3) if key in LENGTHS_MM else ("um", 1e-6)
         if numbers is None or len(numbers) != 1:
-            raise InputError(f"--read {key}", value=text, allowed=f"a number, {unit}", remedy=f"as in --read {key}=10")
+            raise InputError(
+                f"--read {key}", code="A004", value=text, allowed=f"a number, {unit}", remedy=f"as in --read {key}=10"
+            )
         return numbers[0] * factor
     if key in COUNTS:
         if not (text.isascii() and text.isdecimal() and len(text) < 16):
             raise InputError(
-                f"--read {key}", value=text, allowed="a whole number", remedy=f"as in --read {key}=1000000"
+                f"--read {key}", code="A004", value=text, allowed="a whole number", remedy=f"as in --read {key}=1000000"
             )
         return int(text)
-    raise InputError("--read", value=key, allowed=", ".join(KEYS), remedy="choose one of them")
+    raise InputError("--read", code="A004", value=key, allowed=", ".join(KEYS), remedy="choose one of them")
 
 
 def _point(key: str, text: str) -> tuple[float, float, float]:
     numbers = parse_numbers(text)
     if numbers is None or len(numbers) != 3:
-        raise InputError(f"--read {key}", value=text, allowed="X,Y,Z in mm", remedy=f"as in --read {key}=0,0,100")
+        raise InputError(
+            f"--read {key}", code="A004", value=text, allowed="X,Y,Z in mm", remedy=f"as in --read {key}=0,0,100"
+        )
     return numbers[0] * 1e-3, numbers[1] * 1e-3, numbers[2] * 1e-3

@@ -31,7 +31,9 @@ def read_pose_table(
         The file is missing, or cannot be read.
     """
     if not file.is_file():
-        raise InputError("pose table", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path")
+        raise InputError(
+            "pose table", code="A007", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path"
+        )
     expect(file, POSES)
     table = read_table(file, "table of poses", "pose")
     faults = Faults(table.name)
@@ -39,7 +41,7 @@ def read_pose_table(
     table = drop_ragged(table, faults)
     missing = [name for name in names if name not in columns.known]
     if len(missing) == len(names):
-        faults.add(1, "no joint column", allowed=", ".join(names), remedy="name the columns exactly so")
+        faults.add(1, "no joint column", code="T003", allowed=", ".join(names), remedy="name the columns exactly so")
     values = numbers(table, columns, (*names, *fixed_deg), faults, missing=0.0, si=False)
     for name, column in zip(fixed_deg, values[:, len(names) :].T, strict=True):
         other = np.flatnonzero(np.abs(column - fixed_deg[name]) > 1e-9)
@@ -47,6 +49,7 @@ def read_pose_table(
             faults.add(
                 table.lines[other[0]],
                 f"column {name}",
+                code="S002",
                 value=f"{column[other[0]]:g}",
                 allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
                 remedy=f"fit a surrogate with {name} among its inputs, or leave the column out",

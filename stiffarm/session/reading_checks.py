@@ -91,6 +91,7 @@ def refuse_against_load(data: Measurements) -> None:
     if len(work) >= FEWEST and 2 * against > len(work):
         raise InputError(
             f"{data.source}: {against} of {len(work)} readings move against the load",
+            code="T012",
             allowed="deflections along the load, as those of every passive arm",
             remedy="check the sign of the load and reading columns (a downward load has fz_N < 0 and gives dz_mm < 0)",
         )

@@ -50,7 +50,9 @@ def read_data(robot: Robot, file: Path | None) -> Measurements:
         bundled = bundled_data(robot.name)
     except InputError as error:
         raise InputError(
-            f"no measurements are bundled for {robot.name}", remedy="give a measurement table (DATA), CSV or XLSX"
+            f"no measurements are bundled for {robot.name}",
+            code="A011",
+            remedy="give a measurement table (DATA), CSV or XLSX",
         ) from error
     return read_measurements(bundled, robot)
 
@@ -69,6 +71,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Campaign:
         if scheme.robot != robot.name:
             raise InputError(
                 f"scheme file {file} is for robot",
+                code="A010",
                 value=scheme.robot,
                 allowed=robot.name,
                 remedy="choose the scheme of this robot, or name this robot in its 'robot' key",
@@ -78,6 +81,7 @@ def read_scheme(robot: Robot, file: Path | None) -> Campaign:
     if scheme_or_none is None:
         raise InputError(
             f"no calibration scheme is bundled for {robot.name}",
+            code="A011",
             remedy="give a scheme TOML with --scheme-file, or use --scheme global",
         )
     return scheme_or_none

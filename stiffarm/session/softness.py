@@ -42,6 +42,7 @@ def refuse_too_soft(description: ModelDescription, model: ArmModel) -> None:
     raise InputError(
         f"{text} at every pose (it turns by {turned.min():.3g} rad or more; {LIMIT:g} are allowed), so none of its "
         f"results would hold; softest for its size ({of.size}): {model.joints[softest].name}, stiffness (N m/rad)",
+        code="M006",
         value=f"{1.0 / max(float(compliance[softest]), 1e-300):.3g}",
         allowed=f"{of.low[softest]:.3g} to {of.high[softest]:.3g}, as arms of this size have",
         remedy="correct the model's stiffnesses (N m/rad, N/m)",
@@ -77,6 +78,7 @@ def require_springs(given: Arm, what: str) -> None:
     if not compliance(given.model, middle_pose(given.robot)[None]).any():
         raise InputError(
             f"{what} of {given.robot.name}: nothing in this model deflects",
+            code="M005",
             allowed="a model with joint springs or flexible links",
             remedy="give the joints a stiffness, or take --links beam",
         )

@@ -55,7 +55,7 @@ def at_load(
     InputError
         A load that is not above 0, or a law that fails.
     """
-    require_positive("--at-load", size_N, remedy="give the load in N at which stiffness is asked")
+    require_positive("--at-load", size_N, code="A006", remedy="give the load in N at which stiffness is asked")
     size = stated_load(given.robot, given.description) if size_N is None else size_N
     along = np.asarray(direction, dtype=np.float64)
     return given.at_load(StatedLoad(size * along / np.linalg.norm(along), point))

@@ -57,7 +57,9 @@ def rigid_joints(given: Arm, data: Measurements, poses: tuple[str, ...] | None =
     """
     data = data.select(~np.isnan(data.deflection))
     if not data.n:
-        raise InputError(f"{data.source}: no translation was read", allowed="readings in dx_mm, dy_mm or dz_mm")
+        raise InputError(
+            f"{data.source}: no translation was read", code="T006", allowed="readings in dx_mm, dy_mm or dz_mm"
+        )
     if poses is not None:
         data = select_poses(data, poses, "rigid joints")
     largest = np.arange(data.n), data.largest[0]

@@ -165,7 +165,9 @@ def expect(
         return
     usage = better(found) or found.usage
     usage = re.sub(r"\b(MODEL|FILE)\b", lambda m: {"MODEL": model, "FILE": _quoted(path)}[m[1]], usage)
-    raise InputError(f"{path} is {found.words}", allowed=f"{wanted.words} ({wanted.columns})", remedy=f"use {usage}")
+    raise InputError(
+        f"{path} is {found.words}", code="A009", allowed=f"{wanted.words} ({wanted.columns})", remedy=f"use {usage}"
+    )
 
 
 def are_positions(data: Sequence[Path] | None) -> bool:
@@ -181,6 +183,7 @@ def are_positions(data: Sequence[Path] | None) -> bool:
         other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
         raise InputError(
             "measurement tables",
+            code="T008",
             value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
             allowed="tables of positions, or tables of deflections",
             remedy="calibrate them one after the other",

@@ -74,6 +74,7 @@ def parse_values(text: str, option: str, unit: str = "mm", example: str = "-600:
     if not 1.0 - UNEVEN <= count <= MOST_VALUES or abs(count - round(count)) > UNEVEN * max(count, 1.0):
         raise InputError(
             option,
+            code="A004",
             value=text,
             allowed=f"FROM:TO:STEP or one number, {unit}, FROM below TO, a whole number of steps between them",
             remedy=f"write it as in {option} {example}",
@@ -94,22 +95,35 @@ def parse_gammas(text: str) -> GammaRange | float:
     values = parse_numbers(text, ":")
     if values is None or len(values) not in (1, 3):
         raise InputError(
-            "--gamma", value=text, allowed="one angle, or FROM:TO:STEP in deg", remedy="as in --gamma -180:180:5"
+            "--gamma",
+            code="A004",
+            value=text,
+            allowed="one angle, or FROM:TO:STEP in deg",
+            remedy="as in --gamma -180:180:5",
         )
     if len(values) == 1:
         return math.radians(values[0])
     low, high, step = values
     if not (high > low and high - low <= 360.0 + 1e-9):
         raise InputError(
-            "--gamma", value=text, allowed="FROM below TO, at most 360 deg apart", remedy="as in --gamma -180:180:5"
+            "--gamma",
+            code="A004",
+            value=text,
+            allowed="FROM below TO, at most 360 deg apart",
+            remedy="as in --gamma -180:180:5",
         )
     if not 0.0 < step <= high - low:
         raise InputError(
-            "--gamma: step", value=step, allowed=f"more than 0, at most {high - low:g} deg", remedy="as in 0:90:5"
+            "--gamma: step",
+            code="A004",
+            value=step,
+            allowed=f"more than 0, at most {high - low:g} deg",
+            remedy="as in 0:90:5",
         )
     if (high - low) / step > MOST_ANGLES:
         raise InputError(
             "--gamma: step",
+            code="A004",
             value=step,
             allowed=f"{(high - low) / MOST_ANGLES:.3g} deg or more: {MOST_ANGLES} angles",
             remedy="finer angles are found about the best ones by themselves",

@@ -137,7 +137,9 @@ def parse_floor(text: str | None) -> float | None:
         return None
     values = parse_numbers(text)
     if values is None or len(values) != 1:
-        raise InputError("--floor", value=text, allowed="a height in mm, or none", remedy="as in --floor -600")
+        raise InputError(
+            "--floor", code="A002", value=text, allowed="a height in mm, or none", remedy="as in --floor -600"
+        )
     return values[0] * 1e-3
 
 
@@ -158,7 +160,11 @@ def read_cell_or_frames(
     for option, value in (("--tool", tool), ("--part", part), ("--floor", floor)):
         if value is not None:
             raise InputError(
-                f"{option} with --cell", value=value, allowed="one of the two", remedy="the cell file holds that"
+                f"{option} with --cell",
+                code="A002",
+                value=value,
+                allowed="one of the two",
+                remedy="the cell file holds that",
             )
     return cells.read_cell(cell)
 
@@ -224,9 +230,11 @@ def read_cut(force: str | None, axes: str, milling: Path | None, measured: float
     from machining.cutting.force import Axes
 
     if force is not None and milling is not None:
-        raise InputError("--force and --milling", value="both", allowed="one of the two")
+        raise InputError("--force and --milling", code="K004", value="both", allowed="one of the two")
     if measured is not None and force is None:
-        raise InputError("--force-measured without --force", remedy="give the force that was measured with --force")
+        raise InputError(
+            "--force-measured without --force", code="K004", remedy="give the force that was measured with --force"
+        )
     if milling is not None:
         return read_milling(milling)
     if force is None:

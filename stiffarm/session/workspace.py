@@ -141,7 +141,7 @@ def workspace_stiffness(description: ModelDescription, model: ArmModel) -> Works
     order = np.argsort(np.where(np.isfinite(stiffness), stiffness, np.inf), kind="stable")
     count = int(np.count_nonzero(np.isfinite(stiffness)))
     if not count:
-        raise InputError("stiffness over the workspace: nothing deflects under a vertical load")
+        raise InputError("stiffness over the workspace: nothing deflects under a vertical load", code="M005")
     rows = order[[0, count // 2, int(STIFFEST * (count - 1))]]
     at, tool = poses[rows], tool_position(model.robot, forward_kinematics(model.robot, poses[rows])) * M_TO_MM
     budget = compliance_budget(model, at, np.array(DOWN))

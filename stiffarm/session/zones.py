@@ -23,11 +23,15 @@ def parse_zone(description: ModelDescription, floor: str, boxes: Sequence[str], 
     ``clearance`` (mm) of wrist and tool from base and upper arm; None: what the casings and a margin need.
     """
     if clearance is not None and not 0.0 <= clearance < 1e4:
-        raise InputError("--clearance-mm", value=clearance, allowed="0 (no test) to 10000", remedy="give mm")
+        raise InputError(
+            "--clearance-mm", code="A004", value=clearance, allowed="0 (no test) to 10000", remedy="give mm"
+        )
     own = usual_clearance(description) if clearance is None else 1e-3 * clearance
     height = () if floor.strip().lower() == "none" else parse_numbers(floor)
     if height is None or len(height) > 1:
-        raise InputError("--floor-mm", value=floor, allowed="a height in mm, or none", remedy="as in --floor-mm 0")
+        raise InputError(
+            "--floor-mm", code="A004", value=floor, allowed="a height in mm, or none", remedy="as in --floor-mm 0"
+        )
     return Zone(height[0] * 1e-3 if height else None, tuple(_box(text) for text in boxes), own)
 
 
@@ -47,12 +51,15 @@ def _box(text: str) -> tuple[tuple[float, float, float], tuple[float, float, flo
     if [len(corner) for corner in corners] != [3, 3]:
         raise InputError(
             "--keep-out",
+            code="A004",
             value=text,
             allowed="two corners x0,y0,z0:x1,y1,z1 in mm",
             remedy="as in --keep-out 500,-800,0:1500,800,900",
         )
     low, high = np.sort(1e-3 * np.array(corners), axis=0)
     if not (low < high).all():
-        raise InputError("--keep-out", value=text, allowed="a box with a volume", remedy="give opposite corners")
+        raise InputError(
+            "--keep-out", code="A004", value=text, allowed="a box with a volume", remedy="give opposite corners"
+        )
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
     return (x0, y0, z0), (x1, y1, z1)

@@ -93,7 +93,7 @@ def cell_grid(layout: Layout, reached: Bools) -> CellGrid:
         A layout of space has more than three axes.
     """
     if len(layout.axes) > _MOST_AXES and layout.kind != "joints":
-        raise InputError(f"map layout {layout.kind}", value=f"{len(layout.axes)} axes", allowed="1 to 3")
+        raise InputError(f"map layout {layout.kind}", code="S011", value=f"{len(layout.axes)} axes", allowed="1 to 3")
     spanning = range(max(layout.layers, len(layout.axes) - _MOST_AXES), len(layout.axes))
     axes = tuple(a for a in reversed(spanning) if layout.shape[a] > 1)
     closed = tuple(layout.kind == "cylinder" and layout.axes[axis].full_turn for axis in axes)

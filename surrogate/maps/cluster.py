@@ -77,6 +77,7 @@ def _run(distributed: Any, client: Any, work: Work, request: str, store: MapStor
                     if losses[number] > LOSSES:
                         raise InputError(
                             f"block {number} of the map",
+                            code="S014",
                             value=f"lost with its worker {losses[number]} times",
                             allowed="workers that live as long as a block takes",
                             remedy="give them more memory (see the workers' logs)",
@@ -89,6 +90,7 @@ def _run(distributed: Any, client: Any, work: Work, request: str, store: MapStor
             if time.monotonic() - seen > PATIENCE_s:
                 raise InputError(
                     "Dask cluster",
+                    code="S014",
                     value=f"no worker for {PATIENCE_s:g} s; {store.blocks - len(store.missing())} of {store.blocks} "
                     "blocks are done",
                     remedy="start workers and run again with the same work folder",
@@ -123,11 +125,12 @@ def _arrays(future: Any, number: int) -> dict[str, NDArray[np.generic]]:
         missing = isinstance(error, ImportError | AttributeError)
         raise InputError(
             f"block {number} of the map failed on a worker ({type(error).__name__}: {error})",
+            code="S014",
             remedy="install the same version of stiffarm, with what it needs, on the workers" if missing else None,
         )
     answer = future.result()
     if REFUSED in answer:
-        raise InputError(f"the cluster's worker says: {answer[REFUSED]}")
+        raise InputError(f"the cluster's worker says: {answer[REFUSED]}", code="S014")
     return {name: np.asarray(values) for name, values in answer.items()}
 
 
@@ -141,6 +144,7 @@ def _client(distributed: Any, address: str) -> Any:
     except (OSError, TimeoutError, ValueError, OverflowError, MemoryError, RuntimeError) as error:
         raise InputError(
             f"Dask scheduler at {address!r} does not answer ({type(error).__name__})",
+            code="S014",
             allowed="the address of a running scheduler, as in tcp://host:8786",
             remedy="start one (`dask scheduler`), check the address and the firewall",
         ) from None
@@ -152,6 +156,7 @@ def _workers(client: Any, address: str) -> None:
         if time.monotonic() > until:
             raise InputError(
                 f"Dask scheduler at {address}",
+                code="S014",
                 value="no workers",
                 remedy=f"start some: `dask worker {address}` where stiffarm is installed",
             )

@@ -66,7 +66,7 @@ def map_columns(data: MapData) -> tuple[Column, ...]:
     names = [REACHED_ARRAY, *(column.name for column in columns)]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError("map array name used twice", value=", ".join(twice))
+        raise InputError("map array name used twice", code="S011", value=", ".join(twice))
     return tuple(columns)
 
 

@@ -118,7 +118,9 @@ class MapData:
             sizes["shares"], wanted["shares"] = self.shares.shape, (n, len(self.parts))
         wrong = [name for name in wanted if sizes[name] != wanted[name]]
         if wrong:
-            raise InputError(f"map: {wrong[0]}", value=f"shape {sizes[wrong[0]]}", allowed=str(wanted[wrong[0]]))
+            raise InputError(
+                f"map: {wrong[0]}", code="S011", value=f"shape {sizes[wrong[0]]}", allowed=str(wanted[wrong[0]])
+            )
 
     def regular(self, rows: slice | Indices = slice(None)) -> Bools:
         """Which of some points are not known to stand near a singular pose, as the field 'near_singular' has it.
@@ -133,4 +135,4 @@ class MapData:
     def require_reached(self, remedy: str) -> None:
         """Raise InputError where there is no pose at any point."""
         if not np.any(self.reached):
-            raise InputError("map", value=f"no pose at any of {self.layout.n} points", remedy=remedy)
+            raise InputError("map", code="S012", value=f"no pose at any of {self.layout.n} points", remedy=remedy)

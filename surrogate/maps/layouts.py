@@ -79,13 +79,16 @@ def joint_layout(
     if points < 2 or not 1 <= len(swept) <= 3:
         raise InputError(
             "map sweep",
+            code="S011",
             value=f"{len(swept)} coordinates with {points} points",
             allowed="1 to 3 coordinates with 2 points or more",
         )
     layers = {name: list(values) for name, values in (layers_deg or {}).items() if len(values)}
     names = [*layers, *swept]
     if len(set(names)) < len(names) or len(layers) > 1:
-        raise InputError("coordinates of a map sweep", value=", ".join(names), allowed="each once, one with layers")
+        raise InputError(
+            "coordinates of a map sweep", code="S011", value=", ".join(names), allowed="each once, one with layers"
+        )
     axes = [Axis(name, "deg", _finite(name, values)) for name, values in layers.items()]
     for name in swept:
         low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
@@ -107,7 +110,7 @@ def slice_layout(
     InputError
         No such plane, or values that do not ascend in even steps.
     """
-    require_one_of("plane of a slice", plane, PLANES)
+    require_one_of("plane of a slice", plane, PLANES, code="S011")
     slow, fast, third = PLANES[plane]
     axes = (Axis(slow, "mm", _even(slow, up_mm)), Axis(fast, "mm", _even(fast, across_mm)))
     return _checked(Layout("slice", axes, held={third: float(_finite(third, [at_mm])[0])}, frame=frame))
@@ -132,6 +135,7 @@ def plane_or_box(x_mm: ArrayLike, y_mm: ArrayLike, z_mm: ArrayLike, frame: Array
     if len(single) > 1:
         raise InputError(
             "grid",
+            code="S011",
             value=" x ".join(str(len(v)) for v in values.values()),
             allowed="two or more values on at least two of x, y, z",
             remedy="give a range with a step, as in -600:600:25",
@@ -152,9 +156,11 @@ def cylinder_layout(r_mm: ArrayLike, phi_deg: ArrayLike, z_mm: ArrayLike) -> Lay
     """
     r, phi, z = _even("r", r_mm), _even("phi", phi_deg), _even("z", z_mm)
     if r[0] < 0.0:
-        raise InputError("radius of a cylinder", value=float(r[0]), allowed="0 mm or more")
+        raise InputError("radius of a cylinder", code="S011", value=float(r[0]), allowed="0 mm or more")
     if phi[-1] - phi[0] > 360.0 * (1.0 + UNEVEN):
-        raise InputError("angles phi of a cylinder", value=f"{phi[0]:g} to {phi[-1]:g} deg", allowed="at most one turn")
+        raise InputError(
+            "angles phi of a cylinder", code="S011", value=f"{phi[0]:g} to {phi[-1]:g} deg", allowed="at most one turn"
+        )
     return _checked(Layout("cylinder", (Axis("z", "mm", z), Axis("phi", "deg", phi), Axis("r", "mm", r))))
 
 
@@ -201,7 +207,9 @@ def reach_of(robot: Robot, point: Array | None = None, *, samples: int = 20_000)
     q = np.select([kind == 0, kind == 1, kind == 2], [low, high, np.clip(0.0, low, high)], q)
     q = q[robot.reachable(q)]
     if not len(q):
-        raise InputError(f"reach of {robot.name}", value="no pose keeps the limits", remedy="check its couplings")
+        raise InputError(
+            f"reach of {robot.name}", code="S012", value="no pose keeps the limits", remedy="check its couplings"
+        )
     tips = tool_position(robot, forward_kinematics(robot, q), point)
     return Reach(tips.min(axis=0), tips.max(axis=0), float(np.hypot(tips[:, 0], tips[:, 1]).max()))
 
@@ -227,11 +235,13 @@ def _even(name: str, values: ArrayLike) -> Array:
     v = _finite(name, values)
     gap = np.diff(v)
     if len(v) > 1 and (not (gap > 0.0).all() or np.ptp(gap) > UNEVEN * gap.mean() * len(gap)):
-        raise InputError(f"values of {name}", allowed="ascending, evenly spaced", remedy="give them as FROM:TO:STEP")
+        raise InputError(
+            f"values of {name}", code="S011", allowed="ascending, evenly spaced", remedy="give them as FROM:TO:STEP"
+        )
     return v
 
 
 def _checked(layout: Layout) -> Layout:
     if layout.n > MOST_POINTS:
-        raise InputError("points of the map", value=layout.n, allowed=f"up to {MOST_POINTS}")
+        raise InputError("points of the map", code="S011", value=layout.n, allowed=f"up to {MOST_POINTS}")
     return layout

@@ -116,10 +116,11 @@ class Extreme:
     starts: int = 3
 
     def __post_init__(self) -> None:
-        require_one_of("extreme pose", self.which, ("stiffest", "softest"))
+        require_one_of("extreme pose", self.which, ("stiffest", "softest"), code="B003")
         if self.axes < 8 or self.gammas < 1 or self.starts < 1:
             raise InputError(
                 "sample of orientations",
+                code="B003",
                 value=f"{self.axes} axes, {self.gammas} angles, {self.starts} starts",
                 allowed="8 axes or more, 1 angle or more, 1 start or more",
             )
@@ -236,6 +237,7 @@ def check_robot(robot: Robot, *, any_orientation: bool) -> str | None:
     if robot.dof < 6 and not any_orientation:
         raise InputError(
             f"Cartesian map of {robot.name}",
+            code="R004",
             value=f"{robot.dof} joints",
             allowed="six joints or more: with fewer the tool's orientation at a point cannot be chosen",
             remedy="let it be free (--pose stiffest or softest), or make the map over the joints (map joints)",

@@ -242,6 +242,7 @@ def named(table: Iterable[Quantity], names: Iterable[str]) -> tuple[Quantity, ..
     if unknown or not list(names):
         raise InputError(
             "quantities of a map",
+            code="S015",
             value=", ".join(unknown) or "none",
             allowed=", ".join(rows),
             remedy="choose from these",
@@ -276,7 +277,7 @@ class Quantities:
     def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit_vector(self.direction, "load direction"))
         if not self.rows:
-            raise InputError("quantities of a map", value="none", allowed="one or more")
+            raise InputError("quantities of a map", code="S015", value="none", allowed="one or more")
         need = self.shares or any(row.of_parts for row in self.rows)
         object.__setattr__(self, "parts", _parts(self.model) if need else ())
 
@@ -301,7 +302,10 @@ class Quantities:
         chosen = row.merit
         if chosen is None:
             raise InputError(
-                "quantity that a pose is chosen by", value=row.short, allowed="one that is large where good"
+                "quantity that a pose is chosen by",
+                code="S015",
+                value=row.short,
+                allowed="one that is large where good",
             )
         return lambda q: chosen(self.poses(q))
 
@@ -334,7 +338,10 @@ def _parts(model: fem.ArmModel) -> tuple[str, ...]:
     parts = tuple(whole_joints(model, given))
     if not parts:
         raise InputError(
-            "parts of the model", value="nothing deflects", remedy="give it flexible links or joint springs"
+            "parts of the model",
+            code="S015",
+            value="nothing deflects",
+            remedy="give it flexible links or joint springs",
         )
     return parts
 

@@ -80,6 +80,7 @@ class MapStore:
         except OSError as error:
             raise InputError(
                 f"work folder {self.folder} of the map ({error.strerror or error})",
+                code="S013",
                 allowed=f"a folder that can be written, with {self.bytes / 1e9:.3g} GB free",
                 remedy="choose another one",
             ) from error
@@ -121,7 +122,9 @@ class MapStore:
             shape = (rows.stop - rows.start, *column.shape)
             if given is None or given.shape != shape or given.dtype != np.dtype(column.dtype):
                 found = "missing" if given is None else f"{given.dtype} {given.shape}"
-                raise InputError(f"block {number} of the map: {name}", value=found, allowed=f"{column.dtype} {shape}")
+                raise InputError(
+                    f"block {number} of the map: {name}", code="S013", value=found, allowed=f"{column.dtype} {shape}"
+                )
         arrays = {name: np.ascontiguousarray(block[name]) for name in self.columns}
         for name, values in arrays.items():
             self._put(name, rows.start, values)
@@ -146,6 +149,7 @@ class MapStore:
                 return
         raise InputError(
             f"work folder {self.folder}: blocks come back other than they were written, {TRIES} times over",
+            code="S013",
             remedy="choose a folder on another disk, and check this one",
         )
 
@@ -158,7 +162,7 @@ class MapStore:
             Blocks are missing.
         """
         if self.missing():
-            raise InputError("map", value=f"{len(self.missing())} of {self.blocks} blocks are missing")
+            raise InputError("map", code="S013", value=f"{len(self.missing())} of {self.blocks} blocks are missing")
         return {name: np.load(self._file(name), mmap_mode="r", allow_pickle=False) for name in self.columns}
 
     def _spoilt(self) -> list[int]:
@@ -208,6 +212,7 @@ class MapStore:
         if any(file.name not in own and not is_draft(file.name) for file in self.folder.iterdir()):
             raise InputError(
                 f"work folder {self.folder}",
+                code="S013",
                 value="holds other files",
                 allowed="a new or empty folder, or one of the same map",
                 remedy="choose another folder",
@@ -216,6 +221,7 @@ class MapStore:
         if free is not None and free < self.bytes:
             raise InputError(
                 f"work folder {self.folder}: space for the map",
+                code="S013",
                 value=f"{free / 1e9:.3g} GB free",
                 allowed=f"{self.bytes / 1e9:.3g} GB or more",
                 remedy="choose a folder on another disk, fewer points or fewer quantities",
@@ -237,6 +243,7 @@ class MapStore:
         if kept != record:
             raise InputError(
                 f"work folder {self.folder}",
+                code="S013",
                 value="of another map",
                 allowed="the folder of the same map, a new one or an empty one",
                 remedy="choose another folder, or remove this one",
@@ -245,7 +252,9 @@ class MapStore:
             array = self._opened(name)
             right = array.shape == (self.n, *column.shape) and array.dtype == np.dtype(column.dtype)
             if not right or not array.flags.c_contiguous:
-                raise InputError(f"work folder {self.folder}: {name}", value=f"{array.dtype} {array.shape}")
+                raise InputError(
+                    f"work folder {self.folder}: {name}", code="S013", value=f"{array.dtype} {array.shape}"
+                )
             self.starts[name] = array.offset
         # A line that is not whole was being written when the process died, or has been damaged since.
         lines = (self.folder / _DONE).read_bytes().decode("ascii", "replace").split("\n")[:-1]
@@ -261,6 +270,7 @@ class MapStore:
             # NumPy's own words are about pickles, which this program never writes.
             raise InputError(
                 f"work folder {self.folder}: {name}.npy is damaged or missing",
+                code="S013",
                 allowed="files as this program wrote them",
                 remedy="remove the folder, and make the map anew",
             ) from error

@@ -199,7 +199,11 @@ def _image_grid(data: MapData) -> tuple[Array, Array, tuple[int, int, int]]:
     wanted = {"slice": 2, "box": 3}
     if len(names) != wanted.get(layout.kind) or names != [name for name in "zyx" if name in names]:
         raise InputError(
-            "map as .vti", value=f"{layout.kind} of {', '.join(names)}", allowed="a slice or box", remedy="write .vtu"
+            "map as .vti",
+            code="B004",
+            value=f"{layout.kind} of {', '.join(names)}",
+            allowed="a slice or box",
+            remedy="write .vtu",
         )
     origin, spacing, counts = np.asarray(data.points[0]) * M_TO_MM, np.ones(3), [1, 1, 1]
     for axis in layout.axes:
@@ -210,14 +214,17 @@ def _image_grid(data: MapData) -> tuple[Array, Array, tuple[int, int, int]]:
             even = values[0] + step * np.arange(len(values))
             if axis.unit != "mm" or not step > 0.0 or np.abs(values - even).max() > _STEP_TOLERANCE * step:
                 raise InputError(
-                    f"map as .vti: axis {axis.name}", allowed="equal rising steps in mm", remedy="write .vtu"
+                    f"map as .vti: axis {axis.name}",
+                    code="B004",
+                    allowed="equal rising steps in mm",
+                    remedy="write .vtu",
                 )
             spacing[column] = step
         origin[column] = values[0]
     corner = origin + spacing * (np.array(counts) - 1)
     ends = np.asarray(data.points[[0, -1]]) * M_TO_MM
     if not (np.abs(ends - [origin, corner]) <= _STEP_TOLERANCE * spacing).all():
-        raise InputError("map as .vti", value="points that are not those of the axes", remedy="write .vtu")
+        raise InputError("map as .vti", code="B004", value="points that are not those of the axes", remedy="write .vtu")
     return origin, spacing, (counts[0], counts[1], counts[2])
 
 

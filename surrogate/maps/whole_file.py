@@ -25,15 +25,18 @@ def whole_file(path: Path, suffix: str) -> Iterator[Path]:
         refuses while the file is written (a full disk).
     """
     if path.suffix != suffix:
-        raise InputError("map file", value=str(path), allowed=f"a name that ends in {suffix}")
+        raise InputError("map file", code="B004", value=str(path), allowed=f"a name that ends in {suffix}")
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise InputError("map folder", value=str(path.parent), allowed="an existing folder one may write to")
+        raise InputError(
+            "map folder", code="F008", value=str(path.parent), allowed="an existing folder one may write to"
+        )
     try:
         with written_whole(path) as draft:
             yield draft
     except OSError as error:
         raise InputError(
             f"map file {path} could not be written ({error.strerror or error})",
+            code="F008",
             remedy="check the free space of the disk and what stands under this name",
         ) from error
 

@@ -76,18 +76,25 @@ class Portable(Scope):
     def __post_init__(self) -> None:
         super().__post_init__()
         k = len(self.inputs)
-        require_one_of("portable surrogate: link", self.link, LINKS)
+        require_one_of("portable surrogate: link", self.link, LINKS, code="F007")
         if any(part.n_inputs != k for part in self.sums):
-            raise InputError("portable surrogate: expansions", allowed=f"functions of the {k} inputs")
+            raise InputError("portable surrogate: expansions", code="F007", allowed=f"functions of the {k} inputs")
         if (self.link in ROWS) != (self.factor is not None):
-            raise InputError("portable surrogate: factor", allowed=f"for the links {', '.join(ROWS)}, and only there")
+            raise InputError(
+                "portable surrogate: factor", code="F007", allowed=f"for the links {', '.join(ROWS)}, and only there"
+            )
         numbers = self.expansion.n_outputs
         if self.factor is not None and numbers != len(self.factor.group) * (6 if self.link == "factor" else 1):
             raise InputError(
-                "portable surrogate: numbers of a factor", value=numbers, allowed="one for each row, or six"
+                "portable surrogate: numbers of a factor",
+                code="F007",
+                value=numbers,
+                allowed="one for each row, or six",
             )
         if not np.isfinite(list(self.errors.values())).all():
-            raise InputError("portable surrogate: errors", value=dict(self.errors), allowed="finite numbers")
+            raise InputError(
+                "portable surrogate: errors", code="F007", value=dict(self.errors), allowed="finite numbers"
+            )
 
     @property
     def row_weights(self) -> Integers:

@@ -171,7 +171,7 @@ def test_a_fault_of_each_kind_is_noticed(tmp_path: Path, monkeypatch: pytest.Mon
         np.array([1e308]) * 10.0
 
     def refused(_: Path) -> None:
-        raise trial.InputError("x")
+        raise trial.InputError("x", code="X004")
 
     def deprecated(_: Path) -> None:
         warnings.warn("of a library", DeprecationWarning, stacklevel=1)
@@ -192,6 +192,6 @@ def test_a_fault_of_each_kind_is_noticed(tmp_path: Path, monkeypatch: pytest.Mon
 
 def _refuse(trial: Any, words: str) -> None:
     """An error whose words were not looked at when it was made."""
-    error = trial.InputError("x")
+    error = trial.InputError("x", code="X004")
     error.args = (words,)
     raise error

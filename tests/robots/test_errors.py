@@ -19,23 +19,26 @@ def test_what_steers_a_terminal_is_spelled_out() -> None:
 
 @pytest.mark.parametrize("part", ["what", "value", "allowed", "remedy"])
 def test_no_part_of_an_error_can_steer_a_terminal(part: str) -> None:
-    error = InputError(**{"what": "x", part: HOSTILE})  # type: ignore[arg-type]
+    error = InputError(code="X004", **{"what": "x", part: HOSTILE})  # type: ignore[arg-type]
     assert str(error).isprintable()
     assert "owned" in str(error)
 
 
 def test_an_error_repeats_no_more_than_finds_the_place() -> None:
     long = "9" * 3_000_000
-    error = InputError(long, value=long, allowed=long, remedy=long)
+    error = InputError(long, code="X004", value=long, allowed=long, remedy=long)
     assert len(str(error)) < 8000
     assert str(error).count("(3000000 characters)") == 4
-    assert len(str(InputError("x", value=[1.5] * 100_000))) < 1000
-    assert "thousands of digits" in str(InputError("x", value=10**5000))
-    assert str(InputError("x", value="5\n", allowed="3", remedy="y")) == r"x: got '5\n'; allowed: 3. To fix it: y"
+    assert len(str(InputError("x", code="X004", value=[1.5] * 100_000))) < 1000
+    assert "thousands of digits" in str(InputError("x", code="X004", value=10**5000))
+    assert (
+        str(InputError("x", code="X004", value="5\n", allowed="3", remedy="y"))
+        == r"x: got '5\n'; allowed: 3. To fix it: y"
+    )
 
 
 def test_many_faults_are_counted_and_the_first_spelled_out() -> None:
-    errors = InputErrors("data.csv", [InputError(f"row {i}\nowned") for i in range(200)])
+    errors = InputErrors("data.csv", [InputError(f"row {i}\nowned", code="X004") for i in range(200)])
     lines = str(errors).split("\n")
     assert lines[0] == "data.csv: 200 problem(s)"
     assert lines[1] == r"  - row 0\nowned"
@@ -46,7 +49,7 @@ def test_many_faults_are_counted_and_the_first_spelled_out() -> None:
 
 
 def test_many_long_faults_stay_a_page() -> None:
-    errors = [InputError("x" * 10**5, value="\x1b" * 10**5, remedy="\u202e" * 10**5)] * 1000
+    errors = [InputError("x" * 10**5, code="X004", value="\x1b" * 10**5, remedy="\u202e" * 10**5)] * 1000
     assert len(str(InputErrors("\x1b" * 10**5, errors, 10**6))) < 30_000
     assert str(InputErrors("data.csv", errors, 10**6)).endswith("... and 999980 more")
 
@@ -83,6 +86,6 @@ def test_a_mistyped_name_is_answered_by_the_one_that_is_close(
     value: object, allowed: str | None, close: str | None
 ) -> None:
     assert meant(value, allowed) == close
-    message = str(InputError("--free", value=value, allowed=allowed, remedy="correct it"))
+    message = str(InputError("--free", code="X004", value=value, allowed=allowed, remedy="correct it"))
     assert (f"Did you mean {close}?" in message) == (close is not None)
     assert message.endswith("To fix it: correct it")

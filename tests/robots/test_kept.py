@@ -48,7 +48,7 @@ def test_errors_are_not_kept() -> None:
     def fails(robot: Robot) -> None:
         nonlocal count
         count += 1
-        raise InputError("no")
+        raise InputError("no", code="X004")
 
     robot = load_robot("kr60-3")
     for _ in range(2):

@@ -135,7 +135,7 @@ def propose(
     """
     usual = _protocol(s, loads, directions, components, unloading, repeats)
     if not 1 <= poses <= MOST_POSES:
-        raise InputError("poses to measure next", value=poses, allowed=f"1 to {MOST_POSES}")
+        raise InputError("poses to measure next", code="C005", value=poses, allowed=f"1 to {MOST_POSES}")
     count = max(candidates // len(usual.directions), min(candidates, 60), 4 * poses)
     q = possible_poses(s, count, usual, zone, coordinates, rng)
     question = question_of(s, d, still_open)
@@ -148,6 +148,7 @@ def propose(
     else:
         raise InputError(
             f"set-ups that would tell {_one_of(question)}",
+            code="C005",
             value=f"none of {len(p)} tried",
             remedy="read other components, load in other directions, or look at the set-up itself",
         )
@@ -248,13 +249,16 @@ def _protocol(
     so_far = s.data.free.at
     known = usual_loads(so_far.wrench[:, :3])
     if loads is None and len(known) == 0:
-        raise InputError("loads to measure next", value="none", remedy="name them: the readings so far have no force")
+        raise InputError(
+            "loads to measure next", code="C006", value="none", remedy="name them: the readings so far have no force"
+        )
     up = known if loads is None else np.unique(np.asarray(loads, dtype=np.float64))
     payload = s.description.payload
     most = max(float(known.max(initial=0.0)), np.inf if payload is None else payload.si * STANDARD_GRAVITY)
     if len(up) == 0 or not np.isfinite(up).all() or up[0] <= 0.0 or up[-1] > most:
         raise InputError(
             "loads to measure next (N)",
+            code="C006",
             value=[float(x) for x in up],
             allowed=f"above 0{f', at most {most:.0f} (payload, or the largest load so far)' if most < np.inf else ''}",
         )
@@ -293,6 +297,7 @@ def possible_poses(
     if len(q) < n // 4:
         raise InputError(
             f"poses of {robot.name} that are new, possible and leave room for a load: {len(q)}",
+            code="C005",
             allowed=f"{n // 4} or more",
             remedy="lower the floor, move the boxes, or give less clearance",
         )

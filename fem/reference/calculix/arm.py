@@ -139,9 +139,9 @@ def arm_deck(
     """
     pose, loads, at = one_pose(model, q, wrench, point)
     if len(loads) != 1:
-        raise InputError("loads of a CalculiX input", value=len(loads), allowed="one")
+        raise InputError("loads of a CalculiX input", code="M003", value=len(loads), allowed="one")
     if not model.links:
-        raise InputError(f"links of {model.robot.name}", value=model.link_kind, allowed="shell, solid")
+        raise InputError(f"links of {model.robot.name}", code="M003", value=model.link_kind, allowed="shell, solid")
     for link in all_links(model):
         mesh_of(link)
     expected = deflection(model, pose, loads, at)[0]

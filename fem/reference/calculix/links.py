@@ -221,6 +221,7 @@ def _rigid(deck: Deck, placed: _Placed, interface: _Interface) -> None:
     if not edges.size:
         raise InputError(
             f"{interface.what}: its ring has no edges, so that it cannot hold the wall",
+            code="L006",
             value=f"{interface.ring.size} node(s)",
             allowed="neighbouring nodes",
         )

@@ -68,23 +68,27 @@ class Csv(Neutral):
         """
         head, *body = text.splitlines() or [""]
         if head.strip() != f"# {SCHEMA}":
-            raise InputError(f"{where}, first line", value=head[:80], allowed=f"# {SCHEMA}")
+            raise InputError(f"{where}, first line", code="Q005", value=head[:80], allowed=f"# {SCHEMA}")
         try:
             records = list(csv.reader(body))
         except csv.Error as error:
-            raise InputError(f"{where} is not valid CSV ({error})", remedy="write the program again") from error
+            raise InputError(
+                f"{where} is not valid CSV ({error})", code="Q005", remedy="write the program again"
+            ) from error
         wanted = columns(robot, cell)
         if not records or records[0] != wanted:
-            raise InputError(f"{where}, names of columns", allowed=",".join(wanted))
+            raise InputError(f"{where}, names of columns", code="Q005", allowed=",".join(wanted))
         kept = [i for i, name in enumerate(wanted) if name not in WORDS]
         values = []
         for i, record in enumerate(records[1:], 3):
             if len(record) != len(wanted):
-                raise InputError(f"{where}, line {i}", value=f"{len(record)} fields", allowed=f"{len(wanted)}")
+                raise InputError(
+                    f"{where}, line {i}", code="Q005", value=f"{len(record)} fields", allowed=f"{len(wanted)}"
+                )
             try:
                 values.append([float(record[k] or "nan") for k in kept])
             except ValueError as error:
-                raise InputError(f"{where}, line {i}: {error}", allowed="numbers") from error
+                raise InputError(f"{where}, line {i}: {error}", code="Q005", allowed="numbers") from error
         table = table_of([wanted[i] for i in kept], values, where)
         none = np.zeros(len(values), dtype=np.int64)
         told = why_not_spherical(robot) is None

@@ -193,7 +193,9 @@ class Fanuc(Controller):
             for number, body in _POINT.findall(text.partition("\n/POS")[2]):
                 words = {key.upper(): "".join(values).strip() for key, *values in _WORD.findall(body)}
                 if int(number) in out.setdefault(name, {}):
-                    raise InputError(f"{name}, P[{number}] stands there twice", allowed="each position once")
+                    raise InputError(
+                        f"{name}, P[{number}] stands there twice", code="Q005", allowed="each position once"
+                    )
                 out[name][int(number)] = words
         return out
 
@@ -213,14 +215,19 @@ class Fanuc(Controller):
         own = options.own(FanucOptions)
         point = scan.data.get(where.rpartition(", line")[0], {}).get(int(found[2]))
         if point is None:
-            raise InputError(f"{where}: P[{found[2]}]", allowed="a position of the same file")
+            raise InputError(f"{where}: P[{found[2]}]", code="Q005", allowed="a position of the same file")
         if point.get("UF") != str(own.frame):
             raise InputError(
-                f"{where}: user frame of P[{found[2]}]", value=point.get("UF", "none"), allowed=str(own.frame)
+                f"{where}: user frame of P[{found[2]}]",
+                code="Q005",
+                value=point.get("UF", "none"),
+                allowed=str(own.frame),
             )
         speed = _SPEED.fullmatch(found[3])
         if speed is None and not (found[1].upper() == "J" and found[3].endswith("%")):
-            raise InputError(f"{where}, speed", value=found[3], allowed="mm/sec of a number or register; % behind J")
+            raise InputError(
+                f"{where}, speed", code="Q005", value=found[3], allowed="mm/sec of a number or register; % behind J"
+            )
         rate = scan.speed(str(own.speed_register) if speed is None else speed[1] or "")
         if speed is not None and speed[2]:
             rate = numbers(where, [speed[2]])[0] * 1e-3
@@ -230,7 +237,9 @@ class Fanuc(Controller):
                 words = numbers(where, [point[name] for name in names])
                 sides_said = re.findall(r"[A-Z]|-?\d+", point.get("CONFIG", "").upper()) if kind == "cartesian" else []
                 return ReadMove(where, kind, words, numbers(where, external), joint, sides_said, rate)
-        raise InputError(f"{where}: P[{found[2]}]", value=", ".join(point)[:80], allowed="X Y Z W P R, or J1 to J6")
+        raise InputError(
+            f"{where}: P[{found[2]}]", code="Q005", value=", ".join(point)[:80], allowed="X Y Z W P R, or J1 to J6"
+        )
 
     def notes(self, job: Job) -> list[str]:
         """See :class:`Controller`."""

@@ -93,7 +93,7 @@ class Json(Neutral):
         data, lines = _parsed(text, where)
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             found = data.get("schema") if isinstance(data, dict) else type(data).__name__
-            raise InputError(f"{where}, schema", value=str(found)[:80], allowed=SCHEMA)
+            raise InputError(f"{where}, schema", code="Q005", value=str(found)[:80], allowed=SCHEMA)
         for key, value, wanted in (
             ("robot", _get(data, "robot", where), robot.name),
             ("joints", _get(data, "joints", where), robot.dof),
@@ -101,14 +101,16 @@ class Json(Neutral):
             ("turntable", _get(data, "turntable", where), cell.turntable is not None),
         ):
             if value != wanted:
-                raise InputError(f"{where}, {key}", value=str(value)[:80], allowed=str(wanted))
+                raise InputError(f"{where}, {key}", code="Q005", value=str(value)[:80], allowed=str(wanted))
         table = _table(data, columns(robot, cell), where)
         try:
             return program_of(robot, cell, table, where, lines, **_others(data, table, where))
         except InputError:
             raise
         except (TypeError, ValueError, KeyError, OverflowError) as error:
-            raise InputError(f"{where}: {type(error).__name__}: {error}", remedy="write the file again") from error
+            raise InputError(
+                f"{where}: {type(error).__name__}: {error}", code="Q005", remedy="write the file again"
+            ) from error
 
     def told(self, program: JointProgram, back: JointProgram) -> InputError | None:
         """See :class:`Neutral`: every event, its value within rounding."""
@@ -118,6 +120,7 @@ class Json(Neutral):
                 event = wanted or found
                 return InputError(
                     f"event {event.kind or event.word} of line {event.line}",
+                    code="Q001",
                     value="missing" if found is None else "not in the tool path" if wanted is None else "another",
                     allowed="the events of the tool path, in their order",
                 )
@@ -187,25 +190,27 @@ def _known(value: float) -> float | None:
 
 def _get(data: Mapping[str, Any], key: str, where: str) -> Any:
     if key not in data:
-        raise InputError(f"{where}: no {key}", remedy="write the file again")
+        raise InputError(f"{where}: no {key}", code="Q005", remedy="write the file again")
     return data[key]
 
 
 def _list(data: Mapping[str, Any], key: str, where: str) -> list[Any]:
     value = _get(data, key, where)
     if not isinstance(value, list):
-        raise InputError(f"{where}, {key}", value=type(value).__name__, allowed="a list")
+        raise InputError(f"{where}, {key}", code="Q005", value=type(value).__name__, allowed="a list")
     return value
 
 
 def _table(data: dict[str, Any], wanted: list[str], where: str) -> dict[str, Array]:
     if _list(data, "columns", where) != wanted:
-        raise InputError(f"{where}, columns", allowed=", ".join(wanted))
+        raise InputError(f"{where}, columns", code="Q005", allowed=", ".join(wanted))
     if not isinstance(data.get("moves"), np.ndarray):
         moves = _numbers(_list(data, "moves", where), len(wanted), where)
     # Taken out, so that it does not stand beside the table made of it.
     elif (moves := data.pop("moves")).shape[1] != len(wanted):
-        raise InputError(f"{where}, moves", value=f"{moves.shape[1]} values each", allowed=f"{len(wanted)} values")
+        raise InputError(
+            f"{where}, moves", code="Q005", value=f"{moves.shape[1]} values each", allowed=f"{len(wanted)} values"
+        )
     return table_of(wanted, moves, where)
 
 
@@ -214,9 +219,9 @@ def _numbers(rows: Any, count: int, where: str) -> Array:
     known = {int, float, bool, type(None)}
     for i, row in enumerate(rows):
         if type(row) is not list or len(row) != count:
-            raise InputError(f"{where}, move {i + 1}", allowed=f"a list of {count} values")
+            raise InputError(f"{where}, move {i + 1}", code="Q005", allowed=f"a list of {count} values")
         if not known.issuperset(map(type, row)):
-            raise InputError(f"{where}, move {i + 1}", allowed="numbers, true, false or null")
+            raise InputError(f"{where}, move {i + 1}", code="Q005", allowed="numbers, true, false or null")
     return np.array(rows, dtype=np.float64)
 
 

@@ -165,7 +165,7 @@ class Krl(Controller):
         pairs = [item.split() for item in found[2].split(",")]
         for pair in pairs:
             if len(pair) != 2:
-                raise InputError(where, value=" ".join(pair)[:40], allowed="a name and a number")
+                raise InputError(where, code="Q005", value=" ".join(pair)[:40], allowed="a name and a number")
         given = [pair[0].upper() for pair in pairs]
         values = dict(zip(given, numbers(where, [pair[1] for pair in pairs]), strict=True))
         externals = [values[name] for name in EXTERNALS if name in values]
@@ -178,7 +178,7 @@ class Krl(Controller):
                     for name in said
                 ]
                 return ReadMove(where, kind, words, externals, joint, turns, scan.speed())
-        raise InputError(where, value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
+        raise InputError(where, code="Q005", value=found[2].strip()[:80], allowed="X Y Z A B C, or A1 to A6")
 
 
 FORMAT = Krl()

@@ -118,7 +118,7 @@ class Rapid(Controller):
         """See :class:`Controller`."""
         o, external = job.options, external_count(job.program)
         if external > EXTERNALS:
-            raise InputError("external axes in RAPID", value=external, allowed=f"at most {EXTERNALS}")
+            raise InputError("external axes in RAPID", code="Q004", value=external, allowed=f"at most {EXTERNALS}")
         return {
             "unused": (UNUSED,) * (EXTERNALS - external),
             "tools": [(tool.name, self._frame(tool.T, o), self.load_value(tool, o)) for tool in job.used],
@@ -180,10 +180,14 @@ class Rapid(Controller):
             return ReadMove(where, "joint", values[0], used, joint=True, speed=scan.speed())
         if order != "moveabsj" and lengths == [3, 4, 4, EXTERNALS]:
             if abs(np.linalg.norm(values[1]) - 1.0) > UNIT:
-                raise InputError(f"{where}, orientation", value=lists[1], allowed="a quaternion of length 1")
+                raise InputError(
+                    f"{where}, orientation", code="Q005", value=lists[1], allowed="a quaternion of length 1"
+                )
             turns = [whole(f"{where}, configuration", item) for item in lists[2].split(",")]
             return ReadMove(where, "cartesian", values[0] + values[1], used, order == "movej", turns, scan.speed())
-        raise InputError(where, value=found[2][:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]")
+        raise InputError(
+            where, code="Q005", value=found[2][:80], allowed="robtarget [[3],[4],[4],[6]], jointtarget [[6],[6]]"
+        )
 
 
 FORMAT = Rapid()

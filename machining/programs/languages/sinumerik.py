@@ -71,7 +71,7 @@ class SinumerikOptions(Strict):
         """Names of the joints, the linear axes, and the turntable. Raises InputError where names are missing."""
         linear, table = len(cell.linear_axes), cell.turntable is not None
         if linear > len(self.linear):
-            raise InputError("names of linear axes", value=len(self.linear), allowed=f"{linear}")
+            raise InputError("names of linear axes", code="Q004", value=len(self.linear), allowed=f"{linear}")
         return [*self.axes, *self.linear[:linear], *([self.table] if table else [])]
 
 
@@ -143,7 +143,7 @@ class Sinumerik(Controller):
         """See :class:`Controller`."""
         own, dof = job.options.own(SinumerikOptions), job.program.robot.dof
         if len(own.axes) != dof:
-            raise InputError("[sinumerik] axes", value=len(own.axes), allowed=f"{dof} names, one a joint")
+            raise InputError("[sinumerik] axes", code="Q004", value=len(own.axes), allowed=f"{dof} names, one a joint")
         axes, per_minute = own.names_of(job.program.cell), own.feed == "per_minute"
         # Of an axis that turns the farthest point by the zone.
         blend = np.degrees(job.options.blend_mm * 1e-3 / farthest(job.program))
@@ -213,7 +213,9 @@ def _values(where: str, text: str, axes: Sequence[str]) -> list[float]:
     words = dict(_WORD.findall(text.upper()))
     missing = [name for name in axes if name not in words]
     if missing:
-        raise InputError(where, value=f"no {', '.join(missing)}", allowed="a word for every axis in every block")
+        raise InputError(
+            where, code="Q005", value=f"no {', '.join(missing)}", allowed="a word for every axis in every block"
+        )
     return numbers(where, [words[name] for name in axes])
 
 
@@ -221,7 +223,7 @@ def _time(where: str, text: str, inverse: bool, way: float) -> float:
     feed = _FEED.search(text.upper())
     rate = 0.0 if feed is None else number(where, feed[1])
     if rate <= 0.0:
-        raise InputError(where, value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
+        raise InputError(where, code="Q005", value=text.strip()[:80], allowed="an F of more than 0 in every G1 block")
     return 60.0 / rate if inverse else 60.0 * way / rate
 
 

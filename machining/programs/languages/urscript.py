@@ -88,6 +88,7 @@ class UrScript(Controller):
         if externals or robot.dof != ARM:
             raise InputError(
                 "axes in URScript",
+                code="Q004",
                 value=f"{robot.dof} joints, {externals} external axes",
                 allowed=f"{ARM} joints, no external axes",
                 remedy="choose another format",
@@ -128,7 +129,7 @@ class UrScript(Controller):
         """See :class:`Controller`: movej to six joint angles."""
         angles = numbers(where, found[1].split(","))
         if len(angles) != ARM:
-            raise InputError(where, value=f"{len(angles)} angles", allowed=f"{ARM}")
+            raise InputError(where, code="Q005", value=f"{len(angles)} angles", allowed=f"{ARM}")
         time = _TIME.search(found[2])
         duration = np.nan if time is None else number(f"{where}, t", time[1])
         return ReadMove(where, "joint", np.degrees(angles).tolist(), (), joint=True, duration=duration)

@@ -123,6 +123,7 @@ class Val3(Controller):
         if axes.shape[1] and np.ptp(axes, axis=0).max() > STILL:
             raise InputError(
                 "external axes that move, in VAL3",
+                code="Q004",
                 allowed="axes that stand still",
                 remedy="choose another format, or split the path where they move",
             )
@@ -149,11 +150,13 @@ class Val3(Controller):
         order, path, place, _, descriptor = found.groups()
         point = scan.data.get(path, {}).get(whole(f"{where}, {path}", place))
         if point is None:
-            raise InputError(f"{where}: {path}[{place}]", allowed="a point of the data file")
+            raise InputError(f"{where}: {path}[{place}]", code="Q005", allowed="a point of the data file")
         kind, names = ("cartesian", CARTESIAN) if path == "pPath" else ("joint", JOINTS)
         missing = [key for key in names if key not in point]
         if missing:
-            raise InputError(f"{where}: {path}[{place}]", value=f"no {missing[0]}", allowed=" ".join(names))
+            raise InputError(
+                f"{where}: {path}[{place}]", code="Q005", value=f"no {missing[0]}", allowed=" ".join(names)
+            )
         words = [number(where, point[key]) for key in names]
         turns = [point[key] for key in SIDES if key in point]
         return ReadMove(where, kind, words, external, order == "movej", turns, scan.speed(descriptor))
@@ -169,11 +172,15 @@ def _data(source: str, text: str) -> dict[str, dict[int, dict[str, str]]]:
             attributes = dict(_ATTRIBUTE.findall(value[1]))
             key = attributes.get("key", "")
             if not (key.isascii() and key.isdecimal() and len(key) < 10) or int(key) in here:
-                raise InputError(f"{source}, line {i}, key", value=key, allowed="a whole number, each once")
+                raise InputError(
+                    f"{source}, line {i}, key", code="Q005", value=key, allowed="a whole number, each once"
+                )
             here[int(key)] = attributes
         elif (found := _DATA.match(line)) is not None:
             if found[1] in out:
-                raise InputError(f"{source}, line {i}: data {found[1]} stands there twice", allowed="each name once")
+                raise InputError(
+                    f"{source}, line {i}: data {found[1]} stands there twice", code="Q005", allowed="each name once"
+                )
             here = out.setdefault(found[1], {})
     return out
 

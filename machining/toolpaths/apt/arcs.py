@@ -52,7 +52,7 @@ class ArcWord:
                 turns = max(1, math.ceil(abs(self.angle) / (2.0 * math.pi) - slack))
                 return ArcWord(self.center, axis, self.radius, turns), remark
         raise StatementError(
-            f"angle {math.degrees(self.angle):.6g} deg does not lead from start to end", "the angle swept"
+            f"angle {math.degrees(self.angle):.6g} deg does not lead from start to end", "the angle swept", code="P011"
         )
 
 
@@ -111,7 +111,7 @@ def tlon(rest: str, scale: float, start: Array, tangent: Array) -> tuple[ArcWord
         Another form; a tangent that is none; an end that is not the one the words say it is.
     """
     if len(rest) > TLON_LIMIT:
-        raise StatementError(f"TLON,GOFWD of {len(rest)} characters", f"up to {TLON_LIMIT}")
+        raise StatementError(f"TLON,GOFWD of {len(rest)} characters", f"up to {TLON_LIMIT}", code="P011")
     circle_part, line_part = _CIRCLE.search(rest), _LINE.search(rest)
     cylinder_part, point_parts = _CYLINDER.search(rest), _POINT.findall(rest)
     if circle_part and line_part:
@@ -129,19 +129,23 @@ def tlon(rest: str, scale: float, start: Array, tangent: Array) -> tuple[ArcWord
         second = None
     else:
         raise StatementError(
-            f"{rest.strip()[:60]!r} behind TLON,GOFWD", "a CIRCLE with a LINE, or a CYLNDR with a POINT"
+            f"{rest.strip()[:60]!r} behind TLON,GOFWD", "a CIRCLE with a LINE, or a CYLNDR with a POINT", code="P011"
         )
     lever, length = start - center, float(np.linalg.norm(tangent))
     lever = lever - (lever @ axis) / max(float(axis @ axis), 1e-300) * axis
     turns = 1e-9 < float(np.abs(axis).max()) < 1e9
     if not length or abs(lever @ tangent) > TANGENT * length * float(np.linalg.norm(lever)) or not turns:
-        raise StatementError("INDIRV is not tangent to the arc at its start", "the direction in which the arc starts")
+        raise StatementError(
+            "INDIRV is not tangent to the arc at its start", "the direction in which the arc starts", code="P011"
+        )
     if second is not None and np.linalg.norm(end - start) > 1e-6:
         sweep = sweep_about(start, end, center, axis)
         # Within a thousandth of half a turn both words are right.
         if abs(sweep - math.pi) > 1e-3 and (sweep > math.pi) != second:
             stated = "the second" if second else "the first"
-            raise StatementError(f"arc of {math.degrees(sweep):.4g} deg ends not on {stated} intersection", "its end")
+            raise StatementError(
+                f"arc of {math.degrees(sweep):.4g} deg ends not on {stated} intersection", "its end", code="P011"
+            )
     return ArcWord(center, axis, radius), end
 
 
@@ -151,5 +155,5 @@ def _times(parts: list[str]) -> tuple[list[str], int]:
     at = parts.index("TIMES")
     turns = as_number(parts[at + 1]) if len(parts) > at + 1 else None
     if turns is None or not 1 <= turns <= 10_000 or turns != int(turns):
-        raise StatementError(f"TIMES,{','.join(parts[at + 1 : at + 2])}", "a whole number from 1 to 10000")
+        raise StatementError(f"TIMES,{','.join(parts[at + 1 : at + 2])}", "a whole number from 1 to 10000", code="P011")
     return parts[:at] + parts[at + 2 :], int(turns)

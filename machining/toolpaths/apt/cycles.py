@@ -50,22 +50,22 @@ def cycle(parts: list[str], scale: float) -> Cycle:
     """
     kind, values, feed = _sorted(parts)
     if not kind:
-        raise StatementError("a cycle without its kind", ", ".join(KINDS))
+        raise StatementError("a cycle without its kind", ", ".join(KINDS), code="P012")
     pecks, chip_break, feed_out, reverse = KINDS[kind]
     if "FEDTO" not in values and "DEPTH" not in values:
-        raise StatementError("a cycle without its depth", "FEDTO or DEPTH with a number")
+        raise StatementError("a cycle without its depth", "FEDTO or DEPTH with a number", code="P012")
     start = values.get("CLEAR", values.get("RAPTO", 0.0))
     if "CLEAR" in values:
         start -= values.get("RAPTO", 0.0)
     steps = tuple(values[word] * scale for word in _PECKS if values.get(word, 0.0) > 0.0) if pecks else ()
     # DEEP without steps is one stroke: in Siemens NX it has "Increment: None".
     if pecks and not steps and kind != "DEEP":
-        raise StatementError(f"{kind} without its steps", "STEP with a number")
+        raise StatementError(f"{kind} without its steps", "STEP with a number", code="P012")
     for one, other in (("FEDTO", "DEPTH"), ("RTRCTO", "RETURN")):
         if one in values and other in values:
-            raise StatementError(f"{one} and {other} of a cycle", "one of them")
+            raise StatementError(f"{one} and {other} of a cycle", "one of them", code="P012")
     if not pecks and any(word in values for word in _PECKS):
-        raise StatementError(f"{kind} with steps", "DEEP or BRKCHP for pecks, no steps for one stroke")
+        raise StatementError(f"{kind} with steps", "DEEP or BRKCHP for pecks, no steps for one stroke", code="P012")
     back = values.get("RTRCTO", values.get("RETURN", math.nan))
     made = Cycle(
         start=start * scale,
@@ -89,27 +89,31 @@ def _sorted(parts: list[str]) -> tuple[str, dict[str, float], tuple[float, str] 
         i += 1 if number is None else 2
         if as_number(word) is not None:
             raise StatementError(
-                f"number {word} of a cycle without its word", "words with numbers, such as RAPTO,3,FEDTO,-20,MMPM,250"
+                f"number {word} of a cycle without its word",
+                "words with numbers, such as RAPTO,3,FEDTO,-20,MMPM,250",
+                code="P012",
             )
         if word in KINDS and (number is None or not kind):
             if number is not None:
                 raise StatementError(
-                    f"number {parts[i - 1]} of a cycle without its word", "RAPTO, FEDTO, ... before it"
+                    f"number {parts[i - 1]} of a cycle without its word", "RAPTO, FEDTO, ... before it", code="P012"
                 )
             kind = word
         elif word in _REFUSED or not kind:
-            raise StatementError(f"cycle {word!r}", ", ".join(KINDS))
+            raise StatementError(f"cycle {word!r}", ", ".join(KINDS), code="P012")
         elif word in FEED_UNITS and number is not None:
             if feed is not None:
-                raise StatementError("two feeds of a cycle", "one feed")
+                raise StatementError("two feeds of a cycle", "one feed", code="P012")
             feed = (number, word)
         elif word in (*_HEIGHTS, *_PECKS) and number is not None:
             if word in values:
-                raise StatementError(f"{word} of a cycle twice", "each word once")
+                raise StatementError(f"{word} of a cycle twice", "each word once", code="P012")
             values[word] = number
         elif word not in OF_CYCLE or number is not None:
             text = word if number is None else f"{word},{number:g}"
-            raise StatementError(f"{text} of a cycle is not read", ", ".join((*_HEIGHTS, *_PECKS, *OF_CYCLE)))
+            raise StatementError(
+                f"{text} of a cycle is not read", ", ".join((*_HEIGHTS, *_PECKS, *OF_CYCLE)), code="P012"
+            )
     return kind, values, feed
 
 

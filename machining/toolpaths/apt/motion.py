@@ -64,7 +64,7 @@ class AptMotion(AptState):
     def _along(self, arc: ArcWord, end: Vector, before: Vector) -> None:
         self.arc = None
         if self.here is None:
-            raise StatementError("an arc without a point before it", "GOTO or FROM before the arc")
+            raise StatementError("an arc without a point before it", "GOTO or FROM before the arc", code="P011")
         try:
             arc, remark = arc.settled(np.array(self.here), np.array(end))
             if remark:
@@ -86,6 +86,7 @@ class AptMotion(AptState):
                 fault.value,
                 fault.allowed,
                 "post once more with more decimals, or allow more: --read arc_tolerance_um=50",
+                code="P011",
             )
             self.here = end
             return
@@ -120,7 +121,7 @@ class AptMotion(AptState):
     def _godlta(self, s: Statement) -> None:
         values = [v * self.scale for v in s.numbers(1, 3)]
         if self.here is None:
-            raise StatementError("GODLTA without a point before it", "GOTO or FROM before it")
+            raise StatementError("GODLTA without a point before it", "GOTO or FROM before it", code="P011")
         if len(values) == 1:
             length = math.sqrt(sum(v * v for v in self.axis)) or 1.0
             step = [values[0] * v / length for v in self.axis]
@@ -146,7 +147,7 @@ class AptMotion(AptState):
     def _no_open_arc(self) -> None:
         if self.arc is not None:
             self.arc = None
-            self._fault("an arc without its GOTO before this line", "", "the end of the arc")
+            self._fault("an arc without its GOTO before this line", "", "the end of the arc", code="P011")
 
     def _circle(self, s: Statement) -> None:
         self._open(circle(s.parts, self.scale, self.options.circle_axis))
@@ -164,7 +165,9 @@ class AptMotion(AptState):
 
     def _tlon(self, s: Statement) -> None:
         if self.here is None or self.tangent is None or self.frames.moves:
-            raise StatementError("no point or no INDIRV before it", "GOTO and INDIRV before it, frames as written")
+            raise StatementError(
+                "no point or no INDIRV before it", "GOTO and INDIRV before it, frames as written", code="P011"
+            )
         arc, end = tlon(s.rest, self.scale, np.array(self.here), self.tangent)
         self._along(arc, (float(end[0]), float(end[1]), float(end[2])), self.axis)
 

@@ -118,7 +118,7 @@ class _Reader(AptMotion):
             self.head, self.plain = whole, False
             if len(whole) > STATEMENT_LIMIT:
                 self.line, self.head = self.head_line, ""
-                self._fault("statement", "", f"up to {STATEMENT_LIMIT} characters")
+                self._fault("statement", "", f"up to {STATEMENT_LIMIT} characters", code="P020")
             return
         self.head, self.line = "", self.head_line
         self._settle()
@@ -137,12 +137,14 @@ class _Reader(AptMotion):
             elif word == "PROBE" and s.parts in (["ON"], ["OFF"]):
                 self.recorder.command(self.line, "probe", float(s.parts == ["ON"]), s.rest, word)
             elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
-                self._fault("numbers without a word before them", readable(text), "GOTO/ and the like, or $ above")
+                self._fault(
+                    "numbers without a word before them", readable(text), "GOTO/ and the like, or $ above", code="P020"
+                )
             else:
                 self._lost(s)
         except StatementError as fault:
             self.arc = None
-            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, fault.remedy, site=fault.site)
+            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, fault.remedy, code=fault.code)
         self._settle()
 
     def _comment(self, number: int, text: str) -> None:
@@ -158,26 +160,32 @@ class _Reader(AptMotion):
     def _lost(self, s: Statement) -> None:
         if self.options.unknown_motion == "error":
             sounds = "sounds like a motion and" if words.sounds_like_motion(s.word) else "may change the path: it"
-            self._fault(f"{readable(s.word)} {sounds} is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", REMEDY)
+            self._fault(
+                f"{readable(s.word)} {sounds} is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", REMEDY, code="P019"
+            )
         else:
             self.recorder.event(self.line, s.word, readable(s.rest), note=f"word {readable(s.word)} left out, as asked")
 
     def _minor(self, s: Statement) -> None:
         """Refuse a minor word with which a major one may change the path."""
         if self.finished and s.word not in quiet.DROPPED:
-            raise StatementError("a statement behind FINI", "FINI as the last one", "post a file for each program")
+            raise StatementError(
+                "a statement behind FINI", "FINI as the last one", "post a file for each program", code="P020"
+            )
         known = quiet.MINOR.get(s.word)
         stray = [part for part in s.parts if part and words.as_number(part) is None and part not in (known or ())]
         if known is not None and stray:
             allowed = ", ".join(sorted(known)) or f"{s.word} alone"
-            raise StatementError(f"{stray[0]} is not read", allowed, REMEDY)
+            raise StatementError(f"{stray[0]} is not read", allowed, REMEDY, code="P019")
 
     def _codes(self, s: Statement) -> None:
         """PREFUN and AUXFUN: codes as they come into the program."""
         known, letter = (quiet.G_CODES, "G") if s.word == "PREFUN" else (quiet.M_CODES, "M")
         for number in s.numbers(*range(1, 9)):
             if number not in known:
-                raise StatementError(f"{letter}{number:g} may change the path", _codes_of(known, letter), REMEDY)
+                raise StatementError(
+                    f"{letter}{number:g} may change the path", _codes_of(known, letter), REMEDY, code="P019"
+                )
         self.recorder.event(self.line, s.word, s.rest)
 
     def _insert(self, s: Statement) -> None:
@@ -187,7 +195,7 @@ class _Reader(AptMotion):
         for code in (_WORD if whole else _COMMAND).findall(text):
             number = words.as_number(code[1:])
             if number not in {"G": quiet.G_CODES, "M": quiet.M_CODES}.get(code[0], {}):
-                raise StatementError(f"{code} may change the path", "texts, and codes such as M8", REMEDY)
+                raise StatementError(f"{code} may change the path", "texts, and codes such as M8", REMEDY, code="P019")
         self.recorder.event(self.line, s.word, readable(s.rest))
 
     def _settle(self) -> None:
@@ -198,9 +206,17 @@ class _Reader(AptMotion):
     def _finish(self) -> None:
         if self.head:
             self.line = self.head_line
-            self._fault("the file ends within a statement", self.head, "the rest behind the last $", "post once more")
+            self._fault(
+                "the file ends within a statement",
+                self.head,
+                "the rest behind the last $",
+                "post once more",
+                code="P020",
+            )
         if self.arc is not None:
-            self._fault("the file ends behind an arc without its GOTO", "", "the end of the arc", "post once more")
+            self._fault(
+                "the file ends behind an arc without its GOTO", "", "the end of the arc", "post once more", code="P011"
+            )
         if self.ended:
             self.recorder.finish(self.line, "END-OF-PATH")
         else:

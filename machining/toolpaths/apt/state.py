@@ -18,7 +18,6 @@ from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import Recorder, StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
-from robots.errors import raised_at
 
 # What to do about motion in more than one frame.
 FRAMES = "say which coordinates are wanted: --read frames=written or frames=absolute (frames= in Python)"
@@ -72,12 +71,16 @@ class Frames:
             self.upright = values[2], values[6], values[10]
             return
         if self.mode == "absolute" and word == "CSYS":
-            raise StatementError("CSYS cannot be applied: vendors differ in its direction", "--read frames=written")
+            raise StatementError(
+                "CSYS cannot be applied: vendors differ in its direction", "--read frames=written", code="P013"
+            )
         self.words = {key: v for key, v in self.words.items() if key != word}
         if word == "MSYS":
             x, y = np.array(values[3:6]), np.array(values[6:9])
             if abs(np.linalg.norm(x) - 1.0) > 1e-3 or abs(np.linalg.norm(y) - 1.0) > 1e-3 or abs(x @ y) > 1e-3:
-                raise StatementError("axes of MSYS that are not at right angles and of length 1", "two unit vectors")
+                raise StatementError(
+                    "axes of MSYS that are not at right angles and of length 1", "two unit vectors", code="P013"
+                )
         if any(abs(v - w) > 1e-9 for v, w in zip(values, NONE[word], strict=True)):
             self.words[word] = tuple(values)
         if self.mode == "absolute":
@@ -173,16 +176,13 @@ class AptState:
     def _commit(self) -> None:
         fault = self.frames.use()
         if fault:
-            self._fault("motion in a second frame", fault, "one frame", FRAMES)
+            self._fault("motion in a second frame", fault, "one frame", FRAMES, code="P013")
         sign = self.spindle.signed
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False
 
-    def _fault(
-        self, what: str, value: str, allowed: str | None, remedy: str | None = None, site: str | None = None
-    ) -> None:
-        site = site or raised_at(1)
-        self.recorder.error(self.line, what, value=value.strip() or None, allowed=allowed, remedy=remedy, site=site)
+    def _fault(self, what: str, value: str, allowed: str | None, remedy: str | None = None, *, code: str) -> None:
+        self.recorder.error(self.line, what, code=code, value=value.strip() or None, allowed=allowed, remedy=remedy)
 
     def _fedrat(self, s: Statement) -> None:
         self.feed = words.feed(s.parts, self.scale, self.feed)
@@ -212,15 +212,17 @@ class AptState:
         seconds = words.numbers([part for part in s.parts if part not in ("REV", "SEC")], (1,))[0]
         if "REV" in s.parts:
             if not self.spindle.signed > 0.0 and not self.spindle.signed < 0.0:
-                raise StatementError("a dwell in turns without a spindle speed", "SPINDL before it")
+                raise StatementError("a dwell in turns without a spindle speed", "SPINDL before it", code="P022")
             seconds *= 2.0 * math.pi / abs(self.spindle.signed)
         self.recorder.dwell(self.line, seconds)
 
     def _units(self, s: Statement) -> None:
         if len(s.parts) != 1 or s.parts[0] not in words.LENGTHS:
-            raise StatementError(f"unit of length {s.rest.strip()!r}", ", ".join(words.LENGTHS))
+            raise StatementError(f"unit of length {s.rest.strip()!r}", ", ".join(words.LENGTHS), code="P003")
         if words.LENGTHS[s.parts[0]] != self.scale:
-            raise StatementError("the unit of length changes behind motion", "one unit, before the first motion")
+            raise StatementError(
+                "the unit of length changes behind motion", "one unit, before the first motion", code="P003"
+            )
 
     def _tlaxis(self, s: Statement) -> None:
         x, y, z = s.numbers(3)
@@ -236,7 +238,7 @@ class AptState:
     def _transformed(self, s: Statement) -> None:
         self.recorder.event(self.line, s.word, readable(s.rest))
         if any(words.as_number(part) for part in s.parts):
-            raise StatementError("a system other than the first one", "TRNTYP/WORLD,0,0,0")
+            raise StatementError("a system other than the first one", "TRNTYP/WORLD,0,0,0", code="P013")
         self.frames.world = True
 
     def _tool_path(self, s: Statement) -> None:
@@ -268,7 +270,13 @@ class AptState:
     def _fresh(self) -> None:
         if self.cycle is not None:
             self.cycle = None
-            self._fault("a tool is changed while a cycle is on", "", "CYCLE/OFF before it", "find where the cycle ends")
+            self._fault(
+                "a tool is changed while a cycle is on",
+                "",
+                "CYCLE/OFF before it",
+                "find where the cycle ends",
+                code="P012",
+            )
         # Data of the tool before must not stay on the next one; data given since the last motion belong to it.
         if not self.loaded:
             self.tool, self.loaded = Tool(), True

@@ -99,9 +99,11 @@ def numbers(parts: list[str], allowed: tuple[int, ...]) -> list[float]:
     good = [value for value in out if value is not None]
     if len(good) != len(parts):
         bad = parts[out.index(None)]
-        raise StatementError(f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size")
+        raise StatementError(
+            f"{bad!r} where a number belongs", f"finite numbers of at most {LARGEST:g} in size", code="P020"
+        )
     if len(good) not in allowed:
-        raise StatementError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers")
+        raise StatementError(f"{len(good)} numbers", " or ".join(map(str, allowed)) + " numbers", code="P020")
     return good
 
 
@@ -117,9 +119,9 @@ def feed(parts: list[str], scale: float, last: Feed) -> Feed:
     words = [part for part in parts if as_number(part) is None and part]
     unknown = [word for word in words if word not in FEED_UNITS]
     if unknown:
-        raise StatementError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS))
+        raise StatementError(f"feed unit {unknown[0]!r}", ", ".join(FEED_UNITS), code="P004")
     if len(values) != 1 or len(words) > 1 or values[0] <= 0.0:
-        raise StatementError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit")
+        raise StatementError(f"feed {', '.join(parts)!r}", "one number more than 0 and one unit", code="P004")
     return in_unit(values[0], words[0], scale) if words else Feed(values[0] * scale, last.per)
 
 
@@ -157,7 +159,7 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
     values = [v for v in map(as_number, parts) if v is not None]
     words = [part for part in parts if as_number(part) is None]
     if len(values) > 1:
-        raise StatementError(f"{len(values)} spindle speeds", "one number")
+        raise StatementError(f"{len(values)} spindle speeds", "one number", code="P004")
     if not values and any(word in ("OFF", "STOP", "ORIENT", "LOCK") for word in words):
         return replace(last, on=False), None
     out = replace(last, on=True)
@@ -167,7 +169,9 @@ def spindle(parts: list[str], last: Spindle) -> tuple[Spindle, str | None]:
         return replace(out, speed=math.nan), "spindle by cutting speed: its turns are not known"
     if values:
         if values[0] < 0.0:
-            raise StatementError(f"spindle speed {values[0]:g}", "0 or more turns in a minute, and CLW or CCLW")
+            raise StatementError(
+                f"spindle speed {values[0]:g}", "0 or more turns in a minute, and CLW or CCLW", code="P004"
+            )
         out = replace(out, speed=values[0] * 2.0 * math.pi / 60.0)
         if out.speed == 0.0:
             out = replace(out, on=False)
@@ -233,6 +237,7 @@ def length_unit(path: Path, options: ReadOptions, recorder: Recorder) -> float:
         recorder.error(
             0,
             "no unit of length",
+            code="P003",
             allowed="UNITS/MM or UNITS/INCHES",
             remedy="say it: --units mm or inch (units= in Python)",
         )

@@ -35,15 +35,15 @@ def center(
     given = [letter for letter in letters if letter in block.words]
     if "R" in block.words:
         if given:
-            raise StatementError("an arc with R and with I, J, K", "one of both")
+            raise StatementError("an arc with R and with I, J, K", "one of both", code="P011")
         return _by_radius(block.words["R"] * scale, start, end, plane, clockwise, slack)
     if not given:
-        raise StatementError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R")
+        raise StatementError("an arc without centre or radius", f"{letters[0]}, {letters[1]} or R", code="P011")
     out = start.copy()
     # Letters that say themselves which way they are: I=AC(5).
     ways = [block.own.get(letter, absolute) for letter in letters]
     if any(way and letter not in block.words for way, letter in zip(ways, letters, strict=True)):
-        raise StatementError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}")
+        raise StatementError("an absolute centre with one coordinate", f"{letters[0]} and {letters[1]}", code="P011")
     for index, letter, way in zip((first, second), letters, ways, strict=True):
         value = block.words.get(letter, 0.0) * scale
         out[index] = value if way else out[index] + value
@@ -55,11 +55,12 @@ def _by_radius(radius: float, start: Array, end: Array, plane: int, clockwise: b
     du, dv = float(end[first] - start[first]), float(end[second] - start[second])
     chord = math.hypot(du, dv)
     if chord < CLOSED:
-        raise StatementError("a full turn with R", "I, J, K", "post arcs with centres")
+        raise StatementError("a full turn with R", "I, J, K", "post arcs with centres", code="P011")
     if chord / 2.0 - abs(radius) > slack:
         raise StatementError(
             f"arc of radius {abs(radius) * 1e3:.6g} mm between points {chord * 1e3:.6g} mm apart",
             f"a radius of at least {chord * 5e2:.6g} mm",
+            code="P011",
         )
     height = math.sqrt(max(radius * radius - chord * chord / 4.0, 0.0))
     # The centre lies left of the way for a counter-clockwise arc of less than half a turn.
@@ -80,7 +81,7 @@ def drill_cycle(code: int, start: float, bottom: float, back: float, peck: float
     """
     kind = CYCLES[code]
     if kind in ("chip", "peck") and not peck > 0.0:
-        raise StatementError("a peck cycle without its peck", "Q more than 0")
+        raise StatementError("a peck cycle without its peck", "Q more than 0", code="P012")
     made = Cycle(
         start=0.0,
         depth=start - bottom,

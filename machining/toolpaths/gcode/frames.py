@@ -70,12 +70,12 @@ def in_plane(
         No angle, or a centre that is not known.
     """
     if "R" not in words:
-        raise StatementError("G68 without its angle", "R in degrees")
+        raise StatementError("G68 without its angle", "R in degrees", code="P013")
     centre = np.zeros(3)
     for axis in plane[:2]:
         value = words["XYZ"[axis]] * scale if "XYZ"[axis] in words else here[axis]
         if value is None:
-            raise StatementError("G68 about a point that is not known", "G68 with X, Y and R")
+            raise StatementError("G68 about a point that is not known", "G68 with X, Y and R", code="P013")
         centre[axis] = value
     R = turned("XYZ"[plane[2]], [words["R"]])
     return CoordinateFrame(R, centre - R @ centre)
@@ -91,7 +91,7 @@ def tilted(words: Mapping[str, float], scale: float) -> CoordinateFrame:
     """
     if words.get("P", 0.0) != 0.0:
         raise StatementError(
-            f"G68.2 P{words['P']:g}: a plane told by other angles or points", "Euler angles (no P, or P0)"
+            f"G68.2 P{words['P']:g}: a plane told by other angles or points", "Euler angles (no P, or P0)", code="P013"
         )
     origin = scale * np.array([words.get(letter, 0.0) for letter in "XYZ"])
     return CoordinateFrame(turned("zxz", [words.get(letter, 0.0) for letter in "IJK"]), origin)
@@ -116,10 +116,11 @@ def swivelled(given: Sequence[float], scale: float, before: CoordinateFrame) -> 
             f"CYCLE800 of mode {mode}, kind {kind}",
             "swivel axis by axis (mode below 64), new or added (kind 0 or 1)",
             "post the swivel axis by axis",
+            code="P013",
         )
     order = [mode >> 2 * k & 3 for k in range(3)]
     if 0 in order[: np.count_nonzero(number[7:10])] or any(order[k] == 0 and number[7 + k] for k in range(3)):
-        raise StatementError(f"CYCLE800 of mode {mode}", "a mode that names an axis for each angle")
+        raise StatementError(f"CYCLE800 of mode {mode}", "a mode that names an axis for each angle", code="P013")
     R = np.eye(3)
     for axis, angle in zip(order, number[7:10], strict=True):
         R = R @ (turned("XYZ"[axis - 1], [angle]) if axis else np.eye(3))

@@ -65,7 +65,9 @@ class GcodeMotion(Modes):
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
-            raise StatementError("coordinates without a motion code before them", "G0, G1, G2, G3 or a cycle")
+            raise StatementError(
+                "coordinates without a motion code before them", "G0, G1, G2, G3 or a cycle", code="P016"
+            )
         if self.motion in CYCLES:
             self._cycle(b)
             return
@@ -100,13 +102,15 @@ class GcodeMotion(Modes):
         if self.every_corner and not asked:
             asked = {"RNDM": self.every_corner}
         if len(asked) > 1:
-            raise StatementError("two ways to cut one corner", f"one of {', '.join(CORNERS)}")
+            raise StatementError("two ways to cut one corner", f"one of {', '.join(CORNERS)}", code="P021")
         for word, size in asked.items():
             if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
-                raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
+                raise StatementError(
+                    f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn", code="P021"
+                )
             feed = b.words.get("FRC", self.feed_of_corners)
             if feed <= 0.0:
-                raise StatementError(f"FRC of {feed:g}", "more than 0")
+                raise StatementError(f"FRC of {feed:g}", "more than 0", code="P021")
             modes = self.plane, self.frame, self.offset
             self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis, modes, feed)
 
@@ -124,7 +128,9 @@ class GcodeMotion(Modes):
             return corner
         same = all(a is b or a == b for a, b in zip(c.modes, (self.plane, self.frame, self.offset), strict=True))
         if not same or c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
-            raise StatementError(f"{c.word} between lines that do not follow each other in one plane", "two lines")
+            raise StatementError(
+                f"{c.word} between lines that do not follow each other in one plane", "two lines", code="P021"
+            )
         p = list(PLANES[self.plane])
         A, P, B = (each[p] for each in (c.start, corner, end))
         if c.word in ("CHF", ",C", "CHR"):
@@ -159,7 +165,9 @@ class GcodeMotion(Modes):
             # A block without a move between two lines: controls may round the corner, or may not.
             self.open_corner = replace(c, modes=(None,) * 3) if c.moves == len(self.recorder) else None
             if c.word != "RNDM" or self.motion in (20, 30, *VIA.values()):
-                raise StatementError(f"{c.word} in line {c.line} without a line behind it", "two lines at feed")
+                raise StatementError(
+                    f"{c.word} in line {c.line} without a line behind it", "two lines at feed", code="P021"
+                )
 
     def _axis_of_plane(self) -> Vector:
         x, y, z = self.frame.turn[:, PLANES[self.plane][2]].tolist() if self.frame.follows else self.axis
@@ -177,13 +185,15 @@ class GcodeMotion(Modes):
         given = [i for i in (first, second) if "XYZ"[i] in b.words]
         u, v = here[first], here[second]
         if len(given) != 1 or u is None or v is None:
-            raise StatementError("ANG with both coordinates of the plane, or with none", "ANG and one coordinate")
+            raise StatementError(
+                "ANG with both coordinates of the plane, or with none", "ANG and one coordinate", code="P020"
+            )
         along = (math.cos(angle), math.sin(angle))[given[0] == second]
         if abs(along) < 1e-9:
-            raise StatementError("ANG across the coordinate that is given", "an angle towards it")
+            raise StatementError("ANG across the coordinate that is given", "an angle towards it", code="P020")
         way = ((out[given[0]] or 0.0) - (u, v)[given[0] == second]) / along
         if way < 0.0:
-            raise StatementError("ANG away from the coordinate that is given", "an angle towards it")
+            raise StatementError("ANG away from the coordinate that is given", "an angle towards it", code="P020")
         out[first], out[second] = u + way * math.cos(angle), v + way * math.sin(angle)
         return out
 
@@ -193,14 +203,18 @@ class GcodeMotion(Modes):
         pole, out = self.pole, list(self.here)
         letters = "XYZ"[first], "XYZ"[second]
         if b.words.keys() & {*letters, *"IJKR", "AR"} or None in (pole[first], pole[second]):
-            raise StatementError("polar coordinates with others, or while the pole is not known", "AP and RP alone")
+            raise StatementError(
+                "polar coordinates with others, or while the pole is not known", "AP and RP alone", code="P020"
+            )
         u, v = ((out[i] or 0.0) - (pole[i] or 0.0) for i in (first, second))
         if (out[first] is None or out[second] is None) and not b.words.keys() >= {"AP", "RP"}:
-            raise StatementError("polar coordinates while the tool's place is not known", "AP and RP")
+            raise StatementError("polar coordinates while the tool's place is not known", "AP and RP", code="P020")
         radius, angle = math.hypot(u, v), math.degrees(math.atan2(v, u))
         adds = {word: not b.own.get(word, True) for word in ("AP", "RP")}
         if not self.absolute or (any(adds.values()) and self.polar_at != len(self.recorder)):
-            raise StatementError("polar coordinates that add", "absolute ones (G90), or IC behind a polar move")
+            raise StatementError(
+                "polar coordinates that add", "absolute ones (G90), or IC behind a polar move", code="P020"
+            )
         if "RP" in b.words:
             radius = b.words["RP"] * self.scale + radius * adds["RP"]
         angle = math.radians(b.words["AP"] + angle * adds["AP"] if "AP" in b.words else angle)
@@ -212,10 +226,12 @@ class GcodeMotion(Modes):
     def set_pole(self, code: int, b: Block) -> None:
         """G110, G111, G112: pole by its coordinates from the last place, the origin or the last pole (Siemens)."""
         if self.diameter:
-            raise StatementError(f"a pole under {self.diameter}", "DIAMOF before it")
+            raise StatementError(f"a pole under {self.diameter}", "DIAMOF before it", code="P020")
         origins: dict[int, list[float | None]] = {1100: self.here, 1110: [0.0, 0.0, 0.0], 1120: self.pole}
         if b.words.keys() & {"AP", "RP"} or not b.words.keys() & set("XYZ"):
-            raise StatementError("a pole by polar coordinates, or polar interpolation", "G110 to G112 with X, Y, Z")
+            raise StatementError(
+                "a pole by polar coordinates, or polar interpolation", "G110 to G112 with X, Y, Z", code="P020"
+            )
         self.pole = [
             None if old is None else old + b.words.get(letter, 0.0) * self.scale
             for old, letter in zip(origins[code], "XYZ", strict=True)
@@ -247,9 +263,7 @@ class GcodeMotion(Modes):
             self.here = target
             missing = ", ".join(letter for letter, v in zip("XYZ", target, strict=True) if v is None)
             raise StatementError(
-                f"a move at feed while {missing} is not known",
-                "X, Y, Z given before",
-                REMEDY_START,
+                f"a move at feed while {missing} is not known", "X, Y, Z given before", REMEDY_START, code="P016"
             )
         return x, y, z
 
@@ -259,7 +273,7 @@ class GcodeMotion(Modes):
         self.here = list(end)
         clockwise = self.motion == 20
         if self.diameter:
-            raise StatementError(f"an arc under {self.diameter}", "DIAMOF before it")
+            raise StatementError(f"an arc under {self.diameter}", "DIAMOF before it", code="P011")
         first, second, along = PLANES[self.plane]
         centred = bool(b.words.keys() & set("IJK"))
         if "AR" in b.words and not centred:
@@ -294,7 +308,7 @@ class GcodeMotion(Modes):
         # Fanuc and LinuxCNC count all turns begun, Siemens those added.
         turns = b.words["TURN"] + 1.0 if "TURN" in b.words else 1.0 if self.siemens else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
-            raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
+            raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000", code="P011")
         try:
             fraction, points = arc_points(
                 start,
@@ -311,11 +325,13 @@ class GcodeMotion(Modes):
                 "check G90.1 and G91.1; say that centres are coordinates: --read arc_absolute=yes; allow more: "
                 "--read arc_tolerance_um=50; or post with more decimals"
             )
-            raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
+            raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy, code="P011") from None
         chain = np.vstack([start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
         if self.turns_part and self.angles != self.angles_before:
-            raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
+            raise StatementError(
+                "an arc while the table turns", "arcs at fixed angles", "post it as short lines", code="P011"
+            )
         points = self.in_part(self.frame.out(points) + self.shift)
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
         self.heading = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
@@ -325,16 +341,18 @@ class GcodeMotion(Modes):
         """Centre (3,) m of CIP or CT in the plane, and whether the arc is clockwise."""
         u, v, w = PLANES[self.plane]
         if start[w] != end[w] or (self.motion == VIA["CIP"] and (not self.absolute or self.plane != 170)):
-            raise StatementError("CIP or CT out of the plane, or CIP under G91", "arcs in the plane, CIP in G17, G90")
+            raise StatementError(
+                "CIP or CT out of the plane, or CIP under G91", "arcs in the plane, CIP in G17, G90", code="P016"
+            )
         p, out = [u, v, w], start.copy()
         if self.motion == VIA["CIP"]:
             if not b.words.keys() >= {"I1", "J1"}:
-                raise StatementError("CIP without the point on its way", "I1 and J1")
+                raise StatementError("CIP without the point on its way", "I1 and J1", code="P016")
             on_way = np.array([b.words["I1"] * self.scale, b.words["J1"] * self.scale, start[w]])
             middle, clockwise = through_point(start, on_way, end)
         else:
             if self.heading is None or self.heading[0] != len(self.recorder) or self.heading[1] is not self.frame:
-                raise StatementError("CT without a move at feed before it", "G1 to G3 before it")
+                raise StatementError("CT without a move at feed before it", "G1 to G3 before it", code="P016")
             middle, clockwise = tangent_arc(start[p], end[p], self.heading[2][p])
         out[p] = middle
         return out, clockwise
@@ -343,7 +361,9 @@ class GcodeMotion(Modes):
         """Where an arc about ``middle`` (3,) m ends that opens by AR."""
         angle = b.words["AR"]
         if not 0.0 < angle < 360.0 or b.words.keys() & {*"XYZR"}:
-            raise StatementError("AR with a centre and an end, or out of range", "above 0, below 360, one of both")
+            raise StatementError(
+                "AR with a centre and an end, or out of range", "above 0, below 360, one of both", code="P016"
+            )
         u, v, _ = PLANES[self.plane]
         turn = math.radians(-angle if clockwise else angle)
         x, y = (start - middle)[[u, v]]
@@ -356,7 +376,7 @@ class GcodeMotion(Modes):
         """AR, the angle that an arc opens by, with its end: as the radius that it gives."""
         angle = b.words["AR"]
         if not 0.0 < angle < 360.0 or b.words.keys() & set("IJKR"):
-            raise StatementError("AR out of range, or with R", "AR above 0 and below 360")
+            raise StatementError("AR out of range, or with R", "AR above 0 and below 360", code="P020")
         half = math.radians(angle) / 2.0
         radius = float(np.linalg.norm((end - start)[list(PLANES[self.plane][:2])])) / 2.0 / math.sin(half) / self.scale
         dict.__setitem__(b.words, "R", radius if angle <= 180.0 else -radius)
@@ -396,6 +416,7 @@ class GcodeMotion(Modes):
                 "a feed per minute while the table turns: of X Y Z, or of these with the angles",
                 "G93, or TCP",
                 "say which: --read rotary_feed=linear (RS-274) or rotary_feed=vector (Fanuc)",
+                code="P022",
             )
         way = vector if self.options.rotary_feed == "vector" or straight == 0.0 else straight
         feed = self.feed
@@ -430,7 +451,7 @@ class GcodeMotion(Modes):
         if wrong and any(angles.values()):
             remedy = "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)"
             raise StatementError(
-                f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy
+                f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy, code="P014"
             )
         if any(angles.values()) and not self.tcp and not self.turns_part:
             raise StatementError(
@@ -438,6 +459,7 @@ class GcodeMotion(Modes):
                 "G43.4, G234 or TRAORI before it",
                 "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python); "
                 "where a table turns: --read pivot=X,Y,Z, the place where its axes meet, in mm",
+                code="P014",
             )
         return (0.0, 0.0, 1.0) if rotary == "none" else self._of_angles()
 
@@ -453,12 +475,15 @@ class GcodeMotion(Modes):
         """Siemens' A3 B3 C3: the tool axis as a vector of the frame in force, from the tip into the holder."""
         if not self.tcp:
             raise StatementError(
-                "A3, B3, C3 without TRAORI", "TRAORI before them", "say that it is on: --tcp (tcp= in Python)"
+                "A3, B3, C3 without TRAORI",
+                "TRAORI before them",
+                "say that it is on: --tcp (tcp= in Python)",
+                code="P014",
             )
         axis = self.frame.turn @ np.array([b.words.get(letter, 0.0) for letter in POINTING])
         size = float(np.linalg.norm(axis))
         if not size > 0.0:
-            raise StatementError("a tool axis of length 0", "A3, B3 or C3 other than 0")
+            raise StatementError("a tool axis of length 0", "A3, B3 or C3 other than 0", code="P014")
         self.pointing = True
         x, y, z = (axis / size).tolist()
         return x, y, z
@@ -477,14 +502,14 @@ class GcodeMotion(Modes):
                 )
             self.sticky["P"] = b.words["P"] * (1e-3 if whole else 1.0)
         if letter not in self.sticky or "R" not in self.sticky:
-            raise StatementError(f"a cycle without {letter} or R", f"{letter} and R")
+            raise StatementError(f"a cycle without {letter} or R", f"{letter} and R", code="P012")
         if (
             "K" in b.words
             or b.words.get("L", 1.0) != int(b.words.get("L", 1.0))
             or not 1 <= b.words.get("L", 1) <= 9999
         ):
             raise StatementError(
-                "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole"
+                "repeats of a cycle", "L of a whole number from 1 to 9999, or none", "post hole by hole", code="P012"
             )
         self.axis = self._tool_axis(b)
         self._require_along_normal()
@@ -536,7 +561,9 @@ class GcodeMotion(Modes):
     def _require_along_normal(self) -> None:
         """Cycles drill along the plane's normal alone."""
         if (np.array(self.axis) @ self.frame.turn)[PLANES[self.plane][2]] < 1.0 - 1e-9:
-            raise StatementError("a cycle with the tool not along the normal of the plane", "post it as single moves")
+            raise StatementError(
+                "a cycle with the tool not along the normal of the plane", "post it as single moves", code="P012"
+            )
 
 
 def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:

@@ -58,6 +58,7 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
         if word in NEVER or _code_of(word) in NEEDED.get(word[:1], ()):
             raise InputError(
                 "option ignore",
+                code="P020",
                 value=word,
                 allowed="words that change nothing about path and feed",
                 remedy="leave it out: this word is read, or is known to change the path",
@@ -135,7 +136,9 @@ class _Reader(GcodeMotion):
             self.tape = "read"
         if self.over:
             if not words.empty and not words.ends:
-                fault = StatementError("a block behind the end of the program", "one program in a file", REMEDY_END)
+                fault = StatementError(
+                    "a block behind the end of the program", "one program in a file", REMEDY_END, code="P020"
+                )
                 self.refuse(fault, readable(raw).strip())
                 return False
             return True
@@ -153,11 +156,13 @@ class _Reader(GcodeMotion):
 
     def _block(self, b: Block) -> None:
         if b.macro:
-            raise StatementError("a macro program: loops and branches", "variables and expressions", REMEDY_MACRO)
+            raise StatementError(
+                "a macro program: loops and branches", "variables and expressions", REMEDY_MACRO, code="P017"
+            )
         if b.computes:
             b.take(self.values.worked_out(b.computes))
         if b.bad:
-            raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
+            raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers", code="P020")
         self._ignore(b)
         self._one_of_each(b)
         call = self._called(b)
@@ -197,7 +202,7 @@ class _Reader(GcodeMotion):
         for group in GROUPS:
             if len(found := sorted(set(group) & set(b.codes))) > 1:
                 both = " and ".join(map(shown, found[:2]))
-                raise StatementError(f"{both} in one block", "one code of a kind in a block")
+                raise StatementError(f"{both} in one block", "one code of a kind in a block", code="P020")
 
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
@@ -205,7 +210,9 @@ class _Reader(GcodeMotion):
         if b.words.keys() == {"O"} and not b.codes and not b.misc and not b.long:
             known.add("O")
         if self.siemens and dict.get(b.words, "D") == 0.0 and not (set(MACHINE) & set(b.codes) or "SUPA" in b.long):
-            raise StatementError("D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153")
+            raise StatementError(
+                "D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153", code="P013"
+            )
         for code in b.codes:
             known |= set(harmless.WITH_CODE.get(code, ""))
         for number in b.misc:
@@ -220,6 +227,7 @@ class _Reader(GcodeMotion):
                 f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
                 "words that belong to its codes",
                 remedy_ignore(left[0]),
+                code="P020",
             )
 
     def _zero(self, b: Block, word: str) -> bool:
@@ -231,7 +239,7 @@ class _Reader(GcodeMotion):
         """Name and repeats of a subprogram of this file that the block calls; None where it calls none."""
         own = [word for word in b.long if word in self.subprograms]
         if (98 in b.misc or own) and any(b.words.get(letter, 0.0) % 1.0 for letter in "PL"):
-            raise StatementError("a call with a number that is not whole", "whole numbers")
+            raise StatementError("a call with a number that is not whole", "whole numbers", code="P017")
         if 98 in b.misc:
             number, times = called(b.words)
             name = f"O{number}"
@@ -239,10 +247,14 @@ class _Reader(GcodeMotion):
         elif not b.codes and not b.misc and "L" in b.words and b.words.keys() <= {"L", "P"}:
             name, times = f"L{b.words['L']:g}", int(b.words.get("P", 1.0))
             if any(other.startswith("L0") for other in self.subprograms):
-                raise StatementError("subprograms whose names begin with L0", "names that differ in more than zeros")
+                raise StatementError(
+                    "subprograms whose names begin with L0", "names that differ in more than zeros", code="P017"
+                )
         elif own:
             if b.words.keys() - {"P"} or b.codes or b.misc or len(b.long) > 1:
-                raise StatementError(f"a call of {own[0]} among other words", "the call in a block of its own")
+                raise StatementError(
+                    f"a call of {own[0]} among other words", "the call in a block of its own", code="P017"
+                )
             name, times = own[0], int(b.words.get("P", 1.0))
             b.long.remove(name)
         else:
@@ -252,10 +264,14 @@ class _Reader(GcodeMotion):
                 "M98 without P" if name == "O-1" else f"a call of a subprogram that is not in the file: {name}",
                 "subprograms in the same file: O100 to M99, %_N_L100_SPF to M17",
                 REMEDY_MACRO,
+                code="P017",
             )
         if not 1 <= times <= 9999 or self.depth >= DEEPEST:
             raise StatementError(
-                "a call of a subprogram", f"1 to 9999 times, at most {DEEPEST} calls within one another", REMEDY_MACRO
+                "a call of a subprogram",
+                f"1 to 9999 times, at most {DEEPEST} calls within one another",
+                REMEDY_MACRO,
+                code="P017",
             )
         self.recorder.event(self.line, name if name[0] != "O" else "M98", str(b))
         for letter in "PL":
@@ -280,7 +296,9 @@ class _Reader(GcodeMotion):
                 return
             # Beside its rest a block may move, after it (RS-274/NGC, table 8).
             if not {0, 10, 20, 30} & set(b.codes):
-                raise StatementError("G4 P with coordinates", "a rest alone, or with G0 to G3 in its block")
+                raise StatementError(
+                    "G4 P with coordinates", "a rest alone, or with G0 to G3 in its block", code="P022"
+                )
             del b.words["P"]
         if harmless.LIMITS & set(b.codes):
             # Their coordinates are no motion.
@@ -292,6 +310,7 @@ class _Reader(GcodeMotion):
                     raise StatementError(
                         f"{shown(code)}: a pole (Siemens), a work offset (Haas) or polar interpolation",
                         "poles in files named .mpf or .spf",
+                        code="P022",
                     )
                 self.set_pole(code, b)
                 return
@@ -310,9 +329,11 @@ class _Reader(GcodeMotion):
             and (self.siemens or not {0, 10, 20, 30} & set(b.codes))
         ):
             # Siemens' G58 and G59 move the origin by these words; Fanuc's select a work offset and move the tool.
-            raise StatementError("G58 or G59 with coordinates", "G0 or G1 in the block, or G54 to G57, TRANS")
+            raise StatementError(
+                "G58 or G59 with coordinates", "G0 or G1 in the block, or G54 to G57, TRANS", code="P013"
+            )
         if b.words.keys() & set("UVW"):
-            raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
+            raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z", code="P014")
         if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
             if self.modal_cycle is not None:
@@ -322,7 +343,7 @@ class _Reader(GcodeMotion):
 
     def _refuse(self, b: Block) -> None:
         if any(number in CALLS for number in b.misc):
-            raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
+            raise StatementError("a call of a subprogram", code="P017", remedy=REMEDY_MACRO)
         for code in tuple(b.codes):
             # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             # G60 of Siemens is an exact stop; Fanuc's comes from one side.
@@ -335,7 +356,7 @@ class _Reader(GcodeMotion):
                 continue
             what = REFUSED.get(code, "not known, with coordinates")
             if self.options.unknown_motion == "error":
-                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT)
+                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT, code="P019")
             self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
             self.lose(b, shown(code))
             b.words.clear()
@@ -351,7 +372,7 @@ class _Reader(GcodeMotion):
         elif head in PROGRAMMABLE:
             plane_alone = b.words.keys() == {"RPL"} and head.endswith("ROT")
             if (stray := sorted(b.words.keys() - set("XYZ"))) and not plane_alone:
-                raise StatementError(f"{', '.join(stray)} with {head}", f"{head} with X, Y, Z")
+                raise StatementError(f"{', '.join(stray)} with {head}", f"{head} with X, Y, Z", code="P019")
             self._moves_origin("TRANS, ROT or CYCLE800")
             self.put_into(programmable(head, b.words, self.scale, self.frame, PLANES[self.plane][2]))
             b.words.clear()
@@ -371,7 +392,7 @@ class _Reader(GcodeMotion):
             self.diameter = head.replace("DIAMOF", "")
         elif head in VIA:
             if set(GROUPS[0]) & set(b.codes):
-                raise StatementError(f"{head} beside another kind of motion", "one of them")
+                raise StatementError(f"{head} beside another kind of motion", "one of them", code="P019")
             self.motion = VIA[head]
         elif head in ("RET", "M17"):
             if not self.depth:
@@ -382,6 +403,7 @@ class _Reader(GcodeMotion):
                     f"{readable(head)} is not read, nor a subprogram in this file",
                     "G0 to G3",
                     WITHOUT if name in REFUSED_WORDS else remedy_ignore(head),
+                    code="P019",
                 )
             self.recorder.note(self.line, f"{readable(head)} left out, as asked")
             self.lose(b, readable(head))
@@ -401,7 +423,7 @@ class _Reader(GcodeMotion):
                     self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?")
                 self.recorder.dwell(self.line, value)
                 return
-        raise StatementError("a dwell without its time", "P, X, U or F with a number")
+        raise StatementError("a dwell without its time", "P, X, U or F with a number", code="P022")
 
     def _machine(self, code: int, b: Block) -> None:
         """G28, G30: by way of a point to the machine's own; G53, G153, SUPA: coordinates of the machine."""
@@ -426,7 +448,7 @@ class _Reader(GcodeMotion):
         if code == 100:
             # Work offsets and lengths of tools: with nothing before them they only say what the caller knows.
             if b.words.get("L") not in (12.0, 13.0) and len(self.recorder):
-                raise StatementError("G10 moves offsets between moves", "G10 before the first move")
+                raise StatementError("G10 moves offsets between moves", "G10 before the first move", code="P013")
             self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
         elif code == 520:
             self._moves_origin("G52")
@@ -453,22 +475,23 @@ class _Reader(GcodeMotion):
     def _moves_origin(self, by: str) -> None:
         """What moves the origin; controls differ in how two of such words go together."""
         if self.diameter:
-            raise StatementError(f"{by} under {self.diameter}", "DIAMOF before it")
+            raise StatementError(f"{by} under {self.diameter}", "DIAMOF before it", code="P020")
         if not self.frame.plain and self.origin_by != by:
             raise StatementError(
                 f"{by} while {self.origin_by} moves or turns coordinates",
                 "one of them at a time",
                 "end the other one before, or post with work offsets",
+                code="P020",
             )
         self.origin_by = by
 
     def _turned(self, b: Block) -> CoordinateFrame:
         """G68: coordinates turned in the plane. Controls differ in what a second one does."""
         if not self.absolute:
-            raise StatementError("G68 under G91: its centre and angle may add", "G90 before it")
+            raise StatementError("G68 under G91: its centre and angle may add", "G90 before it", code="P013")
         if self.unturned is None:
             if not (self.frame.turn == np.eye(3)).all():
-                raise StatementError(f"G68 while {self.origin_by} turns coordinates", "G69 before it")
+                raise StatementError(f"G68 while {self.origin_by} turns coordinates", "G69 before it", code="P013")
             self.unturned, self.origin_before, self.origin_by = self.frame.shift, self.origin_by, "G68"
             before = self.frame
         elif not self.options.rotation:
@@ -476,6 +499,7 @@ class _Reader(GcodeMotion):
                 "G68 while coordinates are turned: controls turn anew, or on",
                 "G69 before it",
                 "say which: --read rotation=absolute or rotation=added (rotation= in Python)",
+                code="P013",
             )
         else:
             before = self.frame if self.options.rotation == "added" else CoordinateFrame(shift=self.unturned)
@@ -488,9 +512,10 @@ class _Reader(GcodeMotion):
                 f"{shown(code)}: where G92 has moved the origin is not known",
                 "G92 behind a move of its axes",
                 "post with work offsets",
+                code="P013",
             )
         if not (self.frame.turn == np.eye(3)).all():
-            raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it")
+            raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it", code="P013")
         if self.origin_by != "G52":
             self._moves_origin("G92")
         if code != 923:
@@ -515,7 +540,10 @@ class _Reader(GcodeMotion):
         given = {k: b.words[letter] * self.scale for k, letter in enumerate("XYZ") if letter in b.words}
         if any(self.here[k] is None for k in given) and len(self.recorder):
             raise StatementError(
-                "G92 where the tool's place is not known", "G92 behind a move of its axes", "post with work offsets"
+                "G92 where the tool's place is not known",
+                "G92 behind a move of its axes",
+                "post with work offsets",
+                code="P013",
             )
         if given:
             self._moves_origin("G92")

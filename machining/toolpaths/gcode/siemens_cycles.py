@@ -64,11 +64,11 @@ def hole(name: str, given: Sequence[float], scale: float) -> Hole:
     back, reference, gap = (of(place) for place in range(3))
     bottom = of(3) if not math.isnan(of(3)) else reference - of(4)
     if not all(map(math.isfinite, (back, reference, gap, bottom))):
-        raise StatementError(f"{name} without its planes or its depth", "RTP, RFP, SDIS and DP or DPR")
+        raise StatementError(f"{name} without its planes or its depth", "RTP, RFP, SDIS and DP or DPR", code="P012")
     start, rest = reference + abs(gap), DRILLS[name]
     dwell = 0.0 if rest is None or math.isnan(of(rest)) else of(rest)
     if dwell < 0.0:
-        raise StatementError(f"{name} rests for turns of the spindle", "a rest in s", "post the rest in s")
+        raise StatementError(f"{name} rests for turns of the spindle", "a rest in s", "post the rest in s", code="P012")
     made = Cycle(
         start=0.0,
         depth=scale * (start - bottom),
@@ -87,11 +87,11 @@ def _pecks(of: Argument, start: float, reference: float, scale: float) -> tuple[
     """The first peck goes to FDEP (or FDPR below the reference), the others are as deep."""
     if of(7) not in (0.0,) and not math.isnan(of(7)):
         raise StatementError(
-            "CYCLE83 whose pecks get smaller (DAM)", "DAM 0", "post pecks of one depth, or hole by hole"
+            "CYCLE83 whose pecks get smaller (DAM)", "DAM 0", "post pecks of one depth, or hole by hole", code="P012"
         )
     first = reference - of(5) if not math.isnan(of(5)) else of(6)
     if math.isnan(first):
-        raise StatementError("CYCLE83 without its first peck", "FDEP or FDPR")
+        raise StatementError("CYCLE83 without its first peck", "FDEP or FDPR", code="P012")
     return scale * (start - reference + first), scale * first
 
 
@@ -102,7 +102,7 @@ def _feed(name: str, of: Argument, scale: float) -> Feed | None:
         return None
     pitch = of(8) if not math.isnan(of(8)) else PITCHES.get(int(of(7)) if not math.isnan(of(7)) else 0, math.nan)
     if math.isnan(pitch):
-        raise StatementError("CYCLE84 without its pitch", "PIT, or MPIT of a metric thread")
+        raise StatementError("CYCLE84 without its pitch", "PIT, or MPIT of a metric thread", code="P012")
     # The sign is that of the thread: left-hand is negative. SST is a spindle speed of the cycle's own.
     if of(10) > 0.0:
         return Feed(scale * abs(pitch) * of(10), "minute")

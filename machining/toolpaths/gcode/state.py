@@ -258,6 +258,7 @@ class Modes:
             self.recorder.error(
                 self.line,
                 "coordinates before a unit of length",
+                code="P003",
                 allowed="G20 or G21",
                 remedy="say it: --units mm or inch (units= in Python)",
             )
@@ -274,7 +275,7 @@ class Modes:
     def refuse(self, fault: StatementError, statement: str) -> None:
         """Keep a fault of the line that is read."""
         self.recorder.error(
-            self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy, site=fault.site
+            self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy, code=fault.code
         )
 
     def skips_deleted(self, raw: str) -> bool:
@@ -293,13 +294,13 @@ class Modes:
             self._code(code, b)
         if "F" in b.words and 40 not in b.codes:
             if not b.words["F"] > 0.0:
-                raise StatementError(f"feed {b.words['F']:g}", "more than 0")
+                raise StatementError(f"feed {b.words['F']:g}", "more than 0", code="P004")
             self.feed, self.inverse_given, self.dirty = b.words["F"], True, True
         else:
             self.inverse_given = False
         if "S" in b.words and 920 not in b.codes:
             if b.words["S"] < 0.0:
-                raise StatementError(f"spindle speed {b.words['S']:g}", "0 or more")
+                raise StatementError(f"spindle speed {b.words['S']:g}", "0 or more", code="P004")
             self.speed, self.dirty = b.words["S"] * 2.0 * math.pi / 60.0, True
             if self.sense and not set(TURNING) & set(b.misc):
                 self._turn()
@@ -315,7 +316,7 @@ class Modes:
             setattr(self, *SETS[code])
         elif code in LENGTHS or code in (700, 710):
             if code in (700, 710) and b.words.keys() & set("PQUW"):
-                raise StatementError(f"{shown(code)}: a cycle of lathes", "G70, G71 for inches and mm")
+                raise StatementError(f"{shown(code)}: a cycle of lathes", "G70, G71 for inches and mm", code="P019")
             new = LENGTHS.get(code, UNITS["inch"] if code == 700 else UNITS["mm"])
             self.feed = self.feed * (self.unit / new) if self.unit is not None else self.feed
             self.unit = new
@@ -338,12 +339,14 @@ class Modes:
                 self.tcp = self.options.tcp
             self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
         elif code not in KNOWN:
-            raise StatementError(f"{shown(code)} is not known", KNOWN_CODES, remedy_ignore(shown(code)))
+            raise StatementError(f"{shown(code)} is not known", KNOWN_CODES, remedy_ignore(shown(code)), code="P019")
 
     def compensated(self, word: str) -> None:
         """Cutter compensation begins: points may lie on the part's edge."""
         if self.options.compensation == "error":
-            raise StatementError(f"{word}: {COMPENSATION}", "G40: points of the tool's centre", REMEDY_COMPENSATION)
+            raise StatementError(
+                f"{word}: {COMPENSATION}", "G40: points of the tool's centre", REMEDY_COMPENSATION, code="P015"
+            )
         self.recorder.event(self.line, word, note=f"{word}: points are taken as the tool's centre, as asked")
 
     def _misc(self, number: int, b: Block) -> None:
@@ -365,13 +368,15 @@ class Modes:
         elif number in harmless.FUNCTIONS:
             self.recorder.event(self.line, f"M{number}", harmless.FUNCTIONS[number])
         elif number not in STOPS and number not in ENDS:
-            raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"))
+            raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"), code="P019")
 
     def _modes_kept(self, number: int) -> None:
         """M70 keeps modes, M72 takes them back, M71 forgets them (LinuxCNC)."""
         if number == 72:
             if self.kept is None or any(self.kept[name] != getattr(self, name) for name in ("sense", "offset")):
-                raise StatementError("M72 without M70, or with another work offset or spindle", "M70 before it")
+                raise StatementError(
+                    "M72 without M70, or with another work offset or spindle", "M70 before it", code="P019"
+                )
             vars(self).update(self.kept, dirty=True)
         else:
             self.kept = {name: getattr(self, name) for name in KEPT} if number == 70 else None
@@ -507,7 +512,7 @@ class Modes:
         if self.used_offset != self.offset:
             self._use_offset()
         if self.feed_mode == "inverse" and not math.isnan(length) and not self.inverse_given:
-            raise StatementError("a move at inverse time without F", "F in each block under G93")
+            raise StatementError("a move at inverse time without F", "F in each block under G93", code="P022")
         self._put_state(length, reverse)
 
     def _put_state(self, length: float, reverse: bool = False) -> None:
@@ -540,5 +545,5 @@ class Modes:
                     f"say where each has its origin, in mm: {named or '--read G54=X,Y,Z'} (offsets= in Python), "
                     "or take coordinates as written: --read frames=written"
                 )
-                raise StatementError(what, "one work offset", remedy)
+                raise StatementError(what, "one work offset", remedy, code="P013")
         self.used_offset = self.offset

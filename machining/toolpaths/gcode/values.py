@@ -57,7 +57,7 @@ _OPERATORS: tuple[Mapping[str, Callable[[float, float], float]], ...] = (
 def _whole(rounded: Callable[[float], int]) -> Callable[[float], float]:
     def of(x: float) -> float:
         if x < 0.0 and x != int(x):
-            raise StatementError("FIX or FUP of a number below 0: controls differ", "0 and more")
+            raise StatementError("FIX or FUP of a number below 0: controls differ", "0 and more", code="P018")
         return float(rounded(x))
 
     return of
@@ -112,7 +112,7 @@ class Values:
         for part in text.split(","):
             name, _, value = (one.strip() for one in part.partition("="))
             if not _OWN_NAME.fullmatch(name) or name in _FUNCTIONS:
-                raise StatementError(f"variable {name[:30]}", "a name of three letters or more")
+                raise StatementError(f"variable {name[:30]}", "a name of three letters or more", code="P018")
             self.known[name] = self.value(value) if value else 0.0
 
 
@@ -131,7 +131,7 @@ class _Parser:
             self.tokens.append((kind, match[kind].replace(" ", "")))
         if text[end:].strip():
             raise StatementError(
-                f"{text[end:].strip()[:20]!r} is no part of an expression", "numbers, #1, [1 + 2], SIN[30]"
+                f"{text[end:].strip()[:20]!r} is no part of an expression", "numbers, #1, [1 + 2], SIN[30]", code="P018"
             )
         self.at, self.depth = 0, 0
 
@@ -139,7 +139,7 @@ class _Parser:
         """The value of all that stands there."""
         value = self._expression()
         if self.at < len(self.tokens):
-            raise StatementError(f"{self.tokens[self.at][1]!r} behind an expression", "one expression")
+            raise StatementError(f"{self.tokens[self.at][1]!r} behind an expression", "one expression", code="P018")
         return value
 
     def block(self) -> str:
@@ -155,7 +155,9 @@ class _Parser:
                 self.at += 1
                 out.append(self._named(text))
             else:
-                raise StatementError(f"{text!r} where a word or a variable is expected", "as in X[#1 + 2], #1 = 5")
+                raise StatementError(
+                    f"{text!r} where a word or a variable is expected", "as in X[#1 + 2], #1 = 5", code="P018"
+                )
         return " ".join(filter(None, out))
 
     def _named(self, text: str) -> str:
@@ -168,7 +170,9 @@ class _Parser:
                 self._assign(text, self._expression())
                 return ""
             if not _WORD.match(text):
-                raise StatementError(f"{text} = ...: a name that is not known", "#1 to #999, #<name>, R1, axes")
+                raise StatementError(
+                    f"{text} = ...: a name that is not known", "#1 to #999, #<name>, R1, axes", code="P018"
+                )
             if self.at < len(self.tokens) and self.tokens[self.at][1] in OWN_WAY:
                 self.at += 1
                 return f"{text}={self.tokens[self.at - 1][1]}({_plain(self._bracket())})"
@@ -195,7 +199,7 @@ class _Parser:
     def _assign(self, key: str, value: float) -> None:
         number = key.lstrip("#")
         if key.startswith("#") and number.isdigit() and int(number) >= SYSTEM:
-            raise StatementError(f"{key} may be a variable of the control itself", f"#1 to #{SYSTEM - 1}")
+            raise StatementError(f"{key} may be a variable of the control itself", f"#1 to #{SYSTEM - 1}", code="P018")
         self.given[key] = value
 
     def _variable(self) -> str:
@@ -206,7 +210,7 @@ class _Parser:
             return "#" + text[1:].replace("\t", "").lower()
         number = self._value()
         if number != int(number) or number < 0:
-            raise StatementError(f"variable #{number:g}", "a whole number")
+            raise StatementError(f"variable #{number:g}", "a whole number", code="P018")
         return f"#{int(number)}"
 
     def _expression(self, level: int = 0) -> float:
@@ -224,14 +228,16 @@ class _Parser:
         """A number, a variable, a bracket, a function, each with a sign or none."""
         self.depth += 1
         if self.depth > DEEPEST:
-            raise StatementError("brackets in brackets", f"at most {DEEPEST} deep")
+            raise StatementError("brackets in brackets", f"at most {DEEPEST} deep", code="P018")
         value = self._unsigned()
         self.depth -= 1
         return value
 
     def _unsigned(self) -> float:
         if self.at >= len(self.tokens):
-            raise StatementError("the block ends where a number is expected", "numbers, #1, [1 + 2], SIN[30]")
+            raise StatementError(
+                "the block ends where a number is expected", "numbers, #1, [1 + 2], SIN[30]", code="P018"
+            )
         kind, text = self.tokens[self.at]
         if text in ("-", "+"):
             self.at += 1
@@ -246,7 +252,7 @@ class _Parser:
         if kind == "name":
             self.at += 1
             return self._function(text)
-        raise StatementError(f"{text!r} where a number is expected", "numbers, #1, [1 + 2], SIN[30]")
+        raise StatementError(f"{text!r} where a number is expected", "numbers, #1, [1 + 2], SIN[30]", code="P018")
 
     def _bracket(self) -> float:
         ends = {"[": "]", "(": ")"}[self.tokens[self.at][1]]
@@ -267,7 +273,9 @@ class _Parser:
             key = self._variable()
             self._expect("]")
             if key[1:].isdigit():
-                raise StatementError(f"EXISTS of {key}: controls differ", "EXISTS of a name, as in EXISTS[#<depth>]")
+                raise StatementError(
+                    f"EXISTS of {key}: controls differ", "EXISTS of a name, as in EXISTS[#<depth>]", code="P018"
+                )
             return float(key in self.known)
         if name == "ATAN" and here:
             y = self._bracket()
@@ -281,12 +289,16 @@ class _Parser:
             self._expect(")")
             return math.degrees(math.atan2(y, x))
         if name not in _FUNCTIONS or not here:
-            raise StatementError(f"{name} is no function that is worked out", ", ".join((*_FUNCTIONS, "ATAN")))
+            raise StatementError(
+                f"{name} is no function that is worked out", ", ".join((*_FUNCTIONS, "ATAN")), code="P018"
+            )
         return _finite(_FUNCTIONS[name], self._bracket())
 
     def _get(self, key: str) -> float:
         if key not in self.known:
-            raise StatementError(f"variable {key} has no value here", "variables that a block before has set")
+            raise StatementError(
+                f"variable {key} has no value here", "variables that a block before has set", code="P018"
+            )
         return self.known[key]
 
     def _next(self, text: str) -> bool:
@@ -297,7 +309,7 @@ class _Parser:
 
     def _expect(self, text: str) -> None:
         if not self._next(text):
-            raise StatementError(f"{text!r} is missing", "closed brackets, #1 = 5")
+            raise StatementError(f"{text!r} is missing", "closed brackets, #1 = 5", code="P018")
 
 
 def _finite(function: Callable[..., float], *of: float | str) -> float:
@@ -308,7 +320,7 @@ def _finite(function: Callable[..., float], *of: float | str) -> float:
     except (ValueError, ZeroDivisionError, OverflowError):
         value = math.nan
     if not abs(value) <= LARGEST:
-        raise StatementError("an expression without a finite value", f"up to {LARGEST:g}")
+        raise StatementError("an expression without a finite value", f"up to {LARGEST:g}", code="P018")
     return value
 
 

@@ -207,7 +207,9 @@ def cycle_arguments(name: str, text: str, value: Callable[[str], float], texts: 
         except StatementError:
             number = math.inf
         if abs(number) > LARGEST or (math.isnan(number) and part.strip() and place not in texts):
-            raise StatementError(f"{name} with {part.strip()[:20]!r}", f"finite numbers of at most {LARGEST:g} in size")
+            raise StatementError(
+                f"{name} with {part.strip()[:20]!r}", f"finite numbers of at most {LARGEST:g} in size", code="P012"
+            )
         out.append(number)
     return out
 

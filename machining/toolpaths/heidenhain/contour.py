@@ -51,10 +51,10 @@ class Contour(Definitions):
         """One statement of motion."""
         given = {*w.values, *w.flags} - {"SWIVEL"} - ({"MB", "MBMAX"} if word == "L" and 140 in w.misc else set())
         if stray := sorted(given - WORDS[word]) or ["M"] * (word == "CC" and bool(w.misc)):
-            raise StatementError(f"{stray[0]} means nothing with {word}", ", ".join(sorted(WORDS[word])))
+            raise StatementError(f"{stray[0]} means nothing with {word}", ", ".join(sorted(WORDS[word])), code="P021")
         for one, other in EITHER:
             if one in given and other in given:
-                raise StatementError(f"{one} and {other} in one statement", "one of them")
+                raise StatementError(f"{one} and {other} in one statement", "one of them", code="P021")
         if word == "CC":
             self.settle()
             self._centre(w)
@@ -62,7 +62,7 @@ class Contour(Definitions):
         if word not in ("L", "LP"):
             if self.corner_is is not None:
                 self.waiting = self.corner_is = None
-                raise StatementError("RND or CHF between a line and an arc", "between two lines", REMEDY)
+                raise StatementError("RND or CHF between a line and an arc", "between two lines", REMEDY, code="P021")
             self.settle()
         if ROTARY & given or "SWIVEL" in w.flags:
             self.settle()
@@ -70,7 +70,9 @@ class Contour(Definitions):
         if by_radius:
             self.compensated("RL or RR")
         if self.oversize and (by_radius or "NX" in w.values):
-            raise StatementError(f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY)
+            raise StatementError(
+                f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY, code="P021"
+            )
         if word in ("LP", "CP", "CTP"):
             w = self._from_polar(word, w)
         plane = self.plane
@@ -85,7 +87,9 @@ class Contour(Definitions):
         if word == "LN":
             for first in "NT":
                 if 0 < sum(f"{first}{letter}" in w.values for letter in "XYZ") < 3:
-                    raise StatementError(f"LN without all of {first}X, {first}Y, {first}Z", "all three components")
+                    raise StatementError(
+                        f"LN without all of {first}X, {first}Y, {first}Z", "all three components", code="P016"
+                    )
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
                     block.words[f"{'ABC'['XYZ'.index(letter)]}3"] = w.values[f"T{letter}"]
@@ -107,7 +111,7 @@ class Contour(Definitions):
         """Make the line that waited for a corner."""
         if self.corner_is is not None:
             self.corner_is = None
-            raise StatementError("RND or CHF without the line behind it", "L before and behind it", REMEDY)
+            raise StatementError("RND or CHF without the line behind it", "L before and behind it", REMEDY, code="P021")
         if self.waiting is not None:
             w, _, _ = self.waiting
             self.waiting = None
@@ -128,9 +132,9 @@ class Contour(Definitions):
         """RND or CHF, with its radius or length."""
         match = re.match(rf"\s*{'R?' if word == 'RND' else ''}\s*({VALUE})\s*(?:F\s*({VALUE}))?\s*$", text)
         if match is None:
-            raise StatementError(f"{word} without its size", f"{word} R5")
+            raise StatementError(f"{word} without its size", f"{word} R5", code="P021")
         if self.waiting is None or self.corner_is is not None:
-            raise StatementError(f"{word} behind no line at feed", "between two lines L", REMEDY)
+            raise StatementError(f"{word} behind no line at feed", "between two lines L", REMEDY, code="P021")
         self.corner_is = word, number(match[1], self.values) * self.scale
         self.corner_feed = {"F": number(match[2], self.values) * self.feed_scale} if match[2] else {}
 
@@ -140,7 +144,9 @@ class Contour(Definitions):
         (w, start, corner), (word, size) = self.waiting, self.corner_is
         held, self.waiting, self.corner_is = self.held, None, None
         if end is None:
-            raise StatementError("RND or CHF before a rapid move or a place not known", "two lines at feed", REMEDY)
+            raise StatementError(
+                "RND or CHF before a rapid move or a place not known", "two lines at feed", REMEDY, code="P021"
+            )
         if word == "CHF":
             first, last = chamfered(start, corner, end, size)
             self._run_held(self._to(first, held), w)
@@ -190,7 +196,9 @@ class Contour(Definitions):
             elif name in ("IX", "IY", "IZ"):
                 old = last[letter]
                 if old is None:
-                    raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START)
+                    raise StatementError(
+                        f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START, code="P016"
+                    )
                 out.words[letter] = value + old / self.scale
             elif name in ("IA", "IB", "IC"):
                 out.words[letter], out.own[letter] = value, False
@@ -213,7 +221,7 @@ class Contour(Definitions):
             self.tcp, self.spatial = 128 in misc or self.options.tcp, None
         machine = not set(MACHINE).isdisjoint(misc)
         if 140 not in misc and ("MB" in w.values or "MBMAX" in w.flags):
-            raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY)
+            raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY, code="P016")
         block.misc = [m for m in misc if m not in (89, 99, 128, 129, *MACHINE)]
         before = self._here()
         self.take(block)
@@ -239,7 +247,7 @@ class Contour(Definitions):
     def call_cycle(self, text: str) -> None:
         """CYCL CALL with M codes, or none."""
         if not re.fullmatch(r"(?:M\s*\d+\s*)*", text):
-            raise StatementError(f"CYCL CALL {text[:3]}", "CYCL CALL, M99, M89", REMEDY)
+            raise StatementError(f"CYCL CALL {text[:3]}", "CYCL CALL, M99, M89", REMEDY, code="P012")
         misc = [int(m) for m in re.findall(r"M\s*(\d+)", text)]
         self._run(Block(codes=[], misc=misc), Words())
         self._drill_cycle()
@@ -258,12 +266,14 @@ class Contour(Definitions):
             return
         way = np.array(self.axis) @ self.frame.turn
         if named or ("MB" in w.values) == ("MBMAX" in w.flags):
-            raise StatementError("M140 with coordinates, or without its way", "M140 MB MAX, M140 MB 50", REMEDY)
+            raise StatementError(
+                "M140 with coordinates, or without its way", "M140 MB MAX, M140 MB 50", REMEDY, code="P016"
+            )
         if "MBMAX" in w.flags:
             self.leave(np.flatnonzero(np.abs(way) > 1e-9).tolist(), word)
             return
         if not w.values["MB"] > 0.0:
-            raise StatementError(f"M140 MB {w.values['MB']:g}", "MB of more than 0")
+            raise StatementError(f"M140 MB {w.values['MB']:g}", "MB of more than 0", code="P016")
         x, y, z = self._known(self.here)
         self.here = [v + w.values["MB"] * self.scale * float(d) for v, d in zip((x, y, z), way, strict=True)]
         self.commit(w.values["MB"] * self.scale)
@@ -282,12 +292,12 @@ class Contour(Definitions):
             if name.startswith("I"):
                 old = self.here[k]
                 if old is None:
-                    raise StatementError(f"{name} while its axis is not known", "absolute coordinates")
+                    raise StatementError(f"{name} while its axis is not known", "absolute coordinates", code="P016")
                 self.pole[k] = old + value * self.scale
             else:
                 self.pole[k] = value * self.scale
         if len(axes) > 2:
-            raise StatementError("CC with three coordinates", "two")
+            raise StatementError("CC with three coordinates", "two", code="P016")
         if axes in _PLANE_OF:
             self.plane = _PLANE_OF[axes]
 
@@ -297,7 +307,7 @@ class Contour(Definitions):
         a, b = self.pole[first], self.pole[second]
         here = self._here()
         if a is None or b is None:
-            raise StatementError(f"{word} without its pole", "CC before it")
+            raise StatementError(f"{word} without its pole", "CC before it", code="P016")
         if here is None:
             self.polar = [math.nan, math.nan]
         else:
@@ -307,11 +317,13 @@ class Contour(Definitions):
                 self.polar = [abs(lever), math.degrees(cmath.phase(lever))] if word == "CP" else [math.nan, math.nan]
         values = {k: v for k, v in w.values.items() if k not in ("PR", "PA", "IPR", "IPA")}
         if any(name.removeprefix("I") in ("XYZ"[first], "XYZ"[second]) for name in values):
-            raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis")
+            raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis", code="P016")
         radius = w.values.get("PR", self.polar[0] + w.values.get("IPR", 0.0))
         angle = w.values.get("PA", self.polar[1] + w.values.get("IPA", 0.0))
         if not math.isfinite(radius + angle):
-            raise StatementError(f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole")
+            raise StatementError(
+                f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole", code="P016"
+            )
         self.polar = [radius, angle]
         values["XYZ"[first]] = a / self.scale + radius * math.cos(math.radians(angle))
         values["XYZ"[second]] = b / self.scale + radius * math.sin(math.radians(angle))
@@ -319,7 +331,7 @@ class Contour(Definitions):
         if word == "CP" and "IPA" in w.values:
             turning = w.values["IPA"] > 0.0
             if {"DR+", "DR-"} & w.flags and ("DR+" in w.flags) != turning:
-                raise StatementError("CP whose DR and IPA have different signs", "one direction")
+                raise StatementError("CP whose DR and IPA have different signs", "one direction", code="P016")
             return replace(w, values=values, flags=w.flags | {"DR+" if turning else "DR-"})
         return replace(w, values=values)
 
@@ -328,34 +340,36 @@ class Contour(Definitions):
             self.right_hand = "DR+" in w.flags
         start = self._here()
         if start is None:
-            raise StatementError("an arc from a place that is not known", "X, Y, Z given before", REMEDY_START)
+            raise StatementError(
+                "an arc from a place that is not known", "X, Y, Z given before", REMEDY_START, code="P011"
+            )
         if word in ("CR", "CT", "CTP"):
             if "XYZ"[PLANES[self.plane][2]] != "Z" and word == "CTP":
-                raise StatementError("CTP in another plane than X Y", "CC X Y before it", REMEDY)
+                raise StatementError("CTP in another plane than X Y", "CC X Y before it", REMEDY, code="P011")
             if {"Z", "IZ"} & w.values.keys() and len({"X", "Y", "IX", "IY"} & w.values.keys()) < 2:
-                raise StatementError(f"{word} with Z and not both X and Y", "X and Y", REMEDY)
+                raise StatementError(f"{word} with Z and not both X and Y", "X and Y", REMEDY, code="P011")
             self.plane = 170
         block = self._block(w, 30)
         first, second, _ = PLANES[self.plane]
         if word in ("CT", "CTP"):
             end = np.array(self.target(block), dtype=np.float64)
             if self.along is None:
-                raise StatementError("CT without a contour before it", "L, C or CR before it")
+                raise StatementError("CT without a contour before it", "L, C or CR before it", code="P011")
             centre, clockwise = tangent_arc(start, end, self.along)
         else:
             if self.right_hand is None:
-                raise StatementError("an arc without its direction", "DR+ or DR-")
+                raise StatementError("an arc without its direction", "DR+ or DR-", code="P011")
             clockwise, centre = not self.right_hand, start
         block.codes = [20 if clockwise else 30]
         if word == "CR":
             if "R" not in w.values:
-                raise StatementError("CR without its radius", "R+10 or R-10")
+                raise StatementError("CR without its radius", "R+10 or R-10", code="P011")
             block.words["R"] = w.values["R"]
         else:
             for k in (first, second):
                 pole = float(centre[k]) if word in ("CT", "CTP") else self.pole[k]
                 if pole is None:
-                    raise StatementError(f"{word} without its centre", "CC before it")
+                    raise StatementError(f"{word} without its centre", "CC before it", code="P011")
                 block.words["IJK"[k]] = (pole - start[k]) / self.scale
         if word == "CP" and self.turns > 1:
             block.words["P"] = float(self.turns)

@@ -49,11 +49,11 @@ def parameters(text: str, values: Values, auto: float) -> dict[int, float]:
     while (found := PARAMETER.match(rest, end)) is not None:
         name, value, end = int(found[1]), found[2], found.end()
         if name in out:
-            raise StatementError(f"Q{name} twice", "each parameter once")
+            raise StatementError(f"Q{name} twice", "each parameter once", code="P012")
         word = {"FMAX": math.inf, "FAUTO": auto, "AUTO": auto}.get(value, math.nan)
         out[name] = word if value.isalpha() else number(value, values)
     if rest[end:].strip():
-        raise StatementError(f"{rest[end:].strip()[:30]!r} is no parameter of a cycle", "Q200=+2")
+        raise StatementError(f"{rest[end:].strip()[:30]!r} is no parameter of a cycle", "Q200=+2", code="P012")
     return out
 
 
@@ -68,11 +68,11 @@ def known(cycle: int, given: Mapping[int, float]) -> None:
     for name, value in given.items():
         if name in CYCLE_ZERO and value != 0.0:
             raise StatementError(
-                f"cycle {cycle} with {CYCLE_ZERO[name]} (Q{name})", f"Q{name} = 0", "post hole by hole"
+                f"cycle {cycle} with {CYCLE_ZERO[name]} (Q{name})", f"Q{name} = 0", "post hole by hole", code="P012"
             )
         if name not in DRILLS[cycle] and name not in CYCLE_ZERO and name not in CYCLE_QUIET:
             allowed = ", ".join(f"Q{k}" for k in DRILLS[cycle])
-            raise StatementError(f"Q{name} of cycle {cycle} is not read", allowed, "post hole by hole")
+            raise StatementError(f"Q{name} of cycle {cycle} is not read", allowed, "post hole by hole", code="P012")
 
 
 def hole(cycle: int, q: Mapping[int, float], scale: float) -> Hole:
@@ -88,22 +88,28 @@ def hole(cycle: int, q: Mapping[int, float], scale: float) -> Hole:
         if number in q and not math.isnan(q[number]):
             return q[number]
         if default is None:
-            raise StatementError(f"cycle {cycle} without Q{number}", "all parameters of the cycle, each with a number")
+            raise StatementError(
+                f"cycle {cycle} without Q{number}", "all parameters of the cycle, each with a number", code="P012"
+            )
         return default
 
     known(cycle, {k: v for k, v in q.items() if k in CYCLE_ZERO})
     if cycle == 202 and of(214, 0.0) != 0.0:
-        raise StatementError("cycle 202 with a lift sideways (Q214)", "Q214 = 0", "post hole by hole")
+        raise StatementError("cycle 202 with a lift sideways (Q214)", "Q214 = 0", "post hole by hole", code="P012")
     if cycle == 209 and of(403, 1.0) not in (0.0, 1.0):
-        raise StatementError("cycle 209 that leaves faster than it came (Q403)", "Q403 = 1", "post hole by hole")
+        raise StatementError(
+            "cycle 209 that leaves faster than it came (Q403)", "Q403 = 1", "post hole by hole", code="P012"
+        )
     breaks = int(of(213, 0.0)) if cycle == 203 else 0
     gap, surface, depth = of(200), of(203, 0.0), of(201)
     if depth > 0.0:
-        raise StatementError(f"cycle {cycle} whose depth Q201 is above the surface", "Q201 of 0 or less")
+        raise StatementError(f"cycle {cycle} whose depth Q201 is above the surface", "Q201 of 0 or less", code="P012")
     peck = of(202) if cycle in _PECKING else 0.0
     pecks = (scale * (gap + peck), scale * peck) if 0.0 < peck < -depth else ()
     if cycle == 205 and pecks and of(258, 0.0) != of(259, of(258, 0.0)):
-        raise StatementError("cycle 205 whose advanced stop changes (Q258, Q259)", "Q259 = Q258", "post hole by hole")
+        raise StatementError(
+            "cycle 205 whose advanced stop changes (Q258, Q259)", "Q259 = Q258", "post hole by hole", code="P012"
+        )
     # The sign of a pitch is the hand of the thread.
     feed = Feed(scale * abs(of(239)), "turn") if cycle in (207, 209) else Feed(scale * of(206), "minute")
     # Where Q208 is none or 0, these leave as they came.
@@ -137,7 +143,7 @@ def pecked(q: Mapping[int, float], height: float, scale: float) -> Hole:
     """
     if not {1, 2, 3, 5} <= q.keys() or q[2] > 0.0 or q[1] < 0.0:
         raise StatementError(
-            "cycle 1 without its clearance, depth, peck or feed", "CYCL DEF 1.1 to 1.5, a depth below 0"
+            "cycle 1 without its clearance, depth, peck or feed", "CYCL DEF 1.1 to 1.5, a depth below 0", code="P012"
         )
     gap, depth, peck = (scale * q[k] for k in (1, 2, 3))
     pecks = (gap + abs(peck), abs(peck)) if 0.0 < abs(peck) < -depth else ()

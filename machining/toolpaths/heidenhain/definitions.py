@@ -39,14 +39,16 @@ class Definitions(Frames):
         """CYCL DEF: a cycle and its parameters."""
         match = re.match(r"(\d+)(?:\.(\d+))?\s*(.*)$", text)
         if match is None:
-            raise StatementError("CYCL DEF without its number", "CYCL DEF 200")
+            raise StatementError("CYCL DEF without its number", "CYCL DEF 200", code="P012")
         cycle, part, rest = int(match[1]), int(match[2] or 0), match[3]
         self.recorder.event(self.line, "CYCL DEF", readable(text)[:200])
         self.defining = cycle
         old = {7: self._datum_shift, 10: self._rotate, 19: self._working_plane, 1: self._pecking, 9: self._dwell}
         if cycle in (*old, 8, 11, 26):
             if not part and re.search(r"[\d#]", rest):
-                raise StatementError(f"CYCL DEF {cycle} with numbers behind its name", f"CYCL DEF {cycle}.1 for them")
+                raise StatementError(
+                    f"CYCL DEF {cycle} with numbers behind its name", f"CYCL DEF {cycle}.1 for them", code="P012"
+                )
             if part:
                 old.get(cycle, partial(self._scaled, cycle))(part, rest)
         elif cycle in DRILLS:
@@ -60,7 +62,10 @@ class Definitions(Frames):
             self.more_of_cycle(rest)
         elif cycle not in CYCLES and self.options.unknown_motion == "error":
             raise StatementError(
-                f"cycle {cycle} is not read", "cycles 1, 7, 9, 10, 200 to 203, 205 to 207, 209, 240, 247", REMEDY
+                f"cycle {cycle} is not read",
+                "cycles 1, 7, 9, 10, 200 to 203, 205 to 207, 209, 240, 247",
+                REMEDY,
+                code="P012",
             )
         elif cycle not in CYCLES:
             self.cycle_number = 0
@@ -73,7 +78,7 @@ class Definitions(Frames):
             known(self.defining, given)
         elif self.defining == 247:
             if given.keys() - {339}:
-                raise StatementError("cycle 247 with other parameters than Q339", "Q339=+1")
+                raise StatementError("cycle 247 with other parameters than Q339", "Q339=+1", code="P012")
             if 339 in given:
                 self._work_offset(f"preset {given[339]:g}")
         for name, value in given.items():
@@ -88,6 +93,7 @@ class Definitions(Frames):
                 "one preset",
                 "post a program for each preset; where all are at one place, or coordinates are wanted as written: "
                 "--read frames=written",
+                code="P013",
             )
         self.used_offset = self.offset
 
@@ -95,13 +101,15 @@ class Definitions(Frames):
         self.cycle_number, self.modal_call = 1, False
         value = re.fullmatch(rf"[A-Z][A-Z .-]*?\s*({VALUE})", rest)
         if value is None or not 1 <= part <= 5:
-            raise StatementError(f"part {part} of cycle 1", "1.1 SET UP, 1.2 DEPTH, 1.3 PECKG, 1.4 DWELL, 1.5 F")
+            raise StatementError(
+                f"part {part} of cycle 1", "1.1 SET UP, 1.2 DEPTH, 1.3 PECKG, 1.4 DWELL, 1.5 F", code="P012"
+            )
         self.old_cycle[part] = number(value[1], self.values) * (self.feed_scale if part == 5 else 1.0)
 
     def _dwell(self, part: int, rest: str) -> None:
         value = re.fullmatch(rf"(?:[A-Z][A-Z .-]*?)?\s*({VALUE})", rest)
         if value is None:
-            raise StatementError("cycle 9 without its time", "CYCL DEF 9.1 DWELL 0.5")
+            raise StatementError("cycle 9 without its time", "CYCL DEF 9.1 DWELL 0.5", code="P012")
         self.recorder.dwell(self.line, number(value[1], self.values))
 
     def _scaled(self, cycle: int, part: int, rest: str) -> None:
@@ -110,16 +118,16 @@ class Definitions(Frames):
         left = re.sub(rf"(?:SCL|CC[XYZ]|[XYZ])\s*{VALUE}", "", rest).strip()
         if left or any(number(factor, self.values) != 1.0 for factor in factors):
             what = {8: "mirroring", 11: "scaling", 26: "scaling"}[cycle]
-            raise StatementError(f"cycle {cycle}: {what}", "coordinates as they are", REMEDY)
+            raise StatementError(f"cycle {cycle}: {what}", "coordinates as they are", REMEDY, code="P013")
 
     def _drill_cycle(self) -> None:
         if self.cycle_number == 0:
-            raise StatementError("a cycle is called and none is defined", "CYCL DEF before it")
+            raise StatementError("a cycle is called and none is defined", "CYCL DEF before it", code="P012")
         self.require_placed()
         if self.cycle_number == 1:
             height = self.here[2]
             if height is None:
-                raise StatementError("cycle 1 while Z is not known", "Z given before")
+                raise StatementError("cycle 1 while Z is not known", "Z given before", code="P012")
             one = pecked(self.old_cycle, height, self.scale)
         else:
             q = {int(k[1:]): v for k, v in self.values.known.items() if k[1:].isdigit() and int(k[1:]) < 2000}
@@ -137,10 +145,12 @@ class Definitions(Frames):
         elif number in USED_MISC:
             super()._misc(number, b)
         elif number in CHANGES:
-            raise StatementError(f"M{number}: {CHANGES[number]}", "M functions that move nothing", REMEDY_POST)
+            raise StatementError(
+                f"M{number}: {CHANGES[number]}", "M functions that move nothing", REMEDY_POST, code="P019"
+            )
         elif self.options.unknown_motion == "error":
             raise StatementError(
-                f"M{number} is not read", "M functions that leave path and feed alone", REMEDY_LEFT_OUT
+                f"M{number} is not read", "M functions that leave path and feed alone", REMEDY_LEFT_OUT, code="P019"
             )
         else:
             self.recorder.event(self.line, f"M{number}", note=f"M{number} left out, as asked")

@@ -50,12 +50,16 @@ class Frames(GcodeMotion):
         given = {letter for letter in "ABC" if letter in out.words}
         if "SWIVEL" in w.flags:
             if self.tilt is None or given:
-                raise StatementError("rotary axes as PLANE has worked them out", "behind PLANE SPATIAL, all of them")
+                raise StatementError(
+                    "rotary axes as PLANE has worked them out", "behind PLANE SPATIAL, all of them", code="P013"
+                )
             self.leave((0, 1, 2), "PLANE")
             self._upright(np.array(self.frame_axis))
         elif given and self.spatial is not None:
             if given & out.own.keys() or len(self.spatial | dict.fromkeys(given)) < len("ABC"):
-                raise StatementError("spatial angles of TCPM (AXIS SPAT) that are not all known", "A, B and C")
+                raise StatementError(
+                    "spatial angles of TCPM (AXIS SPAT) that are not all known", "A, B and C", code="P013"
+                )
             self.spatial |= {letter: out.words.pop(letter) for letter in given}
             x, y, z = (self.frame.turn @ turned("zyx", [self.spatial[k] for k in "CBA"])[:, 2]).tolist()
             self.leans = x, y, z
@@ -86,21 +90,28 @@ class Frames(GcodeMotion):
                 f"rotary axis {', '.join(wrong)} in a tilted plane with --rotary {self.options.rotary}",
                 "L A+Q120 B+Q121 C+Q122 with the axes of the machine",
                 "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)",
+                code="P014",
             )
         self._upright(np.array(self._of_angles() if any(self.angles.values()) else (0.0, 0.0, 1.0)))
 
     def _upright(self, axis: Array) -> None:
         """The tool points along ``axis`` in the part: the normal of the plane, or it is a fault."""
         if float(np.linalg.norm(axis - np.array(self.frame_axis))) > 1e-4:
-            raise StatementError("rotary axes that do not bring the tool upright to the plane", "those of the plane")
+            raise StatementError(
+                "rotary axes that do not bring the tool upright to the plane", "those of the plane", code="P013"
+            )
         self.leans, self.angles = None, dict.fromkeys("ABC", 0.0)
 
     def require_placed(self) -> None:
         """Refuse motion whose coordinates or direction are the control's."""
         if self.shifted_inside:
-            raise StatementError("a move behind a datum that was moved inside a tilted plane", "PLANE RESET before")
+            raise StatementError(
+                "a move behind a datum that was moved inside a tilted plane", "PLANE RESET before", code="P013"
+            )
         if self.leans is not None and not self.tcp:
-            raise StatementError("a move while the tool is not upright to the plane", None, _REMEDY_UPRIGHT)
+            raise StatementError(
+                "a move while the tool is not upright to the plane", None, _REMEDY_UPRIGHT, code="P013"
+            )
 
     def _tool_axis(self, b: Block) -> Vector:
         if self.leans is None or not POINTING_SET.isdisjoint(b.words) or {"A", "B", "C"} & b.words.keys():
@@ -117,13 +128,17 @@ class Frames(GcodeMotion):
                 continue
             if name[-1] in "ABC" or (self.tilt is not None and (value or name.startswith("I"))):
                 what = "a datum shift inside a tilted plane" if self.tilt is not None else f"a shift of axis {name}"
-                raise StatementError(what, "X, Y and Z before PLANE", "PLANE RESET before it")
+                raise StatementError(what, "X, Y and Z before PLANE", "PLANE RESET before it", code="P013")
             k = "XYZ".index(name[-1])
             if self.rotation and value and (name.startswith("I") or value != self.datum[k]):
-                raise StatementError("a datum shift in turned coordinates", "cycle 7 before cycle 10", REMEDY)
+                raise StatementError(
+                    "a datum shift in turned coordinates", "cycle 7 before cycle 10", REMEDY, code="P013"
+                )
             self.datum[k] = value + (self.datum[k] if name.startswith("I") else 0.0)
         if rest[at:].strip(" ,"):
-            raise StatementError(f"{rest[at:].strip()[:30]!r}: a datum of the control's table", "X, Y, Z with numbers")
+            raise StatementError(
+                f"{rest[at:].strip()[:30]!r}: a datum of the control's table", "X, Y, Z with numbers", code="P013"
+            )
         # What coordinates inside the plane would count from then is the control's.
         self.shifted_inside = self.tilt is not None
         self._framed()
@@ -131,10 +146,10 @@ class Frames(GcodeMotion):
     def _rotate(self, part: int, rest: str) -> None:
         match = re.fullmatch(rf"(I?)ROT\s*({VALUE})", rest)
         if match is None:
-            raise StatementError("cycle 10 without its angle", "CYCL DEF 10.1 ROT+30")
+            raise StatementError("cycle 10 without its angle", "CYCL DEF 10.1 ROT+30", code="P013")
         angle = number(match[2], self.values)
         if self.tilt is not None and (angle or match[1]):
-            raise StatementError("a rotation inside a tilted plane", "PLANE RESET before it", REMEDY)
+            raise StatementError("a rotation inside a tilted plane", "PLANE RESET before it", REMEDY, code="P013")
         self.rotation = angle + (self.rotation if match[1] else 0.0)
         self.shifted_inside = self.tilt is not None
         self._framed()
@@ -143,13 +158,17 @@ class Frames(GcodeMotion):
         """Cycle 19: its angles are those of axes or of space, as the machine has it; 0 leaves a tilted plane."""
         found = re.fullmatch(rf"(?:[ABC]\s*({VALUE})\s*)?(?:[ABC]\s*({VALUE})\s*)?(?:[ABC]\s*({VALUE}))?", rest)
         if found is None or any(number(value, self.values) for value in found.groups() if value):
-            raise StatementError("cycle 19 with angles", "PLANE SPATIAL, or cycle 19 with angles of 0", REMEDY)
+            raise StatementError(
+                "cycle 19 with angles", "PLANE SPATIAL, or cycle 19 with angles of 0", REMEDY, code="P013"
+            )
         self.plane_statement("RESET STAY")
 
     def datum_statement(self, text: str) -> None:
         """TRANS DATUM, as cycle 7 in one statement."""
         if text != "RESET" and not text.startswith("AXIS"):
-            raise StatementError(f"TRANS DATUM {text[:20]}", "TRANS DATUM AXIS X Y Z, TRANS DATUM RESET", REMEDY)
+            raise StatementError(
+                f"TRANS DATUM {text[:20]}", "TRANS DATUM AXIS X Y Z, TRANS DATUM RESET", REMEDY, code="P013"
+            )
         self._datum_shift(1, "X0 Y0 Z0" if text == "RESET" else text.removeprefix("AXIS"))
 
     def plane_statement(self, text: str) -> None:
@@ -161,16 +180,20 @@ class Frames(GcodeMotion):
         elif match := _PLANE.fullmatch(text):
             given = re.findall(rf"SP([ABC])\s*({VALUE})", match[1])
             if len({letter for letter, _ in given}) < len(given):
-                raise StatementError("PLANE SPATIAL with an angle twice", "SPA, SPB, SPC")
+                raise StatementError("PLANE SPATIAL with an angle twice", "SPA, SPB, SPC", code="P013")
             angles = [number(dict(given).get(letter, "0"), self.values) for letter in "CBA"]
             brought, self.tilt = match[2], CoordinateFrame(turned("zyx", angles), follows=True)
             if any(angles) and self.rotation:
-                raise StatementError("PLANE in turned coordinates", "PLANE before CYCL DEF 10", REMEDY)
+                raise StatementError("PLANE in turned coordinates", "PLANE before CYCL DEF 10", REMEDY, code="P013")
         else:
-            raise StatementError(f"PLANE {text.split()[0] if text else ''}", "PLANE SPATIAL, PLANE RESET", REMEDY)
+            raise StatementError(
+                f"PLANE {text.split()[0] if text else ''}", "PLANE SPATIAL, PLANE RESET", REMEDY, code="P013"
+            )
         how = _BROUGHT.fullmatch(brought)
         if how is None:
-            raise StatementError(f"PLANE ... {brought[:40]}", "STAY, TURN or MOVE, with MB, DIST, F, SEQ, TABLE ROT")
+            raise StatementError(
+                f"PLANE ... {brought[:40]}", "STAY, TURN or MOVE, with MB, DIST, F, SEQ, TABLE ROT", code="P013"
+            )
         self.shifted_inside = False
         self._framed()
         if how[1] != "STAY":

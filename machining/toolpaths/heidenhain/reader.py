@@ -82,7 +82,9 @@ class _Reader(Contour):
             inside = text != "LBL 0" if _LABEL.match(text) else inside
             if ended and text and text != "LBL 0" and not inside:
                 self.line = line
-                fault = StatementError("a statement behind END PGM", "one program", "give each program in a file")
+                fault = StatementError(
+                    "a statement behind END PGM", "one program", "give each program in a file", code="P019"
+                )
                 self.refuse(fault, readable(text)[:120])
                 return
             ended |= text.startswith("END PGM")
@@ -117,16 +119,20 @@ class _Reader(Contour):
             i for i, (_, text, _) in enumerate(self.stored) if (label := _LABEL.match(text)) and label[1] == call[1]
         ]
         if not found:
-            raise StatementError(f"CALL LBL {call[1]}: no such label in the file", "labels of this file", REMEDY)
+            raise StatementError(
+                f"CALL LBL {call[1]}: no such label in the file", "labels of this file", REMEDY, code="P017"
+            )
         self.calls += 1
         if self.depth >= DEEPEST or self.calls > CALLS_MOST:
-            raise StatementError("calls of labels", f"{DEEPEST} within one another, {CALLS_MOST} in all", REMEDY)
+            raise StatementError(
+                "calls of labels", f"{DEEPEST} within one another, {CALLS_MOST} in all", REMEDY, code="P017"
+            )
         self.depth += 1
         repeats = int(call[2]) if call[2] else 1
         if call[0].find("REP") < 0:
             good = self.run_stored(found[0] + 1)
         elif found[0] > at or repeats > CALLS_MOST:
-            raise StatementError("CALL LBL REP of a label that comes later", "a label above", REMEDY)
+            raise StatementError("CALL LBL REP of a label that comes later", "a label above", REMEDY, code="P017")
         else:
             good = all(self.run_stored(found[0] + 1, at) for _ in range(repeats))
         self.depth -= 1
@@ -215,16 +221,18 @@ class _Reader(Contour):
     def _other(self, text: str) -> None:
         what = " ".join(text.split()[:2])
         if re.match(r"FN\s*\d+\s*:", text):
-            raise StatementError(f"{what} jumps, or asks the control", "FN 0 to FN 8, formulas", REMEDY)
+            raise StatementError(f"{what} jumps, or asks the control", "FN 0 to FN 8, formulas", REMEDY, code="P017")
         if self.options.unknown_motion == "error":
-            raise StatementError(f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY)
+            raise StatementError(
+                f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY, code="P019"
+            )
         self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked")
         self.leave((0, 1, 2), readable(what))
 
     def _tool(self, text: str) -> None:
         match = _TOOL.match(text)
         if match is None or (match[4] or "Z").upper() != "Z":
-            raise StatementError("a tool along another axis than Z", "TOOL CALL 5 Z S3000", REMEDY)
+            raise StatementError("a tool along another axis than Z", "TOOL CALL 5 Z S3000", REMEDY, code="P014")
         block, at = Block(), 0
         oversize = self.oversize if not (match[1] or match[2]) else 0.0
         while (found := _OF_TOOL.match(match[5], at)) is not None:
@@ -234,13 +242,16 @@ class _Reader(Contour):
                     f"a tool longer by {value:g} (DL): the path is that much higher",
                     "DL 0",
                     "post it with the allowance in the points",
+                    code="P014",
                 )
             if letter in ("DR", "DR2"):
                 oversize = oversize or value
             else:
                 block.words[letter] = value * (self.feed_scale if letter == "F" else 1.0)
         if rest := match[5][at:].strip():
-            raise StatementError(f"{rest[:30]!r} of a tool call is not read", "S, F, DL, DR, DR2 with numbers")
+            raise StatementError(
+                f"{rest[:30]!r} of a tool call is not read", "S, F, DL, DR, DR2 with numbers", code="P014"
+            )
         self.oversize = oversize
         given = match[1] or match[2]
         if match[2] and not match[3]:

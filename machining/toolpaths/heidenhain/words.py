@@ -76,7 +76,7 @@ def key(name: str) -> str:
     """Name of a Q parameter as a variable of :class:`Values`."""
     match = _Q.fullmatch(name.upper())
     if match is None:
-        raise StatementError(f"Q parameter {name}", "Q0 to Q1999")
+        raise StatementError(f"Q parameter {name}", "Q0 to Q1999", code="P018")
     return f"#{_KINDS[match[1]] + int(match[2])}"
 
 
@@ -94,7 +94,7 @@ def assign(text: str, values: Values) -> bool:
             sign, form = _FN_FORMS[number]
             left, found, right = rest.partition(sign) if number not in "12" else _split(rest, sign)
             if not found:
-                raise StatementError(f"FN {number} without {sign}", f"FN {number}: Q1 = Q2 {sign} Q3")
+                raise StatementError(f"FN {number} without {sign}", f"FN {number}: Q1 = Q2 {sign} Q3", code="P018")
             rest = form.format(left.strip(), right.strip())
     elif plain := _ASSIGNED.match(text):
         name, rest = plain.groups()
@@ -102,7 +102,7 @@ def assign(text: str, values: Values) -> bool:
         return False
     rest = _Q.sub(lambda match: key(match[0]), rest.replace(",", "."))
     if _SIGNED_POWER.search(rest):
-        raise StatementError("a power of a number with a sign", "brackets, as in (-Q1) ^ 2")
+        raise StatementError("a power of a number with a sign", "brackets, as in (-Q1) ^ 2", code="P018")
     rest = (
         _FUNCTION.sub(lambda m: f"{m[1]}[{m[2]}]" + ("/[1]" if m[1] == "ATAN" else ""), rest)
         .replace("^", "**")
@@ -133,14 +133,16 @@ def number(text: str, values: Values) -> float:
     if text.startswith("Q"):
         name = key(text)
         if name not in values.known:
-            raise StatementError(f"{text} has no value here", "Q parameters that a statement before has set")
+            raise StatementError(
+                f"{text} has no value here", "Q parameters that a statement before has set", code="P018"
+            )
         return sign * values.known[name]
     try:
         value = float(text)
     except ValueError:
-        raise StatementError(f"{text[:12]} is no number", "numbers such as 1500 or 12.5") from None
+        raise StatementError(f"{text[:12]} is no number", "numbers such as 1500 or 12.5", code="P018") from None
     if value > LARGEST:
-        raise StatementError(f"{text[:12]}...", f"up to {LARGEST:g}")
+        raise StatementError(f"{text[:12]}...", f"up to {LARGEST:g}", code="P018")
     return sign * value
 
 
@@ -159,7 +161,7 @@ def words(text: str, values: Values) -> Words:
         end = match.end()
         flag, name = (match["flag"] or "").upper().replace(" ", ""), (match["key"] or "").upper()
         if flag in out.flags or (name in out.values and name not in of_misc):
-            raise StatementError(f"{flag or name} twice", "each word once")
+            raise StatementError(f"{flag or name} twice", "each word once", code="P020")
         if flag:
             out.flags.add(flag)
         elif name == "M":
@@ -173,5 +175,5 @@ def words(text: str, values: Values) -> Words:
         else:
             out.values[name] = number(match["value"], values)
     if rest := text[end:].strip(" ,"):
-        raise StatementError(f"{rest[:30]!r} is no word of a motion", "X+10, IZ-5, R0, F500, FMAX, M3")
+        raise StatementError(f"{rest[:30]!r} is no word of a motion", "X+10, IZ-5, R0, F500, FMAX, M3", code="P020")
     return out

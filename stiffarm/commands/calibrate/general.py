@@ -97,6 +97,7 @@ def _at_once(
     if not (0.0 < low < high and np.isfinite(high)):
         raise InputError(
             "--low, --high",
+            code="M002",
             value=f"{low:g}, {high:g}",
             allowed="0 < low < high, finite, N m/rad",
             remedy="give the range in which the springs are expected; it is widened where the data ask for it",

@@ -192,6 +192,7 @@ def calibrate(
     if request.campaign.robot != given.robot.name:
         raise InputError(
             "calibration file is for robot",
+            code="A010",
             value=request.campaign.robot,
             allowed=given.robot.name,
             remedy="choose the file of this robot, or name this robot in its 'robot' key",

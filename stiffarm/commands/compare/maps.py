@@ -94,10 +94,12 @@ def read_map(path: Path, name: str) -> MapFile:
         with _quiet():
             mesh = pyvista.read(path)
     except Exception as error:  # VTK raises what it likes on spoilt files
-        raise InputError(f"map {path} cannot be read ({error})", remedy="make the map again") from error
+        raise InputError(f"map {path} cannot be read ({error})", code="A012", remedy="make the map again") from error
     words = {key: [str(v) for v in mesh.field_data[key]] for key in mesh.field_data.keys()}  # noqa: SIM118 - no mapping
     if "units" not in words or "robot" not in words or not mesh.n_points:
-        raise InputError(f"{path} is no map of stiffarm", allowed="the .vtu, .vti or .vtp of `stiffarm map`")
+        raise InputError(
+            f"{path} is no map of stiffarm", code="A012", allowed="the .vtu, .vti or .vtp of `stiffarm map`"
+        )
     units, labels = (
         dict(one.split(" = ", 1) for one in words.get(key, []) if " = " in one) for key in ("units", "labels")
     )
@@ -136,6 +138,7 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
     if a.of.get("robot") != b.of.get("robot"):
         raise InputError(
             f"{a.name} is of {a.of.get('robot')}, {b.name} of {b.of.get('robot')}",
+            code="A012",
             allowed="one robot",
             remedy="compare maps of one robot",
         )
@@ -144,6 +147,7 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
             said = " and ".join(one.of.get(key, "not said") for one in (a, b))
             raise InputError(
                 f"{a.name} and {b.name} are of other quantities: {key.replace('_', ' ')}",
+                code="A012",
                 value=said,
                 allowed="the same in both",
                 remedy="make both maps with one command, with the same load and normal",
@@ -153,6 +157,7 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
     if not names:
         raise InputError(
             f"{a.name} and {b.name} have no quantity in common",
+            code="A012",
             value=f"{listed(a.values)} and {listed(b.values)}",
             allowed="maps of the same quantities",
             remedy="make both with the same --values",
@@ -161,6 +166,7 @@ def compare_maps(a: MapFile, b: MapFile) -> MapPair:
     if other:
         raise InputError(
             f"{a.name} and {b.name}: units of {other[0]}",
+            code="A012",
             allowed="the same in both",
             value=f"{a.units.get(other[0])} and {b.units.get(other[0])}",
             remedy="make both maps with one version of stiffarm",
@@ -201,6 +207,7 @@ def _same_points(a: MapFile, b: MapFile) -> tuple[Indices, Indices]:
     if len(shared) < max(1, least // 2):
         raise InputError(
             f"{a.name} and {b.name} have other points",
+            code="A012",
             value=f"{len(shared)} of {least} in common",
             allowed="the same grid",
             remedy="make both maps with the same grid",

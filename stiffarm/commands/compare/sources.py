@@ -75,10 +75,12 @@ def read_source(path: Path, number: int) -> Source:
         if found is None and all((path / name).is_file() for name in RUN):
             return replace(read_source(path / RUN[0], number), name=str(path), of_run=True)
         if found is None:
-            raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name the folder given as --out, or a file")
+            raise InputError(
+                what, code="A012", value=str(path), allowed=ALLOWED, remedy="name the folder given as --out, or a file"
+            )
         return _of_json(found, str(path), FILES[found.name])
     if not path.is_file():
-        raise InputError(what, value=str(path), allowed=ALLOWED, remedy="check the path")
+        raise InputError(what, code="A012", value=str(path), allowed=ALLOWED, remedy="check the path")
     suffix = path.suffix.lower()
     if suffix in MAPS:
         return Source(str(path), "map", "", path, {}, page=_there(path.parent / "map.html"))
@@ -87,13 +89,14 @@ def read_source(path: Path, number: int) -> Source:
         if model.calibration is None:
             raise InputError(
                 f"{path} is not calibrated: nothing says how well its figures are known",
+                code="A012",
                 allowed=ALLOWED,
                 remedy="compare the results of `stiffarm calibrate`",
             )
         return Source(str(path), "calibration", model.name, path, {}, model)
     if suffix == ".json":
         return _of_json(path, str(path), _kind(path, what))
-    raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name one of these")
+    raise InputError(what, code="A012", value=str(path), allowed=ALLOWED, remedy="name one of these")
 
 
 def _kind(path: Path, what: str) -> Kind:
@@ -102,14 +105,16 @@ def _kind(path: Path, what: str) -> Kind:
     if known is None and isinstance(content, dict) and {"stages", "rms_mm", "robot"} <= content.keys():
         known = "calibration"
     if known is None:
-        raise InputError(what, value=str(path), allowed=ALLOWED, remedy="name one of these")
+        raise InputError(what, code="A012", value=str(path), allowed=ALLOWED, remedy="name one of these")
     return known
 
 
 def _of_json(path: Path, name: str, kind: Kind) -> Source:
     content = _content(path)
     if not isinstance(content, dict):
-        raise InputError(f"{path} is no results file of stiffarm", allowed=ALLOWED, remedy="name one of these")
+        raise InputError(
+            f"{path} is no results file of stiffarm", code="A012", allowed=ALLOWED, remedy="name one of these"
+        )
     ending = f"{kind}.json"
     is_ours = path.name.endswith(ending)
     own = _there(path.with_name(f"{path.name.removesuffix(ending)}model.toml")) if is_ours else None
@@ -125,6 +130,7 @@ def _of_map(folder: Path, name: str) -> Source:
     if not found:
         raise InputError(
             f"{name} holds no map as .vtu, .vti or .vtp",
+            code="A012",
             allowed="a map's arrays in one of these files",
             remedy="make the map again with --format vtu",
         )
@@ -152,17 +158,23 @@ def check_alike(some: list[Source]) -> None:
         if other.kind != first.kind:
             raise InputError(
                 f"{first.name} is a {first.kind}, {other.name} a {other.kind}",
+                code="A012",
                 allowed="things of one kind",
                 remedy="compare like with like",
             )
         if first.robot and other.robot and other.robot != first.robot:
             raise InputError(
                 f"{first.name} is of {first.robot}, {other.name} of {other.robot}",
+                code="A012",
                 allowed="one robot",
                 remedy="compare results of one robot",
             )
     names = [s.name for s in some]
     if len({str(s.file.resolve()) for s in some}) < len(names):
         raise InputError(
-            "the same results twice", value=", ".join(names), allowed="different ones", remedy="leave one of them out"
+            "the same results twice",
+            code="A012",
+            value=", ".join(names),
+            allowed="different ones",
+            remedy="leave one of them out",
         )

@@ -65,6 +65,7 @@ def compare(files: Sequence[Path]) -> list[Compared]:
     if not 2 <= len(files) <= MOST:
         raise InputError(
             "results to compare",
+            code="A012",
             value=len(files),
             allowed=f"2 to {MOST}",
             remedy="name the first one, then those to compare with it",
@@ -90,6 +91,7 @@ def _compared(a: Source, b: Source) -> Compared:
     if not any(p.a is not None and p.b is not None for p in found) and a.kind == "calibration":
         raise InputError(
             f"{a.name} and {b.name} have no parameter in common",
+            code="A012",
             allowed="calibrations of the same parameters",
             remedy="compare others, or calibrate with the same --free",
         )
@@ -97,6 +99,7 @@ def _compared(a: Source, b: Source) -> Compared:
     if wrong is not None:
         raise InputError(
             f"{a.name} and {b.name}: unit of {wrong.name}",
+            code="A012",
             value=wrong.unit,
             allowed="the same in both",
             remedy="make both with one version of stiffarm",
@@ -120,7 +123,9 @@ def _as_ours(s: Source) -> Iterator[None]:
     try:
         yield
     except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{s.name} does not hold what a {s.kind} of stiffarm holds", remedy="make it again") from error
+        raise InputError(
+            f"{s.name} does not hold what a {s.kind} of stiffarm holds", code="A012", remedy="make it again"
+        ) from error
 
 
 def _said(s: Source) -> dict[str, str]:

@@ -59,7 +59,7 @@ def arms_figure(some: Sequence[Stand], robot: Robot, heading: str, scale_by: Seq
         No stands.
     """
     if not some:
-        raise InputError("arms figure", allowed="at least one pose")
+        raise InputError("arms figure", code="B002", allowed="at least one pose")
     every = list(scale_by) or list(some)
     views = ("side", "above") if any(np.isfinite(s.read[:2]).any() for s in every) else ("side",)
     looks = _looks_of(every, robot, views)

@@ -70,7 +70,7 @@ def match_figure(fits: Sequence[Fit]) -> Figure:
         No model, or no readings.
     """
     if not fits or not len(fits[0].read):
-        raise InputError("match figure", allowed="at least one model and one reading")
+        raise InputError("match figure", code="B002", allowed="at least one model and one reading")
     values = np.concatenate([v for f in fits for v in (f.read, f.simulated)])
     low, high = float(values.min()), float(values.max())
     room = 0.05 * max(high - low, 1e-9)
@@ -113,7 +113,7 @@ def residuals_figure(fits: Sequence[Fit]) -> Figure:
         No model, or no readings.
     """
     if not fits or not len(fits[0].read):
-        raise InputError("residuals figure", allowed="at least one model and one reading")
+        raise InputError("residuals figure", code="B002", allowed="at least one model and one reading")
     heading = "Residuals over poses and loads; black: mean of a group, band: two standard deviations"
     size = (10.0, 1.0 + 2.9 * len(fits))
     with drawing(heading, size, len(fits), 2, sharey=True, width_ratios=[2.3, 1.0]) as (figure, axes):
@@ -169,7 +169,7 @@ def gap_figure(
         No rows.
     """
     if not rows:
-        raise InputError("gap figure: no errors to draw")
+        raise InputError("gap figure: no errors to draw", code="B002")
     lines = {f"{name}: {significant(noise)}": noise}
     if np.isfinite(least):
         lines[f"springs alone, at best: {significant(least)}"] = least
@@ -198,7 +198,7 @@ def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float, float]]]
         No groups.
     """
     if not groups or not all(groups.values()):
-        raise InputError("where figure: no groups to draw")
+        raise InputError("where figure: no groups to draw", code="B002")
     small = [kind for kind, some in groups.items() if kind != "pose" and len(some) > 1]
     rows = [["pose"], small] if small else [["pose"]]
     known = bool(np.isfinite([g[1] for g in groups["pose"]]).all())
@@ -255,7 +255,7 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
         No candidates.
     """
     if not bars:
-        raise InputError("ranking figure: no candidates to draw")
+        raise InputError("ranking figure: no candidates to draw", code="B002")
     words = {
         "chosen": "taken into the model",
         "effect": "other effects",
@@ -290,7 +290,7 @@ def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
         for code in others:
             count[code] = count.get(code, 0) + 1
     if not count:
-        raise InputError("twins figure: no twins to draw")
+        raise InputError("twins figure: no twins to draw", code="B002")
     rows = list(twins)
     columns = [code for code in rows if code in count]
     columns += sorted((c for c in count if c not in columns), key=lambda c: -count[c])

@@ -275,7 +275,7 @@ def numbers_figure(numbers: Sequence[Number]) -> Figure:
     """
     shown = [n for n in numbers if np.isfinite(n.value)]
     if not shown:
-        raise InputError("numbers figure: no number to draw")
+        raise InputError("numbers figure: no number to draw", code="B002")
     heading = "Numbers found, with 95 % intervals; grey: what was thought plausible"
     with drawing(heading, (9.0, 0.9 + 1.15 * len(shown)), len(shown)) as (figure, axes):
         for ax, n in zip(axes, shown, strict=True):

@@ -321,6 +321,7 @@ def refuse_few_poses(data: Measurements) -> None:
     if poses < 2:
         raise InputError(
             f"{data.source}: poses",
+            code="C003",
             value=poses,
             allowed="2 or more, better 9 or more",
             remedy="measure in other poses too: in one pose the springs explain whatever is missing",

@@ -53,6 +53,7 @@ def export(
         if links.partition(":")[0] not in ("shell", "solid"):
             raise InputError(
                 "--links",
+                code="M003",
                 value=links,
                 allowed="shell, shell:rigid, shell:distributing, solid, solid:rigid, solid:distributing",
                 remedy="leave it out: beams and rigid links have no mesh to write",
@@ -60,6 +61,7 @@ def export(
         if pose is None or len(pose) != 1:
             raise InputError(
                 "--pose: an export is one pose",
+                code="M003",
                 value=f"{len(pose or ())} of them",
                 allowed="exactly one",
                 remedy="give one --pose, as in --pose q2_deg=5; run the command again for another",

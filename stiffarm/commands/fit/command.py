@@ -127,11 +127,17 @@ def fit(
         parse_word(quantity, learning.quantities(), "--quantity")
         if accuracy is not None and not 0.0 < accuracy < 1.0:
             raise InputError(
-                "--accuracy", value=accuracy, allowed="above 0, below 1", remedy="0.001 is a tenth of a percent"
+                "--accuracy",
+                code="A001",
+                value=accuracy,
+                allowed="above 0, below 1",
+                remedy="0.001 is a tenth of a percent",
             )
         asked = portable_files.parse_formats(formats)
         if matrix and basis not in ("best", "factored"):
-            raise InputError("--matrix with --basis", value=basis, allowed="factored, best", remedy="leave one out")
+            raise InputError(
+                "--matrix with --basis", code="A002", value=basis, allowed="factored, best", remedy="leave one out"
+            )
         _refuse_conflicts(quantity, basis, matrix, asked, {"normal": normal, "force": force, "direction": direction})
         along = parsing.parse_direction(direction or "0,0,-1")
         vectors = {
@@ -183,12 +189,22 @@ def _refuse_conflicts(
     for name, text in vectors.items():
         if text is not None and stiffness == (name != "direction"):
             what = "of the stiffness" if stiffness else f"of {quantity}, which has no load direction of its own"
-            raise InputError(f"--{name} for a surrogate {what}", value=text, allowed="nothing", remedy="leave it out")
+            raise InputError(
+                f"--{name} for a surrogate {what}", code="A002", value=text, allowed="nothing", remedy="leave it out"
+            )
     if matrix and not formats:
-        raise InputError("--matrix without --format", allowed="onnx, c, python, javascript", remedy="add --format onnx")
+        raise InputError(
+            "--matrix without --format", code="A002", allowed="onnx, c, python, javascript", remedy="add --format onnx"
+        )
     if matrix and not stiffness:
-        raise InputError("--matrix with --quantity", value=quantity, allowed="stiffness", remedy="leave one out")
+        raise InputError(
+            "--matrix with --quantity", code="A002", value=quantity, allowed="stiffness", remedy="leave one out"
+        )
     if basis == "factored" and not stiffness:
         raise InputError(
-            "--basis factored with --quantity", value=quantity, allowed="stiffness", remedy="take adaptive or best"
+            "--basis factored with --quantity",
+            code="A002",
+            value=quantity,
+            allowed="stiffness",
+            remedy="take adaptive or best",
         )

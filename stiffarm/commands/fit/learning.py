@@ -43,12 +43,17 @@ def index_quantity(
         No such index, or the normal or force that it needs is missing.
     """
     if name not in INDICES:
-        raise InputError("--quantity", value=name, allowed=", ".join(quantities()), remedy="choose one of them")
+        raise InputError(
+            "--quantity", code="A001", value=name, allowed=", ".join(quantities()), remedy="choose one of them"
+        )
     index = INDICES[name]
     for need, given in (("normal", normal), ("force", force)):
         if need in index.uses and given is None:
             raise InputError(
-                f"--quantity {name} without --{need}", allowed="a vector in base axes", remedy=f"add --{need} 0,0,1"
+                f"--quantity {name} without --{need}",
+                code="A003",
+                allowed="a vector in base axes",
+                remedy=f"add --{need} 0,0,1",
             )
 
     def values(q: Array) -> Array:

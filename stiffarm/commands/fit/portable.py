@@ -37,10 +37,12 @@ def parse_formats(text: str | None) -> tuple[str, ...]:
     """
     names = () if text is None else tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
-        require_one_of("--format", name, FORMATS, remedy="separate them by commas")
+        require_one_of("--format", name, FORMATS, code="A001", remedy="separate them by commas")
     # Before the fit, which takes a while.
     if "onnx" in names and importlib.util.find_spec("onnx") is None:
-        raise InputError("--format onnx: the package onnx is missing", remedy="pip install 'stiffarm[onnx]'")
+        raise InputError(
+            "--format onnx: the package onnx is missing", code="F013", remedy="pip install 'stiffarm[onnx]'"
+        )
     return names
 
 
@@ -58,6 +60,7 @@ def portable(surrogate: Surrogate, *, matrix: bool = False) -> Portable:
     if matrix and factor is None:
         raise InputError(
             "--matrix of a surrogate with the basis",
+            code="S002",
             value=surrogate.basis,
             allowed="factored",
             remedy="--basis factored",

@@ -42,6 +42,7 @@ def help_command(
             meant = get_close_matches(code, [] if group is None else group.commands, n=1)
             raise InputError(
                 "CODE",
+                code="A025",
                 value=code,
                 allowed=f"a code such as {', '.join(near)}, or the name of a command",
                 remedy=f"for the command: `stiffarm help {meant[0]}`"

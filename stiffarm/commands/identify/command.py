@@ -121,6 +121,7 @@ def _request(law: str | None, branches: str, flange: str, window: str, seed: int
     if len(numbers) != 4 or not all(0.0 < size < 1e5 for size in numbers[2:]):
         raise InputError(
             "--window",
+            code="A004",
             value=window,
             allowed="four numbers in mm: X, Z, width and height above 0",
             remedy=f"write them as in {DEFAULT_WINDOW}",
@@ -131,12 +132,15 @@ def _request(law: str | None, branches: str, flange: str, window: str, seed: int
 
 def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: bool) -> None:
     if synthetic and tables:
-        raise InputError("--synthetic and TABLE: one of them at a time", remedy="leave one out")
+        raise InputError("--synthetic and TABLE: one of them at a time", code="A002", remedy="leave one out")
     if synthetic and out is None:
-        raise InputError("--synthetic without --out", remedy="name a folder for the made-up table with --out")
+        raise InputError(
+            "--synthetic without --out", code="A003", remedy="name a folder for the made-up table with --out"
+        )
     if not synthetic and not tables:
         raise InputError(
             "TABLE",
+            code="A003",
             value="none",
             allowed="one or more tables of joint twists, CSV or XLSX",
             remedy="give your readings, or try --synthetic, which makes some up",
@@ -146,7 +150,7 @@ def _check_tables(tables: list[Path] | None, out: Path | None, *, synthetic: boo
 def _make_up(given: Arm, seed: int, folder: OutputFolder | None) -> TwistReadings:
     """Write a synthetic table and its truth, and read the table back: identification sees nothing else."""
     if folder is None:  # refused before
-        raise InputError("--synthetic without --out")
+        raise InputError("--synthetic without --out", code="A003")
     rng = np.random.default_rng(seed)
     truth = draw_truth(given.model, rng)
     path = folder.path(SYNTHETIC)

@@ -43,7 +43,7 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
     c, data = found.cycles, found.data
     shown = [(j, name) for j, name in enumerate(found.names) if _most_loaded(found, j) is not None]
     if not shown:
-        raise InputError("loops figure: no gear was loaded")
+        raise InputError("loops figure: no gear was loaded", code="B002")
     heading = f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}"
     with panels(heading, len(shown), 3, 10.5, 3.0, 0.9) as (figure, axes):
         for ax, (j, name) in zip(axes, shown, strict=True):

@@ -128,7 +128,9 @@ def read_tables(given: Arm, tables: Sequence[Path], model: str = "MODEL") -> Twi
     """
     for table in tables:
         if not table.is_file():
-            raise InputError("TABLE", value=str(table), allowed="an existing .csv or .xlsx", remedy="check the path")
+            raise InputError(
+                "TABLE", code="A007", value=str(table), allowed="an existing .csv or .xlsx", remedy="check the path"
+            )
         expect(table, TWISTS, model=model, better=lambda kind: _better(given, kind, tables))
     return joined([read_twists(table, given.robot) for table in tables])
 
@@ -161,14 +163,18 @@ def run(
     found = identify(model, data, law=request.law, branches=request.branches)
     if not any(d.law is not None for d in found.directions.values()):
         raise InputError(
-            f"{data.source}: no stiffness is determined", remedy="give readings of joints under loads that reach them"
+            f"{data.source}: no stiffness is determined",
+            code="J004",
+            remedy="give readings of joints under loads that reach them",
         )
     rng = np.random.default_rng(request.seed)
     q = reachable_poses(model, POSES, rng)
     no_flange = _why_no_flange(given, found, q) or _rigid_way(given, found, q)
     if no_flange and holdout is not None:
         raise InputError(
-            f"--holdout {holdout.source}: {no_flange}", remedy="leave out --holdout, or measure those joints too"
+            f"--holdout {holdout.source}: {no_flange}",
+            code="J004",
+            remedy="leave out --holdout, or measure those joints too",
         )
     say("comparing with models of the gears alone (one stiffness per joint)" if not no_flange else f"note: {no_flange}")
     window, no_window = (None, f"no map: {no_flange}") if no_flange else _window(given, found, request)
@@ -241,6 +247,7 @@ def _held_out(given: Arm, found: Identified, data: Measurements) -> HeldOut:
     if not use.any():
         raise InputError(
             f"--holdout {data.source}: no reading with a force and the displacement along it",
+            code="J004",
             allowed="fx_N fy_N fz_N and dx_mm dy_mm dz_mm where the force has a part",
             remedy="give deflections of the flange under forces",
         )

@@ -113,7 +113,11 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
         for name in given:
             if name not in allowed:
                 raise InputError(
-                    f"{option}: link", value=name, allowed=", ".join(names.values()), remedy="name links as the URDF"
+                    f"{option}: link",
+                    code="L010",
+                    value=name,
+                    allowed=", ".join(names.values()),
+                    remedy="name links as the URDF",
                 )
 
 
@@ -121,7 +125,7 @@ def _missing(urdf: UrdfRobot, kind: str, options: ImportOptions) -> list[tuple[s
     """Links of the URDF whose mesh files of a kind are not there, and what to say of each."""
     remedy = "put the file there, or set ROS_PACKAGE_PATH to the folder of the package"
     return [
-        (link, InputError(note, remedy=remedy))
+        (link, InputError(note, code="L001", remedy=remedy))
         for link, note in urdf.missing.get(kind, ())
         if link not in options.rigid
     ]
@@ -140,7 +144,7 @@ def _check_scale(robot: Robot, body: str, name: str, surface: BodySurface) -> No
     except InputError as error:
         remedy = f"{error.remedy}; in a URDF that is <mesh ... scale=...>"
         raise InputError(
-            error.what, value=error.value, allowed=error.allowed, remedy=remedy, site=error.site
+            error.what, code=error.code, value=error.value, allowed=error.allowed, remedy=remedy
         ) from error
 
 

@@ -146,14 +146,16 @@ def import_command(
         suffix = source.suffix.lower()
         if suffix not in (".urdf", *SUFFIXES, *STEP_SUFFIXES):
             allowed = ", ".join((".urdf", *SUFFIXES, *STEP_SUFFIXES))
-            raise InputError("SOURCE", value=str(source), allowed=allowed)
+            raise InputError("SOURCE", code="A007", value=str(source), allowed=allowed)
         if not source.is_file():
-            raise InputError("SOURCE", value=str(source), allowed="an existing file", remedy="check the path")
+            raise InputError(
+                "SOURCE", code="A007", value=str(source), allowed="an existing file", remedy="check the path"
+            )
         lengths = {"--wall-mm": wall_mm, "--size-mm": size_mm, "--close-mm": close_mm, "--scale": scale}
         for option, value in lengths.items():
-            require_positive(option, value)
-        require_positive("--boss", boss)
-        require_positive("--mass-kg", mass_kg)
+            require_positive(option, value, code="L011")
+        require_positive("--boss", boss, code="L011")
+        require_positive("--mass-kg", mass_kg, code="L011")
         chosen = MaterialChoice(material, youngs_modulus, poissons_ratio, density)
         chosen.figures(material or "steel")
         options = ImportOptions(
@@ -197,6 +199,7 @@ def import_command(
             if model is None or link is None:
                 raise InputError(
                     f"{source.name} is one link",
+                    code="A009",
                     remedy="say which, with --model MODEL --link NAME; `stiffarm robots MODEL` shows a model",
                 )
             given = described(model)
@@ -220,7 +223,9 @@ def _files(text: str | None, option: str) -> dict[str, Path]:
     for item in text.split(",") if text is not None else ():
         name, _, path = (part.strip() for part in item.partition("="))
         if not name or not path or Path(path).suffix.lower() not in STEP_SUFFIXES:
-            raise InputError(option, value=item, allowed="link=file.step", remedy="name the link and its STEP file")
+            raise InputError(
+                option, code="A007", value=item, allowed="link=file.step", remedy="name the link and its STEP file"
+            )
         found[name] = Path(path)
     return found
 
@@ -232,5 +237,5 @@ def _by_link(text: str | None, option: str) -> dict[str, float]:
     names = tuple(item.partition("=")[0].strip() for item in text.split(","))
     values = parse_pairs(text, option, names)
     for name, value in values.items():
-        require_positive(f"{option}: {name} (mm)", value)
+        require_positive(f"{option}: {name} (mm)", value, code="L011")
     return {name: 1e-3 * value for name, value in values.items()}

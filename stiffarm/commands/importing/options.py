@@ -68,12 +68,14 @@ def material_of(
     InputError
         Unknown name, or figures out of range.
     """
-    require_one_of("--material", name, MATERIALS, remedy="choose the nearest of them")
+    require_one_of("--material", name, MATERIALS, code="L011", remedy="choose the nearest of them")
     given = (youngs_modulus, poissons_ratio, density)
     limits = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
     for (option, low, high), value in zip(limits, given, strict=True):
         if value is not None and not low <= value <= high:
-            raise InputError(option, value=value, allowed=f"{low:g} to {high:g}", remedy="look at its unit")
+            raise InputError(
+                option, code="L011", value=value, allowed=f"{low:g} to {high:g}", remedy="look at its unit"
+            )
     E, nu, rho = (usual if own is None else own for usual, own in zip(MATERIALS[name], given, strict=True))
     notes = [f"usual for {name}" if own is None else "given to the import" for own in given]
     return Material(

@@ -168,6 +168,7 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
     if not drafts:
         raise InputError(
             f"import of {urdf.description.name}: no link became a shell",
+            code="L010",
             value="; ".join(f"{bodies.names[body]}: {why}" for body, why in bodies.rigid.items()),
             remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
         )
@@ -213,7 +214,9 @@ def _solids(
     lost = set(options.solids) - {name for draft in drafts for name in (draft.name, draft.body)}
     if lost:
         names = ", ".join(draft.name for draft in drafts)
-        raise InputError("--step: link", value=min(lost), allowed=names, remedy="name links that are not rigid")
+        raise InputError(
+            "--step: link", code="L010", value=min(lost), allowed=names, remedy="name links that are not rigid"
+        )
     return tuple(made), said
 
 
@@ -377,7 +380,7 @@ def import_into_model(
     found = [link for link in description.link if link.name == name]
     if not found:
         known = ", ".join(link.name for link in description.link) or "none: the model has rigid bodies only"
-        raise InputError("--link", value=name, allowed=known, remedy="name a link of the model")
+        raise InputError("--link", code="L010", value=name, allowed=known, remedy="name a link of the model")
     link, robot = found[0], robot_from(description)
     material = description.materials[link.material]
     thickness = float(section_dimensions(link.section)[-1]) if wall is None else wall

@@ -115,6 +115,7 @@ def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Arra
     if (table is None) == (not pose):
         raise InputError(
             "index needs poses",
+            code="A003",
             allowed="either --pose (one or more) or a table of poses",
             remedy=f"give one of the two, as in --pose {given.robot.coordinates[0]}=5",
         )
@@ -131,6 +132,7 @@ def _poses(given: Arm, pose: list[str] | None, table: Path | None) -> tuple[Arra
         first = int(outside[0])
         raise InputError(
             f"pose table {table}: {len(outside)} of {len(q)} poses cannot be taken; the first is pose {labels[first]}",
+            code="A005",
             value="; ".join(given.robot.violations(q[first])),
             remedy="correct or remove them",
         )

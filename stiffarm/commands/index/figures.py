@@ -35,7 +35,9 @@ def ellipsoid_figure(C_tt: Array, labels: Sequence[str], normal: Array) -> Figur
     """
     n = len(C_tt)
     if not 0 < n <= MOST_POSES or len(labels) != n:
-        raise InputError("poses of the ellipsoid figure", value=n, allowed=f"1 to {MOST_POSES}, with a label each")
+        raise InputError(
+            "poses of the ellipsoid figure", code="B002", value=n, allowed=f"1 to {MOST_POSES}, with a label each"
+        )
     heading = "Stiffness at the tool by direction of the force, N/mm"
     with drawing(heading, (10.0, 0.9 + 3.5 * n), n, 3) as (figure, axes):
         for i in range(n):

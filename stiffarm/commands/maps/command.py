@@ -104,6 +104,7 @@ class _Maps(TyperGroup):
             with user_errors(debug=False):
                 raise InputError(
                     "`stiffarm map` needs to know what kind of map",
+                    code="A003",
                     allowed=", ".join(self.commands),
                     remedy=f"type {new_form(args)}",
                 )
@@ -173,7 +174,9 @@ def joints_command(
         if surrogate_file is not None:
             refused = {**shared, "--load-path": None, "--html": html or None, "--svg": svg or None}
             for name in (name for name, value in refused.items() if value is not None):
-                raise InputError(f"{name} cannot be combined with --surrogate", remedy="leave one of them out")
+                raise InputError(
+                    f"{name} cannot be combined with --surrogate", code="A002", remedy="leave one of them out"
+                )
             content = _surrogate_map(model, frame, surrogate_file, points, layers, pictures, links, load_path, sets)
         else:
             content = _arm_map("joints", model, frame, own | shared, (html, svg, pictures), seed, links, sets)

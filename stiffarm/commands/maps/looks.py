@@ -130,7 +130,10 @@ def look_of(name: str, field: Field) -> Look:
         return _categories(name, field, values[values >= 0.0])
     if not values.size:
         raise InputError(
-            f"map: {name}", value="no value at any point", remedy="move the grid to where the robot reaches"
+            f"map: {name}",
+            code="B002",
+            value="no value at any point",
+            remedy="move the grid to where the robot reaches",
         )
     if kind == "angle":
         low = 0.0 if values.min() >= 0.0 and values.max() > 180.0 else -180.0
@@ -149,7 +152,10 @@ def look_of(name: str, field: Field) -> Look:
 def _categories(name: str, field: Field, values: Array) -> Look:
     if not values.size:
         raise InputError(
-            f"map: {name}", value="no value at any point", remedy="move the grid to where the robot reaches"
+            f"map: {name}",
+            code="B002",
+            value="no value at any point",
+            remedy="move the grid to where the robot reaches",
         )
     count = np.bincount(values.astype(np.int64), minlength=len(field.categories))
     order = [int(i) for i in np.argsort(-count, kind="stable") if count[i]]

@@ -78,6 +78,7 @@ def check_options(kind: str, options: Mapping[str, str | None]) -> None:
         if options.get(name) is not None and pose not in ("fixed", "best-gamma"):
             raise InputError(
                 f"{name} cannot be combined with --pose {pose}, which takes any orientation",
+                code="A002",
                 remedy="choose --pose fixed or --pose best-gamma",
             )
     parse_word(options.get("--best-by") or "stiffness", MERITS, "--best-by")
@@ -96,7 +97,9 @@ def formats_of(kind: str, options: Mapping[str, str | None]) -> tuple[str, ...]:
     formats = parse_names(options.get("--format"), FORMATS, "--format")
     image = kind in ("slice", "box") or (kind == "index" and options.get("--part") is None)
     if formats is not None and "vti" in formats and not image:
-        raise InputError(f"--format vti of a map over {kind}", allowed="a slice or a box", remedy="take vtu")
+        raise InputError(
+            f"--format vti of a map over {kind}", code="A001", allowed="a slice or a box", remedy="take vtu"
+        )
     return formats or (_DEFAULT_FORMAT[kind],)
 
 
@@ -152,6 +155,7 @@ def _wanted(options: Mapping[str, str | None], uncertainty: bool) -> tuple[str, 
     if "uncertainty" in named and not uncertainty:
         raise InputError(
             "--values uncertainty",
+            code="M013",
             value="the model does not say how sure its numbers are",
             allowed="a calibrated model",
             remedy="leave it out, or take the model.toml of `stiffarm calibrate`",
@@ -177,7 +181,9 @@ def _grid(robot: Robot, options: Mapping[str, str | None], kind: str, reach: Rea
     up, across, third = PLANES[plane]
     if options.get(f"--{third}") is not None:
         raise InputError(
-            f"--{third} cannot be combined with --plane {plane}, which holds it", remedy=f"give --at MM for {third}"
+            f"--{third} cannot be combined with --plane {plane}, which holds it",
+            code="A002",
+            remedy=f"give --at MM for {third}",
         )
     step = _step(options, (across, up), max(float(np.ptp(ends[name])) for name in (across, up)), ALONG_SLICE)
     return slice_layout(
@@ -210,6 +216,7 @@ def _pose(options: Mapping[str, str | None]) -> tuple[dict[str, Any], str]:
             allowed, other = "one angle", "best-gamma for a range"
         raise InputError(
             f"--gamma with --pose {rule}",
+            code="A002",
             value=options.get("--gamma"),
             allowed=f"{allowed} in deg",
             remedy=f"choose --pose {other}",
@@ -242,5 +249,5 @@ def _number(options: Mapping[str, str | None], name: str, otherwise: float) -> f
         return otherwise
     values = parse_numbers(text)
     if values is None or len(values) != 1:
-        raise InputError(name, value=text, allowed="one number in mm")
+        raise InputError(name, code="A004", value=text, allowed="one number in mm")
     return values[0]

@@ -87,11 +87,11 @@ class MapRequest:
         for key, mine in (("form", FORM), ("version", __version__)):
             found = data.get(key) if isinstance(data, dict) else None
             if found != mine:
-                raise InputError(f"map request: {key}", value=found, allowed=mine, remedy=_REMEDY)
+                raise InputError(f"map request: {key}", code="F007", value=found, allowed=mine, remedy=_REMEDY)
         checksum = data.pop(_CHECKSUM, None)
         # Nobody writes requests by hand: what is whole has every key, and of its type.
         if hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest() != checksum:
-            raise InputError("map request: its checksum does not match", remedy="make the map again")
+            raise InputError("map request: its checksum does not match", code="F007", remedy="make the map again")
         return cls(**data)
 
 
@@ -204,6 +204,7 @@ def _engine(text: str) -> tuple[MapRequest, Engine]:
     if found != asked.model_hash:
         raise InputError(
             "model of the map: hash",
+            code="A010",
             value=found[:12],
             allowed=asked.model_hash[:12],
             remedy="install the same version of stiffarm everywhere",

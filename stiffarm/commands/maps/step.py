@@ -192,11 +192,14 @@ def metadata(given: Arm, asked: Asked) -> dict[str, str]:
 
 def _out_of_reach(given: Arm, asked: Asked) -> InputError:
     if asked.request.pose is None:
-        return InputError(f"map of {given.robot.name}: no pose of the sweep can be taken", remedy="use other --layers")
+        return InputError(
+            f"map of {given.robot.name}: no pose of the sweep can be taken", code="S012", remedy="use other --layers"
+        )
     free = asked.request.pose["rule"] in ("stiffest", "softest")
     pose = "" if free else f" with {asked.pose_words.split(', best')[0]}"
     return InputError(
         f"no point of the {asked.grid.kind} can be reached{pose}",
+        code="S012",
         value=f"{asked.grid.n} points",
         allowed=f"within the reach of {given.robot.name}, about {asked.reach.words}",
         remedy="move or widen the grid" + (", or let the orientation be free: --pose stiffest" if pose else ""),

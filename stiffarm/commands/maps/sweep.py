@@ -36,16 +36,24 @@ def read_surrogate_for_map(given: Arm, file: Path) -> Surrogate:
     learned = load_surrogate(file)
     refit = "fit one for this map (`stiffarm fit`)"
     if learned.robot != given.robot.name:
-        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=given.robot.name, remedy=refit)
+        raise InputError(
+            f"surrogate {file} is of robot", code="A010", value=learned.robot, allowed=given.robot.name, remedy=refit
+        )
     if not np.allclose(learned.load_direction, (0.0, 0.0, -1.0), rtol=0.0, atol=1e-9):
         raise InputError(
-            f"surrogate {file}: load direction", value=learned.load_direction, allowed="0, 0, -1", remedy=refit
+            f"surrogate {file}: load direction",
+            code="A010",
+            value=learned.load_direction,
+            allowed="0, 0, -1",
+            remedy=refit,
         )
     swept, layer = default_sweep(given.robot)
     held = [name for name in (*swept, layer) if name is not None and name not in learned.inputs]
     if held:
         raise InputError(
-            f"surrogate {file} knows only one value of {', '.join(held)}, which the map moves", remedy=refit
+            f"surrogate {file} knows only one value of {', '.join(held)}, which the map moves",
+            code="A010",
+            remedy=refit,
         )
     return learned
 
@@ -57,13 +65,18 @@ def parse_layers(robot: Robot, text: str | None) -> tuple[float, ...] | None:
     name = default_sweep(robot)[1]
     if name is None:
         raise InputError(
-            "--layers", value=text, allowed=f"nothing: the map of {robot.name} has no layers", remedy="leave it out"
+            "--layers",
+            code="A004",
+            value=text,
+            allowed=f"nothing: the map of {robot.name} has no layers",
+            remedy="leave it out",
         )
     low, high = np.degrees(robot.limits[robot.coordinate_index(name)])
     values = parse_numbers(text)
     if values is None or not all(low <= v <= high for v in values) or len(set(values)) < len(values):
         raise InputError(
             "--layers",
+            code="A004",
             value=text,
             allowed=f"values of {name}, each once, from {low:g} to {high:g} deg",
             remedy="separate them by commas, as in -90,0,90",

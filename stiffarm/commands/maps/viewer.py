@@ -211,14 +211,15 @@ def _check(data: MapData, description: ModelDescription, model: ArmModel) -> Non
         if given != names:
             raise InputError(
                 f"map page: joint coordinates of the {what}",
+                code="B002",
                 value=", ".join(given),
                 allowed=", ".join(names),
                 remedy=f"give the description and the {what} of one robot",
             )
     if not np.any(data.reached):
-        raise InputError("map page: points that the robot reaches", value=0, allowed="at least one")
+        raise InputError("map page: points that the robot reaches", code="B002", value=0, allowed="at least one")
     if not data.fields:
-        raise InputError("map page: quantities", value=0, allowed="at least one")
+        raise InputError("map page: quantities", code="B002", value=0, allowed="at least one")
 
 
 def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array, reached: Bools) -> Bools:

@@ -58,6 +58,7 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     if not path.is_file():
         raise InputError(
             option,
+            code="A007",
             value=str(path),
             allowed="an existing CSV or XLSX file",
             remedy="check the path; `stiffarm new NAME` alone writes an empty table",
@@ -69,7 +70,11 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     for name in ("joint", *FIGURES, *LIMITS):
         if name not in columns.known and name not in meant:
             faults.add(
-                1, f"no column {name}", allowed=", ".join(COLUMNS), remedy="add it; sign and theta_deg may be left out"
+                1,
+                f"no column {name}",
+                code="A007",
+                allowed=", ".join(COLUMNS),
+                remedy="add it; sign and theta_deg may be left out",
             )
     for name, index in columns.unknown.items():
         if name.strip().lower() in KIND:
@@ -78,6 +83,7 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
         faults.add(
             1,
             f"column {name} is not known",
+            code="A007",
             value=name,
             allowed=", ".join(COLUMNS),
             remedy="name it as one of these, or remove it",
@@ -98,6 +104,7 @@ def _check_kinds(table: RawTable, index: int, column: str, faults: Faults) -> No
             faults.add(
                 line,
                 f"column {column}: {slides}",
+                code="R005",
                 value=said,
                 allowed=", ".join(filter(None, TURNS)),
                 remedy="leave it out; where it stands, its length is a neighbour's d_mm or a_mm",
@@ -113,6 +120,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
         faults.add(
             table.lines[names.index(empty[0])],
             f"{', '.join(FIGURES)} are empty for {listed(empty)}",
+            code="R005",
             allowed="a number in each, 0 too",
             remedy="fill them in, or remove that row",
         )
@@ -130,6 +138,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
             faults.add(
                 table.lines[i],
                 "column sign",
+                code="R005",
                 value=f"{sign[i]:g}",
                 allowed="1 or -1",
                 remedy="-1 where the joint turns against the table's axis",
@@ -141,6 +150,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
                 faults.add(
                     table.lines[i],
                     f"column {name}",
+                    code="R005",
                     value=f"{angle:g}",
                     allowed=f"up to {WIDEST_deg[name]:g} deg in size",
                     remedy="give degrees",
@@ -150,6 +160,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
         faults.add(
             table.lines[0],
             "columns a_mm, d_mm",
+            code="R005",
             value=f"{in_all:.4g} mm in all",
             allowed=f"{SHORTEST_mm:g} mm or more",
             remedy="these look like metres: give mm" if in_all else "fill in the lengths of the data sheet",
@@ -158,6 +169,7 @@ def _lines(table: RawTable, columns: Columns, faults: Faults) -> list[DHLine]:
         faults.add(
             table.lines[0],
             "columns lower_deg, upper_deg",
+            code="R005",
             value=f"{limits[0, 0]:g} to {limits[0, 1]:g}",
             allowed="degrees",
             remedy="these look like radians: convert all angles to degrees",
@@ -184,6 +196,7 @@ def _check_names(table: RawTable, names: tuple[str, ...], faults: Faults) -> Non
             faults.add(
                 line,
                 "column joint",
+                code="R005",
                 value=name,
                 allowed="a name of its own, as in j1 (or flange): up to 31 letters, digits, - _ .",
                 remedy="name each joint once, beginning with a letter",
@@ -192,6 +205,7 @@ def _check_names(table: RawTable, names: tuple[str, ...], faults: Faults) -> Non
         faults.add(
             table.lines[names.index(FLANGE)],
             "column joint",
+            code="R005",
             value=FLANGE,
             allowed="as the last row",
             remedy="move it to the end: it lies beyond the last joint",
@@ -200,12 +214,13 @@ def _check_names(table: RawTable, names: tuple[str, ...], faults: Faults) -> Non
         faults.add(
             table.lines[MOST_JOINTS],
             "rows",
+            code="R005",
             value=str(len(names)),
             allowed=f"up to {MOST_JOINTS} joints and a flange",
             remedy="give the joints of one arm",
         )
     if not set(names) - {FLANGE}:
-        faults.add(table.lines[0], "no joint", allowed="a row for each joint", remedy="add them")
+        faults.add(table.lines[0], "no joint", code="R005", allowed="a row for each joint", remedy="add them")
 
 
 def _check_limits(line: int, limits: Array, faults: Faults) -> None:
@@ -214,6 +229,7 @@ def _check_limits(line: int, limits: Array, faults: Faults) -> None:
         faults.add(
             line,
             f"no {' and no '.join(missing)}",
+            code="R005",
             allowed="both ends of the joint's range, in deg",
             remedy="fill them in from the data sheet (-360 and 360 where it turns without end)",
         )
@@ -221,6 +237,7 @@ def _check_limits(line: int, limits: Array, faults: Faults) -> None:
         faults.add(
             line,
             "columns lower_deg, upper_deg",
+            code="R005",
             value=f"{limits[0]:g}, {limits[1]:g}",
             allowed=f"lower_deg less than upper_deg, at most {WIDEST_deg['limits']:g} deg in size",
             remedy="swap them, or correct one",
@@ -233,6 +250,7 @@ def _check_figures(line: int, row: Array, faults: Faults) -> None:
         faults.add(
             line,
             "column alpha_deg",
+            code="R005",
             value=f"{alpha:g}",
             allowed="degrees, as in 90",
             remedy="this looks like radians: convert all angles to degrees",
@@ -242,6 +260,7 @@ def _check_figures(line: int, row: Array, faults: Faults) -> None:
             faults.add(
                 line,
                 f"column {name}",
+                code="R005",
                 value=f"{value:.12g}",
                 allowed=f"up to {LONGEST_mm:g} mm in size",
                 remedy="give mm, with a decimal point and no separator of thousands",

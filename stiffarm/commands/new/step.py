@@ -33,6 +33,7 @@ def checked_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name) or name.endswith("."):
         raise InputError(
             "NAME",
+            code="R006",
             value=name,
             allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
             remedy="give a short name, as in my-arm",
@@ -40,6 +41,7 @@ def checked_name(name: str) -> str:
     if name in (*bundled_names(), *library_names()):
         raise InputError(
             "NAME",
+            code="R006",
             value=name,
             allowed="a name that no arm of `stiffarm robots` has",
             remedy=f"call it my-{name}, say: commands would take the one for the other",
@@ -50,9 +52,11 @@ def checked_name(name: str) -> str:
 def check_masses(given: Mapping[str, float | None]) -> None:
     """Refuse masses in other units than kg."""
     for option, value in given.items():
-        require_positive(option, value, "kg")
+        require_positive(option, value, "kg", code="R006")
         if value is not None and not LIGHTEST_kg <= value <= HEAVIEST_kg:
-            raise InputError(option, value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg", remedy="give kg")
+            raise InputError(
+                option, code="R006", value=value, allowed=f"{LIGHTEST_kg:g} to {HEAVIEST_kg:g} kg", remedy="give kg"
+            )
 
 
 def given_of(sources: Mapping[str, str | Path | None]) -> dict[str, str | Path]:
@@ -65,7 +69,7 @@ def given_of(sources: Mapping[str, str | Path | None]) -> dict[str, str | Path]:
     """
     given = {key: value for key, value in sources.items() if value is not None}
     if len(given) > 1:
-        raise InputError(", ".join(given), allowed="one of them", remedy="an arm comes from one source")
+        raise InputError(", ".join(given), code="A002", allowed="one of them", remedy="an arm comes from one source")
     return given
 
 
@@ -114,7 +118,9 @@ def from_table(
 def from_urdf(path: Path, tip: str | None, base: str | None) -> ModelDescription:
     """A description from a URDF, or from a xacro file that is expanded first."""
     if not path.is_file():
-        raise InputError("--urdf", value=str(path), allowed="an existing URDF or xacro file", remedy="check the path")
+        raise InputError(
+            "--urdf", code="A007", value=str(path), allowed="an existing URDF or xacro file", remedy="check the path"
+        )
     if path.suffix.lower() != ".xacro":
         return read_urdf(path, tip=tip, base=base).description
     text = expanded(path)
@@ -173,7 +179,7 @@ def with_controller(description: ModelDescription, formats: str) -> ModelDescrip
 
     names = [name.strip() for name in formats.split(",")]
     for name in names:
-        require_one_of("--controller", name, [key for key, one in FORMATS.items() if not one.neutral])
+        require_one_of("--controller", name, [key for key, one in FORMATS.items() if not one.neutral], code="R006")
     data: dict[str, Any] = description.model_dump(by_alias=True, exclude_none=True)
     data["controller"] = data.get("controller", {}) | {"formats": tuple(names)}
     return ModelDescription.model_validate(data)

@@ -200,6 +200,7 @@ def place(
         if cut is None:
             raise InputError(
                 "place needs a cutting force",
+                code="A003",
                 allowed="--force, --milling, or milling files of the cell's tools",
                 remedy="give one of them",
             )
@@ -237,7 +238,11 @@ def place(
 def _criterion(alpha: float | None, beta: float | None) -> Criterion | None:
     if (alpha is None) != (beta is None):
         raise InputError(
-            "weights of K_sf", value="one of --alpha and --beta", allowed="both or none", remedy="give both"
+            "weights of K_sf",
+            code="A001",
+            value="one of --alpha and --beta",
+            allowed="both or none",
+            remedy="give both",
         )
     return None if alpha is None or beta is None else Criterion(alpha, beta)
 
@@ -247,7 +252,7 @@ def _how(mode: str, anywhere: bool, cost: float, course: bool) -> How:
     fits = name in MODES and (count.isdecimal() if name == "steps" else not count)
     if not fits:
         allowed = "fixed, steps:N or moving"
-        raise InputError("--mode", value=mode, allowed=allowed, remedy="as in --mode steps:3")
+        raise InputError("--mode", code="A001", value=mode, allowed=allowed, remedy="as in --mode steps:3")
     found: Any = name
     return How(found, int(count) if count else 2, anywhere, cost * 1e-2, course)
 
@@ -256,14 +261,18 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
     name, found, values = text.partition("=")
     pair = _pair(values)
     if not found or not name or pair is None:
-        raise InputError("--range", value=text, allowed="AXIS=FROM:TO in mm", remedy="as in --range rail=-500:1500")
+        raise InputError(
+            "--range", code="A004", value=text, allowed="AXIS=FROM:TO in mm", remedy="as in --range rail=-500:1500"
+        )
     return name, (pair[0] * 1e-3, pair[1] * 1e-3)
 
 
 def _table(text: str) -> float | tuple[float, float]:
     pair = _pair(text)
     if pair is None:
-        raise InputError("--table", value=text, allowed="one angle, or FROM:TO in deg", remedy="as in --table -90:90")
+        raise InputError(
+            "--table", code="A004", value=text, allowed="one angle, or FROM:TO in deg", remedy="as in --table -90:90"
+        )
     return math.radians(pair[0]) if ":" not in text else (math.radians(pair[0]), math.radians(pair[1]))
 
 

@@ -45,7 +45,9 @@ def curve_figure(
     """
     shapes = {value.shape for value in values.values()}
     if shapes != {x.shape} or len(why) != len(x) or not len(x):
-        raise InputError("curve of positions", value=f"shapes {shapes}", allowed=f"({len(x)},), one of each")
+        raise InputError(
+            "curve of positions", code="B002", value=f"shapes {shapes}", allowed=f"({len(x)},), one of each"
+        )
     with drawing("", (WIDTH_IN, 4.6)) as (figure, (ax,)):
         edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
         for i, reason in enumerate(why):
@@ -120,7 +122,7 @@ def map_figure(
         Shapes that do not fit.
     """
     if value.shape != (len(x), len(y)) or len(why) != value.size:
-        raise InputError("map of positions", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
+        raise InputError("map of positions", code="B002", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
     reason = np.array(why, dtype=object).reshape(value.shape)
     wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
     size = WIDTH_IN, float(np.clip(1.2 + 4.0 / max(wide, 0.5), 3.4, 6.0))

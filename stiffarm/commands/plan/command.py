@@ -346,6 +346,7 @@ def _check_kind(poses: int | None, design_only: int | None, iso: bool, positions
     if len(asked) != 1:
         raise InputError(
             "plan",
+            code="A003",
             value=" with ".join(asked) or "no task",
             allowed="one of --poses N, --design-only N, --iso9283, --positions N",
             remedy="say how many set-ups to choose, as in --poses 6",
@@ -358,6 +359,7 @@ def _refuse(options: dict[str, Any], iso: bool) -> None:
     if given:
         raise InputError(
             f"{', '.join(given)}: {'not with' if iso else 'only with'} --iso9283",
+            code="A002",
             remedy="leave it out: the standard fixes loads, directions and readings" if iso else "leave it out",
         )
 
@@ -366,7 +368,11 @@ def _gauges(length: float, turn: float) -> tuple[float, float]:
     for name, value in (("--gauge-mm", length), ("--gauge-mrad", turn)):
         if not 0.0 < value <= 1e3:
             raise InputError(
-                name, value=value, allowed="more than 0, at most 1000", remedy="give the gauge's resolution"
+                name,
+                code="C006",
+                value=value,
+                allowed="more than 0, at most 1000",
+                remedy="give the gauge's resolution",
             )
     return length * 1e-3, turn * 1e-3
 

@@ -41,6 +41,7 @@ def parse_directions(text: str) -> Array:
         if np.allclose(a, b, atol=1e-6):
             raise InputError(
                 f"--directions: the {_ordinal(i)} and the {_ordinal(j)} are the same direction",
+                code="A004",
                 value=text,
                 allowed="each direction once",
                 remedy="remove one of the two; more readings in one direction come from --repeats and --poses",
@@ -53,6 +54,7 @@ def _vector(part: str, text: str) -> Array:
     if len(values) != 3:
         raise InputError(
             "--directions",
+            code="A004",
             value=text,
             allowed="axes of the base with a sign, as in +x,-x,-z, or vectors, as in 0,0,-1;1,0,-1",
             remedy="separate axes by commas and vectors by semicolons",
@@ -60,6 +62,7 @@ def _vector(part: str, text: str) -> Array:
     if not values.any():
         raise InputError(
             "--directions: a direction of length zero",
+            code="A004",
             value=text,
             allowed="vectors that are not all zero",
             remedy="say where the load pulls, as in 0,0,-1",
@@ -79,6 +82,7 @@ def parse_read(text: str) -> tuple[int, ...]:
     if not letters or not set(letters) <= set(_READ) or len(set(letters)) < len(letters):
         raise InputError(
             "--read",
+            code="A004",
             value=text,
             allowed="letters x, y, z and r (the three rotations), each once",
             remedy="write them together, as in z, xyz or xyzr",
@@ -106,11 +110,14 @@ def rated_load(description: ModelDescription, given: float | None, option: str, 
     """Rated load in N: as given, else the payload's weight; without either an InputError names ``option``."""
     if given is not None:
         if not 0.0 < given <= LARGEST_LOAD:
-            raise InputError(option, value=given, allowed=f"more than 0, at most {LARGEST_LOAD:g} N", remedy=remedy)
+            raise InputError(
+                option, code="A006", value=given, allowed=f"more than 0, at most {LARGEST_LOAD:g} N", remedy=remedy
+            )
         return given
     if description.payload is None:
         raise InputError(
             f"{description.name}: no payload is known, so no load either",
+            code="A006",
             allowed=f"{option}, or a payload in the model file",
             remedy=remedy,
         )
@@ -139,6 +146,7 @@ def resting_pose(robot: Robot, held_deg: dict[str, float]) -> Array:
         if not np.degrees(low[k]) - 1e-9 <= value <= np.degrees(high[k]) + 1e-9:
             raise InputError(
                 f"--hold: {name}",
+                code="A005",
                 value=f"{value:g}",
                 allowed=f"{np.degrees(low[k]):g} to {np.degrees(high[k]):g} deg",
                 remedy="keep the joint's limits",

@@ -59,13 +59,14 @@ def parse_target(text: str) -> Target:
     if not re.fullmatch(r"[\w-]{1,40}", name) or len(values) not in (3, 6) or max(map(abs, values[:3])) > FARTHEST_mm:
         raise InputError(
             "--target",
+            code="A004",
             value=text,
             allowed="NAME:X,Y,Z or NAME:X,Y,Z,DX,DY,DZ: mm in the flange frame, and where it looks",
             remedy="write it as in --target ball:0,80,50 or --target srm1:0,80,50,0,0,1",
         )
     axis = np.array(values[3:]) if len(values) == 6 else None
     if axis is not None and not np.linalg.norm(axis) > 0.0:
-        raise InputError("--target", value=text, allowed="a direction that is not 0,0,0")
+        raise InputError("--target", code="A004", value=text, allowed="a direction that is not 0,0,0")
     return Target(name, np.array(values[:3]) * 1e-3, axis)
 
 
@@ -76,6 +77,7 @@ def parse_targets(texts: Sequence[str]) -> tuple[Target, ...]:
     if not found or len(set(names)) != len(names):
         raise InputError(
             "--target",
+            code="A004",
             value=", ".join(names) or "none",
             allowed="one or more, each name once",
             remedy="write it as in --target ball:0,80,50",
@@ -89,6 +91,7 @@ def parse_tracker(text: str | None) -> Array:
     if values is None or len(values) != 3 or max(map(abs, values)) > FARTHEST_mm:
         raise InputError(
             "--tracker",
+            code="A004",
             value=text or "none",
             allowed="X,Y,Z in mm, the arm's base frame",
             remedy="say about where it stands, as in --tracker 3000,500,1200",

@@ -129,6 +129,7 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
     if not seen_by(experiments(start, probes, protocol), start.vague).any():
         raise InputError(
             f"no reading of this plan moves with {', '.join(p.name for p in free)}",
+            code="C004",
             remedy="load in other --directions, or --read more components",
         )
     vary, held, remarks = _coordinates(start, protocol, probes, request, rng)
@@ -185,7 +186,9 @@ def _free(
         known = set() if data is None else set(steps.springs_seen(given, data))
         chosen = [j for j, seen in zip(joints, visible, strict=True) if seen or j in known]
         if not chosen:
-            raise InputError("no joint spring moves a reading of this plan", remedy="load in other --directions")
+            raise InputError(
+                "no joint spring moves a reading of this plan", code="C004", remedy="load in other --directions"
+            )
         names = tuple(f"{j}.stiffness" for j in chosen)
     free = [parameter(given.model, name) for name in names]
     check_plannable(free)
@@ -229,12 +232,12 @@ def _coordinates(
     held = resting_pose(robot, request.hold_deg)
     if request.vary is not None:
         if clash := [name for name in request.hold_deg if name in request.vary]:
-            raise InputError(f"{', '.join(clash)}: both in --vary and in --hold", allowed="one of them")
+            raise InputError(f"{', '.join(clash)}: both in --vary and in --hold", code="A002", allowed="one of them")
         return request.vary, held, []
     idle = idle_coordinates(start, protocol, probes, rng)
     vary = tuple(n for n in robot.coordinates if n not in idle and n not in request.hold_deg)
     if not vary:
-        raise InputError("every coordinate stands still", remedy="name those that vary with --vary")
+        raise InputError("every coordinate stands still", code="C005", remedy="name those that vary with --vary")
     free_idle = [n for n in idle if n not in request.hold_deg]
     if not free_idle:
         return vary, held, []
@@ -251,12 +254,14 @@ def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Arr
     if not len(poses):
         raise InputError(
             f"poses of the {request.design} design that {robot.name} can take: none",
+            code="C005",
             remedy="let more coordinates vary, move the floor or the boxes, or take --design sobol",
         )
     if request.design in ("factorial", "fractional"):
         if request.plain and len(poses) > request.poses:
             raise InputError(
                 f"--design-only with --design {request.design}: it has {len(poses)} poses",
+                code="C005",
                 value=request.poses,
                 allowed=f"{len(poses)} or more",
                 remedy="give that number, fewer --levels, or fewer coordinates with --vary",
@@ -283,6 +288,7 @@ def _check_size(request: Request, candidates: int) -> None:
     if not 1 <= request.poses <= candidates:
         raise InputError(
             "--poses",
+            code="C005",
             value=request.poses,
             allowed=f"1 to {candidates}, the number of candidate set-ups",
             remedy="ask for fewer, or give more --candidates",

@@ -27,18 +27,22 @@ def parse_approach(signs: str | None, deg: float | None, robot: Robot) -> Approa
     if deg is not None and not 0.0 < deg <= LARGEST_DEG:
         raise InputError(
             "--approach-deg",
+            code="Q009",
             value=deg,
             allowed=f"above 0, up to {LARGEST_DEG:g} deg",
             remedy="give several times the lost motion of the joints, as 0.5",
         )
     if signs is None:
         if deg is not None:
-            raise InputError("--approach-deg without --approach", remedy="add --approach with a sign for each joint")
+            raise InputError(
+                "--approach-deg without --approach", code="A003", remedy="add --approach with a sign for each joint"
+            )
         return None
     ways = ways_of(signs.strip(), robot.dof)
     if ways is None or not ways.any():
         raise InputError(
             "--approach",
+            code="A004",
             value=signs,
             allowed=f"a +, - or 0 for each of {robot.dof} joints, not all 0",
             remedy="write + for a joint that shall turn the positive way as it arrives, as in the column approach",

@@ -223,6 +223,7 @@ def post(
         if (force or milling) and not compensate:
             raise InputError(
                 "--force or --milling without --compensate",
+                code="A003",
                 remedy="add --compensate, or leave the force out; `stiffarm posture` predicts the error it leaves",
             )
         told = reading(kind, units, rotary, tcp, read, operation, tool_number)
@@ -232,6 +233,7 @@ def post(
         if compensate and cut is None and carried is None:
             raise InputError(
                 "--compensate needs a cutting force",
+                code="A003",
                 remedy="give --force or --milling, or a model that positions have calibrated",
             )
         alone = {"--travel": travel, "--gamma": gamma}
@@ -288,12 +290,15 @@ def _followed(file: Path, cell: Cell, motions: Motions, options: Mapping[str, st
     """The placement of a file for this cell and path, which leaves nothing for some ``options`` to say."""
     for option, value in options.items():
         if value is not None:
-            raise InputError(f"{option} with --placement", value=value, remedy="the placement says it; leave one out")
+            raise InputError(
+                f"{option} with --placement", code="A002", value=value, remedy="the placement says it; leave one out"
+            )
     found = read_placement(file)
     names = tuple(axis.name for axis in cell.linear_axes)
     if found.axes != names or found.count != motions.n:
         raise InputError(
             f"placement {file}",
+            code="A010",
             value=f"axes {', '.join(found.axes)}, {found.count} moves",
             allowed=f"axes {', '.join(names)}, {motions.n} moves: those of this cell and path",
             remedy="run `stiffarm place` again with this path and cell",
@@ -310,6 +315,7 @@ def _check(program: JointProgram, followed: Placement) -> None:
     if max(away.max(), turned.max()) > SAME_FRAME:
         raise InputError(
             "--placement: its postures are not those of this path in this cell",
+            code="A010",
             value=f"tool {away.max() * 1e3:.3g} mm and {np.degrees(turned.max()):.3g} deg away",
             allowed=f"{SAME_FRAME * 1e3:g} mm, {np.degrees(SAME_FRAME):.2g} deg",
             remedy="run `stiffarm place` again with this path, cell and tool",
@@ -329,7 +335,7 @@ def _travel(cell: Cell, text: str | None) -> Array | None:
     values = parse_numbers(text)
     if values is None or len(values) != len(cell.linear_axes):
         names = ", ".join(axis.name for axis in cell.linear_axes) or "the cell has no linear axis"
-        raise InputError("--travel", value=text, allowed=f"one number (mm) for each of: {names}")
+        raise InputError("--travel", code="A004", value=text, allowed=f"one number (mm) for each of: {names}")
     return np.array(values) * 1e-3
 
 

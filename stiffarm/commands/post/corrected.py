@@ -40,6 +40,7 @@ def payload_of(description: ModelDescription, text: str | None, *, compensate: b
     if not corrects:
         raise InputError(
             "--payload",
+            code="A002",
             value=text,
             allowed="with --compensate, and a model that positions have calibrated",
             remedy="leave it out, or run `stiffarm calibrate` on a table of positions and take its model.toml",

@@ -18,12 +18,16 @@ def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
     """
     kinds = tuple(k for k in BOTH if kind in (k, "both"))
     if not kinds:
-        raise InputError("--coordinates", value=kind, allowed="cartesian, joint, both", remedy="choose one of them")
+        raise InputError(
+            "--coordinates", code="Q002", value=kind, allowed="cartesian, joint, both", remedy="choose one of them"
+        )
     names = [part.strip() for part in text.split(",") if part.strip()]
     for name in names:
-        require_one_of("--format", name, FORMATS, remedy="choose from these")
+        require_one_of("--format", name, FORMATS, code="Q002", remedy="choose from these")
     if not names or len(set(names)) != len(names):
-        raise InputError("--format", value=text, allowed=", ".join(FORMATS), remedy="name each once, with commas")
+        raise InputError(
+            "--format", code="Q002", value=text, allowed=", ".join(FORMATS), remedy="name each once, with commas"
+        )
     out: list[Target] = []
     for name in names:
         if FORMATS[name].neutral:
@@ -31,6 +35,8 @@ def parse_targets(text: str, kind: str) -> tuple[Target, ...]:
             continue
         wanted = [k for k in kinds if k in FORMATS[name].kinds]
         if not wanted:
-            raise InputError(f"--coordinates of {name}", value=kind, allowed=", ".join(FORMATS[name].kinds))
+            raise InputError(
+                f"--coordinates of {name}", code="Q002", value=kind, allowed=", ".join(FORMATS[name].kinds)
+            )
         out += [Target(name, k) for k in wanted]
     return tuple(out)

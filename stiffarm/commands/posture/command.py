@@ -214,7 +214,7 @@ def posture(
 def _objective(quantity: str, aim: str, force: Array | None) -> Objective:
     parse_word(quantity, (*INDICES, *DISPLACEMENTS, ROOM), "--quantity")
     if force is None and quantity != ROOM and (quantity in DISPLACEMENTS or "force" in INDICES[quantity].uses):
-        raise InputError(f"--quantity {quantity} needs a force", remedy="give --force or --milling")
+        raise InputError(f"--quantity {quantity} needs a force", code="A003", remedy="give --force or --milling")
     return Objective(quantity, force, parse_word(aim, ("mean", "worst"), "--aim"))
 
 

@@ -133,11 +133,14 @@ def _require_same_model(learned: Surrogate, name: str, file: Path) -> None:
     description = described(name)
     refit = "fit one for it (`stiffarm fit`)"
     if learned.robot != description.name:
-        raise InputError(f"surrogate {file} is of robot", value=learned.robot, allowed=description.name, remedy=refit)
+        raise InputError(
+            f"surrogate {file} is of robot", code="A010", value=learned.robot, allowed=description.name, remedy=refit
+        )
     own = content_hash(description)
     if learned.model_hash != own:
         raise InputError(
             f"surrogate {file} was fitted to a model with hash",
+            code="A010",
             value=learned.model_hash[:12],
             allowed=own[:12],
             remedy=refit,
@@ -149,6 +152,7 @@ def _poses(learned: Surrogate, pose: list[str] | None, table: Path | None) -> tu
     if (table is None) == (not pose):
         raise InputError(
             "query needs poses",
+            code="A003",
             allowed="either --pose (one or more) or a table of poses",
             remedy=f"give one of the two, as in --pose {learned.inputs[0]}=5",
         )

@@ -51,7 +51,7 @@ def settings_of(
     InputError
         A meaning that is none; the mapping file's faults.
     """
-    require_positive("--sigma-mm", sigma_mm, "mm")
+    require_positive("--sigma-mm", sigma_mm, "mm", code="A001")
     joints = arm.angle_names if arm else ()
     meanings = {name: meaning_of(text, f"--column {name}", joints) for name, text in columns.items()}
     own = Settings(columns=meanings, fill=dict(fill), sigma_mm=sigma_mm, **given)
@@ -70,9 +70,11 @@ def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
     for text in texts or ():
         name, equals, value = text.rpartition("=")
         if not equals or not name.strip() or not value.strip():
-            raise InputError(option, value=text, allowed="NAME=VALUE", remedy="put it in quotes where it has blanks")
+            raise InputError(
+                option, code="A004", value=text, allowed="NAME=VALUE", remedy="put it in quotes where it has blanks"
+            )
         if name.strip() in out:
-            raise InputError(f"{option}: name", value=name.strip(), allowed="each name once")
+            raise InputError(f"{option}: name", code="A004", value=name.strip(), allowed="each name once")
         out[name.strip()] = value.strip()
     return out
 
@@ -89,7 +91,9 @@ def words_of(text: str | None, option: str) -> tuple[str, ...]:
         return ()
     words = tuple(part.strip() for part in text.split(","))
     if not all(words):
-        raise InputError(option, value=text, allowed="words separated by commas", remedy="remove the empty entry")
+        raise InputError(
+            option, code="A004", value=text, allowed="words separated by commas", remedy="remove the empty entry"
+        )
     return words
 
 
@@ -105,7 +109,9 @@ def lines_of(text: str | None) -> tuple[int, int] | None:
         return None
     found = re.fullmatch(r"\s*(\d{1,9})\s*-\s*(\d{1,9})\s*", text, re.ASCII)
     if found is None or not 0 < int(found[1]) <= int(found[2]):
-        raise InputError("--rows", value=text, allowed="first and last line, as in 8-40", remedy="count lines from 1")
+        raise InputError(
+            "--rows", code="A004", value=text, allowed="first and last line, as in 8-40", remedy="count lines from 1"
+        )
     return int(found[1]), int(found[2])
 
 
@@ -128,7 +134,9 @@ def save(made: Converted, out: Path, *, first: bool, replace: bool) -> Written:
         return Written(made, out, mapping, _write(made, out, mapping, old))
     except OSError as error:
         raise InputError(
-            f"table {out} cannot be written ({error.strerror or error})", remedy="choose another place with --out"
+            f"table {out} cannot be written ({error.strerror or error})",
+            code="F008",
+            remedy="choose another place with --out",
         ) from error
 
 
@@ -143,6 +151,7 @@ def check_place(out: Path, files: Sequence[Path], *, first: bool, replace: bool)
     if out.suffix.lower() != ".csv" or out.is_dir() or not out.parent.is_dir():
         raise InputError(
             "--out",
+            code="F009",
             value=str(out),
             allowed="a file ending in .csv, in an existing folder",
             remedy="choose another name, or make the folder",
@@ -150,12 +159,17 @@ def check_place(out: Path, files: Sequence[Path], *, first: bool, replace: bool)
     mapping = out.with_name(out.stem + MAPPING) if first else None
     if any(file.exists() and out.exists() and os.path.samefile(file, out) for file in files):
         raise InputError(
-            "--out", value=str(out), allowed="a file other than those that are read", remedy="choose another name"
+            "--out",
+            code="F009",
+            value=str(out),
+            allowed="a file other than those that are read",
+            remedy="choose another name",
         )
     old = [path for path in (out, mapping) if path is not None and os.path.lexists(path)]
     if old and not replace:
         raise InputError(
             f"{' and '.join(map(str, old))}: it exists already",
+            code="F009",
             allowed="a new file",
             remedy="choose another name with --out, or give --replace: the old one is then kept in previous/",
         )

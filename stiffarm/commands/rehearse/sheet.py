@@ -83,6 +83,7 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
     if gauge.reads is not None:
         raise InputError(
             "--reads",
+            code="A002",
             value=gauge.reads,
             allowed="nothing where a SHEET says what is read",
             remedy="leave it out, or give --poses for a campaign without a sheet",
@@ -94,6 +95,7 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
     if not read.any():
         raise InputError(
             f"{table.source}: columns read",
+            code="C006",
             value=", ".join(columns),
             allowed="dx_mm, dy_mm or dz_mm",
             remedy="a rehearsal reads displacements, no rotations: add one of these columns",
@@ -131,7 +133,9 @@ def campaign(given: Arm, world: World, gauge: Gauge, poses: int, rng: np.random.
 
 def _axes(text: str) -> str:
     if not text or set(text) - set(AXES) or len(set(text)) < len(text):
-        raise InputError("--reads", value=text, allowed="x, y, z, xy, xz, yz or xyz", remedy="name each axis once")
+        raise InputError(
+            "--reads", code="C006", value=text, allowed="x, y, z, xy, xz, yz or xyz", remedy="name each axis once"
+        )
     return text
 
 

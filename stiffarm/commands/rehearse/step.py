@@ -107,7 +107,9 @@ def prepared(given: Arm) -> WorldArm:
     refuse_effects(given, "rehearsal", "leave them out of the model: what is hidden is put on top of a plain arm")
     kind = given.model.link_kind
     if kind in ("shell", "solid"):
-        raise InputError("--links", value=kind, allowed="beam, rigid", remedy="the world of rehearsals has no shells")
+        raise InputError(
+            "--links", code="A001", value=kind, allowed="beam, rigid", remedy="the world of rehearsals has no shells"
+        )
     return arm_of(given.description, given.model.load_path)
 
 
@@ -120,7 +122,9 @@ def possible(given: Arm, world: WorldArm) -> list[str]:
 def set_ups_of(given: Arm, world: WorldArm, sheet: Path | None, request: Request, draw: int = 0) -> SetUps:
     """What is measured: a sheet's set-ups, a bundled table's, or a campaign (a new one in each draw)."""
     if sheet is not None and request.poses is not None:
-        raise InputError("--poses", value=request.poses, allowed="no SHEET beside it", remedy="leave one of them out")
+        raise InputError(
+            "--poses", code="A002", value=request.poses, allowed="no SHEET beside it", remedy="leave one of them out"
+        )
     own = bundled_sheet(given.robot.name) if request.poses is None and request.gauge.reads is None else None
     if sheet is None and own is None:
         poses = 27 if request.poses is None else request.poses

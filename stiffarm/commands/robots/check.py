@@ -30,7 +30,7 @@ GIMBAL_deg = 0.05
 
 def answer_check(frame: Frame, description: ModelDescription, model: str, table: Path, tolerance_mm: float) -> None:
     """Compare, say, and write check.json where there is a folder."""
-    require_positive("--tolerance-mm", tolerance_mm, "mm")
+    require_positive("--tolerance-mm", tolerance_mm, "mm", code="R007")
     robot = robot_from(description)
     readings, convention, remarks = read_pendant(table, robot, model)
     frame.files["pendant"] = table

@@ -74,13 +74,18 @@ def show_command(
         if name is None and (pose or out):
             raise InputError(
                 "--pose, --out" if pose and out else "--pose" if pose else "--out",
+                code="A003",
                 value=pose or str(out),
                 allowed="with a robot's name",
                 remedy="name the robot first, as in `stiffarm robots kr60-3 --pose q2_deg=-90,q3_deg=90`",
             )
         if name is not None and out is not None and pose is None:
             raise InputError(
-                "--out", value=str(out), allowed="together with --pose", remedy="give a pose, or leave it out"
+                "--out",
+                code="A003",
+                value=str(out),
+                allowed="together with --pose",
+                remedy="give a pose, or leave it out",
             )
         if name is not None and pose is not None:
             from stiffarm.commands.robots.pose import answer_pose

@@ -37,7 +37,9 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
         The file cannot be read, or every fault of its columns and cells.
     """
     if not path.is_file():
-        raise InputError("PENDANT", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path")
+        raise InputError(
+            "PENDANT", code="A007", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path"
+        )
     expect(path, PENDANT, model=model)
     table = read_table(path, "pendant table", "pose")
     faults = Faults(table.name)
@@ -48,6 +50,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
         faults.add(
             1,
             f"no column {', '.join(missing)}",
+            code="A007",
             allowed=", ".join(POSITION),
             remedy="add the tool's position as the controller shows it, in mm",
         )
@@ -55,6 +58,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
         faults.add(
             1,
             "no joint column",
+            code="A007",
             value=", ".join(table.header),
             allowed=", ".join(robot.angle_names),
             remedy="name the columns of the joint angles exactly so",
@@ -66,6 +70,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
         faults.add(
             table.lines[row],
             "joint angles",
+            code="A007",
             value=str(np.degrees(q[row]).round(3).tolist()),
             allowed=f"up to {WIDEST_deg:g} deg in size",
             remedy="give degrees, as the controller shows them",
@@ -75,6 +80,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
         faults.add(
             table.lines[row],
             f"columns {', '.join(POSITION)}",
+            code="A007",
             value=str((1e3 * position[row]).tolist()),
             allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
             remedy="give mm, as the controller shows them",
@@ -85,6 +91,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
             faults.add(
                 table.lines[row],
                 "columns qw, qx, qy, qz",
+                code="A007",
                 value=str(turned[row].tolist()),
                 allowed="a quaternion of length 1",
                 remedy="copy all four numbers, scalar first",
@@ -132,6 +139,7 @@ def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
     if table.rows and not any(read):
         raise InputError(
             f"pendant table {table.name}: no position was filled in yet",
+            code="R007",
             allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
             remedy="drive to the poses and fill them in; rows left empty are skipped",
         )
@@ -156,6 +164,7 @@ def _convention(present: set[str], faults: Faults) -> Spoken | None:
         faults.add(
             1,
             "orientations in more than one convention",
+            code="R007",
             value=", ".join(sorted(begun)),
             allowed=allowed,
             remedy="keep the columns of one",
@@ -164,6 +173,7 @@ def _convention(present: set[str], faults: Faults) -> Spoken | None:
         faults.add(
             1,
             "an orientation that is not whole",
+            code="R007",
             value=", ".join(sorted(begun)),
             allowed=allowed,
             remedy="add the missing columns, or remove these",

@@ -79,7 +79,7 @@ def data_figure(
     """
     size = data.deflection * 1e3
     if np.isnan(size).all():
-        raise InputError(f"{data.source}: no translation was read", remedy="give dx_mm, dy_mm or dz_mm")
+        raise InputError(f"{data.source}: no translation was read", code="T006", remedy="give dx_mm, dy_mm or dz_mm")
     loads, poses = _load_groups(data.loads_N), naturally(data.pose)
     if len(loads) > MOST_LEVELS:
         return _over_load(data, size)
@@ -193,9 +193,9 @@ def match_figure(
     for name, values in {"measured_mm": measured, **simulated}.items():
         if values.shape != (len(poses),) or not len(poses):
             allowed = f"({len(poses)},), one value a pose, n >= 1"
-            raise InputError(f"match figure: {name}", value=f"shape {values.shape}", allowed=allowed)
+            raise InputError(f"match figure: {name}", code="B002", value=f"shape {values.shape}", allowed=allowed)
     if not np.isfinite(measured).all():
-        raise InputError("match figure: measured_mm", value="NaN or infinity", allowed="finite (mm)")
+        raise InputError("match figure: measured_mm", code="B002", value="NaN or infinity", allowed="finite (mm)")
     rank = {label: k for k, label in enumerate(naturally(poses))}
     order = sorted(range(len(poses)), key=lambda k: rank[poses[k]])
     poses, measured = [poses[k] for k in order], measured[order]

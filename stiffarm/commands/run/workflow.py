@@ -112,7 +112,9 @@ def _scheme(given: Arm, table: Measurements, file: Path | None) -> Campaign:
         return usual_campaign(given, table)
     if not scheme.stage:
         remedy = "give it to `stiffarm calibrate --campaign`, or leave it out: springs are then calibrated all at once"
-        raise InputError("--scheme-file", value=scheme.title, allowed="a scheme with stages", remedy=remedy)
+        raise InputError(
+            "--scheme-file", code="A009", value=scheme.title, allowed="a scheme with stages", remedy=remedy
+        )
     staged = {pose for stage in scheme.stage for pose in stage.poses}
     if file is None and not staged <= set(table.pose):
         say("note: the published scheme asks for other poses than were read; all springs are calibrated at once")

@@ -36,7 +36,7 @@ def sensitivity_figure(
     """
     poses = list(dict.fromkeys(e.pose for column in effects.values() for e in column))
     if not poses:
-        raise InputError("sensitivity figure: no effects to draw")
+        raise InputError("sensitivity figure: no effects to draw", code="B002")
     every = np.concatenate([e.effect_mm for column in effects.values() for e in column])
     low, high = levels_Nm_per_rad or (0.0, 0.0)
     step = f" from {low:,.0f} to {high:,.0f} N m/rad" if levels_Nm_per_rad else ""
@@ -151,4 +151,6 @@ def _width(poses: Sequence[str]) -> float:
 
 def _check(found: Screening, poses: Sequence[str]) -> None:
     if not poses or found.derivative.shape != (len(poses), len(found.parameters)):
-        raise InputError("screening figure: poses", value=len(poses), allowed="one label for each output, at least 1")
+        raise InputError(
+            "screening figure: poses", code="B002", value=len(poses), allowed="one label for each output, at least 1"
+        )

@@ -74,10 +74,10 @@ def study(
     InputError
         Unknown numbers or component, no number at all, samples that are no power of two.
     """
-    require_one_of("--component", component, COMPONENTS, remedy="choose one of them")
+    require_one_of("--component", component, COMPONENTS, code="A001", remedy="choose one of them")
     parameters, laws = _free(given, numbers, springs)
     if isinstance(numbers, Campaign) and numbers.robot != given.robot.name:
-        raise InputError("calibration file is for robot", value=numbers.robot, allowed=given.robot.name)
+        raise InputError("calibration file is for robot", code="A010", value=numbers.robot, allowed=given.robot.name)
     rows, directions = _cases(data)
     at = as_loaded(given.model, data.q[rows], data.wrench[rows], loaded_points(given.model, data)[rows])
     walls = wall_flexibilities(given.description, given.model, parameters)

@@ -16,7 +16,6 @@ from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
-from stiffarm.failures import code_of
 from stiffarm.session.console import EXIT_OTHER, say
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
@@ -78,7 +77,7 @@ def open_session(given: Arm, setup: Setup) -> Session:
         # A cell of --tool and --part has no name of its own.
         "cell": None if setup.arm is None else setup.cell.name,
     }
-    return Session(given.model, setup.cell, setup.arm, facts, code_of)
+    return Session(given.model, setup.cell, setup.arm, facts)
 
 
 class _Answers:
@@ -100,6 +99,7 @@ def _claim_stdout() -> _Answers:
     if closed := CLOSED & {"stdin", "stdout"}:
         raise InputError(
             f"{' and '.join(sorted(closed))} closed: requests come from stdin, and answers go to stdout",
+            code="F012",
             allowed="pipes or files of a process",
             remedy="start it with both connected",
         )
@@ -107,7 +107,9 @@ def _claim_stdout() -> _Answers:
         own = os.dup(sys.stdout.fileno())
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     except (OSError, ValueError) as error:
-        raise InputError("stdin and stdout", value=str(error), allowed="pipes or files of a process") from None
+        raise InputError(
+            "stdin and stdout", code="F012", value=str(error), allowed="pipes or files of a process"
+        ) from None
     return _Answers(own)
 
 

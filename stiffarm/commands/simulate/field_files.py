@@ -128,7 +128,9 @@ def automatic_scale(grid: FieldGrid) -> float:
     largest = float(np.linalg.norm(grid.displacement[:, :3], axis=1).max())
     wanted = DRAWN_SHARE * float(np.linalg.norm(np.ptp(grid.nodes, axis=0))) / largest if largest > 0.0 else np.inf
     if not 0.0 < wanted < np.inf:
-        raise InputError("deformed arm: the largest displacement (m)", value=largest, allowed="greater than 0")
+        raise InputError(
+            "deformed arm: the largest displacement (m)", code="B002", value=largest, allowed="greater than 0"
+        )
     return round_scale(wanted)
 
 
@@ -214,4 +216,6 @@ def _write(grid: Any, path: Path) -> None:
         writer.SetDataModeToBinary()
         writer.SetCompressorTypeToZLib()
         if writer.Write() != 1 or writer.GetErrorCode() != 0:
-            raise InputError(f"file {path} could not be written", remedy="check the free space of the disk")
+            raise InputError(
+                f"file {path} could not be written", code="F008", remedy="check the free space of the disk"
+            )

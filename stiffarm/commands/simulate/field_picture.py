@@ -89,7 +89,7 @@ def render_field(
     InputError
         Unknown view, a folder that does not exist, or pyvista asked for where it cannot draw.
     """
-    require_one_of("view of the deformed arm", view, VIEWS)
+    require_one_of("view of the deformed arm", view, VIEWS, code="B002")
     works, message = chosen(renderer)
     style.require_folder(path)
     unloaded, loaded = _scene(arm, VIEWS[view], 0.0), _scene(arm, VIEWS[view], arm.scale)

@@ -45,7 +45,7 @@ def energy_share_figure(budget: PoseBudget, heading: str, subtitle: str = "") ->
         No parts.
     """
     if not budget.parts:
-        raise InputError("energy share figure: no parts to draw")
+        raise InputError("energy share figure: no parts to draw", code="B002")
     order = budget.order
     share = 100.0 * budget.share[order]
     with drawing("", (10.0, 1.75 + 0.3 * len(order))) as (figure, (ax,)):
@@ -114,7 +114,9 @@ def pose_shares_figure(budget: Budget, names: Sequence[str], motion_mm: Array | 
         No poses, or names of another number.
     """
     if not names or len(names) != len(budget.share):
-        raise InputError("shares by pose: names", value=len(names), allowed=f"{len(budget.share)}, one a pose, n >= 1")
+        raise InputError(
+            "shares by pose: names", code="B002", value=len(names), allowed=f"{len(budget.share)}, one a pose, n >= 1"
+        )
     with drawing("Where the deflection comes from, pose by pose", (10.0, 4.6)) as (figure, (ax,)):
         share_bands(ax, np.linspace(-0.5, len(names) - 0.5, len(names) + 1), budget.share, budget.parts, budget.kinds)
         ax.set_xlabel("pose")

@@ -114,19 +114,22 @@ def check_request(
         A pose and a table, a load for a table, or fields without a pose, without a folder or not asked for.
     """
     if pose is not None and data is not None:
-        raise InputError("simulate takes a pose or a measurement table, not both", remedy="leave out --pose or DATA")
+        raise InputError(
+            "simulate takes a pose or a measurement table, not both", code="A002", remedy="leave out --pose or DATA"
+        )
     if field and pose is None:
         raise InputError(
             "--field",
+            code="A003",
             value="a measurement table",
             allowed="one pose and load",
             remedy="give --pose, as in --pose q2_deg=5, and --load if it is not 650 N downward",
         )
     if field and out is None:
-        raise InputError("--field writes files and has no folder for them", remedy="give --out DIR")
+        raise InputError("--field writes files and has no folder for them", code="A003", remedy="give --out DIR")
     if not field:
         refuse_given({"--scale": scale}, "only with --field", "add --field or leave it out")
-    require_positive("--scale", scale, remedy="1 draws motion at its true size")
+    require_positive("--scale", scale, code="A003", remedy="1 draws motion at its true size")
     if pose is None:
         why_not = "only with --pose: a measurement table has its own loads and phases"
         refuse_given({"--load": load, "--unload-from": unload_from}, why_not, "leave it out")
@@ -143,6 +146,7 @@ def field_links(model: str, links: str | None) -> str:
     if links not in (None, "shell", "solid"):
         raise InputError(
             "--links with --field",
+            code="M003",
             value=links,
             allowed="shell or solid: only these have displacements, stresses and energies to show",
             remedy="leave --links out, or give --links shell",
@@ -151,6 +155,7 @@ def field_links(model: str, links: str | None) -> str:
     if links is None and calibration is not None and calibration.links not in ("shell", "solid"):
         raise InputError(
             f"--field: model {model} was calibrated with links",
+            code="M003",
             value=calibration.links,
             allowed="shell or solid",
             remedy="give --links shell to keep its springs with shell links, or calibrate with --links shell",

@@ -90,11 +90,14 @@ def study_sets(folder: Path) -> list[StudySet]:
         No such folder, no set in it, or a set whose files are missing or do not fit.
     """
     if not folder.is_dir():
-        raise InputError("FOLDER", value=str(folder), allowed="an existing folder", remedy="check the path")
+        raise InputError(
+            "FOLDER", code="A007", value=str(folder), allowed="an existing folder", remedy="check the path"
+        )
     found = sorted(path.parent for path in folder.rglob(SET))
     if not found:
         raise InputError(
             "FOLDER",
+            code="A013",
             value=str(folder),
             allowed=f"folders with {SET}, {READINGS} and {KEY}, one a set",
             remedy="see docs/reference/study_sets.md",
@@ -106,11 +109,16 @@ def study_set(folder: Path, name: str) -> StudySet:
     """One set."""
     for needed in (READINGS, KEY):
         if not (folder / needed).is_file():
-            raise InputError(f"set {name}", value=f"no {needed}", allowed=f"{SET}, {READINGS}, {KEY}", remedy="add it")
+            raise InputError(
+                f"set {name}", code="A013", value=f"no {needed}", allowed=f"{SET}, {READINGS}, {KEY}", remedy="add it"
+            )
     file = validated(SetFile, _json(folder / SET), f"set {name}: {SET}")
     if ".." in Path(file.model).parts or Path(file.model).is_absolute():
         raise InputError(
-            f"set {name}: {SET}: model", value=file.model, allowed="a file of the set's folder, or a bundled robot"
+            f"set {name}: {SET}: model",
+            code="A013",
+            value=file.model,
+            allowed="a file of the set's folder, or a bundled robot",
         )
     return StudySet(name, folder, file, validated(Key, _json(folder / KEY), f"set {name}: {KEY}"))
 

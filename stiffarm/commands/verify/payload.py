@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from machining.verification import Offence, Verification
+from machining.verification import KIND_CODES, Offence, Verification
 from stiffarm.commands.verify.words import REMEDIES, sentence, shown, verdict
-from stiffarm.failures import finding_code
 from stiffarm.session.json_text import number
 
 # Offences in verification.json and on stdout; all of them are counted.
@@ -32,7 +31,7 @@ def payload(found: Verification) -> dict[str, Any]:
         "errors": len(found.errors),
         "warnings": len(found.offences) - len(found.errors),
         "counts": [
-            {"kind": str(kind), "code": finding_code(kind), "severity": str(severity), "count": count}
+            {"kind": str(kind), "code": KIND_CODES[kind], "severity": str(severity), "count": count}
             for (kind, severity), count in found.counts.items()
         ],
         "offences": [_offence(found, o) for o in found.ranked[:LISTED]],
@@ -101,7 +100,7 @@ def _offence(found: Verification, offence: Offence) -> dict[str, Any]:
         pose[f"{name}_{at}"] = number(there)
     return {
         "kind": str(offence.kind),
-        "code": finding_code(offence.kind),
+        "code": KIND_CODES[offence.kind],
         "severity": str(offence.severity),
         "line": offence.line,
         "program_file_line": offence.nc_line,

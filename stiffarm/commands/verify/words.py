@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from machining.verification import Kind, Offence, Severity, Verification
-from stiffarm.failures import finding_code
+from machining.verification import KIND_CODES, Kind, Offence, Severity, Verification
 
 _SCALES = {"rad": (180.0 / np.pi, "deg"), "m": (1e3, "mm"), "": (1.0, "")}
 REMEDIES: Final = MappingProxyType(
@@ -84,7 +83,7 @@ def place_words(offence: Offence) -> str:
 def sentence(offence: Offence) -> str:
     """One offence in one sentence."""
     said = [part for part in (offence_words(offence), value_words(offence)) if part]
-    return f"{place_words(offence)}: {offence.kind} [{finding_code(offence.kind)}]" + (
+    return f"{place_words(offence)}: {offence.kind} [{KIND_CODES[offence.kind]}]" + (
         f": {'; '.join(said)}" if said else ""
     )
 

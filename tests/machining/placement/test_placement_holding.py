@@ -64,7 +64,7 @@ def test_a_place_that_cannot_be_driven_is_not_taken(
     def follow(_: Any, e: Array, *__: Any) -> Any:
         # Nothing in the middle of a cut's way.
         if any(abs(e[0, j] - WANTED[:6, j].mean()) < 1e-9 for j in range(2)):
-            raise InputError("in the way")
+            raise InputError("in the way", code="X004")
         return course_at(e)
 
     monkeypatch.setattr(holding, "follow", follow)
@@ -72,7 +72,7 @@ def test_a_place_that_cannot_be_driven_is_not_taken(
     assert names == ("lift",)
     low, high = WANTED[0, 1], WANTED[5, 1]
     assert found.x[0, 1] in (pytest.approx(low + 0.25 * (high - low)), pytest.approx(low + 0.75 * (high - low)))
-    monkeypatch.setattr(holding, "follow", lambda *_: (_ for _ in ()).throw(InputError("nothing")))
+    monkeypatch.setattr(holding, "follow", lambda *_: (_ for _ in ()).throw(InputError("nothing", code="X004")))
     assert held(problem, moving, 0.5) == (moving, ())
 
 

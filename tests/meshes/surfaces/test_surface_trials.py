@@ -45,7 +45,7 @@ def without_pymeshlab(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_smallest_width_that_is_near_enough_is_taken_and_the_others_are_told() -> None:
-    attempt, asked = scripted(far(77.0), SurfaceFault("surface arm: 15 separate bodies"), "casing")
+    attempt, asked = scripted(far(77.0), SurfaceFault("surface arm: 15 separate bodies", code="X004"), "casing")
     done, failed = by_trial("arm", SIZE_M, "grid", attempt)
     assert done == "casing"
     assert asked == [(0.04, "grid", 0.04), (0.12, "grid", 0.04), (0.24, "grid", 0.04)]
@@ -65,7 +65,9 @@ def test_where_pymeshlab_is_alpha_wrap_is_tried_before_a_wider_opening(monkeypat
 
 
 def test_if_every_trial_fails_the_message_has_link_figures_and_the_width_to_ask_for() -> None:
-    attempt, _ = scripted(SurfaceFault("surface arm: 2 bodies", value="gap 0.3 m"), far(77.0), far(56.4), far(81.0))
+    attempt, _ = scripted(
+        SurfaceFault("surface arm: 2 bodies", code="X004", value="gap 0.3 m"), far(77.0), far(56.4), far(81.0)
+    )
     with pytest.raises(InputError) as caught:
         by_trial("arm", SIZE_M, "auto", attempt)
     message = str(caught.value)
@@ -80,13 +82,13 @@ def test_if_every_trial_fails_the_message_has_link_figures_and_the_width_to_ask_
         "--rigid arm",
     ):
         assert words in message
-    attempt, _ = scripted(*[SurfaceFault("surface arm: no room")] * 4)
+    attempt, _ = scripted(*[SurfaceFault("surface arm: no room", code="X004")] * 4)
     with pytest.raises(InputError, match="--close-mm does not help up to 800"):
         by_trial("arm", SIZE_M, "auto", attempt)
 
 
 def test_what_no_width_mends_is_said_at_once() -> None:
-    attempt, asked = scripted(InputError("grid too large"))
+    attempt, asked = scripted(InputError("grid too large", code="X004"))
     with pytest.raises(InputError, match=r"^grid too large"):
         by_trial("arm", SIZE_M, "auto", attempt)
     assert len(asked) == 1

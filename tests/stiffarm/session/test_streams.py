@@ -133,7 +133,7 @@ def test_titles_labels_and_notes_cannot_steer_the_terminal(cli: Command, tmp_pat
 
 def test_each_fault_has_a_line_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ValueError, match="two") as caught:
-        raise InputErrors("two", [InputError("a\nb"), InputError("c")])
+        raise InputErrors("two", [InputError("a\nb", code="X004"), InputError("c", code="X004")])
     console.say_error(caught.value)  # type: ignore[arg-type]
     assert capsys.readouterr().err == "stiffarm: two: 2 problem(s)\n  - a\\nb\n  - c\n"
 

@@ -54,7 +54,7 @@ def intervals_figure(
                 key = shown_unit(e.parameter)[1], e.parameter.scale != "linear"
                 groups.setdefault(key, []).append((name, e))
     if not groups:
-        raise InputError("intervals figure: no estimates to draw")
+        raise InputError("intervals figure: no estimates to draw", code="B002")
     heights = [
         max(0.36, 0.24 * len(rows)) * len({e.parameter.name for _, e in group}) + 0.4 for group in groups.values()
     ]

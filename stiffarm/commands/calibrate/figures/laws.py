@@ -50,7 +50,7 @@ def laws_figure(curves: Sequence[LawCurve]) -> Figure:
         No laws.
     """
     if not curves:
-        raise InputError("laws figure: no laws to draw")
+        raise InputError("laws figure: no laws to draw", code="B002")
     heading = "Joint stiffness against the joint angles"
     with panels(heading, len(curves), 2, 10.0 if len(curves) > 1 else 7.4, 3.3, 0.9) as (figure, axes):
         for ax, curve in zip(axes, curves, strict=True):

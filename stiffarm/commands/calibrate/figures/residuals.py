@@ -41,7 +41,7 @@ def residuals_figure(
         No groups, or labels of another number than residuals.
     """
     if not groups or any(len(labels) != len(residual) for labels in groups.values()):
-        raise InputError("residuals figure: groups", allowed="at least one, a label for each residual")
+        raise InputError("residuals figure: groups", code="B002", allowed="at least one, a label for each residual")
     count = len(groups) + (loads_N is not None)
     heading, size = "What the calibrated model leaves: read minus predicted", (10.0, 0.7 + 2.5 * count)
     with drawing(heading, size, count, 1) as (figure, axes):
@@ -88,7 +88,7 @@ def checks_figure(predicted: Array, measured: Array, own: Array, unit: str, flag
         Arrays of different lengths, or empty.
     """
     if not len(predicted) or {len(measured), len(own), len(flagged)} != {len(predicted)}:
-        raise InputError("checks figure", allowed="as many measured as predicted, at least one")
+        raise InputError("checks figure", code="B002", allowed="as many measured as predicted, at least one")
     with drawing("", (11.0, 4.2), 1, 3) as (figure, (match, left, normal)):
         ends = np.array([min(predicted.min(), measured.min()), max(predicted.max(), measured.max())])
         ends = ends + np.array([-1.0, 1.0]) * 0.04 * max(float(np.ptp(ends)), 1e-12)

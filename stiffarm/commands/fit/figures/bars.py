@@ -138,7 +138,9 @@ def error_over_inputs_figure(rows: Sequence[JudgedBars], inputs: Sequence[str], 
     """
     _check(rows)
     if Q_deg.shape != (len(rows[0].error), len(inputs)) or not inputs:
-        raise InputError("errors over the inputs", value=f"shape {Q_deg.shape}", allowed="(n, k), a row for each error")
+        raise InputError(
+            "errors over the inputs", code="B002", value=f"shape {Q_deg.shape}", allowed="(n, k), a row for each error"
+        )
     columns = 3 if len(inputs) in (3, 5, 6) else 2
     with panels("Where the error is large", len(inputs), columns, 10.0, 2.7, 1.0, sharey=True) as (figure, axes):
         for j, (ax, name) in enumerate(zip(axes, inputs, strict=True)):
@@ -174,9 +176,11 @@ def gathered(x: Array, error: Array) -> tuple[Array, Array, Array]:
 
 def _check(rows: Sequence[JudgedBars]) -> None:
     if not rows:
-        raise InputError("figure of error bars: no surrogates to draw")
+        raise InputError("figure of error bars: no surrogates to draw", code="B002")
     lengths = {np.shape(values) for row in rows for values in (row.error, row.half_width)}
     if len(lengths) != 1 or len(next(iter(lengths))) != 1 or next(iter(lengths)) == (0,):
-        raise InputError("figure of error bars", allowed="errors and half-widths (n,) of one length, at least one run")
+        raise InputError(
+            "figure of error bars", code="B002", allowed="errors and half-widths (n,) of one length, at least one run"
+        )
     if not all(np.isfinite(row.error).all() and np.isfinite(row.half_width).all() for row in rows):
-        raise InputError("figure of error bars", allowed="finite errors and half-widths")
+        raise InputError("figure of error bars", code="B002", allowed="finite errors and half-widths")

@@ -41,7 +41,7 @@ def swept_effects(data: MapData, name: str) -> dict[str, SweptEffect]:
         The map is no joint sweep.
     """
     if data.layout.kind != "joints":
-        raise InputError("main effects of a map", value=data.layout.kind, allowed="joints")
+        raise InputError("main effects of a map", code="B002", value=data.layout.kind, allowed="joints")
     values = np.where(np.asarray(data.reached), np.asarray(data.fields[name].values), np.nan).reshape(data.layout.shape)
     out = {}
     for i, axis in enumerate(data.layout.axes):

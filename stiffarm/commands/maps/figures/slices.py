@@ -57,7 +57,10 @@ def slice_figure(
     shown = [plane for plane in planes if np.isfinite(_values(data, look, plane)).any()]
     if not shown:
         raise InputError(
-            f"map: {look.name}", value="no point reached", remedy="move the grid to where the robot reaches"
+            f"map: {look.name}",
+            code="B002",
+            value="no point reached",
+            remedy="move the grid to where the robot reaches",
         )
     alone = len(shown) == 1
     bodies = [_robot(data, look, plane, description, robot) for plane in shown]

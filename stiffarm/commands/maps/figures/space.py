@@ -56,7 +56,7 @@ def iso_surfaces(data: MapData, look: Look, levels: Array, cut_mm: float | None)
     """
     import pyvista as pv
 
-    require_one_of("iso-surfaces of a map", data.layout.kind, ("box", "cylinder"))
+    require_one_of("iso-surfaces of a map", data.layout.kind, ("box", "cylinder"), code="B002")
     points, values, shape = _thinned(data, look.name)
 
     def scaled(raw: Array) -> Array:
@@ -186,7 +186,7 @@ def cloud_figure(
     InputError
         Nothing is reached, or an unknown view.
     """
-    require_one_of("view of the map", view, VIEWS)
+    require_one_of("view of the map", view, VIEWS, code="B002")
     values = np.asarray(data.fields[look.name].values)
     known = np.asarray(data.reached) & np.isfinite(values) & (values >= 0.0 if look.kind == "category" else True)
     data.require_reached("move the grid to where the robot reaches")

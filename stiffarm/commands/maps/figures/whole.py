@@ -68,10 +68,10 @@ def draw_map_figures(
     """
     wrong = [name for name in formats if name not in FORMATS]
     if wrong or not formats:
-        raise InputError("format of figures", value=", ".join(wrong) or "none", allowed=", ".join(FORMATS))
+        raise InputError("format of figures", code="B002", value=", ".join(wrong) or "none", allowed=", ".join(FORMATS))
     unknown = [name for name in quantities or () if name not in data.fields]
     if unknown:
-        raise InputError("quantity of the map", value=unknown[0], allowed=", ".join(data.fields))
+        raise InputError("quantity of the map", code="B002", value=unknown[0], allowed=", ".join(data.fields))
     data.require_reached("move the grid to where the robot reaches")
     files: list[str] = []
     in_space = data.layout.kind != "slice"
@@ -95,7 +95,7 @@ def _for_people(data: MapData) -> list[str]:
 
 def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
     """The figure of one quantity: the slice, the planes of a box or a cylinder, a joint sweep from oblique."""
-    require_one_of("quantity of the map", name, data.fields)
+    require_one_of("quantity of the map", name, data.fields, code="B002")
     look = look_of(name, data.fields[name])
     heading = f"{arm.description.title.split(' (')[0]}: {look.label}"
     works = data.layout.kind == "slice" or chosen(None)[0]

@@ -57,9 +57,9 @@ def draw_index_maps(
         More panels than fit, a plane of other points, or nothing reached.
     """
     if plane.rows.max() >= len(found.value):
-        raise InputError("map", value=f"{len(found.value)} values", allowed="one a point of the grid")
+        raise InputError("map", code="B002", value=f"{len(found.value)} values", allowed="one a point of the grid")
     if len(columns) + 2 > MOST_PANELS:
-        raise InputError("maps in one figure", value=len(columns), allowed=f"{MOST_PANELS - 2} at most")
+        raise InputError("maps in one figure", code="B002", value=len(columns), allowed=f"{MOST_PANELS - 2} at most")
     what, rows, best = shown(found.objective.quantity), plane.rows, found.steady_at_points()
     # With one angle there is nothing to choose.
     single = len(found.gamma) == 1

@@ -124,6 +124,7 @@ def make_index_map(
             if not (found.reached if inside is None else found.reached[inside]).any():
                 raise InputError(
                     f"no point of the {what} can be reached at any gamma",
+                    code="S012",
                     value=why_not_reached(given.model, task, asked.gamma) or "no posture was found",
                     allowed="one point within reach and joint limits",
                     remedy="move the grid or the part, or change the tool or its axis",

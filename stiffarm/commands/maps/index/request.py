@@ -64,6 +64,7 @@ def read_request(options: Mapping[str, str | None]) -> IndexRequest:
     if grid.n * len(gamma) > MOST:
         raise InputError(
             "map",
+            code="S011",
             value=f"{grid.n} points x {len(gamma)} angles gamma",
             allowed=f"{MOST} in all",
             remedy="make the step of the grid or of gamma larger",
@@ -125,6 +126,7 @@ def parse_workpiece(grid: Layout, text: str) -> Bools:
         if name not in ("x", "y", "z") or numbers is None or len(numbers) != 2 or numbers[0] > numbers[1]:
             raise InputError(
                 "--workpiece",
+                code="A004",
                 value=item,
                 allowed="x=FROM:TO, y=FROM:TO, z=FROM:TO in mm, FROM up to TO",
                 remedy="write it as in x=-100:100,y=800:1000",
@@ -137,7 +139,9 @@ def parse_workpiece(grid: Layout, text: str) -> Bools:
 def _corners(text: str) -> Array:
     pairs = [parse_numbers(pair) for pair in text.split(";")]
     if not all(pair is not None and len(pair) == 2 for pair in pairs):
-        raise InputError("--workpiece", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more")
+        raise InputError(
+            "--workpiece", code="A004", value=text, allowed="corners u,v;u,v;u,v in mm", remedy="give three or more"
+        )
     return np.array(pairs)
 
 
@@ -159,6 +163,7 @@ def _drawn(gamma: Array, text: str) -> tuple[int, ...]:
     if not (away.min(axis=1) < np.radians(1e-3)).all() or len(wanted) > 10:
         raise InputError(
             "--show",
+            code="A004",
             value=text,
             allowed="up to ten angles of --gamma, in deg",
             remedy="choose from its angles, separated by commas",

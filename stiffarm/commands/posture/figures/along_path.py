@@ -65,7 +65,7 @@ def motion_figure(
     """
     n, many = len(arc_mm), len(labels)
     if not courses or any(q.shape != (n, many) for q in courses.values()) or limits.shape != (many, 2):
-        raise InputError("motion figure", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
+        raise InputError("motion figure", code="B002", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
     columns, width, height = (2, 5.2, 1.7) if narrow else (3, 10.0, 2.6)
     with panels(heading, many, columns, width, height, 0.9, sharex=True) as (figure, axes):
         for j, ax in enumerate(axes):
@@ -116,13 +116,13 @@ def milling_error_figure(
         No errors or more than four, different paths or one of a single point, or a comparison of other errors.
     """
     if not 1 <= len(errors) <= _MOST:
-        raise InputError("milling error figure: errors", value=len(errors), allowed=f"1 to {_MOST}")
+        raise InputError("milling error figure: errors", code="B002", value=len(errors), allowed=f"1 to {_MOST}")
     first = next(iter(errors.values()))
     s = first.arc_length
     lengths = [e.arc_length for e in errors.values()]
     if any(one.shape != s.shape or not np.allclose(one, s, rtol=0.0, atol=1e-9) for one in lengths):
-        raise InputError("milling error figure: the paths differ", allowed="errors along one path")
-    require_at_least("milling error figure: points of the path", len(s), 2)
+        raise InputError("milling error figure: the paths differ", code="B002", allowed="errors along one path")
+    require_at_least("milling error figure: points of the path", len(s), 2, code="B002")
     if comparison is not None:
         _check(comparison, [e.normal for e in errors.values()])
     rows = 1 if comparison is None else 2
@@ -154,7 +154,7 @@ def milling_error_figure(
 def _check(comparison: Comparison, normals: list[Array]) -> None:
     fits = len(normals) > 1 and comparison.difference.shape == normals[0].shape
     if not fits or not np.allclose(comparison.difference, normals[0] - normals[1], rtol=1e-9, atol=1e-12):
-        raise InputError("milling error figure: comparison", allowed="that of the first two errors")
+        raise InputError("milling error figure: comparison", code="B002", allowed="that of the first two errors")
 
 
 def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: Any) -> None:

@@ -92,12 +92,15 @@ def draw_axes_map(
     if len(made.length) < 2 or len(degrees) < 2 or not (step > 0.0).all() or np.ptp(degrees) > TURN + 1e-6:
         raise InputError(
             "axes map",
+            code="B002",
             value=f"{len(made.length)} points, {len(degrees)} angles",
             allowed="two or more points, two or more ascending angles within a turn",
         )
     for name, line in courses.items():
         if line.gamma.shape != made.length.shape or line.value.shape != made.length.shape:
-            raise InputError(f"course {name}", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}")
+            raise InputError(
+                f"course {name}", code="B002", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}"
+            )
     x = 1e3 * made.length
     look: dict[str, Any] = {"height_ratios": (2.3, 1.0)} if courses else {}
     size = (5.2, 6.4) if narrow else (10.5, 7.6 if courses else 5.4)

@@ -169,6 +169,7 @@ def _refuse_few(set_ups: SetUps) -> None:
     if poses < FEWEST:
         raise InputError(
             f"{set_ups.table.source}: poses",
+            code="C003",
             value=poses,
             allowed=f"{FEWEST} or more",
             remedy="add set-ups: one pose tells nothing apart",
@@ -182,7 +183,7 @@ def _prospects(
     p = planned(given, world, set_ups)
     hidden = [code for code in possible(given, world) if code.partition(":")[0] in DRAWS]
     for code in codes or ():
-        require_one_of("effect", code, p.effects, remedy="name effects that this arm can have")
+        require_one_of("effect", code, p.effects, code="M011", remedy="name effects that this arm can have")
     # Whether angles count from another zero is asked of a controller (`robots check`), not of a gauge.
     wanted = [code for code, effect in p.effects.items() if not effect.gross and (codes is None or code in codes)]
     changes, where, start = [], {}, 0

@@ -117,7 +117,7 @@ def test_where_set_ups_would_hardly_settle_it_others_are_tried(
         asked.append(way)
         right = chances[len(asked) - 1]
         if right is None:
-            raise InputError("set-ups", value="none of 300 tried", remedy="turn it")
+            raise InputError("set-ups", code="X004", value="none of 300 tried", remedy="turn it")
         now, then = Outcome(0.0, 0.0, 0.0), Outcome(right, right, 0.0)
         rival = [Rival(code, p, False, 0.0, now, then) for code, p in (("unknown", unknown), ("a", 1.0 - unknown))]
         some = np.zeros((1, 1))
