@@ -26,7 +26,14 @@ KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "pose", "
 PENDANT: Final = frozenset(("a_deg", "b_deg", "c_deg", "w_deg", "p_deg", "r_deg", "qw", "qx", "qy", "qz"))
 COLUMNS: Final = (
     *(Column(name) for name in POSITION),
-    Column("payload_kg", "none", 0.0, least=0.0, remedy="give the mass that the flange carries beside the target"),
+    Column(
+        "payload_kg",
+        "none",
+        0.0,
+        least=0.0,
+        allowed="0 or more, or an empty cell (none)",
+        remedy="give the mass that the flange carries beside the target",
+    ),
     *(Column(name, "none", 0.0) for name in PAYLOAD[1:]),
     Column("rail_mm", missing=0.0),
     SIGMA,

@@ -183,7 +183,7 @@ def common_columns(cells: Cells, robot: Robot) -> dict[str, Any]:
     watched, axes, phase = cells.words("joint"), cells.words("axes", "flange"), cells.words("phase")
     known = joints_by_name(robot)
     joint = np.array([known.get(text, -1) for text in watched], dtype=np.intp)
-    turned = np.flatnonzero(np.isfinite(q).all(axis=1) & [text == "base" for text in axes])
+    turned = np.flatnonzero(np.isfinite(q).all(axis=1) & np.array([text == "base" for text in axes], dtype=np.bool_))
     if turned.size:
         R = forward_kinematics(robot, q[turned]).R_flange
         wrench[turned] = np.einsum("nji,nkj->nki", R, wrench[turned].reshape(-1, 2, 3)).reshape(-1, 6)

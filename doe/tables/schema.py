@@ -13,6 +13,7 @@ from itertools import compress
 from typing import Any, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from doe.tables.columns import (
     DISPLACEMENTS,
@@ -147,14 +148,20 @@ class Cells:
     unknown: dict[str, int]
     meant: frozenset[str]
     faults: Faults
+    code: str | None = None
 
     @staticmethod
     def of(
-        table: RawTable, columns: Sequence[Column], needs: Sequence[Need], faults: Faults, joints: Robot | None = None
+        table: RawTable,
+        columns: Sequence[Column],
+        needs: Sequence[Need],
+        faults: Faults,
+        joints: Robot | None = None,
+        code: str | None = None,
     ) -> Cells:
         """Sort the header: columns twice, without a name, in another unit or missing go to ``faults``.
 
-        ``joints``: the robot beside whose angles no others may stand.
+        ``joints``: the robot beside whose angles no others may stand; ``code``: of all faults of this kind of table.
         """
         specified = {column.name: column for column in columns}
         known, unknown, meant = dict[str, int](), dict[str, int](), set[str]()
@@ -181,14 +188,14 @@ class Cells:
                 unknown[name] = i
             if problem:
                 what = f"{column} {problem}"
-                faults.add(1, what, code="T003", value=name or None, allowed=allowed, remedy=remedy)
+                faults.add(1, what, code=code or "T003", value=name or None, allowed=allowed, remedy=remedy)
         for need in needs:
             missing = [name for name in need.names if name not in known and name not in meant]
             none = len(missing) == len(need.names)
             if missing and none == {"one": True, "all": none, "all or none": False}[need.rule]:
                 what = need.problem.format(", ".join(missing))
-                faults.add(1, what, code=need.code, allowed=need.allowed, remedy=need.remedy)
-        return Cells(table, specified, known, unknown, frozenset(meant), faults)
+                faults.add(1, what, code=code or need.code, allowed=need.allowed, remedy=need.remedy)
+        return Cells(table, specified, known, unknown, frozenset(meant), faults, code)
 
     def whole_rows(self) -> Cells:
         """The same without the rows of too many or too few cells, which are faults."""
@@ -211,7 +218,7 @@ class Cells:
 
     def check(
         self,
-        bad: Bools | Sequence[bool],
+        bad: ArrayLike,
         problem: str | Callable[[int], str],
         *,
         code: str,
@@ -225,8 +232,15 @@ class Cells:
         self.faults.each(
             [self.table.lines[i] for i in rows],
             lambda n: {name: part(rows[n]) if callable(part) else part for name, part in parts.items()},
-            code=code,
+            code=self.code or code,
         )
+
+    def refuse_unknown(self, *, code: str, remedy: str, but: Collection[str] = ()) -> None:
+        """Record columns of no known name, ``but`` some, in small letters."""
+        for name in self.unknown:
+            if name.strip().lower() not in but:
+                allowed = ", ".join(self.columns)
+                self.faults.add(1, f"column {name} is not known", code=code, value=name, allowed=allowed, remedy=remedy)
 
     def _check_cells(self, column: Column, cells: Sequence[str], wrong: dict[str, str], allowed: str) -> None:
         """Record the cells whose texts are ``wrong`` (with what to do about each); most texts stand there often."""

@@ -80,19 +80,10 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     table = read_table(path, "table of Denavit-Hartenberg parameters", "joint")
     faults = Faults(table.name)
     cells = Cells.of(table, COLUMN, NEEDS, faults)
+    cells.refuse_unknown(code="A007", remedy="name it as one of these, or remove it", but=KIND)
     for name, index in cells.unknown.items():
         if name.strip().lower() in KIND:
-            said = [(row[index] if index < len(row) else "").lower() for row in table.rows]
-            _check_kinds(cells, said, name)
-        else:
-            faults.add(
-                1,
-                f"column {name} is not known",
-                code="A007",
-                value=name,
-                allowed=", ".join(COLUMNS),
-                remedy="name it as one of these, or remove it",
-            )
+            _check_kinds(cells, [(row[index] if index < len(row) else "").lower() for row in table.rows], name)
     faults.raise_if_any("table of Denavit-Hartenberg parameters")
     cells = cells.whole_rows()
     lines = _lines(cells) if cells.table.rows else []
