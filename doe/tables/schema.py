@@ -237,10 +237,11 @@ class Cells:
 
     def refuse_unknown(self, *, code: str, remedy: str, but: Collection[str] = ()) -> None:
         """Record columns of no known name, ``but`` some, in small letters."""
-        for name in self.unknown:
-            if name.strip().lower() not in but:
-                allowed = ", ".join(self.columns)
-                self.faults.add(1, f"column {name} is not known", code=code, value=name, allowed=allowed, remedy=remedy)
+        names = [name for name in self.unknown if name.strip().lower() not in but]
+        if names:
+            what = f"column {names[0]} is not known" if len(names) == 1 else f"columns {listed(names)} are not known"
+            allowed = ", ".join(self.columns)
+            self.faults.add(1, what, code=code, value=listed(names), allowed=allowed, remedy=remedy)
 
     def _check_cells(self, column: Column, cells: Sequence[str], wrong: dict[str, str], allowed: str) -> None:
         """Record the cells whose texts are ``wrong`` (with what to do about each); most texts stand there often."""

@@ -89,11 +89,11 @@ def read_path(path: str | Path) -> ToolPath:
     tools = _directions(cells, axes, "tool axis") if axes else normals
     feed = cells.numbers(FEED)[:, 0] * (1e-3 / 60.0)
     # The tool may turn on the spot. NaN compares false: a bad row is reported for what is bad about it only.
-    moved = np.abs(np.diff(np.hstack([1e3 * points, tools] if axes else [1e3 * points]), axis=0)).max(
-        axis=1, initial=0.0
-    )
+    places = np.hstack([1e3 * points, tools] if axes else [1e3 * points])
+    repeated = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) < REPEATED * 1e3
+    neighbours = np.diff(np.searchsorted(table.lines, cells.table.lines)) == 1
     cells.check(
-        np.array([False, *(moved < REPEATED * 1e3)]) & (len(cells.table.rows) == len(table.rows)),
+        np.concatenate([np.zeros(min(len(places), 1), dtype=np.bool_), repeated & neighbours]),
         "the point of the row before once more",
         code=CODE,
         value=lambda i: str((1e3 * points[i]).tolist()),

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import read_table
 from doe.tables.schema import Cells, Column, Need
-from robots import InputError
 from robots.arrays import Array
 from robots.errors import listed
 from robots.faults import Faults
-from stiffarm.session.table_kinds import POSES, expect
+from stiffarm.session.table_kinds import POSES, open_table
 
 
 def read_pose_table(
@@ -31,12 +29,7 @@ def read_pose_table(
     InputError
         The file is missing, or cannot be read.
     """
-    if not file.is_file():
-        raise InputError(
-            "pose table", code="A007", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path"
-        )
-    expect(file, POSES)
-    table = read_table(file, "table of poses", "pose")
+    table = open_table(file, POSES, "table of poses", "pose", option="pose table")
     faults = Faults(table.name)
     coordinates = tuple(Column(name, missing=0.0) for name in (*names, *fixed_deg))
     joints = Need(names, "no joint column", ", ".join(names), "name the columns exactly so", rule="one")

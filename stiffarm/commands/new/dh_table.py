@@ -9,15 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import read_table
 from doe.tables.schema import Cells, Column, Need
-from robots import InputError
 from robots.arrays import Array, Bools
 from robots.errors import listed
 from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.library.dh import DHLine
-from stiffarm.session.table_kinds import DH, expect
+from stiffarm.session.table_kinds import DH, open_table
 
 FIGURES = ("alpha_deg", "a_mm", "d_mm")
 LIMITS = ("lower_deg", "upper_deg")
@@ -68,16 +66,15 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     InputError
         The file cannot be read; or its faults, each with row, column, value and remedy.
     """
-    if not path.is_file():
-        raise InputError(
-            option,
-            code="A007",
-            value=str(path),
-            allowed="an existing CSV or XLSX file",
-            remedy="check the path; `stiffarm new NAME` alone writes an empty table",
-        )
-    expect(path, DH)
-    table = read_table(path, "table of Denavit-Hartenberg parameters", "joint")
+    more = "; `stiffarm new NAME` alone writes an empty table"
+    table = open_table(path, DH, "table of Denavit-Hartenberg parameters", "joint", option=option, more=more)
+        path,
+        DH,
+        "table of Denavit-Hartenberg parameters",
+        "joint",
+        option=option,
+        more="; `stiffarm new NAME` alone writes an empty table",
+    )
     faults = Faults(table.name)
     cells = Cells.of(table, COLUMN, NEEDS, faults)
     cells.refuse_unknown(code="A007", remedy="name it as one of these, or remove it", but=KIND)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import read_table
 from doe.tables.schema import Cells, Column, Need, angle_columns
 from machining.programs.orientation import SPOKEN, Spoken
 from robots import InputError, Robot
@@ -14,7 +13,7 @@ from robots.arrays import Array
 from robots.errors import line_ranges
 from robots.faults import Faults
 from robots.pendant.explanations import PendantReadings
-from stiffarm.session.table_kinds import PENDANT, expect
+from stiffarm.session.table_kinds import PENDANT, open_table
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 WHOLE_POSITION = Need(
@@ -42,12 +41,7 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     InputError
         The file cannot be read, or every fault of its columns and cells.
     """
-    if not path.is_file():
-        raise InputError(
-            "PENDANT", code="A007", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path"
-        )
-    expect(path, PENDANT, model=model)
-    table = read_table(path, "pendant table", "pose")
+    table = open_table(path, PENDANT, "pendant table", "pose", option="PENDANT", model=model)
     faults = Faults(table.name)
     own = tuple(Column(name) for name in dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))
     position_columns = tuple(Column(name) for name in POSITION)
