@@ -94,7 +94,7 @@ class Column(NamedTuple):
             return None
         least = np.nextafter(0.0, 1.0) if self.positive else self.least
         fits = (np.abs(values) < LARGEST_NUMBER) & (values >= least) & (values <= self.most)
-        fits &= values % 1.0 == 0.0 if self.whole else True
+        fits &= (values == np.rint(values)) | (not self.whole)
         return values if (fits | np.isnan(values)).all() else None
 
 

@@ -68,13 +68,6 @@ def read_dh(path: Path, option: str) -> tuple[list[DHLine], DHLine | None]:
     """
     more = "; `stiffarm new NAME` alone writes an empty table"
     table = open_table(path, DH, "table of Denavit-Hartenberg parameters", "joint", option=option, more=more)
-        path,
-        DH,
-        "table of Denavit-Hartenberg parameters",
-        "joint",
-        option=option,
-        more="; `stiffarm new NAME` alone writes an empty table",
-    )
     faults = Faults(table.name)
     cells = Cells.of(table, COLUMN, NEEDS, faults)
     cells.refuse_unknown(code="A007", remedy="name it as one of these, or remove it", but=KIND)
