@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import compress
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -13,20 +11,43 @@ import numpy as np
 from doe.absolute.readings import AbsoluteReadings, Labels, Payload
 from doe.tables import columns as mc
 from doe.tables.checks import check_limits
-from doe.tables.columns import LOADS, Columns, RawTable
+from doe.tables.columns import LOADS, RawTable
+from doe.tables.schema import LOAD_COLUMNS, SIGMA, STEP, TIMES, Cells, Column, Need, angle_columns, kept, one_of
 from robots import InputError, Robot
-from robots.arrays import Array, Bools
-from robots.errors import listed
+from robots.arrays import Array
 from robots.faults import Faults
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
-NUMBERS: Final = ("payload_kg", "payload_x_mm", "payload_y_mm", "payload_z_mm", "rail_mm", "sigma_mm")
+PAYLOAD: Final = ("payload_kg", "payload_x_mm", "payload_y_mm", "payload_z_mm")
 WHEN: Final = ("time_s", "step", "temperature_C")
-WORDS: Final = ("session", "target", "payload", "approach")
 # Read for later: their columns are known, and not used yet.
 KEPT: Final = ("rx_deg", "ry_deg", "rz_deg", "operator", "instrument", "pose", "repeat")
 # Orientations as controllers show them: a table with these was read at a pendant, not by a tracker.
 PENDANT: Final = frozenset(("a_deg", "b_deg", "c_deg", "w_deg", "p_deg", "r_deg", "qw", "qx", "qy", "qz"))
+COLUMNS: Final = (
+    *(Column(name) for name in POSITION),
+    Column(
+        "payload_kg",
+        "none",
+        0.0,
+        least=0.0,
+        allowed="0 or more, or an empty cell (none)",
+        remedy="give the mass that the flange carries beside the target",
+    ),
+    *(Column(name, "none", 0.0) for name in PAYLOAD[1:]),
+    Column("rail_mm", missing=0.0),
+    SIGMA,
+    STEP,
+    *TIMES,
+    *(Column(name) for name in ("session", "target", "payload", "approach", *KEPT)),
+)
+WHOLE_POSITION: Final = Need(
+    POSITION,
+    "no column {}",
+    f"all of {', '.join(POSITION)}",
+    "give all three coordinates of the target in the tracker's frame",
+    code="T001",
+)
 # A tracker reaches some 80 m; farther coordinates are another unit.
 FARTHEST_m: Final = 200.0
 
@@ -60,21 +81,14 @@ def read_absolute(path: str | Path, robot: Robot, *, check_reach: bool = True) -
 def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> AbsoluteReadings:
     """Readings of a table of text, as :func:`read_absolute`."""
     faults = Faults(table.name)
-    needed = MappingProxyType({"position column": POSITION, "load column": POSITION})
-    columns = mc.find_columns(table, robot, faults, (*POSITION, *NUMBERS, *WHEN, *WORDS, *KEPT), needed)
-    for name in POSITION:
-        if name not in columns.known and not faults.count:
-            faults.add(
-                1,
-                f"no column {name}",
-                code="T001",
-                allowed=f"all of {', '.join(POSITION)}",
-                remedy="give all three coordinates of the target in the tracker's frame",
-            )
+    needs = (
+        one_of(f"joint column of {robot.name}", robot.angle_names, table.hint),
+        one_of("position column", POSITION, table.hint) if not {*POSITION} & {*table.header} else WHOLE_POSITION,
+    )
+    columns = (*angle_columns(robot), *LOAD_COLUMNS, *COLUMNS)
+    cells = Cells.of(table, columns, needs, faults, robot)
     fits = not faults.count
-    data = _assembled(mc.drop_ragged(table, faults), columns, robot, faults)
-    if fits and len(data):
-        _check(data, robot, faults, check_reach)
+    data = _assembled(cells.whole_rows(), robot, check_reach and fits)
     faults.raise_if_any("absolute readings")
     if not len(data):
         raise InputError(
@@ -83,64 +97,64 @@ def absolute_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> A
     return data
 
 
-def _assembled(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> AbsoluteReadings:
-    cells = (table, columns)
-    q = mc.joint_angles(*cells, robot, faults)
-    position = mc.numbers(*cells, POSITION, faults)
-    kg, *centre = mc.numbers(*cells, NUMBERS[:4], faults, empty="none", missing=0.0).T
-    rail = mc.numbers(*cells, ("rail_mm",), faults, missing=0.0)[:, 0]
-    sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
-    seconds, step, temperature = mc.numbers(*cells, WHEN, faults, empty="not known").T
-    approach = _approaches(table, columns, robot, faults)
-    good: Bools = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
-
-    def words(name: str, without: str) -> tuple[str, ...]:
-        if name not in columns.known:
-            return (without,) * int(good.sum())
-        return tuple(compress((text or without for text in mc.texts(table, columns.known[name])), good))
-
-    session = words("session", Path(table.name).stem)
-    target = words("target", "") if "target" in columns.known else session
-    held = np.nan_to_num(np.column_stack([kg, *centre]))[good]
+def _assembled(cells: Cells, robot: Robot, check_reach: bool) -> AbsoluteReadings:
+    table, q, position = cells.table, cells.angles(robot), cells.numbers(*POSITION)
+    far = np.abs(position).max(axis=1)
+    cells.check(
+        far > FARTHEST_m,
+        "position",
+        code="T004",
+        value=lambda i: f"{1e3 * far[i]:g} mm",
+        allowed=f"up to {FARTHEST_m:g} m from the tracker",
+        remedy="check the unit: columns are mm",
+    )
+    held = np.nan_to_num(cells.numbers(*PAYLOAD))
+    rail, sigma = cells.numbers("rail_mm")[:, 0], cells.numbers("sigma_mm")[:, 0]
+    seconds, step, temperature = cells.numbers(*WHEN).T
+    approach = _approaches(cells, robot)
+    session = cells.texts("session", Path(table.name).stem)
+    target = cells.texts("target") if "target" in cells.known else session
+    good = cells.good()
+    held = held[good]
     different, payload = np.unique(held, axis=0, return_inverse=True) if len(held) else (held, np.zeros(0, dtype=int))
+    lines = kept(table.lines, good)
+    if check_reach and lines:
+        check_limits(q[good], tuple(f"line {line}" for line in lines), lines, robot, cells.faults)
     return AbsoluteReadings(
         table.name,
         table.sha256,
         q[good],
         position[good],
-        Labels.of(session),
-        Labels.of(target),
+        Labels.of(kept(session, good)),
+        Labels.of(kept(target, good)),
         payload.reshape(-1).astype(np.int64),
         tuple(Payload(float(row[0]), row[1:]) for row in different),
         rail[good],
         sigma[good],
-        np.array(table.lines, dtype=np.int64)[good],
-        tuple(_notes(table, columns, robot)),
+        np.array(lines, dtype=np.int64),
+        tuple(_notes(cells, robot)),
         _complete(seconds[good], step[good]),
         _complete(temperature[good]),
         approach[good],
     )
 
 
-def _approaches(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Array:
+def _approaches(cells: Cells, robot: Robot) -> Array:
     """Which way each joint came (n, dof); no column: nothing is known (n, 0)."""
-    if "approach" not in columns.known:
-        return np.zeros((len(table.lines), 0))
-    out = np.zeros((len(table.lines), robot.dof))
-    for k, (line, text) in enumerate(zip(table.lines, mc.texts(table, columns.known["approach"]), strict=True)):
-        ways = ways_of(text.strip(), robot.dof) if text.strip() else np.zeros(robot.dof)
-        if ways is None:
-            faults.add(
-                line,
-                "column approach",
-                code="T003",
-                value=text,
-                allowed=f"a +, - or 0 for each of {robot.dof} joints",
-                remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
-            )
-            continue
-        out[k] = ways
-    return out
+    if "approach" not in cells.known:
+        return np.zeros((len(cells.table.lines), 0))
+    texts, dof = cells.texts("approach"), robot.dof
+    read = {text: ways_of(text, dof) if text else np.zeros(dof) for text in set(texts)}
+    cells.check(
+        [read[text] is None for text in texts],
+        "column approach",
+        code="T003",
+        value=lambda i: texts[i],
+        allowed=f"a +, - or 0 for each of {dof} joints",
+        remedy="write + where the joint last turned the positive way before it stopped, 0 where nobody knows",
+    )
+    ways = (read[text] for text in texts)
+    return np.array([np.zeros(dof) if way is None else way for way in ways]).reshape(-1, dof)
 
 
 def ways_of(text: str, dof: int) -> Array | None:
@@ -154,43 +168,10 @@ def _complete(*columns: Array) -> Array:
     return next((x for x in columns if len(x) and np.isfinite(x).all()), np.zeros(0))
 
 
-def _notes(table: RawTable, columns: Columns, robot: Robot) -> list[str]:
-    notes = list(table.notes)
-    missing = [name for name in robot.coordinates if name not in columns.known]
-    if missing and robot.controller is None:
-        notes.append(f"no column {', '.join(missing)}: taken as 0")
-    unused = [name for name in (*KEPT, "payload") if name in columns.known]
-    if unused:
-        notes.append(f"columns that are not used: {', '.join(unused)}")
-    if columns.unknown:
-        notes.append(f"unknown columns, not used: {listed(columns.unknown)}")
-    return notes
-
-
-def _check(data: AbsoluteReadings, robot: Robot, faults: Faults, check_reach: bool) -> None:
-    far = np.abs(data.position).max(axis=1) > FARTHEST_m
-    for k in np.flatnonzero(far):
-        faults.add(
-            int(data.line[k]),
-            "position",
-            code="T004",
-            value=f"{1e3 * np.abs(data.position[k]).max():g} mm",
-            allowed=f"up to {FARTHEST_m:g} m from the tracker",
-            remedy="check the unit: columns are mm",
-        )
-    for k in np.flatnonzero([p.kg < 0.0 for p in data.payloads]):
-        row = int(np.flatnonzero(data.payload == k)[0])
-        faults.add(
-            int(data.line[row]),
-            "column payload_kg",
-            code="T004",
-            value=f"{data.payloads[k].kg:g}",
-            allowed="0 or more",
-            remedy="give the mass that the flange carries beside the target",
-        )
-    if check_reach:
-        names = tuple(f"line {line}" for line in data.line)
-        check_limits(data.q, names, data.line.tolist(), robot, faults)
+def _notes(cells: Cells, robot: Robot) -> Iterator[str]:
+    yield from cells.remarks(robot, unused="unknown columns, not used")
+    if unused := [name for name in (*KEPT, "payload") if name in cells.known]:
+        yield f"columns that are not used: {', '.join(unused)}"
 
 
 def joined(tables: Sequence[AbsoluteReadings]) -> AbsoluteReadings:

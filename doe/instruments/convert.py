@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from doe.absolute.table import KEPT, NUMBERS, PENDANT, WORDS, absolute_of
+from doe.absolute.table import COLUMNS, PENDANT, POSITION, absolute_of
 from doe.instruments.cells import Grid, read_grids
 from doe.instruments.combined import combined
 from doe.instruments.figures import NOT_READ, Mark, decimal_mark, is_number
@@ -29,6 +29,8 @@ from robots import InputError, Robot
 from robots.errors import listed, raise_any
 from robots.faults import Faults
 
+# Columns of a table of positions beside the positions themselves.
+_OWN: Final = frozenset(column.name for column in COLUMNS) - {*POSITION, "step", "time_s", "temperature_C"}
 # Names by which other commands know their own tables (a column that is kept must not make ours look like one).
 _OTHERS: Final = frozenset((*PENDANT, "reflector", "joint", "nx", "ny", "nz", "alpha_deg", "a_mm", "d_mm"))
 # Cells of a column that tell numbers from words.
@@ -255,7 +257,7 @@ def _made(
     out = dict(cells)
     more = list(notes)
     for name in list(out):
-        if name in read.kept and (name in _OTHERS or (kind == POSITIONS and name in (*NUMBERS, *WORDS, *KEPT))):
+        if name in read.kept and (name in _OTHERS or (kind == POSITIONS and name in _OWN)):
             out[f"original {name}"] = out.pop(name)
             more.append(f"column {name} is kept as 'original {name}'")
     columns: dict[str, Meaning] = {}

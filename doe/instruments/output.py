@@ -14,7 +14,8 @@ from doe.instruments.mapping_file import Settings
 from doe.instruments.meanings import AXES, QUANTITIES, joint_words
 from doe.instruments.units import TABLE_UNITS
 from doe.instruments.values import Read
-from doe.tables.columns import LOADS, SAME_ANGLE_rad, likely_ours
+from doe.tables.columns import LOADS, SAME_ANGLE_rad
+from doe.tables.schema import likely_ours
 from robots import InputError, Robot
 from robots.arrays import Bools
 from robots.errors import line_ranges, listed

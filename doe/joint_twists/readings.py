@@ -6,23 +6,32 @@ And the cells that its two kinds of files share, of joint twists and of reflecto
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from doe.tables import columns as mc
 from doe.tables.checks import joint_keys
-from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, Columns, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, RawTable
 from doe.tables.measurements import check_columns, columns_of, load_size, selected, stacked
+from doe.tables.schema import (
+    LOAD_COLUMNS,
+    READ_COLUMNS,
+    SIGMA,
+    STEP,
+    WHOLE_POINT,
+    Cells,
+    Column,
+    angle_columns,
+    one_of,
+)
 from robots import InputError, Robot, forward_kinematics
 from robots.arrays import Array, Bools, Indices
 from robots.faults import Faults
 
 # Per row, of translations and of rotations.
 SIGMAS: Final = ("sigma_mm", "sigma_twist_mrad")
-COMMON: Final = ("joint", "axes", "phase", "step", "pose", "repeat", "origin", *POINT)
 LOADED: Final = ("x_mm", "y_mm", "z_mm")
 UNLOADED: Final = ("x0_mm", "y0_mm", "z0_mm")
 # One row a reflector: which reading it belongs to, on which arm it sits, its name.
@@ -30,6 +39,26 @@ REFLECTOR: Final = ("reading", "arm", "reflector", *UNLOADED, *LOADED)
 ARMS: Final = ("before", "behind")
 AXES: Final = ("flange", "base")
 SYNTHETIC: Final = "synthetic"
+
+
+def _word(name: str, words: tuple[str, ...], remedy: str) -> Column:
+    return Column(name, words=words, allowed=", ".join(words), remedy=remedy, code="J003")
+
+
+COMMON: Final = (
+    *LOAD_COLUMNS,
+    *(Column(name, missing=0.0) for name in POINT),
+    STEP,
+    _word("axes", AXES, "say in which axes the load is given"),
+    _word("phase", PHASES, "use one of these words"),
+    *(Column(name) for name in ("pose", "repeat", "origin")),
+)
+TWIST_COLUMNS: Final = (*READ_COLUMNS, *(Column(name, "not known", positive=True) for name in SIGMAS))
+REFLECTOR_COLUMNS: Final = (
+    *(Column(name) for name in ("reading", "reflector", *UNLOADED, *LOADED)),
+    _word("arm", ARMS, "say whether the reflector sits on the arm before or behind the joint"),
+    SIGMA,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,70 +152,43 @@ def is_reflector_table(table: RawTable) -> bool:
     return "reflector" in table.header or any(name in table.header for name in (*LOADED, *UNLOADED))
 
 
-def find_columns(table: RawTable, robot: Robot, faults: Faults) -> Columns:
-    """Sort the header into known columns and unknown ones; what is wrong with it goes to ``faults``."""
-    needed: dict[str, Sequence[str]] = {"column joint": ("joint",), "column phase": ("phase",)}
+def sorted_header(table: RawTable, robot: Robot, faults: Faults) -> Cells:
+    """The table's cells by column; what is wrong with the header goes to ``faults``."""
+    needed: dict[str, Sequence[str]] = {f"joint column of {robot.name}": robot.angle_names, "load column": LOADS}
+    needed |= {"column joint": ("joint",), "column phase": ("phase",)}
     if is_reflector_table(table):
-        needed |= {f"column {name}": (name,) for name in REFLECTOR}
-        return mc.find_columns(table, robot, faults, (*COMMON, *REFLECTOR, "sigma_mm"), needed)
-    needed["column of a displacement or twist"] = DISPLACEMENTS
-    return mc.find_columns(table, robot, faults, (*COMMON, *DISPLACEMENTS, *SIGMAS), needed)
-
-
-@dataclass(frozen=True)
-class Cells:
-    """What each row of either kind of table says: pose, joint, load, phase, set-up. NaN, -1 or "" where faulty.
-
-    Loads (n, 6) are in flange axes.
-    """
-
-    q: Array
-    joint: Indices
-    wrench: Array
-    point: Array
-    phase: tuple[str, ...]
-    setup: tuple[str, ...]
-    synthetic: bool
-
-
-def read_cells(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Cells:
-    """Parse the columns that both kinds of table have."""
-    cells = (table, columns)
-    q = mc.joint_angles(*cells, robot, faults)
-    wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
-    point = mc.numbers(*cells, POINT, faults, missing=0.0)
-    mc.numbers(*cells, ("step",), faults, empty="not known")
-
-    def words(name: str) -> tuple[str, ...]:
-        return mc.texts(table, columns.known.get(name))
-
-    axes, watched, phase = tuple(text or "flange" for text in words("axes")), words("joint"), words("phase")
-    known = {str(k + 1): k for k in range(robot.dof)} | {name: k for k, name in enumerate(robot.joint_names)}
-    names = f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}"
-    check_among(
-        table, watched, known, names, "joint", f"name the joint of {robot.name} between the two arms watched", faults
+        columns, needed = REFLECTOR_COLUMNS, needed | {f"column {name}": (name,) for name in REFLECTOR}
+    else:
+        columns, needed = TWIST_COLUMNS, needed | {"column of a displacement or twist": DISPLACEMENTS}
+    joint = Column(
+        "joint",
+        words=joints_by_name(robot),
+        allowed=f"{', '.join(robot.joint_names)}, or 1 to {robot.dof}",
+        remedy=f"name the joint of {robot.name} between the two arms watched",
+        code="J003",
     )
-    check_among(table, axes, AXES, ", ".join(AXES), "axes", "say in which axes the load is given", faults)
-    check_among(table, phase, PHASES, ", ".join(PHASES), "phase", "use one of these words", faults)
+    needs = (*(one_of(what, names, table.hint) for what, names in needed.items()), WHOLE_POINT)
+    return Cells.of(table, (*angle_columns(robot), joint, *COMMON, *columns), needs, faults, robot)
+
+
+def joints_by_name(robot: Robot) -> dict[str, int]:
+    """Places of the joints by what a table calls them: number or name."""
+    return {str(k + 1): k for k in range(robot.dof)} | {name: k for k, name in enumerate(robot.joint_names)}
+
+
+def common_columns(cells: Cells, robot: Robot) -> dict[str, Any]:
+    """What either kind of table says of each row: pose, joint, load in flange axes, phase, set-up."""
+    q, wrench = cells.angles(robot), cells.numbers(*LOADS)
+    point, _ = cells.numbers(*POINT), cells.numbers("step")
+    watched, axes, phase = cells.words("joint"), cells.words("axes", "flange"), cells.words("phase")
+    known = joints_by_name(robot)
     joint = np.array([known.get(text, -1) for text in watched], dtype=np.intp)
-    turned = np.flatnonzero(
-        [text == "base" and bool(np.isfinite(row).all()) for text, row in zip(axes, q, strict=True)]
-    )
+    turned = np.flatnonzero(np.isfinite(q).all(axis=1) & np.array([text == "base" for text in axes], dtype=np.bool_))
     if turned.size:
         R = forward_kinematics(robot, q[turned]).R_flange
         wrench[turned] = np.einsum("nji,nkj->nki", R, wrench[turned].reshape(-1, 2, 3)).reshape(-1, 6)
-    made_up = any(SYNTHETIC in text.lower() for text in words("origin"))
-    return Cells(q, joint, wrench, point, phase, _setups(q, joint, words("pose"), words("repeat")), made_up)
-
-
-def check_among(
-    table: RawTable, texts: Sequence[str], known: Collection[str], allowed: str, name: str, remedy: str, faults: Faults
-) -> None:
-    """Record cells of the column ``name`` that are not among those ``known``."""
-    for line, text in zip(table.lines, texts, strict=True):
-        if text not in known:
-            problem = f"column {name}" + ("" if text else " is empty")
-            faults.add(line, problem, code="J003", value=text or None, allowed=allowed, remedy=remedy)
+    setup = _setups(q, joint, cells.texts("pose"), cells.texts("repeat"))
+    return {"q": q, "joint": joint, "wrench": wrench, "point": point, "phase": phase, "setup": setup}
 
 
 def _setups(q: Array, joint: Indices, pose: Sequence[str], repeat: Sequence[str]) -> tuple[str, ...]:

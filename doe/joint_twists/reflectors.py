@@ -9,19 +9,18 @@ leave over.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from doe.joint_twists.readings import ARMS, LOADED, UNLOADED, Cells, TwistReadings, check_among
-from doe.tables import columns as mc
-from doe.tables.columns import Columns, RawTable
+from doe.joint_twists.readings import ARMS, LOADED, UNLOADED
 from doe.tables.measurements import rows_of
+from doe.tables.schema import Cells
 from robots import InputError, Robot, forward_kinematics
 from robots.arrays import Array, Indices
-from robots.faults import Faults
 
 FEWEST = 3
 # Second singular value of the reflectors' spread over the first: below it a turn about their line is not seen.
@@ -111,33 +110,31 @@ class _Fit:
     spare: int
 
 
-def assemble_reflectors(table: RawTable, columns: Columns, cells: Cells, robot: Robot, faults: Faults) -> TwistReadings:
-    """Readings from a table of reflectors; what is wrong with it goes to ``faults``."""
-    both = (table, columns)
-    unloaded = mc.numbers(*both, UNLOADED, faults)
-    loaded = mc.numbers(*both, LOADED, faults)
-    sigma = mc.numbers(*both, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
-    label = mc.texts(table, columns.known["reading"])
-    arm = mc.texts(table, columns.known["arm"])
-    remedy = "say whether the reflector sits on the arm before or behind the joint"
-    check_among(table, arm, ARMS, ", ".join(ARMS), "arm", remedy, faults)
-    for i in np.flatnonzero(np.linalg.norm(loaded - unloaded, axis=1) > FARTHEST_M):
-        faults.add(
-            table.lines[i],
-            f"columns x_mm y_mm z_mm, the reflector moved by more than {1e3 * FARTHEST_M:g} mm",
-            code="J002",
-            value=f"{1e3 * np.linalg.norm(loaded[i] - unloaded[i]):.1f} mm",
-            allowed="displacements under load",
-            remedy="check units and the reflector's label",
-        )
+def reflector_columns(cells: Cells, columns: Mapping[str, Any], robot: Robot) -> dict[str, Any]:
+    """Columns of readings, each from several rows of reflectors; ``columns``: what every row says beside these."""
+    faults, lines = cells.faults, cells.table.lines
+    unloaded, loaded = cells.numbers(*UNLOADED), cells.numbers(*LOADED)
+    sigma = cells.numbers("sigma_mm")[:, 0]
+    label, arm = cells.texts("reading"), cells.words("arm")
+    moved = 1e3 * np.linalg.norm(loaded - unloaded, axis=1)
+    cells.check(
+        moved > 1e3 * FARTHEST_M,
+        f"columns x_mm y_mm z_mm, the reflector moved by more than {1e3 * FARTHEST_M:g} mm",
+        code="J002",
+        value=lambda i: f"{moved[i]:.1f} mm",
+        allowed="displacements under load",
+        remedy="check units and the reflector's label",
+    )
     faults.raise_if_any("measurements")
-    frames = forward_kinematics(robot, cells.q)
+    frames = forward_kinematics(robot, columns["q"])
+    number = np.unique(columns["phase"], return_inverse=True)[1].reshape(-1)
+    same = np.column_stack([*(columns[name] for name in ("q", "wrench", "point", "joint")), number])
     fits = []
     for rows in rows_of(label).values():
-        j = int(cells.joint[rows[0]])
-        if not _agree(rows, cells):
+        j = int(columns["joint"][rows[0]])
+        if (same[rows] != same[rows[0]]).any():
             faults.add(
-                table.lines[rows[0]],
+                lines[rows[0]],
                 f"reading {label[rows[0]]}: its rows differ in pose, joint, load or phase",
                 code="J002",
                 allowed="one of each a reading",
@@ -148,31 +145,20 @@ def assemble_reflectors(table: RawTable, columns: Columns, cells: Cells, robot: 
         try:
             fits.append(_fit(rows, unloaded, loaded, arm, frames.p[rows[0], j + 1], R, f"reading {label[rows[0]]}"))
         except InputError as error:
-            faults.record(table.lines[rows[0]], error)
+            faults.record(lines[rows[0]], error)
     faults.raise_if_any("measurements")
     first = np.array([fit.row for fit in fits], dtype=np.intp)
     noise, note = _noise(fits, sigma[first])
     covariance = np.array([np.diag(fit.covariance) for fit in fits])
-    return TwistReadings(
-        table.name,
-        table.sha256,
-        cells.q[first],
-        cells.joint[first],
-        cells.wrench[first],
-        cells.point[first],
-        np.array([fit.twist for fit in fits]),
-        noise[:, None] * np.sqrt(covariance),
-        tuple(cells.phase[i] for i in first),
-        tuple(cells.setup[i] for i in first),
-        tuple(table.lines[i] for i in first),
-        cells.synthetic,
-        (note,),
-    )
-
-
-def _agree(rows: Indices, cells: Cells) -> bool:
-    same = np.column_stack([cells.q, cells.wrench, cells.point, cells.joint])[rows]
-    return bool((same == same[0]).all()) and len({cells.phase[i] for i in rows}) == 1
+    every = {**columns, "row_numbers": lines}
+    return {
+        name: values[first] if isinstance(values, np.ndarray) else tuple(values[i] for i in first)
+        for name, values in every.items()
+    } | {
+        "twist": np.array([fit.twist for fit in fits]),
+        "sigma": noise[:, None] * np.sqrt(covariance),
+        "notes": (note,),
+    }
 
 
 def _fit(rows: Indices, unloaded: Array, loaded: Array, arm: Sequence[str], origin: Array, R: Array, what: str) -> _Fit:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import compress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from doe.joint_twists.readings import (
     SIGMAS,
-    Cells,
+    SYNTHETIC,
     TwistReadings,
-    find_columns,
+    common_columns,
     is_reflector_table,
-    read_cells,
+    sorted_header,
 )
-from doe.joint_twists.reflectors import assemble_reflectors
-from doe.tables import columns as mc
+from doe.joint_twists.reflectors import reflector_columns
 from doe.tables.checks import check_limits
-from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
-from doe.tables.reading import column_notes
+from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, read_table
+from doe.tables.reading import UNUSED
+from doe.tables.schema import Cells, as_cells, kept
 from robots import Robot
 from robots.faults import Faults
 from robots.files.csv_text import write_rows
@@ -47,17 +48,19 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     InputError
         The file as a whole cannot be read.
     """
-    table = mc.read_table(Path(path))
+    table = read_table(Path(path))
     faults = Faults(table.name)
-    columns = find_columns(table, robot, faults)
+    cells = sorted_header(table, robot, faults)
     faults.raise_if_any("measurements")  # cells of columns that mean something else would only hide it
-    table = mc.drop_ragged(table, faults)
-    cells = read_cells(table, columns, robot, faults)
+    cells = cells.whole_rows()
+    columns = common_columns(cells, robot)
     if is_reflector_table(table):
         faults.raise_if_any("measurements")
-        readings = assemble_reflectors(table, columns, cells, robot, faults)
+        read = reflector_columns(cells, columns, robot)
     else:
-        readings = _assemble(table, columns, cells, faults)
+        read = _twist_columns(cells, columns)
+    made_up = any(SYNTHETIC in text.lower() for text in cells.texts("origin"))
+    readings = TwistReadings(source=table.name, sha256=table.sha256, synthetic=made_up, **read)
     if readings.n and not readings.wrench.any():
         faults.add(
             readings.row_numbers[0],
@@ -69,39 +72,25 @@ def read_twists(path: str | Path, robot: Robot, *, check_reach: bool = True) -> 
     if readings.n and check_reach:
         check_limits(readings.q, readings.setup, readings.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
-    made_up = ("synthetic readings: made up, nobody measured them",) if readings.synthetic else ()
-    return replace(readings, notes=(*made_up, *column_notes(table, columns, robot), *readings.notes))
+    notes = ("synthetic readings: made up, nobody measured them",) if made_up else ()
+    remarks = cells.remarks(robot, loads=True, unused=UNUSED)
+    return replace(readings, notes=(*notes, *remarks, *readings.notes))
 
 
-def _assemble(table: RawTable, columns: Columns, cells: Cells, faults: Faults) -> TwistReadings:
-    both = (table, columns)
-    twist = mc.numbers(*both, DISPLACEMENTS, faults, empty="not read")
-    sigma = np.repeat(mc.numbers(*both, SIGMAS, faults, empty="not known", positive=True), 3, axis=1)
-    for line, row in zip(table.lines, twist, strict=True):
-        if np.isnan(row).all() and line not in faults.lines:
-            faults.add(
-                line,
-                "nothing was read",
-                code="T006",
-                allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
-                remedy="fill in the readings, or remove the row",
-            )
-    good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
-    return TwistReadings(
-        table.name,
-        table.sha256,
-        cells.q[good],
-        cells.joint[good],
-        cells.wrench[good],
-        cells.point[good],
-        twist[good],
-        sigma[good],
-        tuple(compress(cells.phase, good)),
-        tuple(compress(cells.setup, good)),
-        tuple(compress(table.lines, good)),
-        cells.synthetic,
-        (),
+def _twist_columns(cells: Cells, columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of the rows without a fault."""
+    twist = cells.numbers(*DISPLACEMENTS)
+    sigma = np.repeat(cells.numbers(*SIGMAS), 3, axis=1)
+    cells.check(
+        np.isnan(twist).all(axis=1) & cells.good(),
+        "nothing was read",
+        code="T006",
+        allowed=f"at least one of {', '.join(DISPLACEMENTS)}",
+        remedy="fill in the readings, or remove the row",
     )
+    every = {**columns, "twist": twist, "sigma": sigma, "row_numbers": cells.table.lines}
+    good = cells.good()
+    return {name: kept(values, good) for name, values in every.items()} | {"notes": ()}
 
 
 def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
@@ -112,13 +101,13 @@ def write_twists(t: TwistReadings, path: str | Path, robot: Robot) -> None:
     path = Path(path)
     names = (*robot.coordinates, *LOADS, *POINT, *DISPLACEMENTS, *SIGMAS)
     values = np.column_stack([t.q, t.wrench, t.point, t.twist, t.sigma[:, [0, 3]]])
-    columns: dict[str, list[str]] = {
+    columns: dict[str, Sequence[str]] = {
         "pose": [label.split("/")[0] for label in t.setup],
         "joint": [robot.joint_names[j] for j in t.joint.tolist()],
         "phase": list(t.phase),
     }
     for name, column in zip(names, values.T, strict=True):
-        cells = ["" if np.isnan(v) else f"{v:.15g}" for v in (column / mc.si_factor(name)).tolist()]
+        cells = as_cells(name, column)
         needed = name in robot.coordinates or name in LOADS[:3] or (name in POINT and t.point.any())
         if needed or any(cell not in ("", "0") for cell in cells):
             columns[name] = cells

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from importlib import resources
-from itertools import compress
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from doe.tables import columns as mc
 from doe.tables.checks import (
     check_duplicates,
     check_labels,
@@ -20,14 +20,57 @@ from doe.tables.checks import (
     joint_keys,
     plausibility_notes,
 )
-from doe.tables.columns import DISPLACEMENTS, LOADS, POINT, Columns, RawTable
+from doe.tables.columns import DISPLACEMENTS, LOADS, PHASES, POINT, RawTable, read_table
 from doe.tables.measurements import Measurements
+from doe.tables.schema import (
+    LOAD_COLUMNS,
+    READ_COLUMNS,
+    SIGMA,
+    STEP,
+    TIMES,
+    WHOLE_POINT,
+    Cells,
+    Column,
+    angle_columns,
+    as_cells,
+    kept,
+    one_of,
+)
 from robots import InputError, Robot, require_one_of
 from robots.arrays import Array, Bools
-from robots.errors import line_ranges, listed
+from robots.errors import line_ranges
 from robots.faults import Faults
 from robots.files.csv_text import write_rows
 from robots.files.written import written_whole
+
+UNUSED: Final = "unknown columns, kept but not used"
+COLUMNS: Final = (
+    *LOAD_COLUMNS,
+    *READ_COLUMNS,
+    *(Column(name, "the tool point") for name in POINT),
+    SIGMA,
+    STEP,
+    *TIMES,
+    Column(
+        "pose",
+        words=re.compile(r"(?s).+"),
+        allowed="a label in each row",
+        remedy="name the pose, or leave the column out",
+    ),
+    Column(
+        "repeat",
+        words=re.compile(r"\d{0,9}", re.ASCII),
+        allowed="a whole number, or an empty cell",
+        remedy="count the repeats 1, 2, 3 ...",
+    ),
+    Column(
+        "phase",
+        words=(*PHASES, ""),
+        allowed=f"{', '.join(PHASES)}, or an empty cell",
+        remedy="use one of these words",
+    ),
+    Column("session"),
+)
 
 
 def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = True) -> Measurements:
@@ -44,14 +87,14 @@ def read_measurements(path: str | Path, robot: Robot, *, check_reach: bool = Tru
     InputError
         The file as a whole cannot be read.
     """
-    return measurements_of(mc.read_table(Path(path)), robot, check_reach=check_reach)
+    return measurements_of(read_table(Path(path)), robot, check_reach=check_reach)
 
 
 def measurements_of(table: RawTable, robot: Robot, *, check_reach: bool = True) -> Measurements:
     """Readings of a table of text, as :func:`read_measurements`."""
-    m, columns = _checked(table, robot, check_reach, (check_read, check_loads, check_labels, check_duplicates))
+    m, cells = _checked(table, robot, check_reach, (check_read, check_loads, check_labels, check_duplicates))
     unread = np.asarray(~m.used.any(axis=1), dtype=np.bool_)
-    notes = (*column_notes(table, columns, robot), *_unread_notes(m, unread))
+    notes = (*cells.remarks(robot, loads=True, unused=UNUSED), *_unread_notes(m, unread))
     m = m.select(~unread)
     return replace(m, notes=(*notes, *plausibility_notes(m)))
 
@@ -64,81 +107,67 @@ def read_set_ups(path: str | Path, robot: Robot) -> tuple[Measurements, tuple[st
     InputError
         As :func:`read_measurements`; a sheet in which nothing was read yet is none.
     """
-    table = mc.read_table(Path(path))
-    m, columns = _checked(table, robot, True, (check_loads, check_labels, check_duplicates))
-    notes = tuple(column_notes(table, columns, robot))
-    return replace(m, notes=notes), tuple(name for name in DISPLACEMENTS if name in columns.known)
+    table = read_table(Path(path))
+    m, cells = _checked(table, robot, True, (check_loads, check_labels, check_duplicates))
+    notes = tuple(cells.remarks(robot, loads=True, unused=UNUSED))
+    return replace(m, notes=notes), tuple(name for name in DISPLACEMENTS if name in cells.known)
 
 
 def _checked(
     table: RawTable, robot: Robot, check_reach: bool, checks: Sequence[Callable[[Measurements, Faults], None]]
-) -> tuple[Measurements, Columns]:
+) -> tuple[Measurements, Cells]:
     faults = Faults(table.name)
-    columns = mc.find_columns(table, robot, faults)
+    angles = angle_columns(robot)
+    needs = (
+        one_of(f"joint column of {robot.name}", robot.angle_names, table.hint),
+        one_of("load column", LOADS, table.hint),
+        one_of("deflection column", DISPLACEMENTS, table.hint),
+        WHOLE_POINT,
+    )
+    cells = Cells.of(table, (*angles, *COLUMNS), needs, faults, robot)
     header_fits = not faults.count
-    m = _assemble(mc.drop_ragged(table, faults), columns, robot, faults)
+    m = _assemble(cells.whole_rows(), robot)
     if header_fits and m.n:
         for check in checks:
             check(m, faults)
         if check_reach:
             check_limits(m.q, m.pose, m.row_numbers, robot, faults)
     faults.raise_if_any("measurements")
-    return m, columns
+    return m, cells
 
 
-def _assemble(table: RawTable, columns: Columns, robot: Robot, faults: Faults) -> Measurements:
-    """Parse all cells; rows with a fault are recorded and left out, so that later checks see numbers only."""
-    cells = (table, columns)
-    q = mc.joint_angles(*cells, robot, faults)
-    wrench = mc.numbers(*cells, LOADS, faults, missing=0.0)
-    displacement = mc.numbers(*cells, DISPLACEMENTS, faults, empty="not read")
-    point = mc.numbers(*cells, POINT, faults, empty="the tool point")
-    sigma = mc.numbers(*cells, ("sigma_mm",), faults, empty="not known", positive=True)[:, 0]
-    step = mc.numbers(*cells, ("step",), faults, empty="not known")[:, 0]
-    time, temperature = mc.numbers(*cells, ("time_s", "temperature_C"), faults, empty="not known").T
-    mc.check_words(table, columns, faults)
-    good = np.array([line not in faults.lines for line in table.lines], dtype=np.bool_)
-
-    def words(index: int | None) -> tuple[str, ...]:
-        return tuple(compress(mc.texts(table, index), good))
-
-    known = columns.known
+def _assemble(cells: Cells, robot: Robot) -> Measurements:
+    """All cells as columns; rows with a fault are left out, so that later checks see numbers only."""
+    q = cells.angles(robot)
+    numbers = {
+        "wrench": cells.numbers(*LOADS),
+        "displacement": cells.numbers(*DISPLACEMENTS),
+        "point": cells.numbers(*POINT),
+        "sigma": cells.numbers("sigma_mm")[:, 0],
+        "step": cells.numbers("step")[:, 0],
+        "time": cells.numbers("time_s")[:, 0],
+        "temperature": cells.numbers("temperature_C")[:, 0],
+    }
+    pose, repeat, phase, session = map(cells.words, ("pose", "repeat", "phase", "session"))
+    good = cells.good()
     return Measurements(
-        source=table.name,
-        sha256=table.sha256,
+        source=cells.table.name,
+        sha256=cells.table.sha256,
         q=q[good],
-        wrench=wrench[good],
-        displacement=displacement[good],
-        point=point[good],
-        sigma=sigma[good],
-        step=step[good],
-        pose=words(known["pose"]) if "pose" in known else _labels(q[good]),
-        repeat=tuple(int(text) if text else None for text in words(known.get("repeat"))),
-        phase=tuple(text or None for text in words(known.get("phase"))),
-        row_numbers=tuple(compress(table.lines, good)),
-        extra={name: words(index) for name, index in columns.unknown.items()},
+        pose=kept(pose, good) if "pose" in cells.known else _labels(q[good]),
+        repeat=tuple(int(text) if text else None for text in kept(repeat, good)),
+        phase=tuple(text or None for text in kept(phase, good)),
+        row_numbers=kept(cells.table.lines, good),
+        extra={name: kept(tuple(row[i] for row in cells.table.rows), good) for name, i in cells.unknown.items()},
         notes=(),
-        time=time[good],
-        temperature=temperature[good],
-        session=words(known.get("session")),
+        session=kept(session, good),
+        **{name: kept(values, good) for name, values in numbers.items()},
     )
 
 
 def _labels(q: Array) -> tuple[str, ...]:
     found: dict[tuple[float, ...], str] = {}
     return tuple(found.setdefault(key, f"P{len(found) + 1}") for key in joint_keys(q))
-
-
-def column_notes(table: RawTable, columns: Columns, robot: Robot) -> Iterator[str]:
-    """Say which columns are missing, and which are not used."""
-    shown = () if robot.controller is None else robot.controller.names
-    joints = shown if any(name in columns.known and name not in robot.coordinates for name in shown) else ()
-    for kind, group in (("joint", joints or robot.coordinates), ("load", LOADS)):
-        if missing := [name for name in group if name not in columns.known]:
-            yield f"{kind} columns missing, taken as 0: {', '.join(missing)}"
-    if columns.unknown:
-        yield f"unknown columns, kept but not used: {listed(columns.unknown)}"
-    yield from table.notes
 
 
 def _unread_notes(m: Measurements, unread: Bools) -> Iterator[str]:
@@ -173,9 +202,6 @@ def write_measurements(m: Measurements, path: str | Path, robot: Robot, *, to_fi
 
 
 def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    def column(name: str, values: Array) -> tuple[str, ...]:
-        return tuple("" if np.isnan(v) else f"{v:.15g}" for v in (values / mc.si_factor(name) + 0.0).tolist())
-
     # A sheet is filled in at the pendant: it shows the angles of its controller too.
     shown = robot.controller if to_fill else None
     more = () if shown is None else tuple(name for name in shown.names if name not in robot.coordinates)
@@ -184,8 +210,8 @@ def _text_columns(m: Measurements, robot: Robot, to_fill: tuple[str, ...]) -> di
     values = np.column_stack([m.q, m.wrench, m.displacement, m.point, m.sigma, m.step, m.time, m.temperature]).T
     columns = {"pose": m.pose}
     if shown is not None:
-        columns |= {n: column(n, v) for n, v in zip(shown.names, shown.controller(m.q).T, strict=True) if n in more}
-    columns |= {name: column(name, v) for name, v in zip(names, values, strict=True)}
+        columns |= {n: as_cells(n, v) for n, v in zip(shown.names, shown.controller(m.q).T, strict=True) if n in more}
+    columns |= {name: as_cells(name, v) for name, v in zip(names, values, strict=True)}
     columns["repeat"] = tuple("" if number is None else str(number) for number in m.repeat)
     columns["phase"] = tuple(phase or "" for phase in m.phase)
     columns["session"] = m.session

@@ -5,15 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import math
-from array import array
-from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from doe.tables.columns import RawTable
+from doe.tables.schema import Cells, Column, Need
 from machining import magnitudes as limits
 from machining.task import REPEATED, ToolPath
 from machining.toolpaths.motions import Event, Motions, Note, Tool, clean
@@ -21,51 +19,40 @@ from machining.toolpaths.source import content
 from robots import InputError
 from robots.arrays import Array
 from robots.constants import RPM
-from robots.errors import listed
 from robots.faults import Faults
 from robots.files.csv_text import as_read, write_rows
 from robots.files.reading import read_text
 from robots.files.written import written_whole
 
-
-@dataclass(frozen=True)
-class Column:
-    """What a cell may hold: a number from ``least`` to ``most``, a ``whole`` one, or nothing (``empty``)."""
-
-    least: float
-    most: float
-    allowed: str
-    whole: bool = False
-    empty: bool = False
-
-
-def _whole(most: float) -> Column:
-    return Column(0.0, most, f"a whole number from 0 to {most:g}", whole=True)
-
-
 POINT = ("x_mm", "y_mm", "z_mm")
 NORMAL = ("nx", "ny", "nz")
 AXIS = ("tx", "ty", "tz")
 FEED = "feed_mm_per_min"
+PATH = (*POINT, *NORMAL, *AXIS, FEED)
 MOTIONS = (*POINT, *AXIS, "rapid", FEED, "line", "tool", "spindle_rpm", "dwell_s", "operation")
 # Components of directions: shorter ones have no direction, longer ones are none.
 SHORTEST, _LONGEST = 1e-9, 1e9
 _FEEDS = f"more than 0 ({limits.FEEDS}), or empty"
+_NUMBERS = f"a whole number from 0 to {limits.LARGEST_NUMBER:g}"
 _TURNS = limits.FASTEST_TURN * 9.5
-COLUMNS = {
-    **dict.fromkeys(POINT, Column(-limits.FARTHEST * 1e3, limits.FARTHEST * 1e3, limits.PLACES)),
-    **dict.fromkeys((*NORMAL, *AXIS), Column(-_LONGEST, _LONGEST, "a finite number")),
-    FEED: Column(limits.SLOWEST * 6e4, limits.FASTEST * 6e4, _FEEDS, empty=True),
-    "rapid": _whole(1.0),
-    **dict.fromkeys(("line", "tool", "operation"), _whole(float(limits.LARGEST_NUMBER))),
-    "spindle_rpm": Column(-_TURNS, _TURNS, f"a number from {-_TURNS:g} to {_TURNS:g}, or empty", empty=True),
-    "dwell_s": Column(0.0, limits.LONGEST_REST, f"0 to {limits.LONGEST_REST:g} s"),
-}
+_WHOLE = ("line", "tool", "operation")
+COLUMNS = (
+    *(Column(name, least=-limits.FARTHEST * 1e3, most=limits.FARTHEST * 1e3, allowed=limits.PLACES) for name in POINT),
+    *(Column(name, least=-_LONGEST, most=_LONGEST, allowed="a finite number") for name in (*NORMAL, *AXIS)),
+    Column(FEED, "not given", least=limits.SLOWEST * 6e4, most=limits.FASTEST * 6e4, allowed=_FEEDS),
+    Column("rapid", least=0.0, most=1.0, whole=True, allowed="0 or 1"),
+    *(Column(name, least=0.0, most=limits.LARGEST_NUMBER, whole=True, allowed=_NUMBERS) for name in _WHOLE),
+    Column("spindle_rpm", "none", least=-_TURNS, most=_TURNS, allowed=f"{-_TURNS:g} to {_TURNS:g}, or empty"),
+    Column("dwell_s", least=0.0, most=limits.LONGEST_REST, allowed=f"0 to {limits.LONGEST_REST:g} s"),
+)
 REMEDY = (
     f"name the columns {','.join(POINT + NORMAL)}[,{','.join(AXIS)}][,{FEED}], comma or semicolon between them, "
     "a point in numbers"
 )
+CODE = "P008"
 # Of motions: the first line, and what lines of tools and operations begin with.
+# Moves that are read at once, so that a long file takes little memory.
+BLOCK = 65536
 MARK = "# stiffarm motions 1"
 TOOL = "#tool"
 OPERATION = "#operation"
@@ -89,129 +76,61 @@ def read_path(path: str | Path) -> ToolPath:
         points that repeat the one before.
     """
     path = Path(path)
-    header, rows = _rows(path)
-    _check_header(path, header)
+    table = _rows(path)
+    axes = AXIS if {*AXIS} & {*table.header} else ()
     faults = Faults(path.name)
-    table = _plain_table(header, rows)
-    if table is None:
-        table = _checked_table(header, rows, faults)
-    points = np.stack([table[name] for name in POINT], axis=1) * 1e-3
-    normals = np.stack([table[name] for name in NORMAL], axis=1)
-    axes = np.stack([table[name] for name in AXIS], axis=1) if AXIS[0] in header else normals
-    feed = table[FEED] * (1e-3 / 60.0) if FEED in header else np.full(len(points), np.nan)
-    return ToolPath(points, normals, axes, feed)
-
-
-def _plain_table(header: list[str], rows: list[tuple[int, list[str]]]) -> dict[str, Array] | None:
-    """Columns (n,) of a table without a fault; None where a look at each row has to say what is wrong."""
-    if any(len(row) != len(header) for _, row in rows) or any("_" in cell for _, row in rows for cell in row):
-        return None
-    try:
-        values = np.array([[cell or "nan" for cell in row] for _, row in rows], dtype=np.float64)
-    except ValueError:
-        return None
-    table = dict(zip(header, values.T.copy(), strict=True))
-    for place, (name, values_of) in enumerate(table.items()):
-        column = COLUMNS[name]
-        good = (values_of >= column.least) & (values_of <= column.most)
-        if column.empty:
-            good |= np.array([not row[place] for _, row in rows])
-        if not good.all():
-            return None
-    groups = [group for group in (NORMAL, AXIS) if group[0] in header]
-    if any((np.max([np.abs(table[name]) for name in group], axis=0) < SHORTEST).any() for group in groups):
-        return None
-    places = np.stack([table[name] for name in (*POINT, *(AXIS if AXIS[0] in header else ()))], axis=1)
-    repeated = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) < REPEATED * 1e3
-    return None if repeated.any() else table
-
-
-def _checked_table(header: list[str], rows: list[tuple[int, list[str]]], faults: Faults) -> dict[str, Array]:
-    """Columns (n,), row by row; raises InputErrors for all bad rows."""
-    values = [_numbers(line, row, header, faults, REMEDY) for line, row in rows]
-    last: Array | None = None
-    for (line, _), value in zip(rows, values, strict=True):
-        # The tool may turn on the spot. NaN compares false: a bad row is reported for what is bad about it only.
-        point = np.array([value.get(name, np.nan) for name in (*POINT, *(AXIS if AXIS[0] in header else ()))])
-        if last is not None and np.abs(point - last).max() < REPEATED * 1e3:
-            faults.add(
-                line,
-                "the point of the row before once more",
-                code="P008",
-                value=str(point[:3].tolist()),
-                allowed="neighbouring points at different places",
-                remedy="remove one of the two",
-            )
-        last = point
+    needed = Need((*POINT, *NORMAL, *axes), "no column {}", ", ".join(PATH), REMEDY)
+    header = Cells.of(table, [column for column in COLUMNS if column.name in PATH], (needed,), faults, code=CODE)
+    header.refuse_unknown(code=CODE, remedy=REMEDY)
     faults.raise_if_any("tool path")
-    return {name: np.array([value[name] for value in values]) for name in header}
+    cells = header.whole_rows()
+    points = cells.numbers(*POINT)
+    normals = _directions(cells, NORMAL, "normal")
+    tools = _directions(cells, axes, "tool axis") if axes else normals
+    feed = cells.numbers(FEED)[:, 0] * (1e-3 / 60.0)
+    # The tool may turn on the spot. NaN compares false: a bad row is reported for what is bad about it only.
+    places = np.hstack([1e3 * points, tools] if axes else [1e3 * points])
+    repeated = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) < REPEATED * 1e3
+    neighbours = np.diff(np.searchsorted(table.lines, cells.table.lines)) == 1
+    cells.check(
+        np.concatenate([np.zeros(min(len(places), 1), dtype=np.bool_), repeated & neighbours]),
+        "the point of the row before once more",
+        code=CODE,
+        value=lambda i: str((1e3 * points[i]).tolist()),
+        allowed="neighbouring points at different places",
+        remedy="remove one of the two",
+    )
+    faults.raise_if_any("tool path")
+    return ToolPath(points, normals, tools, feed)
 
 
-def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _directions(cells: Cells, names: Sequence[str], what: str) -> Array:
+    """Columns (n, 3) of a direction, none of length zero."""
+    values = cells.numbers(*names)
+    cells.check(
+        np.abs(values).max(axis=1) < SHORTEST,
+        f"columns {', '.join(names)}: {what} of length zero",
+        code=CODE,
+        value=lambda i: ", ".join(f"{v:g}" for v in values[i]),
+        allowed="a direction",
+        remedy="give one",
+    )
+    return values
+
+
+def _rows(path: Path) -> RawTable:
     text = read_text(path, "tool path file")
     head = text.split("\n", 1)[0]
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=";" if ";" in head and "," not in head else ",")
     try:
-        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+        rows = [(reader.line_num, tuple(map(str.strip, row))) for row in reader]
     except csv.Error as error:
-        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", code="P008", remedy=REMEDY) from error
+        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", code=CODE, remedy=REMEDY) from error
     rows = [(line, row) for line, row in rows if any(row)]
     if len(rows) < 2:
         raise InputError(f"tool path {path} has no points", code="P002", remedy=REMEDY)
-    return rows[0][1], rows[1:]
-
-
-def _check_header(path: Path, header: list[str]) -> None:
-    known = (*POINT, *NORMAL, *AXIS, FEED)
-    doubled = [name for name, count in Counter(header).items() if count > 1]
-    unknown = [name for name in header if name not in known]
-    wanted = (*POINT, *NORMAL, *(AXIS if any(name in header for name in AXIS) else ()))
-    missing = [name for name in wanted if name not in header]
-    for words, names in (("twice", doubled), ("unknown", unknown), ("missing", missing)):
-        if names:
-            raise InputError(
-                f"{path.name}, columns {words}",
-                code="P008",
-                value=listed(names),
-                allowed=", ".join(known),
-                remedy=REMEDY,
-            )
-
-
-def _numbers(line: int, row: list[str], names: Sequence[str], faults: Faults, remedy: str) -> dict[str, float]:
-    """Numbers of one row by column; what is bad about it is added to ``faults`` and left out."""
-    if len(row) != len(names):
-        faults.add(line, "number of cells", code="P008", value=str(len(row)), allowed=str(len(names)), remedy=remedy)
-        return {}
-    out: dict[str, float] = {}
-    for name, cell in zip(names, row, strict=True):
-        column, value = COLUMNS[name], np.nan
-        with suppress(ValueError):
-            value = np.nan if "_" in cell else float(cell)
-        good = column.least <= value <= column.most and not (column.whole and value != int(value))
-        if good or (column.empty and not cell):
-            out[name] = value
-        else:
-            faults.add(
-                line,
-                f"column {name}",
-                code="P008",
-                value=clean(cell),
-                allowed=column.allowed,
-                remedy="correct the cell",
-            )
-    for group, what in ((NORMAL, "normal"), (AXIS, "tool axis")):
-        given = [out[name] for name in group if name in out]
-        if len(given) == len(group) and max(map(abs, given)) < SHORTEST:
-            faults.add(
-                line,
-                f"columns {', '.join(group)}: {what} of length zero",
-                code="P008",
-                value=", ".join(f"{v:g}" for v in given),
-                allowed="a direction",
-                remedy="give one",
-            )
-    return out
+    lines, body = zip(*rows[1:], strict=True)
+    return RawTable(path.name, "", rows[0][1], body, lines, ())
 
 
 def write_motions(path: str | Path, motions: Motions) -> None:
@@ -271,7 +190,9 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
     tools: list[Tool] = []
     operations: list[str] = []
     events: list[Event] = []
-    table = {name: array("d") for name in MOTIONS}
+    table: list[Array] = []
+    rows: list[tuple[str, ...]] = []
+    numbers: list[int] = []
     faults = Faults(path.name)
     data = io.BytesIO(content(path, max_bytes))
     with io.TextIOWrapper(data, encoding="utf-8", errors="replace", newline="") as file:
@@ -282,10 +203,11 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
             headed = False
             for row in filter(None, reader):
                 if headed:
-                    values = _numbers(reader.line_num, row, MOTIONS, faults, REWRITE)
-                    if len(values) == len(table):
-                        for name, value in values.items():
-                            table[name].append(value)
+                    rows.append(tuple(map(str.strip, row)))
+                    numbers.append(reader.line_num)
+                    if len(rows) == BLOCK:
+                        table.append(_moves(rows, numbers, faults))
+                        rows, numbers = [], []
                 elif row[0] in (TOOL, EVENT):
                     try:
                         cells = list(map(as_read, row))
@@ -306,10 +228,19 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
                     )
         except csv.Error as error:
             raise InputError(f"{path.name}, line {reader.line_num} ({error})", code="P008") from error
-    if not faults and not len(table["line"]):
+    table.append(_moves(rows, numbers, faults))
+    if not faults and not sum(map(len, table)):
         raise InputError(f"{path.name} has no moves", code="P002", allowed=",".join(MOTIONS))
     faults.raise_if_any("motions")
-    return _motions(table, tools, operations, events, path.name)
+    return _motions(np.concatenate(table), tools, operations, events, path.name)
+
+
+def _moves(rows: Sequence[tuple[str, ...]], numbers: Sequence[int], faults: Faults) -> Array:
+    """Some of the moves, by column (n, 13)."""
+    table = RawTable(faults.file, "", MOTIONS, tuple(rows), tuple(numbers), ())
+    cells = Cells.of(table, COLUMNS, (), faults, code=CODE).whole_rows()
+    _directions(cells, AXIS, "tool axis")
+    return cells.numbers(*MOTIONS, si=False)
 
 
 def _tool(row: list[str]) -> Tool:
@@ -323,10 +254,8 @@ def _tool(row: list[str]) -> Tool:
     return Tool(int(row[1]) if row[1] else None, row[2], *sizes)
 
 
-def _motions(
-    table: dict[str, array[float]], tools: list[Tool], operations: list[str], events: list[Event], source: str
-) -> Motions:
-    columns = {name: np.frombuffer(column) for name, column in table.items()}
+def _motions(table: Array, tools: list[Tool], operations: list[str], events: list[Event], source: str) -> Motions:
+    columns = dict(zip(MOTIONS, table.T, strict=True))
     axes = np.stack([columns[name] for name in AXIS], axis=1)
     length = np.linalg.norm(axes, axis=1, keepdims=True)
     off = int((np.abs(length - 1.0) > 1e-3).sum())

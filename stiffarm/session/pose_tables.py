@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from doe.tables.columns import drop_ragged, numbers, read_table, sorted_columns, table_of_frame, texts
-from robots import InputError
+from doe.tables.columns import table_of_frame
+from doe.tables.schema import Cells, Column, Need
 from robots.arrays import Array
 from robots.errors import listed
 from robots.faults import Faults
-from stiffarm.session.table_kinds import POSES, expect
+from stiffarm.session.table_kinds import POSES, open_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,37 +34,28 @@ def read_pose_table(
     InputError
         The file is missing, or cannot be read.
     """
-    if not isinstance(file, Path):
-        table = table_of_frame(file, "data frame of poses")
-    elif not file.is_file():
-        raise InputError(
-            "pose table", code="A007", value=str(file), allowed="an existing CSV or XLSX file", remedy="check the path"
-        )
-    else:
-        expect(file, POSES)
-        table = read_table(file, "table of poses", "pose")
+    table = (
+        open_table(file, POSES, "table of poses", "pose", option="pose table")
+        if isinstance(file, Path)
+        else table_of_frame(file, "data frame of poses")
+    )
     faults = Faults(table.name)
-    columns, _ = sorted_columns(table, (*names, *fixed_deg, "pose"), faults)
-    table = drop_ragged(table, faults)
-    missing = [name for name in names if name not in columns.known]
-    if len(missing) == len(names):
-        faults.add(1, "no joint column", code="T003", allowed=", ".join(names), remedy="name the columns exactly so")
-    values = numbers(table, columns, (*names, *fixed_deg), faults, missing=0.0, si=False)
+    coordinates = tuple(Column(name, missing=0.0) for name in (*names, *fixed_deg))
+    joints = Need(names, "no joint column", ", ".join(names), "name the columns exactly so", rule="one")
+    cells = Cells.of(table, (*coordinates, Column("pose")), (joints,), faults).whole_rows()
+    values = cells.numbers(*names, *fixed_deg, si=False)
     for name, column in zip(fixed_deg, values[:, len(names) :].T, strict=True):
-        other = np.flatnonzero(np.abs(column - fixed_deg[name]) > 1e-9)
-        if other.size and name in columns.known:
-            faults.add(
-                table.lines[other[0]],
-                f"column {name}",
-                code="S002",
-                value=f"{column[other[0]]:g}",
-                allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
-                remedy=f"fit a surrogate with {name} among its inputs, or leave the column out",
-            )
+        other = np.abs(column - fixed_deg[name]) > 1e-9
+        cells.check(
+            other & (np.cumsum(other) == 1) & (name in cells.known),
+            f"column {name}",
+            code="S002",
+            value=lambda i, column=column: f"{column[i]:g}",  # type: ignore[misc]
+            allowed=f"{fixed_deg[name]:g}, where the surrogate was fitted",
+            remedy=f"fit a surrogate with {name} among its inputs, or leave the column out",
+        )
     faults.raise_if_any("pose table")
-    remarks = [f"{table.name}: column {name} is missing and taken as 0" for name in missing]
-    remarks += [f"{table.name}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []
-    remarks += [f"{table.name}: {note}" for note in table.notes]
-    at = columns.known.get("pose")
-    labels = [str(i + 1) for i in range(len(values))] if at is None else list(texts(table, at))
-    return values[:, : len(names)], labels, remarks
+    remarks = [f"column {name} is missing and taken as 0" for name in names if name not in cells.known]
+    remarks += [f"columns not used: {listed(cells.unknown)}"] if cells.unknown else []
+    labels = cells.texts("pose") if "pose" in cells.known else map(str, range(1, len(values) + 1))
+    return values[:, : len(names)], list(labels), [f"{table.name}: {remark}" for remark in (*remarks, *table.notes)]

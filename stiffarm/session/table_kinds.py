@@ -9,10 +9,13 @@ import csv
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from robots import InputError, ModelDescription, load_description
 from robots.files.reading import BYTE_ORDER_MARK, read_bytes, read_start
+
+if TYPE_CHECKING:
+    from doe.tables.columns import RawTable
 
 
 class Kind(NamedTuple):
@@ -168,6 +171,27 @@ def expect(
     raise InputError(
         f"{path} is {found.words}", code="A009", allowed=f"{wanted.words} ({wanted.columns})", remedy=f"use {usage}"
     )
+
+
+def open_table(
+    path: Path, kind: Kind, words: str, row: str, *, option: str, model: str = "MODEL", more: str = ""
+) -> RawTable:
+    """A table of some kind as text; ``words``, ``row``: what messages call it, and what each of its rows is.
+
+    ``option``: what names the file in a command, ``more``: what else to do where there is none.
+
+    Raises
+    ------
+    InputError
+        It is not there, is surely of another kind, or cannot be read.
+    """
+    from doe.tables.columns import read_table
+
+    if not path.is_file():
+        allowed = "an existing CSV or XLSX file"
+        raise InputError(option, code="A007", value=str(path), allowed=allowed, remedy=f"check the path{more}")
+    expect(path, kind, model=model)
+    return read_table(path, words, row)
 
 
 def are_positions(data: Sequence[Path] | None) -> bool:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import compress
 from pathlib import Path
 
 import numpy as np
 
-from doe.tables.columns import Columns, RawTable, drop_ragged, joint_angles, numbers, read_table, sorted_columns, texts
+from doe.tables.schema import Cells, Column, Need, angle_columns
 from machining.programs.orientation import SPOKEN, Spoken
 from robots import InputError, Robot
 from robots.arrays import Array
-from robots.errors import line_ranges, listed
+from robots.errors import line_ranges
 from robots.faults import Faults
 from robots.pendant.explanations import PendantReadings
-from stiffarm.session.table_kinds import PENDANT, expect
+from stiffarm.session.table_kinds import PENDANT, open_table
 
 POSITION = ("x_mm", "y_mm", "z_mm")
+WHOLE_POSITION = Need(
+    POSITION,
+    "no column {}",
+    ", ".join(POSITION),
+    "add the tool's position as the controller shows it, in mm",
+    code="A007",
+)
 # No tool is farther from its robot frame.
 FARTHEST_m = 100.0
 # No joint turns farther, deg.
@@ -36,76 +41,53 @@ def read_pendant(path: Path, robot: Robot, model: str = "MODEL") -> tuple[Pendan
     InputError
         The file cannot be read, or every fault of its columns and cells.
     """
-    if not path.is_file():
-        raise InputError(
-            "PENDANT", code="A007", value=str(path), allowed="an existing CSV or XLSX file", remedy="check the path"
-        )
-    expect(path, PENDANT, model=model)
-    table = read_table(path, "pendant table", "pose")
+    table = open_table(path, PENDANT, "pendant table", "pose", option="PENDANT", model=model)
     faults = Faults(table.name)
-    own = tuple(dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))
-    columns, meant = sorted_columns(table, (*robot.angle_names, *POSITION, *own, "pose"), faults)
-    missing = [name for name in POSITION if name not in {*columns.known, *meant}]
-    if missing:
-        faults.add(
-            1,
-            f"no column {', '.join(missing)}",
-            code="A007",
-            allowed=", ".join(POSITION),
-            remedy="add the tool's position as the controller shows it, in mm",
-        )
-    if not {*columns.known, *meant}.intersection(robot.angle_names):
-        faults.add(
-            1,
-            "no joint column",
-            code="A007",
-            value=", ".join(table.header),
-            allowed=", ".join(robot.angle_names),
-            remedy="name the columns of the joint angles exactly so",
-        )
-    spoken = _convention(set(columns.known), faults)
-    table, unread = _read_rows(drop_ragged(table, faults), columns)
-    q = joint_angles(table, columns, robot, faults)
-    for row in np.flatnonzero((np.abs(q) > np.radians(WIDEST_deg)).any(axis=1)):
-        faults.add(
-            table.lines[row],
-            "joint angles",
-            code="A007",
-            value=str(np.degrees(q[row]).round(3).tolist()),
-            allowed=f"up to {WIDEST_deg:g} deg in size",
-            remedy="give degrees, as the controller shows them",
-        )
-    position = numbers(table, columns, POSITION, faults)
-    for row in np.flatnonzero((np.abs(position) > FARTHEST_m).any(axis=1)):
-        faults.add(
-            table.lines[row],
-            f"columns {', '.join(POSITION)}",
-            code="A007",
-            value=str((1e3 * position[row]).tolist()),
-            allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
-            remedy="give mm, as the controller shows them",
-        )
-    turned = None if spoken is None else numbers(table, columns, spoken.columns, faults, si=False)
-    if spoken is not None and turned is not None and spoken.code == "abb":
-        for row in np.flatnonzero(np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT_LENGTH):
-            faults.add(
-                table.lines[row],
-                "columns qw, qx, qy, qz",
-                code="A007",
-                value=str(turned[row].tolist()),
-                allowed="a quaternion of length 1",
-                remedy="copy all four numbers, scalar first",
-            )
+    own = tuple(Column(name) for name in dict.fromkeys(column for spoken in SPOKEN for column in spoken.columns))
+    position_columns = tuple(Column(name) for name in POSITION)
+    joints = Need(
+        robot.angle_names,
+        "no joint column",
+        ", ".join(robot.angle_names),
+        "name the columns of the joint angles exactly so",
+        code="A007",
+        rule="one",
+    )
+    columns = (*angle_columns(robot), *position_columns, *own, Column("pose"))
+    header = Cells.of(table, columns, (WHOLE_POSITION, joints), faults)
+    spoken = _convention(set(header.known), faults)
+    cells, unread = _read_rows(header.whole_rows())
+    q, position = cells.angles(robot), cells.numbers(*POSITION)
+    cells.check(
+        (np.abs(q) > np.radians(WIDEST_deg)).any(axis=1),
+        "joint angles",
+        code="A007",
+        value=lambda i: str(np.degrees(q[i]).round(3).tolist()),
+        allowed=f"up to {WIDEST_deg:g} deg in size",
+        remedy="give degrees, as the controller shows them",
+    )
+    cells.check(
+        (np.abs(position) > FARTHEST_m).any(axis=1),
+        f"columns {', '.join(POSITION)}",
+        code="A007",
+        value=lambda i: str((1e3 * position[i]).tolist()),
+        allowed=f"up to {1e3 * FARTHEST_m:g} mm in size",
+        remedy="give mm, as the controller shows them",
+    )
+    turned = np.zeros((len(q), 0)) if spoken is None else cells.numbers(*spoken.columns, si=False)
+    cells.check(
+        (np.abs(np.linalg.norm(turned, axis=1) - 1.0) > UNIT_LENGTH) & (spoken is not None and spoken.code == "abb"),
+        "columns qw, qx, qy, qz",
+        code="A007",
+        value=lambda i: str(turned[i].tolist()),
+        allowed="a quaternion of length 1",
+        remedy="copy all four numbers, scalar first",
+    )
     faults.raise_if_any("pendant table")
-    at = columns.known.get("pose")
-    labels = tuple(str(i + 1) for i in range(len(q))) if at is None else texts(table, at)
-    remarks = [f"{path.name}: columns not used: {listed(columns.unknown)}"] if columns.unknown else []
-    given = [name for name in robot.angle_names if name in columns.known]
-    absent = [n for n in _same_kind(robot, given) if n not in given]
-    remarks += [f"{path.name}: joint columns missing, taken as 0: {', '.join(absent)}"] if absent else []
+    labels = cells.texts("pose") if "pose" in cells.known else tuple(map(str, range(1, len(q) + 1)))
+    remarks = [f"{path.name}: {remark}" for remark in cells.remarks(robot)]
     remarks += [f"{path.name}: rows without a position skipped: {line_ranges(unread)}"] if unread else []
-    remarks += [f"{path.name}: {note}" for note in table.notes]
-    if spoken is None or turned is None:
+    if spoken is None:
         return PendantReadings(q, position, None, labels), None, remarks
     rotation = spoken.orientation.read(turned)
     return PendantReadings(q, position, rotation, labels, _others(spoken, turned)), spoken.code, remarks
@@ -126,7 +108,7 @@ def _others(spoken: Spoken, turned: Array) -> dict[str, Array]:
     return out
 
 
-def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
+def _read_rows(cells: Cells) -> tuple[Cells, list[int]]:
     """The rows in which a position was filled in, and the lines of the others.
 
     Raises
@@ -134,25 +116,17 @@ def _read_rows(table: RawTable, columns: Columns) -> tuple[RawTable, list[int]]:
     InputError
         There is none.
     """
-    at = [columns.known[name] for name in POSITION if name in columns.known]
-    read = [not at or any(row[i] for i in at) for row in table.rows]
-    if table.rows and not any(read):
+    read = [any(row) for row in zip(*(cells.texts(name) for name in POSITION), strict=True)]
+    if not {*POSITION} & {*cells.known}:
+        return cells, []
+    if read and not any(read):
         raise InputError(
-            f"pendant table {table.name}: no position was filled in yet",
+            f"pendant table {cells.table.name}: no position was filled in yet",
             code="R007",
             allowed=f"{', '.join(POSITION)} as the controller shows them at each pose",
             remedy="drive to the poses and fill them in; rows left empty are skipped",
         )
-    unread = [line for line, there in zip(table.lines, read, strict=True) if not there]
-    kept = replace(table, rows=tuple(compress(table.rows, read)), lines=tuple(compress(table.lines, read)))
-    return kept, unread
-
-
-def _same_kind(robot: Robot, given: list[str]) -> tuple[str, ...]:
-    """The names that belong to those given: the controller's, where one of these is only its."""
-    if robot.controller is not None and any(name not in robot.coordinates for name in given):
-        return robot.controller.names
-    return robot.coordinates
+    return cells.only(read), [line for line, there in zip(cells.table.lines, read, strict=True) if not there]
 
 
 def _convention(present: set[str], faults: Faults) -> Spoken | None:

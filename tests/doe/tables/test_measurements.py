@@ -487,7 +487,7 @@ def test_empty_joint_or_load_cell(column: str, table: Write, xr701: Robot) -> No
 @pytest.mark.parametrize(
     ("head", "cells", "words"),
     [
-        ("pose", "", "column pose: got ''; allowed: a label"),
+        ("pose", "", "column pose is empty; allowed: a label"),
         ("repeat", "1.5", "column repeat: got '1.5'; allowed: a whole number"),
         ("repeat", "first", "column repeat: got 'first'"),
         ("repeat", "-1", "column repeat: got '-1'"),
