@@ -161,13 +161,16 @@ def check_limits(q: Array, pose: Sequence[str], lines: Sequence[int], robot: Rob
     faults.each([lines[int(poses[k])] for k, _ in shown], fault, code="T005")
 
 
+def work_done(m: Measurements) -> tuple[Array, Bools]:
+    """Force times displacement (n,), N m, and of which readings it is known: all their loaded directions were read."""
+    force = m.wrench[:, :3]
+    work = np.where(force != 0.0, force * m.displacement[:, :3], 0.0).sum(axis=1)
+    return work, (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
+
+
 def plausibility_notes(m: Measurements) -> Iterator[str]:
     """Say what looks like a wrong sign (units are judged by the class of arm: :mod:`doe.plausibility.units_check`)."""
-    force, moved = m.wrench[:, :3], m.displacement[:, :3]
-    loaded = force != 0.0
-    # Only where every loaded direction was read is the directional stiffness known.
-    work = np.where(loaded, force * moved, 0.0).sum(axis=1)
-    known = loaded.any(axis=1) & np.isfinite(work) & (work != 0.0)
+    work, known = work_done(m)
     against = int((work[known] < 0.0).sum())
     if 2 * against > int(known.sum()):
         yield (

@@ -267,15 +267,16 @@ class Cells:
             if values is None:
                 read = {text: column.number(text) for text in set(cells)}
                 values = np.array([read[text][0] for text in cells])
-                wrong = {text: why + self._hint(why) for text, (_, why) in read.items() if why}
+                wrong = {
+                    text: why + self.table.hint * ("decimal comma" in why or "unit" in why)
+                    for text, (_, why) in read.items()
+                    if why
+                }
                 empty = f", or an empty cell ({column.empty})" if column.empty else ""
                 usual = "a finite number" + " above 0" * column.positive + empty
                 self._check_cells(column, cells, wrong, column.allowed or usual)
             out[:, k] = values * (si_factor(name) if si else 1.0)
         return out
-
-    def _hint(self, why: str) -> str:
-        return self.table.hint if "decimal comma" in why or "unit" in why else ""
 
     def texts(self, name: str, default: str = "") -> tuple[str, ...]:
         """A column (n,) as text, ``default`` where it is empty or missing."""

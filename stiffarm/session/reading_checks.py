@@ -16,11 +16,11 @@ from doe.estimation.problem import problem
 from doe.plausibility.passive_arm import refuse_frozen, refuse_telling_nothing
 from doe.plausibility.stated_scatter import sigma_doubt
 from doe.plausibility.units_check import check_units, class_doubt
+from doe.tables.checks import work_done
 from fem.arm import Arm
 from fem.effects import History, PlacedEffect
 from fem.statics.small_displacements import LIMIT, refuse_beyond, turn
 from robots import InputError
-from robots.arrays import Array, Bools
 from stiffarm.session.console import say
 from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
@@ -86,11 +86,11 @@ def refuse_against_load(data: Measurements) -> None:
     Only readings in every direction that is loaded tell: the work of the load is known there. A passive arm never
     moves against a load as a whole, so a calibration would drive every spring to its rigid end and look calm.
     """
-    work, _, _ = _work(data)
-    against = int((work < 0.0).sum())
-    if len(work) >= FEWEST and 2 * against > len(work):
+    work, known = work_done(data)
+    against, told = int((work[known] < 0.0).sum()), int(known.sum())
+    if told >= FEWEST and 2 * against > told:
         raise InputError(
-            f"{data.source}: {against} of {len(work)} readings move against the load",
+            f"{data.source}: {against} of {told} readings move against the load",
             code="T012",
             allowed="deflections along the load, as those of every passive arm",
             remedy="check the sign of the load and reading columns (a downward load has fz_N < 0 and gives dz_mm < 0)",
@@ -110,12 +110,12 @@ def against_load(data: Measurements) -> str | None:
 
     Few of them may be slips of the pen; a calibration gives them little weight if it can.
     """
-    work, force, told = _work(data)
-    odd = np.flatnonzero(told)[(work < 0.0) & (np.abs(work) >= STILL * force**2)]
+    work, known = work_done(data)
+    odd = np.flatnonzero(known & (work < 0.0) & (np.abs(work) >= STILL * data.loads_N**2))
     if not odd.size:
         return None
     rows = ", ".join(str(data.row_numbers[i]) for i in odd[:LISTED]) + (" ..." if odd.size > LISTED else "")
-    return f"{data.source}: {odd.size} of {len(work)} readings move against their load: the sign? Rows {rows}"
+    return f"{data.source}: {odd.size} of {known.sum()} readings move against their load: the sign? Rows {rows}"
 
 
 def history_notes(effects: Sequence[PlacedEffect], history: History) -> list[str]:
@@ -133,11 +133,3 @@ def history_notes(effects: Sequence[PlacedEffect], history: History) -> list[str
             f"{', '.join(timed)}: the table has no step that counts through the whole campaign: nothing drifts"
         )
     return notes
-
-
-def _work(data: Measurements) -> tuple[Array, Array, Bools]:
-    """Force times displacement (k,), force (k,) and which (n,) of the readings had their loaded directions all read."""
-    force = data.wrench[:, :3]
-    work = np.where(force != 0.0, force * data.displacement[:, :3], 0.0).sum(axis=1)
-    told = (force != 0.0).any(axis=1) & np.isfinite(work) & (work != 0.0)
-    return work[told], data.loads_N[told], told
