@@ -77,16 +77,13 @@ def write_files(
     if files.table and data.layout.n <= CSV_UP_TO:
         names.append("map.csv")
         write_table(data, folder.path(names[-1]))
-    if joints and files.pictures and STIFFNESS_ARRAY in data.fields and data.layout.n <= DRAWN_UP_TO:
-        from stiffarm.commands.maps.figures.whole import draw_stiffness
-
-        names += draw_stiffness(data, given, folder, messages)
-    if files.pictures and data.layout.n > DRAWN_UP_TO:
+    drawn = files.pictures and (not joints or files.figures or STIFFNESS_ARRAY in data.fields)
+    if drawn and data.layout.n > DRAWN_UP_TO:
         messages.append(f"no figures of more than {DRAWN_UP_TO} points; the {files.formats[0]} file has them all")
-    elif files.pictures and (not joints or files.figures):
+    elif drawn:
         from stiffarm.commands.maps.figures.whole import draw_map_figures
 
-        names += draw_map_figures(data, given.description, given.robot, folder, notes=messages)
+        names += draw_map_figures(data, given, folder, messages, every=files.figures or not joints)
     return names, messages
 
 

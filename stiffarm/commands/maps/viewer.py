@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from scipy.spatial import ConvexHull
 from fem import ArmModel
 from fem.statics.budget import part_kinds
 from robots import InputError, ModelDescription, content_hash, singularity_distance
-from robots.arrays import Array, Bools, Integers
+from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR
 from robots.robot import Robot, middle_pose
@@ -74,18 +75,19 @@ def viewer_page(
     InputError
         Another robot's map, or no point at all that the robot reaches.
     """
-    thinned = _thinned_words(data.layout, kept_points(data.layout)[0])
+    kept = thinned(data)
+    remarks = _thinned_words(data.layout, kept.layout)
     return render_page(
         "map_viewer.html.j2",
-        viewer_data(data, description, model, title=title, what_if=what_if),
+        viewer_data(kept, description, model, title=title, what_if=what_if),
         _SCRIPTS,
         evaluator_script(),
         title=title,
         robot=description.title,
         quantities=_summaries(data),
         about=[*data.metadata.items()],
-        notes=thinned,
-        thinned=thinned,
+        notes=remarks,
+        thinned=remarks,
         hash=content_hash(description),
         version=__version__,
         load=_load(data),
@@ -106,10 +108,7 @@ def viewer_data(
     """Everything that the page shows; arrays as base64, little end first. Arguments as of :func:`viewer_page`."""
     robot = model.robot
     _check(data, description, model)
-    layout, rows = kept_points(data.layout)
-    reached = np.asarray(data.reached[rows])
-    q = np.asarray(data.q[rows])
-    shown = _shown_parts(data, rows)
+    layout, shown = data.layout, _shown_parts(data)
     kinds = part_kinds(model, data.parts)
     colours = part_colours(data.parts, kinds, _STRUCTURE_COLOURS)
     uncertainty = data.fields.get("uncertainty_percent")
@@ -119,7 +118,7 @@ def viewer_data(
         "title": title,
         "warning": data.metadata.get("warning", ""),
         **(what_if or {"surrogate": None, "springs": [], "direction": [0.0, 0.0, -1.0]}),
-        "left_out": packed(_left_out(np.asarray(data.points[rows]), bodies), "<u1"),
+        "left_out": packed(_left_out(data.points, bodies), "<u1"),
         "chain": chain_data(robot),
         "tool": column_matrix(robot.T_flange_tool),
         "bodies": [
@@ -139,25 +138,26 @@ def viewer_data(
         "n": layout.n,
         "kind": layout.kind,
         "axes": [{"name": a.name, "unit": a.unit, "values": a.values.tolist()} for a in layout.axes],
-        "points": [column(x) for x in np.asarray(data.points[rows]).T],
-        "q": [column(x) for x in q.T],
-        "reached": packed(reached, "<u1"),
-        "near_singular": packed(_near_singular(data, rows, robot, q, reached), "<u1"),
-        "fields": [_field(name, f, rows, colours) for name, f in data.fields.items()],
-        "error": None if uncertainty is None else column(np.asarray(NORMAL_95 / 100.0 * uncertainty.values[rows])),
+        "points": [column(x) for x in data.points.T],
+        "q": [column(x) for x in data.q.T],
+        "reached": packed(data.reached, "<u1"),
+        "near_singular": packed(_near_singular(data, robot), "<u1"),
+        "fields": [_field(name, f, colours) for name, f in data.fields.items()],
+        "error": None if uncertainty is None else column(NORMAL_95 / 100.0 * uncertainty.values),
         "error_of": stiffness_field(data),
         "parts": [{"name": data.parts[i], "kind": kinds[i], "colour": colours[data.parts[i]]} for i in shown],
-        "shares": _shares(data, rows, shown),
+        "shares": _shares(data, shown),
         "digits": DIGITS,
         "colours": packed(np.round(255.0 * STIFFNESS_COLOURS(np.linspace(0.0, 1.0, 256))[:, :3]), "<u1"),
     }
 
 
-def kept_points(layout: Layout, most: int = MOST_POINTS) -> tuple[Layout, Integers | slice]:
-    """The layout that the page holds and the numbers of its points: every k-th along the axes of a large map.
+def thinned(data: MapData, most: int = MOST_POINTS) -> MapData:
+    """The map that the page holds: every k-th point along the axes of a large one.
 
     The steps of an axis stay even, so slices and cells stay what they are.
     """
+    layout = data.layout
     strides = [1] * len(layout.axes)
     sizes = list(layout.shape)
     while np.prod(sizes, dtype=np.int64) > most:
@@ -165,12 +165,20 @@ def kept_points(layout: Layout, most: int = MOST_POINTS) -> tuple[Layout, Intege
         strides[axis] += 1
         sizes[axis] = -(-layout.shape[axis] // strides[axis])
     if max(strides) == 1:
-        return layout, slice(None)
+        return data
     # What does not divide evenly is lost on both sides alike.
     picks = [np.arange((m - 1) % s // 2, m, s) for m, s in zip(layout.shape, strides, strict=True)]
-    axes = tuple(type(a)(a.name, a.unit, a.values[k]) for a, k in zip(layout.axes, picks, strict=True))
+    axes = tuple(replace(a, values=a.values[k]) for a, k in zip(layout.axes, picks, strict=True))
     rows = np.ravel_multi_index(np.meshgrid(*picks, indexing="ij"), layout.shape).ravel()
-    return Layout(layout.kind, axes), rows
+    return replace(
+        data,
+        layout=replace(layout, axes=axes),
+        points=data.points[rows],
+        q=data.q[rows],
+        reached=data.reached[rows],
+        fields={name: replace(f, values=f.values[rows]) for name, f in data.fields.items()},
+        shares=None if data.shares is None else data.shares[rows],
+    )
 
 
 def column(values: Array) -> dict[str, str]:
@@ -221,14 +229,14 @@ def _check(data: MapData, description: ModelDescription, model: ArmModel) -> Non
         raise InputError("map page: quantities", code="B002", value=0, allowed="at least one")
 
 
-def _near_singular(data: MapData, rows: Integers | slice, robot: Robot, q: Array, reached: Bools) -> Bools:
+def _near_singular(data: MapData, robot: Robot) -> Bools:
     """The map's own flag, or the same one computed here."""
     own = data.fields.get("near_singular")
     if own is not None:
-        return np.asarray(own.values[rows] == 1.0)
-    near = np.zeros(len(q), dtype=bool)
-    posed = reached & np.isfinite(q).all(axis=1)
-    near[posed] = singularity_distance(robot, q[posed]).sigma_min < NEAR_SINGULAR
+        return np.asarray(own.values == 1.0)
+    near = np.zeros(len(data.q), dtype=bool)
+    posed = data.reached & np.isfinite(data.q).all(axis=1)
+    near[posed] = singularity_distance(robot, data.q[posed]).sigma_min < NEAR_SINGULAR
     return near
 
 
@@ -248,8 +256,8 @@ def _left_out(points: Array, bodies: Sequence[DrawnBody]) -> NDArray[np.uint8]:
     return out
 
 
-def _field(name: str, f: Field, rows: Integers | slice, colours: dict[str, str]) -> dict[str, Any]:
-    values = np.asarray(f.values[rows], dtype=np.float64)
+def _field(name: str, f: Field, colours: dict[str, str]) -> dict[str, Any]:
+    values = np.asarray(f.values, dtype=np.float64)
     return {
         "name": name,
         "label": f.label,
@@ -264,18 +272,16 @@ def _field(name: str, f: Field, rows: Integers | slice, colours: dict[str, str])
     }
 
 
-def _shown_parts(data: MapData, rows: Integers | slice) -> list[int]:
-    if data.shares is None:
-        return []
-    shares = np.asarray(data.shares[rows])
-    return [i for i in range(len(data.parts)) if np.any(shares[:, i] >= _LEAST_SHARE)]
+def _shown_parts(data: MapData) -> list[int]:
+    shares = np.zeros((0, 0)) if data.shares is None else data.shares
+    return [i for i in range(shares.shape[1]) if np.any(shares[:, i] >= _LEAST_SHARE)]
 
 
-def _shares(data: MapData, rows: Integers | slice, shown: list[int]) -> str:
+def _shares(data: MapData, shown: list[int]) -> str:
     """Shares in tenths of a per cent, as the page writes them; (n, shown parts)."""
     if data.shares is None or not shown:
         return ""
-    tenths = np.rint(1e3 * np.asarray(data.shares[rows])[:, shown])
+    tenths = np.rint(1e3 * data.shares[:, shown])
     return packed(np.where(np.isfinite(tenths), tenths, _NO_SHARE), "<u2")
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Final
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from fem.arm import Arm
-from robots import InputError, ModelDescription, Robot, require_one_of
+from robots import require_one_of
 from stiffarm.commands.maps.figures.effects import swept_effects_figure
 from stiffarm.commands.maps.figures.slices import slice_figure, unlike
 from stiffarm.commands.maps.figures.space import cloud_figure, iso_figure
@@ -30,47 +29,34 @@ NOT_DRAWN = (
     "near_singular",
     "softest_part_share",
 )
-# Entries of a map's metadata that a reader of a figure needs, in this order.
-_FACTS: Final = ("pose", "load")
 
 
 def draw_map_figures(
-    data: MapData,
-    description: ModelDescription,
-    robot: Robot,
-    folder: OutputFolder,
-    *,
-    quantities: Sequence[str] | None = None,
-    notes: list[str] | None = None,
+    data: MapData, arm: Arm, folder: OutputFolder, notes: list[str], *, every: bool = True
 ) -> list[str]:
     """Write the figures of a map; returns the names of the files.
 
     Slices, boxes and cylinders: ``map_<quantity>``. Boxes and cylinders also ``map_<quantity>_surfaces``, in space.
-    Joint sweeps: ``map_<quantity>_oblique``, ``_side`` and ``_effects``.
+    Joint sweeps: ``map_<quantity>_oblique``, ``_side`` and ``_effects``; those of the stiffness ``stiffness_map_...``.
 
     Parameters
     ----------
-    quantities : names of fields; default all that have a value and are for people
     notes : gets one message where pictures in space were drawn without OpenGL
+    every : of all fields that have a value and are for people; else the stiffness from both viewpoints
 
     Raises
     ------
     InputError
-        Unknown quantity, or no point of the map is reached.
+        No point of the map is reached.
     """
-    unknown = [name for name in quantities or () if name not in data.fields]
-    if unknown:
-        raise InputError("quantity of the map", code="B002", value=unknown[0], allowed=", ".join(data.fields))
     data.require_reached("move the grid to where the robot reaches")
     files: list[str] = []
-    in_space = data.layout.kind != "slice"
-    works, message = chosen(None) if in_space else (True, "")
-    for name in _for_people(data) if quantities is None else quantities:
-        look = look_of(name, data.fields[name])
-        heading = f"{description.title.split(' (')[0]}: {look.label}"
-        for suffix, figure in _figures(data, look, description, robot, heading, _facts(data), works):
-            files += save_figure(figure, folder, f"map_{name}{suffix}")
-    if not works and notes is not None and message not in notes:
+    works, message = (True, "") if data.layout.kind == "slice" else chosen(None)
+    for name in _for_people(data) if every else [STIFFNESS_ARRAY]:
+        stem = "stiffness_map" if _is_sweep(data, name) else f"map_{name}"
+        for suffix, figure in _figures(data, name, arm, works, effects=every):
+            files += save_figure(figure, folder, f"{stem}{suffix}")
+    if not works and message not in notes:
         notes.append(message)
     return files
 
@@ -85,52 +71,38 @@ def _for_people(data: MapData) -> list[str]:
 def one_figure(data: MapData, name: str, arm: Arm) -> Figure:
     """The figure of one quantity: the slice, the planes of a box or a cylinder, a joint sweep from oblique."""
     require_one_of("quantity of the map", name, data.fields, code="B002")
-    look = look_of(name, data.fields[name])
-    heading = f"{arm.description.title.split(' (')[0]}: {look.label}"
     works = data.layout.kind == "slice" or chosen(None)[0]
-    _, figure = next(_figures(data, look, arm.description, arm.robot, heading, _facts(data), works))
-    return figure
+    return next(_figures(data, name, arm, works))[1]
 
 
-def draw_stiffness(data: MapData, arm: Arm, folder: OutputFolder, messages: list[str]) -> list[str]:
-    """Draw the stiffness of a joint sweep from both viewpoints; returns names of files, remarks join ``messages``."""
-    works, message = chosen(None)
-    look = look_of(STIFFNESS_ARRAY, data.fields[STIFFNESS_ARRAY])
-    heading = f"Structural stiffness of the {arm.description.title.split(' (')[0]}"
-    facts = "; ".join((data.metadata.get("load", "vertical load"), f"stiffness from {_origin(data)}"))
-    files: list[str] = []
-    for view in VIEWS:
-        figure = cloud_figure(data, look, arm.description, arm.robot, heading, facts, works, view)
-        files += save_figure(figure, folder, f"stiffness_map_{view}")
-    if not works and message not in messages:
-        messages.append(message)
-    return files
+def _is_sweep(data: MapData, name: str) -> bool:
+    """Whether this is the stiffness of a joint sweep, whose pictures have names of their own."""
+    return data.layout.kind == "joints" and name == STIFFNESS_ARRAY
 
 
-def _origin(data: MapData) -> str:
+def _words(data: MapData, look: Look, arm: Arm) -> tuple[str, str]:
+    """Heading of a figure, and what a reader needs to know of the map."""
+    robot, facts = arm.description.title.split(" (")[0], [data.metadata.get(key) for key in ("pose", "load")]
+    if not _is_sweep(data, look.name):
+        return f"{robot}: {look.label}", "; ".join(filter(None, facts))
     origin = data.metadata.get("stiffness_from", "model")
-    return "the model" if origin == "model" else f"the {origin}"
+    return f"Structural stiffness of the {robot}", f"{facts[1] or 'vertical load'}; stiffness from the {origin}"
 
 
-def _figures(
-    data: MapData, look: Look, description: ModelDescription, robot: Robot, heading: str, facts: str, works: bool
-) -> Iterator[tuple[str, Figure]]:
+def _figures(data: MapData, name: str, arm: Arm, works: bool, *, effects: bool = True) -> Iterator[tuple[str, Figure]]:
     """Endings of the files' names and the figures of one quantity."""
-    of_robot = (description, robot, heading, facts)
+    look = look_of(name, data.fields[name])
+    of_robot = (arm.description, arm.robot, *_words(data, look, arm))
     if data.layout.kind == "joints":
         for view in VIEWS:
             yield f"_{view}", cloud_figure(data, look, *of_robot, works, view)
-        if look.kind != "category":
-            yield "_effects", swept_effects_figure(data, look, heading, facts)
+        if effects and look.kind != "category":
+            yield "_effects", swept_effects_figure(data, look, *_words(data, look, arm))
         return
     yield "", slice_figure(data, look, unlike(data, look, planes_of(data)), *of_robot)
     thick = min(data.layout.shape) > 1
     if data.layout.kind != "slice" and thick and look.kind not in ("category", "error"):
         yield "_surfaces", iso_figure(data, look, *of_robot, works)
-
-
-def _facts(data: MapData) -> str:
-    return "; ".join(words for key in _FACTS if (words := data.metadata.get(key)))
 
 
 def save_figure(figure: Figure, folder: OutputFolder, stem: str) -> list[str]:

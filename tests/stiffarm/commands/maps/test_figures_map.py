@@ -10,13 +10,14 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.image import imread
 
+from fem.arm import Arm
 from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
 from robots.arrays import Array
 from stiffarm.commands.maps.figures.effects import swept_effects
 from stiffarm.commands.maps.figures.robot import inside, robot_outlines
 from stiffarm.commands.maps.figures.slices import contour_levels, extremes, posed, seams, slice_figure, unlike
 from stiffarm.commands.maps.figures.space import cut_plane, iso_levels, iso_surfaces
-from stiffarm.commands.maps.figures.whole import draw_map_figures
+from stiffarm.commands.maps.figures.whole import draw_map_figures, one_figure
 from stiffarm.commands.maps.looks import COLOURS, kind_of, look_of
 from stiffarm.commands.maps.planes import planes_of
 from stiffarm.pages.robot_drawing import draw_robot
@@ -24,6 +25,7 @@ from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.data import Axis, Field, Layout, LayoutKind, MapData
 
 ROBOT, DESCRIPTION = load_robot("kr60-3"), load_description("kr60-3")
+ARM = Arm.of(DESCRIPTION, "rigid")
 POSE = np.radians([0.0, -70.0, 60.0, 0.0, 60.0, 0.0])
 PARTS = ("j2", "j3", "forearm")
 
@@ -322,8 +324,9 @@ def test_files_of_boxes_and_sweeps_without_opengl(tmp_path: Path, monkeypatch: p
     notes: list[str] = []
     for kind, data in (("box", a_box()), ("joints", swept())):
         with OutputFolder(tmp_path / kind, [], {}, None) as out:
-            names = draw_map_figures(data, DESCRIPTION, ROBOT, out, notes=notes)
-        stiffness = {name.removeprefix("map_stiffness_N_per_mm") for name in names if "stiffness" in name}
+            names = draw_map_figures(data, ARM, out, notes)
+        stem = "map_stiffness_N_per_mm" if kind == "box" else "stiffness_map"
+        stiffness = {name.removeprefix(stem) for name in names if name.startswith(stem)}
         assert stiffness == (
             {".png", "_surfaces.png"} if kind == "box" else {"_oblique.png", "_side.png", "_effects.png"}
         )
@@ -340,7 +343,7 @@ def test_bad_requests(tmp_path: Path) -> None:
     data = a_slice()
     with OutputFolder(tmp_path / "out", [], {}, None) as out:
         with pytest.raises(InputError, match="stiffness_N_per_mm"):
-            draw_map_figures(data, DESCRIPTION, ROBOT, out, quantities=["speed"])
+            one_figure(data, "speed", ARM)
         empty = MapData(data.layout, data.points, data.q, np.zeros_like(data.reached), data.coordinates, data.fields)
         with pytest.raises(InputError, match="no pose at any"):
-            draw_map_figures(empty, DESCRIPTION, ROBOT, out)
+            draw_map_figures(empty, ARM, out, [])

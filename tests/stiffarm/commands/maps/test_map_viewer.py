@@ -16,7 +16,7 @@ from robots import InputError, forward_kinematics, singularity_distance
 from robots.constants import M_TO_MM, NORMAL_95
 from robots.kinematics import moving_frames
 from stiffarm.commands.maps import viewer as map_viewer
-from stiffarm.commands.maps.viewer import column, kept_points, single, viewer_data, viewer_page
+from stiffarm.commands.maps.viewer import column, single, thinned, viewer_data, viewer_page
 from stiffarm.pages.robot_drawing import draw_robot, framed_bodies
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.quantities import NEAR_SINGULAR
@@ -124,8 +124,10 @@ def test_the_maps_own_uncertainty_becomes_the_error_bar() -> None:
 @pytest.mark.parametrize(("shape", "most"), [((40, 30, 50), 7000), ((7, 1000), 900), ((3, 3), 100), ((1000,), 10)])
 def test_large_maps_are_thinned_evenly(shape: tuple[int, ...], most: int) -> None:
     layout = Layout("box", tuple(Axis("zyx"[k], "mm", np.arange(m) * 10.0) for k, m in enumerate(shape)))
-    kept, rows = kept_points(layout, most)
-    numbers = np.arange(layout.n)[rows]
+    number = Field(np.arange(float(layout.n)), "", "number")
+    points, reached = np.zeros((layout.n, 3)), np.ones(layout.n, dtype=bool)
+    data = thinned(MapData(layout, points, np.zeros((layout.n, 0)), reached, (), {"number": number}), most)
+    kept, numbers = data.layout, data.fields["number"].values.astype(int)
     assert kept.n == len(numbers) <= most
     assert kept.n > most / 3 or kept.n == layout.n
     grid = np.stack(np.unravel_index(numbers, layout.shape))
@@ -140,7 +142,7 @@ def test_large_maps_are_thinned_evenly(shape: tuple[int, ...], most: int) -> Non
 def test_a_thinned_page_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     data, (description, model) = small_map(), arm("xr701")
     assert "evenly thinned" not in viewer_page(data, description, model, title="all")
-    monkeypatch.setattr(map_viewer, "kept_points", lambda layout: kept_points(layout, 20))
+    monkeypatch.setattr(map_viewer, "thinned", lambda data: thinned(data, 20))
     page = viewer_page(data, description, model, title="some")
     assert "This page holds 12 of the map&#39;s 40 points, evenly thinned: " in page
 
