@@ -89,7 +89,6 @@ COMMANDS: dict[str, str] = {
     "--out {bracket}",
     "run": "run xr701 --points 6 --out {run}",
     "import": "import MADE/arm/arm.urdf --size-mm 40 --wall-mm 8 --boss 1 --material aluminium --out {import}",
-    "study": "study MADE/sets --jobs 1 --out {study}",
 }
 
 

@@ -16,7 +16,7 @@ from machining.toolpaths.recorder import StatementError
 from machining.verification.offences import Kind
 from robots import InputError, InputErrors
 from robots.errors import raised_at
-from stiffarm.cli import COMMANDS, command_of
+from stiffarm.cli import COMMANDS, GONE, command_of
 from stiffarm.failures import SYSTEM, Failure, catalogue, covering, failure_of, said, warning_of
 from stiffarm.session.console import say, say_error
 
@@ -149,6 +149,7 @@ def test_the_words_of_a_warning_stand_in_the_code() -> None:
         (("simulate",), "A022"),
         (("simulate", "xr701", "--posse"), "A021"),
         (("simulatte",), "A024"),
+        *((tuple(old.split()), "A026") for old in GONE),
         (("rehearse", "xr701", "--seed", "x"), "A023"),
     ],
 )
