@@ -7,8 +7,9 @@
 ``make`` takes the seed of each world from the commit's hash, so that nobody can choose them, and writes them with the
 numbers of sets into ``protocol.json``. ``run`` diagnoses every set as `benchmarks.diagnosis.study` does; stopped, it
 goes on where it was (``rows.jsonl``), and refuses sets made for another state of the program. DIR/study gets
-``study.json``, ``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page`` writes what came of it so
-far into docs/validation/diagnosis_study.md, above that page's line of notes, and draws the diagram beside it.
+``study.json``, ``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page``
+writes what came of it so far into docs/validation/diagnosis_study.md, above that page's line of
+notes, and draws the diagram beside it.
 """
 
 from __future__ import annotations

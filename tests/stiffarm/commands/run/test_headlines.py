@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from doe import bundled_data, read_measurements
+from doe.tables.notes import bundled_notes
 from robots import load_robot
-from stiffarm.commands.run.doubts import PUBLISHED, Without
+from stiffarm.commands.run.doubts import Without
 from stiffarm.commands.run.missing import Look, headlines
 
 
@@ -51,5 +52,8 @@ def test_a_named_effect_stands_first_with_both_errors() -> None:
 
 def test_doubts_of_the_bundled_readings_are_of_poses_and_loads_that_it_has() -> None:
     table = read_measurements(bundled_data("xr701"), load_robot("xr701"))
-    held = [any(d.holds(*one) for d in PUBLISHED) for one in zip(table.pose, table.loads_N.tolist(), strict=True)]
+    held = [
+        any(d.holds(*one) for d in bundled_notes("xr701").doubts)
+        for one in zip(table.pose, table.loads_N.tolist(), strict=True)
+    ]
     assert sum(held) == 8
