@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from doe import bundled_data, read_measurements
-from doe.tables.notes import bundled_notes
+from doe.tables.notes import ReadingNotes, bundled_notes
 from robots import load_robot
 from stiffarm.commands.run.doubts import Without
 from stiffarm.commands.run.missing import Look, headlines
@@ -57,3 +58,12 @@ def test_doubts_of_the_bundled_readings_are_of_poses_and_loads_that_it_has() -> 
         for one in zip(table.pose, table.loads_N.tolist(), strict=True)
     ]
     assert sum(held) == 8
+
+
+def test_no_report_knows_a_robot() -> None:
+    """What is known of one robot's readings stands beside them; only the command's default names one."""
+    commands = Path(__file__).parents[4] / "stiffarm" / "commands"
+    files = [f for name in ("run", "diagnose", "sensitivity", "calibrate") for f in (commands / name).rglob("*.py")]
+    text = {f: f.read_text(encoding="utf-8").lower() for f in files if f != commands / "run" / "command.py"}
+    assert [f.name for f, code in text.items() if "xr701" in code or "gotlih" in code] == []
+    assert bundled_notes("fanuc-r2000ic") == ReadingNotes()
