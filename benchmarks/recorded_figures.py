@@ -50,7 +50,6 @@ COMMANDS: dict[str, str] = {
     "readings": "readings READINGS/dial_gauge.xlsx --model kr60-3 --out {table}.csv",
     "readings two": "readings READINGS/leica.csv READINGS/leica_angles.xlsx --model kr60-3 --out {leica}.csv",
     "simulate": "simulate xr701 --pose q2_deg=5,q3real_deg=77.5 --load fz_N=-650",
-    "export": "export xr701 --pose q2_deg=5,q3real_deg=77.5 --load fz_N=-650 --out {ccx}",
     "sensitivity": "sensitivity xr701 --poses 5,41,77",
     "staged": "calibrate xr701 --scheme staged --out {staged}",
     "global": "calibrate xr701 --scheme global --out {global}",
@@ -90,7 +89,6 @@ COMMANDS: dict[str, str] = {
     "--out {bracket}",
     "run": "run xr701 --points 6 --out {run}",
     "import": "import MADE/arm/arm.urdf --size-mm 40 --wall-mm 8 --boss 1 --material aluminium --out {import}",
-    "study": "study MADE/sets --jobs 1 --out {study}",
 }
 
 

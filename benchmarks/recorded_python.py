@@ -21,18 +21,11 @@ POSE = {"q2_deg": 5.0, "q3real_deg": 77.5}
 
 
 def make_inputs(folder: Path) -> None:
-    """Write a URDF with meshes and two sets of readings with known causes, by the tests' own makers."""
+    """Write a URDF with meshes, by the tests' own maker."""
     sys.path[:0] = [str(ROOT), str(ROOT / "tests/stiffarm")]
     from urdf_arms import Arm
 
-    from tests.blind.sets import make, unseen
-    from tests.blind.spec import SetSpec
-
     Arm().write(folder / "arm")
-    for name, effects, seed in (("a", ("gauge-zero",), 3), ("b", (), 4)):
-        group = "single" if effects else "none"
-        spec = SetSpec(robot="kr60-3", poses=9, repeats=2, effects=effects, name=name, group=group)
-        make(spec, seed).write(folder / "sets", unseen(spec, seed, 6))
 
 
 def _xr701() -> sa.Arm:

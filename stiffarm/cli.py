@@ -38,7 +38,6 @@ COMMANDS: dict[str, Entry] = {
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),
     "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),
-    "export": Entry("export", "export", MODEL, "Write the shell model in one pose for CalculiX."),
     "readings": Entry("readings", "readings", MEASURE, "Make a measurement table from instrument files or sheets."),
     "plan": Entry("plan", "plan", MEASURE, "Choose what to measure next and write a sheet to fill in."),
     "sensitivity": Entry("sensitivity", "sensitivity", MEASURE, "Show which parameters matter at which pose."),
@@ -46,7 +45,6 @@ COMMANDS: dict[str, Entry] = {
     "calibrate": Entry("calibrate", "calibrate", CALIBRATE, "Identify parameters from measured deflections."),
     "diagnose": Entry("diagnose", "diagnose", CALIBRATE, "Find out what the model is missing, and how sure that is."),
     "rehearse": Entry("rehearse", "rehearse", MEASURE, "Forecast what a planned sheet would show, before you measure."),
-    "study": Entry("study", "study", CALIBRATE, "Score the diagnosis on readings whose true cause is known."),
     "compare": Entry("compare", "compare", CALIBRATE, "Show what differs between two results by more than noise."),
     "identify": Entry("identify", "identify", CALIBRATE, "Identify six stiffnesses per joint from joint twists."),
     "fit": Entry("fit", "fit", USE, "Fit a surrogate of the stiffness over the joint angles."),
@@ -72,6 +70,21 @@ CODES: Final = {
 }
 
 
+# Commands, and options of a command, that are gone or have another name: what to do instead.
+GONE: Final = {
+    "export": "from the source: python -m benchmarks.statics.calculix MODEL --pose-deg ... --out arm.inp",
+    "study": "from the source: python -m benchmarks.diagnosis.study FOLDER",
+    "fit --accuracy": "give more --runs, or another --basis; the report states the error",
+    "fit --compare": "from the source: python benchmarks/surrogates/surrogate_peers.py",
+    "fit --solver": "leave it out; where runs do not determine all terms, give more --runs or a lower --degree",
+    "map --svg": "leave it out: pictures are PNG",
+    "plan --iso9283": "plan --design-only 1 --loads ... --directions +x,-x,+y,-y,+z,-z --read xyz",
+    "plan --pose": "leave it out: --design-only N chooses the poses",
+    "plan --rated-N": "give --loads, in N",
+    "posture --motion": "leave it out",
+}
+
+
 class _Commands(TyperGroup):
     """Commands by name. The list says what the table says; a command is imported when it is called."""
 
@@ -88,6 +101,7 @@ class _Commands(TyperGroup):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **more: Any) -> Any:
         _refuse_empty(args)
+        _refuse_gone(args)
         with _printable():
             return super().make_context(info_name, args, *rest, **more)
 
@@ -127,6 +141,15 @@ def _refuse_empty(args: list[str]) -> None:
                     remedy="give a value, or leave it out ('.' is the folder you are in)",
                 )
             )
+            raise SystemExit(EXIT_BAD_INPUT)
+
+
+def _refuse_gone(args: list[str]) -> None:
+    """An old name is answered with what took its place."""
+    name = next((a for a in args if not a.startswith("-")), "")
+    for old in (name, *(f"{name} {a.partition('=')[0]}" for a in args if a.startswith("--"))):
+        if old in GONE:
+            say_error(InputError(f"{old} is gone", code="A026", remedy=GONE[old]))
             raise SystemExit(EXIT_BAD_INPUT)
 
 

@@ -20,7 +20,7 @@ from robots.errors import InputError
 from surrogate.basis import FACTOR_ORDER, MAX_TERMS, Basis, mixed_families, polynomial_basis, sorted_terms
 from surrogate.expansion import Expansion, Family
 from surrogate.fit import Fit
-from surrogate.least_squares import Solver, solve
+from surrogate.least_squares import solve
 from surrogate.model import Factor
 from surrogate.scope import Scope
 
@@ -45,7 +45,6 @@ def fit_factored(
     run: Callable[[Array], ComplianceFactor],
     design: Callable[[int], Array],
     scope: Scope,
-    solver: Solver = "qr",
     runs: int | None = None,
     *,
     apart: bool = False,
@@ -73,7 +72,7 @@ def fit_factored(
     wanted, part = _flat(made)
     while True:
         basis = Basis("factored", FACTOR_ORDER, families, terms)
-        solution = solve(basis.design(Q), wanted, solver)
+        solution = solve(basis.design(Q), wanted)
         error = _row_error(basis, solution.coefficients, Q, wanted, part)
         if error <= MET:
             break

@@ -10,7 +10,7 @@ from robots.arrays import Array, Integers
 from robots.errors import InputError
 from surrogate.basis import GEOMETRY_ORDER, Basis, BasisName, make_basis, mixed_families
 from surrogate.expansion import Family
-from surrogate.least_squares import Solution, Solver, solve
+from surrogate.least_squares import Solution, solve
 from surrogate.model import TARGETS, Factor, Target
 from surrogate.scope import Scope
 
@@ -47,7 +47,6 @@ def fit(
     basis: BasisName = "polynomial",
     degree: int = 6,
     target: Target = "logarithm",
-    solver: Solver = "qr",
 ) -> Fit:
     """Fit a named basis by least squares of the relative error.
 
@@ -73,9 +72,9 @@ def fit(
     Q, y = checked_runs(scope, Q, y, "fitted runs")
     require_variation(scope, Q)
     if basis == "adaptive":
-        return _adaptive(Q, y, scope, target, solver)
+        return _adaptive(Q, y, scope, target)
     functions = make_basis(basis, scope.lower, scope.upper, degree, scope.periodic)
-    solution = _solved(functions.design(Q), y, target, solver)
+    solution = _solved(functions.design(Q), y, target)
     return Fit(functions, target, solution.coefficients, solution.condition, len(y))
 
 
@@ -116,13 +115,13 @@ def require_variation(scope: Scope, Q: Array) -> None:
             )
 
 
-def _solved(A: Array, y: Array, target: Target, solver: Solver) -> Solution:
+def _solved(A: Array, y: Array, target: Target) -> Solution:
     if target == "logarithm":
-        return solve(A, np.log(y), solver)
-    return solve(A / y[:, None] * y.mean(), np.full(len(y), y.mean()), solver)
+        return solve(A, np.log(y))
+    return solve(A / y[:, None] * y.mean(), np.full(len(y), y.mean()))
 
 
-def _adaptive(Q: Array, y: Array, scope: Scope, target: Target, solver: Solver) -> Fit:
+def _adaptive(Q: Array, y: Array, scope: Scope, target: Target) -> Fit:
     """Choose terms by what they explain of the rest (orthogonal matching pursuit, several at a time).
 
     Candidates are all products of harmonics up to the second order and polynomials up to the sixth degree of each
@@ -142,7 +141,7 @@ def _adaptive(Q: Array, y: Array, scope: Scope, target: Target, solver: Solver) 
         terms = _unravelled(chosen, families)
         basis = Basis("adaptive", ADAPTIVE_DEGREE, families, terms)
         A = basis.design(Q)
-        found = _solved(A[~judged], y[~judged], target, solver).coefficients
+        found = _solved(A[~judged], y[~judged], target).coefficients
         rest = weight * (wanted - (A @ found)[:, 0])
         error = float(np.sqrt(np.mean(rest[judged] ** 2)))
         waited = 0 if error < 0.98 * best[0] else waited + 1
@@ -159,7 +158,7 @@ def _adaptive(Q: Array, y: Array, scope: Scope, target: Target, solver: Solver) 
             break
         chosen = np.sort(np.concatenate([chosen, top]))
     basis = Basis("adaptive", ADAPTIVE_DEGREE, families, _unravelled(best[1], families))
-    solution = _solved(basis.design(Q), y, target, solver)
+    solution = _solved(basis.design(Q), y, target)
     return Fit(basis, target, solution.coefficients, solution.condition, len(y))
 
 

@@ -1,4 +1,4 @@
-"""From a mechanical model to a surrogate: runs, fits on some, error bars and judgement on others, refinement."""
+"""From a mechanical model to a surrogate: runs, fits on some, error bars and judgement on others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from surrogate.basis import BasisName, term_count
 from surrogate.error_bars import ParameterBars, learn_bars
 from surrogate.factored import fit_factored
 from surrogate.fit import RUNS_A_TERM, Fit, checked_runs, fit
-from surrogate.least_squares import Solver
 from surrogate.model import COMPLIANCE, ErrorFigures, Surrogate, Target, compliance_matrix, predict
 from surrogate.parameters import learn_parameters
 from surrogate.scope import Scope
@@ -33,11 +32,6 @@ HELD_OUT_BOUNDARY = 512
 _MATRICES = 2_000
 # Held-out RMS errors below this are all alike: no model of an arm is known to a millionth.
 NOTHING = 1e-6
-# Refinement: so many times at most, each adding half of the runs; from so many candidates for each run; and a round
-# that gains less than this share has shown that runs are not what is missing.
-_ROUNDS = 5
-_POOL = 8
-_GAIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +47,8 @@ class Trained:
     """The surrogates of one model, best first, with the runs that judged them.
 
     ``held_out``: the uniform poses, then those on the boundary; ``predicted`` maps a basis to its values there (n,).
-    ``refused``: basis -> why it could not be fitted. ``rounds``: what refinement did, in words. ``seconds``: what each
-    fit took with its own runs and judgement. ``uniform``: how many of ``held_out`` are uniform poses.
+    ``refused``: basis -> why it could not be fitted. ``seconds``: what each fit took with its own runs and judgement.
+    ``uniform``: how many of ``held_out`` are uniform poses.
     """
 
     surrogates: tuple[Surrogate, ...]
@@ -62,7 +56,6 @@ class Trained:
     held_out: Runs
     predicted: Mapping[str, Array]
     refused: Mapping[str, str]
-    rounds: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     uniform: int = 0
 
@@ -81,7 +74,6 @@ class _Ways:
     degree: int
     order: int
     target: Target | None
-    solver: Solver
     calibration: Runs
     audit: Runs
     uniform: int
@@ -97,9 +89,7 @@ def train(
     degree: int = 6,
     order: int = 2,
     target: Target | None = None,
-    solver: Solver = "qr",
     runs: int | None = None,
-    accuracy: float | None = None,
     progress: Progress | None = None,
 ) -> Trained:
     """Run the model on space-filling designs, fit, learn error bars, and judge both on runs kept out.
@@ -112,8 +102,6 @@ def train(
     Parameters
     ----------
     runs : model runs to fit on; None: 4096, or three for each term where that is more
-    accuracy : relative RMS error on uniform held-out runs to refine to: runs are added where the error bars are
-        widest, until it is met or further runs gain nothing, which ``rounds`` says
 
     Raises
     ------
@@ -121,23 +109,21 @@ def train(
         A basis asked for by name that cannot be fitted, an empty reachable set, or a rigid model.
     """
     require_one_of("--basis", basis, get_args(BasisChoice), code="A001")
-    ways = _prepared(task, rng, degree, order, target, solver, progress)
+    ways = _prepared(task, rng, degree, order, target, progress)
     training = _run(task, task.design(runs or TRAINING_RUNS, "arcsine", rng))
     fitted: list[Surrogate] = []
     refused: dict[str, str] = {}
-    rounds: list[str] = []
     seconds: dict[str, float] = {}
     for name in _wanted(task, basis):
         start = time.perf_counter()
         try:
-            one, said, training = _learned(ways, name, training, runs, accuracy)
+            one, training = _learned(ways, name, training, runs)
         except InputError as error:
             if basis != "best":
                 raise
             refused[name] = error.prose
             continue
         fitted.append(one)
-        rounds += said
         seconds[name] = time.perf_counter() - start
     if not fitted:
         raise InputError(
@@ -145,7 +131,7 @@ def train(
         )
     fitted.sort(key=_merit)
     predicted: dict[str, Array] = {s.basis: predict(s, ways.audit.Q) for s in fitted}
-    return Trained(tuple(fitted), training, ways.audit, predicted, refused, tuple(rounds), seconds, ways.uniform)
+    return Trained(tuple(fitted), training, ways.audit, predicted, refused, seconds, ways.uniform)
 
 
 def _merit(one: Surrogate) -> tuple[float, bool]:
@@ -174,7 +160,6 @@ def _prepared(
     degree: int,
     order: int,
     target: Target | None,
-    solver: Solver,
     progress: Progress | None,
 ) -> _Ways:
     """Run what judges: poses for the error bars, and fresh ones for the figures."""
@@ -190,7 +175,7 @@ def _prepared(
     if task.quantity.name == COMPLIANCE:
         matrices = compliance(task.model, task.full(uniform[:_MATRICES]))
     parameters = learn_parameters(task, calibration.Q, uniform[:_MATRICES]) if task.gradients is not None else None
-    return _Ways(task, rng, degree, order, target, solver, calibration, audit, len(uniform), matrices, parameters)
+    return _Ways(task, rng, degree, order, target, calibration, audit, len(uniform), matrices, parameters)
 
 
 def _run(task: Task, Q: Array) -> Runs:
@@ -198,61 +183,20 @@ def _run(task: Task, Q: Array) -> Runs:
     return Runs(*checked_runs(task.scope, Q, y, "model runs"))
 
 
-def _learned(
-    ways: _Ways, name: BasisName, training: Runs, runs: int | None, accuracy: float | None
-) -> tuple[Surrogate, list[str], Runs]:
-    """Fit one basis, and refine it where that is asked for."""
+def _learned(ways: _Ways, name: BasisName, training: Runs, runs: int | None) -> tuple[Surrogate, Runs]:
+    """Fit one basis, on more runs where it has many terms and their number is not given."""
     if name == "factored":
-        one = _factored(ways, runs)
-        missed = accuracy is not None and one.errors.rms_interior > accuracy
-        return one, [f"factored: {accuracy:.1e} is out of reach of its terms"] if missed else [], training
+        return _factored(ways, runs), training
     inputs = len(ways.task.scope.inputs)
     needed = 0 if name == "adaptive" else RUNS_A_TERM * term_count(name, _degree(ways, name), inputs)
     if runs is None and needed > len(training.Q):
-        training = _more(ways, training, ways.task.design(needed - len(training.Q), "arcsine", ways.rng))
-    one = _scalar(ways, name, training)
-    if accuracy is None:
-        return one, [], training
-    said = []
-    for _ in range(_ROUNDS):
-        if one.errors.rms_interior <= accuracy:
-            break
-        # Half where the error is largest, half all over: with the worst alone the rest of the domain gets worse.
-        count = max(1, len(training.Q) // 4)
-        more = np.vstack([_worst_poses(ways, one, count), ways.task.design(count, "arcsine", ways.rng)])
-        wider = _more(ways, training, more)
-        better = _scalar(ways, name, wider)
-        before, after = one.errors.rms_interior, better.errors.rms_interior
-        said.append(f"{name}: {len(wider.Q)} runs, RMS {before:.2e} -> {after:.2e}")
-        if after < before:
-            one, training = better, wider
-        elif name == "adaptive":
-            training = wider
-        # Chosen terms grow in number with the runs, so one round without a gain says nothing about them.
-        if after > (1.0 - _GAIN) * before and name != "adaptive":
-            said.append(f"{name}: further runs gain nothing; {accuracy:.1e} is out of reach of its terms")
-            break
-    else:
-        if one.errors.rms_interior > accuracy:
-            tried = f"{_ROUNDS} rounds, {len(training.Q)} runs"
-            said.append(f"{name}: {accuracy:.1e} not met after {tried}; start with more --runs")
-    return one, said, training
+        more = _run(ways.task, ways.task.design(needed - len(training.Q), "arcsine", ways.rng))
+        training = Runs(np.vstack([training.Q, more.Q]), np.concatenate([training.value, more.value]))
+    return _scalar(ways, name, training), training
 
 
 def _degree(ways: _Ways, name: BasisName) -> int:
     return ways.degree if name == "polynomial" else ways.order
-
-
-def _more(ways: _Ways, training: Runs, Q: Array) -> Runs:
-    more = _run(ways.task, Q)
-    return Runs(np.vstack([training.Q, more.Q]), np.concatenate([training.value, more.value]))
-
-
-def _worst_poses(ways: _Ways, one: Surrogate, n: int) -> Array:
-    """Poses where the error bars are widest, out of many that fill the domain."""
-    pool = ways.task.design(_POOL * n, "uniform", ways.rng)
-    assert one.bars is not None  # noqa: S101 - each fit here has been judged
-    return pool[np.argsort(one.bars.half_width(pool))[-n:]]
 
 
 def _scalar(ways: _Ways, name: BasisName, training: Runs) -> Surrogate:
@@ -260,7 +204,7 @@ def _scalar(ways: _Ways, name: BasisName, training: Runs) -> Surrogate:
     if ways.target is None and name == "adaptive":
         targets = ("logarithm", "direct")
     degree = _degree(ways, name)
-    fits = [fit(training.Q, training.value, ways.task.scope, name, degree, target, ways.solver) for target in targets]
+    fits = [fit(training.Q, training.value, ways.task.scope, name, degree, target) for target in targets]
     # The runs for the error bars choose, never those that judge.
     tried = [(_rms(_relative(_unjudged(ways, found), ways.calibration)), i) for i, found in enumerate(fits)]
     found = fits[min(tried)[1]]
@@ -281,7 +225,7 @@ def _factored(ways: _Ways, runs: int | None) -> Surrogate:
         drawn.append(task.design(n, "arcsine", ways.rng))
         return drawn[-1]
 
-    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, task.scope, ways.solver, runs)
+    found = fit_factored(lambda Q: compliance_factor(task.model, task.full(Q)), design, task.scope, runs)
     return _judged(ways, found, drawn[-1])
 
 

@@ -5,8 +5,9 @@
 SETS is a folder of study sets (docs/reference/study_sets.md) whose world can fill in a sheet: ``benchmarks.worlds.X``
 with ``fill(set_folder, sheet, visit)``, X as the key says. Every set is diagnosed blind; while nothing is named, the
 sheet that the diagnosis proposes (three set-ups) is filled in by the world, and all readings are diagnosed together
-again, up to nine set-ups. Beside it the same with as many possible poses drawn at random. Counted as ``stiffarm study``
-counts. DIR gets ``rows.jsonl`` (set by set; a run goes on where it stopped), ``loop.json`` and ``loop.md``.
+again, up to nine set-ups. Beside it the same with as many possible poses drawn at random. Counted as
+``benchmarks.diagnosis.study`` counts. DIR gets ``rows.jsonl`` (set by set; a run goes on where it stopped),
+``loop.json`` and ``loop.md``.
 """
 
 from __future__ import annotations
@@ -31,15 +32,15 @@ from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from benchmarks.diagnosis.study.scores import Row
+from benchmarks.diagnosis.study.sets import StudySet, study_sets
+from benchmarks.diagnosis.study.step import row
 from doe import write_measurements
 from doe.diagnosis.proposals.next_readings import NextReadings, at_random
 from fem.arm import Arm
 from rehearsal.scoring import Share
 from robots import InputError
 from stiffarm.commands.diagnose.step import Diagnosed, Request, diagnose
-from stiffarm.commands.study.scores import Row
-from stiffarm.commands.study.sets import StudySet, study_sets
-from stiffarm.commands.study.step import row
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share

@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 # The root, not its folder of tests: that has folders with the names of packages.
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from benchmarks.diagnosis.study.sets import study_sets
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting, setting_of, with_compliances
@@ -31,7 +32,6 @@ from doe.tables.measurements import Measurements
 from fem.arm import Arm
 from fem.effects.base import Effect, PlacedEffect
 from robots.arrays import Array
-from stiffarm.commands.study.sets import study_sets
 from stiffarm.session.inputs import read_model
 from stiffarm.session.readings import read_data
 from tests.blind.sets import make, unseen

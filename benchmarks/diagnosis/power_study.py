@@ -7,8 +7,8 @@
 
 ``make`` writes one sheet for each of two robots and, for each of five effects, ``--each`` sets made by the world of
 rehearsals, each with another truth; what the power analysis states of them goes into ``stated.json`` before any set is
-diagnosed. ``run`` diagnoses the sets as `stiffarm study` does, one process; stopped, it goes on where it was
-(``rows.jsonl``). ``show`` prints how the constants of doe/power/chances.py do on the sets so far. ``page`` writes
+diagnosed. ``run`` diagnoses the sets as `benchmarks.diagnosis.study` does, one process; stopped, it goes on where it
+was (``rows.jsonl``). ``show`` prints how the constants of doe/power/chances.py do on the sets so far. ``page`` writes
 docs/validation/power.md and keeps what came of the sets in benchmarks/diagnosis/runs/power.json.
 
 The constants were set on the plan "tune" (seed 11, 12 sets of each): five effects, two sheets. The plan "check" has
@@ -31,6 +31,9 @@ sys.path.insert(0, str(ROOT))
 
 from pydantic import TypeAdapter  # noqa: E402
 
+from benchmarks.diagnosis.study.scores import Row  # noqa: E402
+from benchmarks.diagnosis.study.sets import study_sets  # noqa: E402
+from benchmarks.diagnosis.study.step import run_set  # noqa: E402
 from doe import write_measurements  # noqa: E402
 from doe.power.chances import CEILING, FREEDOM, LEFT, SPREAD, Chance  # noqa: E402
 from rehearsal import family, hide  # noqa: E402
@@ -38,9 +41,6 @@ from robots.arm_class import arm_class  # noqa: E402
 from stiffarm.commands.rehearse.power.step import power  # noqa: E402
 from stiffarm.commands.rehearse.sheet import Gauge, SetUps  # noqa: E402
 from stiffarm.commands.rehearse.step import Request, prepared, set_ups_of  # noqa: E402
-from stiffarm.commands.study.scores import Row  # noqa: E402
-from stiffarm.commands.study.sets import study_sets  # noqa: E402
-from stiffarm.commands.study.step import run_set  # noqa: E402
 from stiffarm.session.inputs import read_model  # noqa: E402
 
 DRAWS = 60
@@ -121,7 +121,7 @@ def make(folder: Path, plan: Plan, seed: int, each: int) -> None:
 
 
 def one_set(folder: Path, given: Any, world: Any, sheet: SetUps, code: str, seed: list[int]) -> None:
-    """A set as `stiffarm study` reads it."""
+    """A set as `benchmarks.diagnosis.study` reads it."""
     size = arm_class(given.description, given.robot)
     own = int(np.random.default_rng([*seed, *f"{given.robot.name} {code}".encode()]).integers(2**31))
     one = hide(
@@ -229,8 +229,8 @@ def words(some: list[Cell], tuned: list[Cell], seed: int, before: str) -> str:
         "",
         f"Sheets: {sheets}; three loads up and down, three repeats, noise 3 % and 3 um. Sets: the world of "
         f"rehearsals, seed {seed}, {total // len(some)} for each effect and robot, each with other springs, sizes, "
-        "laws and errors; diagnosed as `stiffarm study` does it, blind. No constant of the analysis was set on these "
-        "effects, sheets or seed.",
+        "laws and errors; diagnosed as `benchmarks.diagnosis.study` does it, blind. No constant of the analysis was set"
+        " on these effects, sheets or seed.",
         "",
         *table(some),
         "",

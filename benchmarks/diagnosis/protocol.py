@@ -5,10 +5,11 @@
     python benchmarks/diagnosis/protocol.py page DIR
 
 ``make`` takes the seed of each world from the commit's hash, so that nobody can choose them, and writes them with the
-numbers of sets into ``protocol.json``. ``run`` diagnoses every set as `stiffarm study` does; stopped, it goes on where
-it was (``rows.jsonl``), and refuses sets made for another state of the program. DIR/study gets ``study.json``,
-``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page`` writes what came of it so
-far into docs/validation/diagnosis_study.md, above that page's line of notes, and draws the diagram beside it.
+numbers of sets into ``protocol.json``. ``run`` diagnoses every set as `benchmarks.diagnosis.study` does; stopped, it
+goes on where it was (``rows.jsonl``), and refuses sets made for another state of the program. DIR/study gets
+``study.json``, ``rows.csv`` and ``report.html`` at the end. Every run is a line of ``runs.jsonl``. ``page``
+writes what came of it so far into docs/validation/diagnosis_study.md, above that page's line of
+notes, and draws the diagram beside it.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from protocol_page import page
 
-from stiffarm.commands.study import payload, words
-from stiffarm.commands.study.report import write_report
-from stiffarm.commands.study.scores import Row
-from stiffarm.commands.study.sets import study_sets
-from stiffarm.commands.study.step import rows_of
+from benchmarks.diagnosis.study import payload, words
+from benchmarks.diagnosis.study.report import write_report
+from benchmarks.diagnosis.study.scores import Row
+from benchmarks.diagnosis.study.sets import study_sets
+from benchmarks.diagnosis.study.step import rows_of
 from stiffarm.session.outputs import OutputFolder
 
 ROOT = Path(__file__).parents[2]

@@ -7,9 +7,9 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from stiffarm.commands.study import words
-from stiffarm.commands.study.figures import TELLING, reliability_figure
-from stiffarm.commands.study.scores import Row, reliability, share
+from benchmarks.diagnosis.study import words
+from benchmarks.diagnosis.study.figures import TELLING, reliability_figure
+from benchmarks.diagnosis.study.scores import Row, reliability, share
 from stiffarm.pages.style import save_png
 
 # What was written by hand begins here, and stays.

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from diagnosis_loop import summary
 from protocol import kept
 
-from stiffarm.commands.study.scores import scores
+from benchmarks.diagnosis.study.scores import scores
 from stiffarm.session.json_text import share
 
 RUNS = Path(__file__).parent / "runs"

@@ -6,7 +6,7 @@ Every table goes through `stiffarm diagnose` as the real readings do by default 
 beam links, no options. Reported by what is hidden: whether the load path is named, has 80 % or is in the 95 % set,
 false alarms where it is not hidden, whether the two odd readings hardly count, and how probable it is that something
 beyond the load path is missing, where every reading at 150 N is 0.1 mm short and where none is. DIR gets ``study.json``
-(the strict scores of `stiffarm study`), ``power.json`` and ``power.md``.
+(the strict scores of `benchmarks.diagnosis.study`), ``power.json`` and ``power.md``.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from benchmarks.diagnosis.study import payload as study_payload
+from benchmarks.diagnosis.study.scores import Row
+from benchmarks.diagnosis.study.sets import StudySet, study_sets
+from benchmarks.diagnosis.study.step import row
 from fem.arm import Arm
 from rehearsal.scoring import Share
 from stiffarm.commands.diagnose import payload as diagnosis_payload
 from stiffarm.commands.diagnose.step import Diagnosed, Request, diagnose
-from stiffarm.commands.study import payload as study_payload
-from stiffarm.commands.study.scores import Row
-from stiffarm.commands.study.sets import StudySet, study_sets
-from stiffarm.commands.study.step import row
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share

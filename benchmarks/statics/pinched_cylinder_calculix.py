@@ -41,8 +41,8 @@ for _folder in ("tests/fem", "tests/benchmarks"):
 from calculix_runs import CCX, Printed, run_ccx  # noqa: E402
 from shell_problems import Problem, pinched_cylinder  # noqa: E402
 
+from benchmarks.statics.calculix.deck import PA_PER_MPA, Deck, number, with_middles  # noqa: E402
 from fem.elements.assembly import freedoms  # noqa: E402
-from fem.reference.calculix.deck import PA_PER_MPA, Deck, number, with_middles  # noqa: E402
 from meshes.shell_mesh import ShellMesh  # noqa: E402
 
 RADIUS, HALF_LENGTH, WALL, E_MODULUS, POISSON = 300.0, 300.0, 3.0, 3e6, 0.3

@@ -40,14 +40,6 @@ def left_rate(w: Array, d: Array) -> Array:
     return np.asarray(d + b * wd + c * cross(w, wd))
 
 
-def rotation_vector(R: Array) -> Array:
-    """The rotation vector (3,) of a rotation (3, 3) of less than half a turn."""
-    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = float(np.linalg.norm(axis))
-    angle = float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
-    return np.asarray(axis if sine < 1e-12 else axis * (angle / sine))
-
-
 def nearest_rotation(A: Array) -> Array:
     """The rotation (3, 3) next to a matrix (3, 3) in the sum of squares (Kabsch)."""
     U, _, Vt = np.linalg.svd(A)

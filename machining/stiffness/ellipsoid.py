@@ -43,16 +43,6 @@ class StiffnessEllipsoid:
         return self.semi_axes[:, 2]
 
     @property
-    def worst_direction(self) -> Array:
-        """Unit vectors (n, 3) of the force that moves the tool most; sign free."""
-        return self.axes[:, :, 0]
-
-    @property
-    def best_direction(self) -> Array:
-        """Unit vectors (n, 3) of the force that moves the tool least; sign free."""
-        return self.axes[:, :, 2]
-
-    @property
     def isotropy(self) -> Array:
         """Smallest over largest stiffness (n,), 1 for a sphere, 0 where a direction is rigid."""
         return np.asarray(self.weakest / self.strongest)

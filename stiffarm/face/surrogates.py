@@ -158,7 +158,6 @@ def fit(
     basis: Literal["best", "polynomial", "trigonometric", "factored", "adaptive"] = "best",
     degree: int = 6,
     runs: int | None = None,
-    accuracy: float | None = None,
     direction: Sequence[float] = DOWN,
     at_load_N: float | None = None,
     seed: int = 0,
@@ -172,7 +171,6 @@ def fit(
     basis : "best" tries several and takes the best on unseen runs
     degree : total degree of the polynomial
     runs : model runs to fit on; default: 4096, or three for each term
-    accuracy : relative RMS error to refine to
     direction : of the load, base axes
     at_load_N : load at which stiffness is stated, for an arm with effects; default: as of :func:`stiffarm.map_joints`
     seed : of the random numbers
@@ -201,7 +199,7 @@ def fit(
     rng = np.random.default_rng(seed)
     with called():
         task = learning_task(arm.description, arm.model, names, rng, direction=(along[0], along[1], along[2]))
-        trained = train(task, rng, basis=basis, degree=degree, runs=runs, accuracy=accuracy)
+        trained = train(task, rng, basis=basis, degree=degree, runs=runs)
     return Surrogate(trained.best)
 
 

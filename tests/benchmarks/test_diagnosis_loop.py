@@ -11,8 +11,8 @@ import pytest
 from diagnosis_loop import STEPS, WAYS, at_step, end_of, forecasts, groups, page, run_set, sooner, summary
 from worlds.screws import make
 
-from stiffarm.commands.study.scores import Row
-from stiffarm.commands.study.sets import study_sets
+from benchmarks.diagnosis.study.scores import Row
+from benchmarks.diagnosis.study.sets import study_sets
 
 SINGLE = Row("one", "single", ("backlash:j2",), verdict="named", named=("backlash:j2",), found=("backlash:j2",))
 

@@ -10,8 +10,8 @@ import pytest
 from xr701_power import of_cell, page, power
 from xr701_tables import CELLS, REAL, make, table
 
-from stiffarm.commands.study.sets import study_sets
-from stiffarm.commands.study.step import kind_of
+from benchmarks.diagnosis.study.sets import study_sets
+from benchmarks.diagnosis.study.step import kind_of
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""``python -m tests.blind FOLDER``: write the sets of a study, for `stiffarm study FOLDER`."""
+"""``python -m tests.blind FOLDER``: write the sets of a study, for `benchmarks.diagnosis.study`."""
 
 from __future__ import annotations
 

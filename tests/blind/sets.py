@@ -41,7 +41,7 @@ class MadeUp:
     key: dict[str, Any]
 
     def write(self, folder: Path, unseen: str) -> None:
-        """The set for `stiffarm study`: a folder of its name with set.json, model, tables and key."""
+        """The set for `benchmarks.diagnosis.study`: a folder of its name with set.json, model, tables and key."""
         here = folder / self.name
         here.mkdir(parents=True, exist_ok=True)
         told = {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": self.links}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from benchmarks.diagnosis.study.sets import study_set
 from doe import bundled_data, read_measurements, write_measurements
 from doe.absolute.table import read_absolute
 from doe.estimation.campaign import load_campaign
@@ -26,7 +27,6 @@ from robots.library.models import parse_description
 from robots.robot import robot_from
 from stiffarm.commands.new.dh_table import read_dh
 from stiffarm.commands.robots.pendant_table import read_pendant
-from stiffarm.commands.study.sets import study_set
 from stiffarm.session.table_kinds import kind_of
 
 from .mutate_tables import TABLE, WORKBOOK

@@ -9,7 +9,7 @@ import pytest
 from arm_cases import few_runs, sprung
 
 from fem import build_model, directional_stiffness
-from fem.springs import FourierBasis, LawSpring, PolynomialBasis, TableBasis
+from fem.springs import FourierBasis, LawSpring, PolynomialBasis
 from robots import InputError, load_description
 from surrogate import scope_of, task_of, train
 from surrogate.basis import term_count
@@ -51,7 +51,6 @@ def test_three_bases_are_fitted_and_the_best_comes_first(best):
     assert (by_name["polynomial"].degree, by_name["trigonometric"].degree) == (6, 2)
     assert by_name["polynomial"].n_terms == term_count("polynomial", 6, 3)
     assert best.refused == {}
-    assert best.rounds == ()
 
 
 def test_error_figures_are_those_of_the_held_out_runs(best):
@@ -167,77 +166,6 @@ def test_another_quantity_takes_chosen_terms_in_place_of_rows():
         trained(given=given, basis="factored")
 
 
-# --- refinement ----------------------------------------------------------------------------------------------------
-
-
-def wide():
-    return task(sprung("xr701", "beam"), inputs=("q2_deg", "q3real_deg", "q4_deg"))
-
-
-def test_an_accuracy_that_is_met_already_adds_no_runs():
-    one = trained(given=wide(), basis="polynomial", degree=4, accuracy=0.9)
-    assert one.rounds == ()
-    assert one.best.errors.n_train == 600
-
-
-def test_runs_are_added_where_the_bars_are_widest_until_the_accuracy_is_met(monkeypatch):
-    plain = trained(given=wide(), basis="adaptive", runs=200)
-    wanted = 0.3 * plain.best.errors.rms_interior
-    drawn = []
-    from surrogate import training
-
-    worst = training._worst_poses
-
-    def watched(ways, one, n):
-        Q = worst(ways, one, n)
-        typical = np.median(one.bars.half_width(ways.task.over_domain(500, np.random.default_rng(3))))
-        drawn.append((n, np.median(one.bars.half_width(Q)) / typical))
-        return Q
-
-    monkeypatch.setattr(training, "_worst_poses", watched)
-    found = trained(given=wide(), basis="adaptive", runs=200, accuracy=wanted)
-    assert found.best.errors.rms_interior <= wanted
-    assert found.best.errors.n_train > 200
-    assert len(found.rounds) == len(drawn) >= 1
-    assert found.rounds[0].startswith("adaptive: 300 runs, RMS ")
-    # A quarter of the runs where the bars are widest, and as many all over.
-    assert [n for n, _ in drawn] == [50, 75, 112, 168, 252][: len(drawn)]
-    assert all(ratio > 1.0 for _, ratio in drawn)
-    assert len(found.training.Q) == found.best.errors.n_train
-
-
-def test_an_accuracy_out_of_reach_of_the_terms_is_said():
-    found = trained(basis="polynomial", degree=2, accuracy=1e-8)
-    assert found.rounds[-1] == "polynomial: further runs gain nothing; 1.0e-08 is out of reach of its terms"
-    assert found.best.errors.rms_interior > 1e-8
-
-
-def test_an_accuracy_that_only_more_rounds_would_meet_is_said():
-    from surrogate import training
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "_ROUNDS", 1)
-        patch.setattr(training, "_GAIN", -10.0)
-        found = trained(basis="polynomial", degree=2, accuracy=1e-8)
-    assert found.rounds[-1].startswith("polynomial: 1.0e-08 not met after 1 rounds, ")
-    assert found.rounds[-1].endswith(" runs; start with more --runs")
-
-
-def test_the_factored_basis_says_it_too():
-    kinked = LawSpring(TableBasis(1, np.radians([-135.0, -60.0, 0.0, 35.0])), np.log([8e5, 1.6e6, 9e5, 1e6]))
-    given = task(sprung("kr60-3", j2=kinked))
-    found = trained(given=given, basis="factored", accuracy=1e-9)
-    assert found.rounds == ("factored: 1.0e-09 is out of reach of its terms",)
-    assert trained(given=given, basis="factored", accuracy=0.5).rounds == ()
-
-
-def test_refinement_keeps_the_better_fit():
-    """A round that makes it worse is not taken."""
-    found = trained(basis="polynomial", degree=6, runs=100, accuracy=1e-9)
-    plain = trained(basis="polynomial", degree=6, runs=100)
-    assert found.best.errors.rms_interior <= plain.best.errors.rms_interior
-
-
 # --- whole turns ---------------------------------------------------------------------------------------------------
 
 
@@ -267,6 +195,10 @@ def test_a_law_that_knows_turns_apart_is_learned_over_all_of_them():
     assert exact[1] / exact[0] - 1.0 < -1e-4  # the stiffer end of its law
     # 1e-6: what laws are learned to; here the sixth degree holds a line to round-off.
     np.testing.assert_allclose(predict(found, turned), exact, rtol=1e-6)
+
+
+def wide():
+    return task(sprung("xr701", "beam"), inputs=("q2_deg", "q3real_deg", "q4_deg"))
 
 
 def test_chosen_terms_are_those_of_the_better_of_two_targets():

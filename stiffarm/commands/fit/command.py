@@ -78,16 +78,6 @@ def fit(
             "--force", metavar="X,Y,Z", help="Force on the tool in base axes, in N, for an index that needs one."
         ),
     ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            help="Target relative RMS error, as in 0.001; runs are added where the error is largest. Default: "
-            "no refinement."
-        ),
-    ] = None,
-    solver: Annotated[
-        str, typer.Option(help="Least-squares solver: qr, or ridge (penalty by cross-validation).")
-    ] = "qr",
     formats: Annotated[
         str | None,
         typer.Option(
@@ -119,20 +109,10 @@ def fit(
         from stiffarm.commands.fit import portable as portable_files
         from stiffarm.commands.fit import report as surrogate_report
         from surrogate import save_surrogate
-        from surrogate.least_squares import SOLVERS
         from surrogate.training import BasisChoice
 
         parse_word(basis, get_args(BasisChoice), "--basis")
-        parse_word(solver, SOLVERS, "--solver")
         parse_word(quantity, learning.quantities(), "--quantity")
-        if accuracy is not None and not 0.0 < accuracy < 1.0:
-            raise InputError(
-                "--accuracy",
-                code="A001",
-                value=accuracy,
-                allowed="above 0, below 1",
-                remedy="0.001 is a tenth of a percent",
-            )
         asked = portable_files.parse_formats(formats)
         if matrix and basis not in ("best", "factored"):
             raise InputError(
@@ -164,8 +144,6 @@ def fit(
                 degree=degree,
                 order=order,
                 runs=runs,
-                accuracy=accuracy,
-                solver=solver,
                 fixed_deg=others,
                 direction=along,
                 scalar=scalar,

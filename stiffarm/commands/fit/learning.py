@@ -139,7 +139,7 @@ def learn(
     if error.rms_relative > POOR:
         own = f"its error is {100.0 * error.rms_relative:.3g} % RMS"
         say(f"note: a poor surrogate: {own}; try another --basis or more --runs", code="W011")
-    say_notes((*trained.rounds, *(f"{name} not fitted: {why}" for name, why in trained.refused.items())))
+    say_notes(f"{name} not fitted: {why}" for name, why in trained.refused.items())
     for name, change in trained.best.fixed_influence.items():
         if change > _WORTH_A_WORD:
             say(

@@ -164,11 +164,6 @@ def _choice(trained: Trained) -> Section:
     ]
     if trained.refused:
         blocks.append(Bullets(tuple(f"{name} was not fitted: {why}" for name, why in trained.refused.items())))
-    if trained.rounds:
-        blocks += [
-            Text("Runs were added, half of them where the error bars are widest, half all over:"),
-            Bullets(trained.rounds),
-        ]
     return Section("Which basis, and why", tuple(blocks))
 
 

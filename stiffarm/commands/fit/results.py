@@ -24,7 +24,6 @@ def payload(trained: Trained) -> dict[str, Any]:
         "calibration_uncertainty": _parameter_bars(best),
         "surrogates": [surrogate_errors(s) for s in trained.surrogates],
         "not_fitted": dict(trained.refused),
-        "refinement": list(trained.rounds),
     } | at_load_entry(best.at_load)
 
 

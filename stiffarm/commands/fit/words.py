@@ -69,9 +69,6 @@ def doubts(trained: Trained) -> list[str]:
         )
     if not HONEST[0] <= e.coverage95 <= HONEST[1]:
         out.append(f"The 95 % error bars hold {share_words(e.coverage95)} of the runs kept out")
-    own = [line.removeprefix(f"{best.basis}: ") for line in trained.rounds if line.startswith(f"{best.basis}: ")]
-    missed = [line for line in own if "out of reach" in line or "not met" in line]
-    out += [Remark(f"The accuracy asked for is missed: {line}", code="W015") for line in missed]
     if best.quantity.name == COMPLIANCE and not best.has_matrix:
         d = ", ".join(f"{v:g}" for v in best.load_direction)
         out.append(Remark(f"It knows one load direction only, {d} in base axes", code="W016"))

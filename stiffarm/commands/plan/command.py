@@ -6,21 +6,19 @@ from pathlib import Path
 from shlex import join
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from doe import Measurements, bundled_data
 from doe.planning.optimal_choice import CRITERIA
 from doe.planning.pose_designs import METHODS
-from doe.planning.zones import Zone
 from fem.arm import Arm
 from robots import InputError
-from stiffarm.commands.plan import iso9283, sheets
 from stiffarm.commands.plan import options as plan_options
 from stiffarm.commands.plan import results as plan_results
+from stiffarm.commands.plan import sheets
 from stiffarm.commands.plan.step import Planned, Request, make_plan
 from stiffarm.session import parsing
-from stiffarm.session.console import progress, say
+from stiffarm.session.console import progress
 from stiffarm.session.frame import Frame, command
 from stiffarm.session.options import (
     Clearance,
@@ -59,10 +57,6 @@ def plan(
             min=1,
         ),
     ] = None,
-    iso: Annotated[
-        bool,
-        typer.Option("--iso9283", help="Instead of --poses: write a sheet for the static compliance test of ISO 9283."),
-    ] = False,
     positions: Annotated[
         int | None,
         typer.Option(
@@ -183,18 +177,6 @@ def plan(
     gauge_turn: Annotated[
         float, typer.Option("--gauge-mrad", help="Smallest standard deviation of a rotation reading, in mrad.")
     ] = 0.01,
-    pose: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--pose",
-            help="With --iso9283: joint coordinates in deg, as in q2_deg=5,q3real_deg=77.5. May be repeated. "
-            "Default: one pose in mid-workspace.",
-        ),
-    ] = None,
-    rated: Annotated[
-        float | None,
-        typer.Option("--rated-N", help="With --iso9283: rated load, in N. Default: the weight of the payload."),
-    ] = None,
     confirm_units: ConfirmUnits = False,
     links: Links = None,
     load_path: LoadPathOpt = None,
@@ -209,7 +191,7 @@ def plan(
     Chooses poses, loads and load directions; the filled-in sheet is read back by calibrate and diagnose.
     """
     with command(out, as_json=as_json, debug=debug) as frame:
-        _check_kind(poses, design_only, iso, positions)
+        _check_kind(poses, design_only, positions)
         given = frame.model(model, links, load_path, without="the plan", sets=sets)
         zone = parse_zone(given.description, floor, keep_out or (), clearance)
         if positions is None:
@@ -221,8 +203,6 @@ def plan(
                 "--directions": directions,
                 "--loads": loads,
                 "--read": read,
-                "--pose": pose,
-                "--rated-N": rated,
                 "--vary": vary,
                 "--hold": hold,
                 "--unloading": unloading or None,
@@ -244,11 +224,6 @@ def plan(
             )
             positions_plan.plan_positions(given, asked, frame)
             return
-        if iso:
-            _refuse({"DATA": data, "--directions": directions, "--loads": loads, "--read": read, "--free": free}, True)
-            _iso_sheet(given, pose, rated, zone, frame)
-            return
-        _refuse({"--pose": pose, "--rated-N": rated}, False)
         wanted = Request(
             poses=design_only or poses or 0,
             plain=design_only is not None,
@@ -312,34 +287,10 @@ def _write_sheet(given: Arm, sheet: sheets.Sheet, folder: OutputFolder) -> None:
     folder.write_text(PAGE, sheets.render_sheet(sheet, pictures))
 
 
-def _iso_sheet(given: Arm, pose: list[str] | None, rated: float | None, zone: Zone, frame: Frame) -> None:
-    load = plan_options.rated_load(given.description, rated, "--rated-N", "give the rated load, as in --rated-N 1300")
-    if pose:
-        q = np.array([parsing.parse_pose(given.robot, text) for text in pose])
-    else:
-        q = iso9283.middle_pose(given.robot, zone)[None]
-    sheet = iso9283.sheet(given.robot, plan_results.robot_title(given), q, load, usual=not pose)
-    content = iso9283.payload(given.robot, q, load)
-    with frame.folder_if() as folder:
-        if folder is not None:
-            from stiffarm.commands.plan.report import write_iso_report
-
-            folder.write_json(RESULT, content)
-            _write_sheet(given, sheet, folder)
-            write_iso_report(given, sheet.facts, len(sheet.labels), folder)
-
-    def show() -> None:
-        for fact in sheet.facts:
-            say(": ".join(fact))
-
-    frame.answer(content, show)
-
-
-def _check_kind(poses: int | None, design_only: int | None, iso: bool, positions: int | None) -> None:
+def _check_kind(poses: int | None, design_only: int | None, positions: int | None) -> None:
     tasks = {
         "--poses": poses is not None,
         "--design-only": design_only is not None,
-        "--iso9283": iso,
         "--positions": positions is not None,
     }
     asked = [name for name, there in tasks.items() if there]
@@ -348,19 +299,8 @@ def _check_kind(poses: int | None, design_only: int | None, iso: bool, positions
             "plan",
             code="A003",
             value=" with ".join(asked) or "no task",
-            allowed="one of --poses N, --design-only N, --iso9283, --positions N",
+            allowed="one of --poses N, --design-only N, --positions N",
             remedy="say how many set-ups to choose, as in --poses 6",
-        )
-
-
-def _refuse(options: dict[str, Any], iso: bool) -> None:
-    """Refuse options that this kind of plan would not heed."""
-    given = [name for name, value in options.items() if value]
-    if given:
-        raise InputError(
-            f"{', '.join(given)}: {'not with' if iso else 'only with'} --iso9283",
-            code="A002",
-            remedy="leave it out: the standard fixes loads, directions and readings" if iso else "leave it out",
         )
 
 

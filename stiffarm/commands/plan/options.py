@@ -12,7 +12,7 @@ from doe.planning import protocol
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
 from robots.constants import STANDARD_GRAVITY
-from stiffarm.session.parsing import LARGEST_LOAD, parse_numbers
+from stiffarm.session.parsing import parse_numbers
 
 # Loads of a first campaign, as shares of the payload's weight: lever enough, and a line to see through them.
 PAYLOAD_SHARES = (0.25, 0.5, 1.0)
@@ -102,26 +102,15 @@ def usual_loads(description: ModelDescription, data: Measurements | None) -> Arr
         loads = protocol.usual_loads(data.wrench[:, :3])
         if len(loads):
             return loads
-    rated = rated_load(description, None, "--loads", "as in --loads 150,375,650")
-    return np.array([float(f"{share * rated:.2g}") for share in PAYLOAD_SHARES])
-
-
-def rated_load(description: ModelDescription, given: float | None, option: str, remedy: str) -> float:
-    """Rated load in N: as given, else the payload's weight; without either an InputError names ``option``."""
-    if given is not None:
-        if not 0.0 < given <= LARGEST_LOAD:
-            raise InputError(
-                option, code="A006", value=given, allowed=f"more than 0, at most {LARGEST_LOAD:g} N", remedy=remedy
-            )
-        return given
     if description.payload is None:
         raise InputError(
             f"{description.name}: no payload is known, so no load either",
             code="A006",
-            allowed=f"{option}, or a payload in the model file",
-            remedy=remedy,
+            allowed="--loads, or a payload in the model file",
+            remedy="as in --loads 150,375,650",
         )
-    return description.payload.si * STANDARD_GRAVITY
+    rated = description.payload.si * STANDARD_GRAVITY
+    return np.array([float(f"{share * rated:.2g}") for share in PAYLOAD_SHARES])
 
 
 def usual_components(data: Measurements | None) -> tuple[int, ...]:

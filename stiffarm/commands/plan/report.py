@@ -90,14 +90,3 @@ def write_report(
 
 def _times(f: Foresight) -> str:
     return f"{significant(f.promised_shrink, 2)} times"
-
-
-def write_iso_report(given: Arm, facts: tuple[tuple[str, str], ...], count: int, folder: OutputFolder) -> None:
-    """The page of a sheet by ISO 9283, which fixes what to measure."""
-    lede = f"{count} set-ups as ISO 9283 asks for the static compliance."
-    key = [KeyFigure(f"{count} set-ups", "fixed by the standard")]
-    todo = "Print measurement_sheet.html and fill in measurement_sheet.csv; `stiffarm calibrate` reads it."
-    rows = tuple(facts)
-    sections = [Section("What the sheet says", (Table("", ("what", "value"), rows, (0, 1)), Text("See plan.json.")))]
-    title = given.description.title.split(" (")[0]
-    write_page(folder, title, lede, key, sections, "the static compliance by ISO 9283", "", Answer(todo=todo))

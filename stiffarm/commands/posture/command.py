@@ -129,14 +129,6 @@ def posture(
         typer.Option("--limit-margin", metavar="DEG", help="Distance to keep from the joint limits, in deg.", min=0.0),
     ] = 0.5,
     singular: SingularOpt = Drive.singular_least,
-    motion: Annotated[
-        float,
-        typer.Option(
-            "--motion",
-            help="Weight of joint motion against stiffness; 0 for none, larger for smoother motion.",
-            min=0.0,
-        ),
-    ] = Drive.motion,
     kind: KindOpt = None,
     units: UnitsOpt = None,
     rotary: RotaryOpt = "none",
@@ -178,7 +170,6 @@ def posture(
         drive = Drive(
             speed=parse_speed(given.robot, speed),
             jump=float(np.radians(jump)),
-            motion=motion,
             singular_least=singular,
             limit_least=float(np.radians(limit_margin)),
             turn_gain=0.01 * turn_gain,

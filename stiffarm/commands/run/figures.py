@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from doe import Measurements
+from doe.tables.notes import DoubtfulReadings
 from robots import InputError, Robot
 from robots.arrays import Array
-from stiffarm.commands.run.doubts import Doubt
 from stiffarm.pages.figure_parts import (
     MARKERS,
     SERIES,
@@ -58,7 +58,7 @@ def data_figure(
     data: Measurements,
     *,
     excluded_loads_N: Sequence[float] = (),
-    doubts: Sequence[Doubt] = (),
+    doubts: Sequence[DoubtfulReadings] = (),
     families: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw the deflection (mm) read in each pose, grouped by load; repeats as their mean with the range.

@@ -10,6 +10,7 @@ import numpy as np
 
 from doe import Measurements, PoseEffects
 from doe.estimation.campaign import Campaign
+from doe.tables.notes import ReadingNotes, bundled_notes
 from fem import ArmModel
 from fem.arm import Arm
 from robots import ModelDescription, Remark
@@ -100,9 +101,10 @@ class Findings:
         return next(v for v in (*([] if best is None else [best]), *self.variants) if not v.found.studies)
 
     @property
-    def is_published(self) -> bool:
-        """Whether these are the bundled readings of a published scheme: the paper's own remarks and doubts hold."""
-        return self.published is not None and is_bundled(self.given.robot, self.data)
+    def notes(self) -> ReadingNotes:
+        """What is known of bundled readings of a published scheme; nothing of others."""
+        bundled = self.published is not None and is_bundled(self.given.robot, self.data)
+        return bundled_notes(self.given.robot.name) if bundled else ReadingNotes()
 
     @property
     def rigid_warning(self) -> Remark:

@@ -11,9 +11,9 @@ import pytest
 from calculix_arms import COARSE_M, SPRINGS, WRENCH, WRITTEN, coarse, coarse_link, compliant, in_file_order, pose
 from calculix_runs import Freedom, Read, read_deck, run_ccx
 
+from benchmarks.statics.calculix.arm import ArmDeck, arm_deck
+from benchmarks.statics.calculix.deck import Deck, ascii_text, comment, number, safe_name
 from fem import ArmModel, build_model
-from fem.reference.calculix.arm import ArmDeck, arm_deck
-from fem.reference.calculix.deck import Deck, ascii_text, comment, number, safe_name
 from robots import InputError, load_description
 
 Random = np.random.Generator

@@ -10,10 +10,10 @@ import pytest
 from calculix_arms import SPRINGS, WRENCH, WRITTEN, coarse, compliant, in_file_order, pose
 from calculix_runs import Freedom, Read, read_deck
 
+from benchmarks.statics.calculix.arm import arm_deck
+from benchmarks.statics.calculix.deck import safe_name
 from fem import ArmModel, compliance
 from fem.elements.couplings import Coupling
-from fem.reference.calculix.arm import arm_deck
-from fem.reference.calculix.deck import safe_name
 from robots.arrays import Array
 from robots.kinematics import forward_kinematics, jacobian
 

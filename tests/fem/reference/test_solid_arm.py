@@ -10,8 +10,8 @@ import oracles
 import pytest
 from calculix_runs import run_ccx
 
+from benchmarks.statics.calculix.arm import arm_deck
 from fem import ArmModel, arm_fields, build_model, deflection
-from fem.reference.calculix.arm import arm_deck
 from fem.reference.shell_arm import solve_shell_arm
 from meshes import save_solid
 from robots import ModelDescription, load_description

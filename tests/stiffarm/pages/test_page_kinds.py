@@ -34,7 +34,6 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "sensitivity": ("sensitivity", "xr701"),
     "sobol": ("sensitivity", "xr701", "--method", "sobol", "--samples", "64"),
     "plan": ("plan", "xr701", "--poses", "2", "--candidates", "200"),
-    "iso": ("plan", "xr701", "--iso9283"),
     "import": ("import", "URDF"),
     "identify": ("identify", "tx200", "--synthetic", "--seed", "3", "--law", "fourier-1"),
     "fit": ("fit", "calibrate/model.toml", "--runs", "1400"),

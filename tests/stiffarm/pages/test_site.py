@@ -45,7 +45,7 @@ SEARCHED: Mapping[str, tuple[str, str]] = {
     'It says "nothing missing", but the error is large. How?': ("nothing missing scatter", "how-to/calibrate"),
     "How do I add an effect that you do not have?": ("write own effect", "how-to/own_effect"),
     "Can I start from a URDF or an STL?": ("urdf stl import", "how-to/shells"),
-    "Does it agree with my finite element program?": ("calculix finite element", "how-to/calculix"),
+    "Does it agree with my finite element program?": ("calculix finite element", "validation/calculix"),
     "How do I see the map in ParaView?": ("paraview map", "how-to/maps"),
     "How fast can I ask for the stiffness of a pose?": ("surrogate speed million poses", "how-to/surrogate"),
     "Why is my map blank in places?": ("map blank reach", "how-to/maps"),

@@ -270,12 +270,6 @@ OPTIONS = {
         ("terms of trigonometric 2 with 6 inputs: got 15625", "at most 6000", "take the basis factored"),
     ),
     "--order": Case("fit xr701 --order 0 --out out", ("--order", "greater than or equal to 1")),
-    "--solver": Case("fit xr701 --solver svd --out out", ("--solver: got 'svd'", "allowed: qr, ridge", "choose one")),
-    "--accuracy of nothing": Case(
-        "fit xr701 --accuracy 0 --out out", ("--accuracy: got 0.0", "above 0, below 1", "0.001 is a tenth of a percent")
-    ),
-    "--accuracy in percent": Case("fit xr701 --accuracy 1 --out out", ("--accuracy: got 1.0", "below 1")),
-    "--accuracy of NaN": Case("fit xr701 --accuracy nan --out out", ("--accuracy: got nan", "above 0, below 1")),
     "--format": Case(
         "fit xr701 --format onnx,matlab --out out", ("--format: got 'matlab'", "onnx, c, python", "by commas")
     ),

@@ -16,7 +16,7 @@ from test_house import sources
 from machining.toolpaths.motions import Note
 from machining.verification.offences import KIND_CODES, Kind
 from robots import InputError, InputErrors, Remark
-from stiffarm.cli import COMMANDS, command_of
+from stiffarm.cli import COMMANDS, GONE, command_of
 from stiffarm.failures import SYSTEM, Failure, catalogue, said
 from stiffarm.session.console import say, say_error, say_notes
 
@@ -147,6 +147,7 @@ def test_a_warning_carries_its_code(capsys: pytest.CaptureFixture[str]) -> None:
         (("simulate",), "A022"),
         (("simulate", "xr701", "--posse"), "A021"),
         (("simulatte",), "A024"),
+        *((tuple(old.split()), "A026") for old in GONE),
         (("rehearse", "xr701", "--seed", "x"), "A023"),
     ],
 )

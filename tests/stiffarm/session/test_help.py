@@ -44,7 +44,7 @@ def test_the_prose_of_a_command_is_as_written_down(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [(("calibrat", "xr701"), "calibrate"), (("plan", "xr701", "--pose", "3", "--critrion", "D"), "--criterion")],
+    [(("calibrat", "xr701"), "calibrate"), (("plan", "xr701", "--poses", "3", "--critrion", "D"), "--criterion")],
 )
 def test_a_mistyped_command_or_option_is_answered_by_the_one_that_is_close(
     cli: Command, typed: tuple[str, ...], meant: str

@@ -13,7 +13,6 @@ from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import doubt_sentences, estimate_text, verdict
-from stiffarm.commands.run.doubts import PUBLISHED, PUBLISHED_TEXT
 from stiffarm.commands.run.figures import (
     MOST_LEVELS,
     axis_words,
@@ -28,11 +27,6 @@ from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.steps import RigidJoints, springs_seen
 
-_PUBLISHED_RANKING = (
-    "The XR701 paper finds joint 2 dominant at all three poses, then joints 3 and 5, and joint 4 almost without "
-    "effect. The serial load path gives that order at poses 41 and 77; at pose 5 joint 3 leads, with the "
-    "assumed geometry. With the parallelogram joint 3 leads everywhere."
-)
 _LEAST_ROUGHNESS = (
     "Three distinct angles cannot fix the seven coefficients of a sixth-degree polynomial. Of all polynomials for "
     "ln k through the points, the smoothest is chosen: the one with the smallest coefficients, weighted by "
@@ -49,19 +43,19 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     levels = np.unique(np.round(f.data.loads_N, 6))
     unused = [v for v in levels if f.scheme.loads_N and not np.isclose(v, f.scheme.loads_N, rtol=0.01).any()]
     used = ", ".join(f"{v:g} N" for v in f.scheme.loads_N) or "all loads"
-    published = f.is_published
+    notes = f.notes
     figure = data_figure(
         f.data,
         excluded_loads_N=unused,
-        doubts=PUBLISHED if published else (),
+        doubts=notes.doubts,
         families=wrist_families(f.data, f.given.robot),
     )
     caption = "Measured deflection by pose and load."
     if unused:
         caption += " Pale bars were not used."
-    if published:
+    if notes.doubts:
         caption += " Hatched bars are in doubt."
-        caption += " Of the three straight-wrist poses the middle one (41) deflects least at every load."
+    caption = f"{caption} {notes.measured}".rstrip()
     few = len(levels) <= MOST_LEVELS
     under = ", ".join(f"{v:g}" for v in levels) if few else f"{levels[0]:.4g} to {levels[-1]:.4g}"
     uses = f" Calibration uses {used}, as the scheme says." if f.published else ""
@@ -73,8 +67,8 @@ def data_section(f: Findings, pictures: Pictures) -> Section:
     if still:
         blocks.append(Text(f"No reading depends on {', '.join(still)}, so their springs cannot be identified."))
     doubts: list[Block] = [Note(_proportionality(f, levels))] if 1 < len(levels) <= MOST_LEVELS else []
-    if published:
-        doubts.append(Note(PUBLISHED_TEXT))
+    if notes.doubted:
+        doubts.append(Note(notes.doubted))
     if f.data.notes:
         doubts.append(Bullets(f.data.notes))
     if doubts:
@@ -105,12 +99,7 @@ def first_model_section(f: Findings, r: RigidJoints) -> Section:
     """Flexible links with rigid joints against the readings."""
     simulated = np.abs(r.simulated_mm)
     factors = ", ".join(f"{factor:.0f} times in pose {pose}" for pose, factor in zip(r.pose, r.factor, strict=True))
-    note = "Where link sections are assumed, the factor is only an order of magnitude."
-    if f.is_published:
-        note += (
-            " The XR701 paper's text gives 10^5 for its own shell model; the deflections printed in its Table 1 give "
-            "about 10^4."
-        )
+    note = f"Where link sections are assumed, the factor is only an order of magnitude. {f.notes.first_model}".rstrip()
     return Section(
         "First model: flexible links, rigid joints",
         (
@@ -128,11 +117,8 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
     """Effects of the springs, ranked, for each load path."""
     figure = sensitivity_figure(f.effects, f.scheme.springs.ends)
     caption = f"Effect of each spring on {read_words(f.effects)} (mm): positive means that a stiffer spring lowers it."
-    if f.is_published and len(f.effects) > 1:
-        caption += (
-            " With the parallelogram, the torque on joint 2 is only the load times the upper arm's horizontal reach, "
-            "so its effect almost vanishes where the upper arm is vertical."
-        )
+    if len(f.effects) > 1:
+        caption = f"{caption} {f.notes.effects}".rstrip()
     rankings = tuple(
         f"{path} load path, pose {e.pose}: {' > '.join(e.ranking)}"
         for path, effects in f.effects.items()
@@ -148,7 +134,7 @@ def sensitivity_section(f: Findings, pictures: Pictures) -> Section:
             ),
             pictures.add(figure, "sensitivity", caption),
             Bullets(rankings),
-            *([Note(_PUBLISHED_RANKING)] if f.is_published else []),
+            *([Note(f.notes.ranking)] if f.notes.ranking else []),
         ),
         folded=True,
     )

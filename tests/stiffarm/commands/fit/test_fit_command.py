@@ -1,4 +1,4 @@
-"""`stiffarm fit` and `query` as users run them: all quantities, formats, refinement, flags."""
+"""`stiffarm fit` and `query` as users run them: all quantities, formats, flags."""
 
 from __future__ import annotations
 
@@ -119,25 +119,6 @@ def test_an_index_is_learned_and_answered_in_its_own_unit(cli: Command) -> None:
     refused = cli("map", "joints", "kr60-3", "--surrogate", "out/surrogate.json", "--points", "2", "--out", "map")
     assert refused.code == 2
     assert "stiffarm: " in refused.err
-
-
-@pytest.mark.parametrize("accuracy", ["0.5", "0.00000001"])
-def test_refinement_says_what_it_did(cli: Command, accuracy: str) -> None:
-    options = ("--basis", "polynomial", "--degree", "2", "--runs", "100", "--accuracy", accuracy)
-    outcome = cli("fit", "xr701", "--inputs", "q2_deg,q3real_deg", *options, "--json", "--out", "out")
-    assert outcome.code == 0, outcome.err
-    (figures,) = outcome.json["surrogates"]
-    if accuracy == "0.5":
-        assert outcome.json["refinement"] == []
-        assert figures["runs_fitted"] == 100
-    else:
-        assert "out of reach of its terms" in outcome.json["refinement"][-1]
-        assert "1.0e-08 is out of reach of its terms" in outcome.err
-        assert figures["interior_rms_relative_error"] > 1e-8
-
-
-def test_ridge_from_the_command_line(cli: Command) -> None:
-    assert cli("fit", "kr60-3", *TWO, *QUICK, "--solver", "ridge", "--out", "out").code == 0
 
 
 def test_what_cannot_be_fitted_among_others_is_said(cli: Command) -> None:

@@ -329,8 +329,8 @@ def test_figure_of_a_design_with_many_parameters_and_one_unseen() -> None:
 # --- bad input -------------------------------------------------------------------------------------
 
 BAD = {
-    "no task": ("", ("one of --poses N, --design-only N, --iso9283",)),
-    "two tasks": ("--poses 3 --iso9283", ("'--poses with --iso9283'",)),
+    "no task": ("", ("one of --poses N, --design-only N, --positions N",)),
+    "two tasks": ("--poses 3 --positions 8", ("'--poses with --positions'",)),
     "unknown parameter": ("--poses 3 --free j9.stiffness", ("'j9.stiffness'", "bar.stiffness")),
     "parameter twice": ("--poses 3 --free j2.stiffness,j2.stiffness", ("each once",)),
     "parameter under two names": ("--poses 3 --free j2.stiffness,j2.rz", ("j2.rz", "each number once")),
@@ -356,11 +356,6 @@ BAD = {
     "gauge": ("--poses 3 --gauge-mm 0", ("--gauge-mm: got 0.0",)),
     "load": ("--poses 3 --loads 0", ("greater than 0 N",)),
     "no load known": ("SIX_AXIS --poses 3", ("no payload is known", "--loads 150")),
-    "iso without a payload": ("SIX_AXIS --iso9283", ("no payload is known", "--rated-N 1300")),
-    "iso with a pose that cannot be taken": ("--iso9283 --pose q2_deg=80", ("cannot take it", "-35 to 45 deg")),
-    "iso with loads": ("--iso9283 --loads 100", ("--loads: not with --iso9283",)),
-    "iso with a rated load of zero": ("--iso9283 --rated-N 0", ("--rated-N: got 0.0",)),
-    "pose without iso": ("--poses 3 --pose q2_deg=5", ("--pose: only with --iso9283",)),
 }
 
 
@@ -378,22 +373,3 @@ def test_bad_input(name: str, cli: Command, tmp_path: Path) -> None:
     for part in says:
         assert part in outcome.err
     assert tree(tmp_path) == {}
-
-
-# --- ISO 9283 --------------------------------------------------------------------------------------
-
-
-def test_iso_sheet(cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stiffarm.pages.pose_pictures.pose_pictures", lambda d, r, q, *_: [""] * len(q))
-    outcome = cli("plan", "xr701", "--iso9283", "--out", "out", "--json")
-    assert outcome.code == 0, outcome.err
-    result = outcome.json
-    # 132.5 kg x 9.80665 m/s^2
-    assert result["rated_load_N"] == pytest.approx(1299.381, rel=1e-6)
-    rows = rows_of(tmp_path / "out" / "measurement_sheet.csv")
-    assert len(rows) == 180
-    assert {"dx_mm", "dy_mm", "dz_mm"} <= set(rows[0])
-    pose = ["q2_deg=5,q3real_deg=77.5", "q2_deg=10,q3real_deg=80"]
-    outcome = cli("plan", "xr701", "--iso9283", "--pose", pose[0], "--pose", pose[1], "--rated-N", "1000", "--json")
-    assert outcome.json["loads_N"] == [100.0 * k for k in range(1, 11)]
-    assert [p["q2_deg"] for p in outcome.json["poses"]] == [5.0, 10.0]

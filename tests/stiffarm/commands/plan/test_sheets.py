@@ -15,9 +15,7 @@ from cli_runs import HOSTILE_TITLE
 
 from doe import read_measurements
 from doe.planning.protocol import Protocol
-from doe.planning.zones import Zone
-from robots import InputError, forward_kinematics, load_description, load_robot, tool_position
-from stiffarm.commands.plan import iso9283
+from robots import InputError, load_description, load_robot
 from stiffarm.commands.plan.sheets import Sheet, grid, render_sheet, write_table
 from stiffarm.pages.pose_pictures import HEIGHT, WIDTH, pose_pictures
 
@@ -188,37 +186,3 @@ def test_pictures_show_the_arm_and_the_load() -> None:
     assert (int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")) == (WIDTH, HEIGHT)
     assert down != side
     assert seen == [(1, 1)]
-
-
-# --- ISO 9283 --------------------------------------------------------------------------------------
-
-
-def test_the_iso_sheet_has_all_loads_and_directions() -> None:
-    one = iso9283.sheet(ROBOT, "xr701", POSES[:1], 1300.0, usual=True)
-    table = one.table
-    assert table.n == 6 * 10 * 3
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            mine = sign * table.wrench[:, axis] > 0.0
-            assert mine.sum() == 30
-            levels, counts = np.unique(np.round(np.abs(table.wrench[mine, axis]), 6), return_counts=True)
-            np.testing.assert_allclose(levels, 130.0 * np.arange(1, 11))
-            assert (counts == 3).all()
-            assert np.count_nonzero(table.wrench[mine]) == 30
-    assert one.protocol.components == (0, 1, 2)
-    text = " ".join(Page(render_sheet(one, [""] * 6)).words)
-    assert "ISO 9283:1998" in text
-    assert "to the right (−y)" in text
-
-
-@pytest.mark.parametrize("name", ["xr701", "kr60-3", "tx200"])
-def test_the_middle_of_the_workspace(name: str) -> None:
-    robot = load_robot(name)
-    q = iso9283.middle_pose(robot, Zone(0.0, (), 0.3))
-    assert robot.reachable(q[None]).all()
-    np.testing.assert_allclose(np.degrees(q), np.round(np.degrees(q)), atol=1e-9)
-    tool = tool_position(robot, forward_kinematics(robot, q[None]))[0]
-    assert abs(tool[1]) < 1e-9
-    # Well inside: in front of the base, off the floor.
-    assert tool[0] > 0.3
-    assert tool[2] > 0.3

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from doe import bundled_data, read_measurements
+from doe.tables.notes import ReadingNotes, bundled_notes
 from robots import load_robot
-from stiffarm.commands.run.doubts import PUBLISHED, Without
+from stiffarm.commands.run.doubts import Without
 from stiffarm.commands.run.missing import Look, headlines
 
 
@@ -51,5 +53,17 @@ def test_a_named_effect_stands_first_with_both_errors() -> None:
 
 def test_doubts_of_the_bundled_readings_are_of_poses_and_loads_that_it_has() -> None:
     table = read_measurements(bundled_data("xr701"), load_robot("xr701"))
-    held = [any(d.holds(*one) for d in PUBLISHED) for one in zip(table.pose, table.loads_N.tolist(), strict=True)]
+    held = [
+        any(d.holds(*one) for d in bundled_notes("xr701").doubts)
+        for one in zip(table.pose, table.loads_N.tolist(), strict=True)
+    ]
     assert sum(held) == 8
+
+
+def test_no_report_knows_a_robot() -> None:
+    """What is known of one robot's readings stands beside them; only the command's default names one."""
+    commands = Path(__file__).parents[4] / "stiffarm" / "commands"
+    files = [f for name in ("run", "diagnose", "sensitivity", "calibrate") for f in (commands / name).rglob("*.py")]
+    text = {f: f.read_text(encoding="utf-8").lower() for f in files if f != commands / "run" / "command.py"}
+    assert [f.name for f, code in text.items() if "xr701" in code or "gotlih" in code] == []
+    assert bundled_notes("fanuc-r2000ic") == ReadingNotes()

@@ -17,9 +17,9 @@ from cli_runs import Command
 from small_robot import STIFFNESS, write_readings, write_urdf
 
 from doe import bundled_campaign, bundled_data, read_measurements
+from doe.tables.notes import bundled_notes
 from robots import load_description
 from stiffarm.commands.run import missing
-from stiffarm.commands.run.doubts import PUBLISHED_TEXT
 from stiffarm.session.inputs import read_model
 from stiffarm.session.outputs import OutputFolder
 
@@ -159,7 +159,7 @@ def test_what_the_page_says_of_swapped_pairs_is_what_a_diagnosis_says(cli: Comma
     assert outcome.code == 0, outcome.err
     found = json.loads(outcome.out)
     assert found["verdict"] == "none"
-    (told,) = re.findall(r"with (\d+) %", PUBLISHED_TEXT)
+    (told,) = re.findall(r"with (\d+) %", bundled_notes("xr701").doubted)
     assert round(100 * found["looks"][0]["candidates"][0]["probability"]) == int(told)
 
 

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
+from benchmarks.diagnosis.study import words
+from benchmarks.diagnosis.study.figures import reliability_figure, scores_figure
+from benchmarks.diagnosis.study.scores import KINDS, Row, reliability, scores
 from rehearsal.scoring import DETECTABLE
-from stiffarm.commands.study import words
-from stiffarm.commands.study.figures import reliability_figure, scores_figure
-from stiffarm.commands.study.scores import KINDS, Row, reliability, scores
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder

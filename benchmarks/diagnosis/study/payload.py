@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from benchmarks.diagnosis.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
 from rehearsal.scoring import DETECTABLE
 from robots.files.csv_text import rows_text
 from robots.quantities import rounded
-from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
 from stiffarm.session.json_text import share
 
 SCHEMA = "stiffarm-study/1"

@@ -1,25 +1,39 @@
-"""`stiffarm study`: sets that anybody made, diagnosed blind and scored."""
+"""`python -m benchmarks.diagnosis.study`: sets that anybody made, diagnosed blind and scored."""
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runs import Command
+
+sys.path.append(str(Path(__file__).parents[2] / "stiffarm"))  # a diagnosis among few families
+
 from shortened import quick_diagnosis
 
-from stiffarm.commands.study import step, words
-from stiffarm.commands.study.report import write_report
-from stiffarm.commands.study.scores import Row
-from stiffarm.commands.study.sets import study_sets
-from stiffarm.commands.study.step import rows_of
+from benchmarks.diagnosis.study import step, words
+from benchmarks.diagnosis.study.__main__ import main
+from benchmarks.diagnosis.study.report import write_report
+from benchmarks.diagnosis.study.scores import Row
+from benchmarks.diagnosis.study.sets import study_sets
+from benchmarks.diagnosis.study.step import rows_of
 from stiffarm.session.outputs import OutputFolder
 from tests.blind.sets import make, unseen
 from tests.blind.spec import SetSpec
 
 FEW: dict[str, Any] = {"robot": "kr60-3", "poses": 9, "repeats": 2}
+
+
+Printed = pytest.CaptureFixture[str]
+
+
+def scored(capsys: Printed, *arguments: object) -> Any:
+    """The JSON of a study."""
+    assert main([str(a) for a in (*arguments, "--json")]) == 0
+    return json.loads(capsys.readouterr().out)
 
 
 def made(folder: Path, name: str, seed: int, *effects: str) -> None:
@@ -28,24 +42,22 @@ def made(folder: Path, name: str, seed: int, *effects: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_set_is_diagnosed_blind_and_scored(tmp_path: Path, cli: Command) -> None:
+def test_a_set_is_diagnosed_blind_and_scored(tmp_path: Path, capsys: Printed) -> None:
     made(tmp_path, "a", 3, "gauge-zero")
     with quick_diagnosis("gauge-zero"):
-        result = cli("study", tmp_path, "--jobs", "1", "--json").json
+        result = scored(capsys, tmp_path, "--jobs", 1)
     (row,) = result["rows"]
     assert (row["verdict"], row["named"], row["right"]) == ("named", ["gauge-zero"], True)
     assert row["after_mm"] < row["before_mm"]
 
 
 @pytest.mark.slow
-def test_a_folder_of_sets_is_scored(tmp_path: Path, cli: Command) -> None:
+def test_a_folder_of_sets_is_scored(tmp_path: Path, capsys: Printed) -> None:
     made(tmp_path / "sets", "a", 3, "gauge-zero")
     made(tmp_path / "sets", "b", 4)
     # The key of this one speaks of what no catalogue has.
     made(tmp_path / "sets" / "more", "c", 5, "warming-springs")
-    done = cli("study", tmp_path / "sets", "--jobs", "2", "--out", tmp_path / "out", "--json")
-    assert done.code == 0, done.err
-    result = done.json
+    result = scored(capsys, tmp_path / "sets", "--jobs", 2, "--out", tmp_path / "out")
     assert result["kinds"] == {"single": 1, "none": 1, "outside": 1}
     assert [r["set"] for r in result["rows"]] == ["a", "b", "more/c"]
     assert result["rows"][0]["verdict"] == "named"
@@ -53,13 +65,11 @@ def test_a_folder_of_sets_is_scored(tmp_path: Path, cli: Command) -> None:
     assert {"study.json", "rows.csv", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
-def test_readings_that_are_refused_are_counted(tmp_path: Path, cli: Command) -> None:
+def test_readings_that_are_refused_are_counted(tmp_path: Path, capsys: Printed) -> None:
     made(tmp_path, "a", 3, "gauge-zero")
     lines = (tmp_path / "a" / "readings.csv").read_text().splitlines()
     (tmp_path / "a" / "readings.csv").write_text("\n".join(lines[:2]) + "\n")
-    done = cli("study", tmp_path, "--jobs", "1", "--json")
-    assert done.code == 0
-    (row,) = done.json["rows"]
+    (row,) = scored(capsys, tmp_path, "--jobs", 1)["rows"]
     assert row["verdict"] == "refused"
     assert not row["right"]
     assert row["reason"]
@@ -107,24 +117,23 @@ def test_a_fault_in_one_set_does_not_cost_the_others(tmp_path: Path, monkeypatch
         ("key.json", "{", "JSON"),
     ],
 )
-def test_sets_that_do_not_fit_are_named(tmp_path: Path, cli: Command, file: str, text: str | None, named: str) -> None:
+def test_sets_that_do_not_fit_are_named(
+    tmp_path: Path, capsys: Printed, file: str, text: str | None, named: str
+) -> None:
     made(tmp_path, "a", 3)
     path = tmp_path / "a" / file
     if text is None:
         path.unlink()
     else:
         path.write_text(text)
-    done = cli("study", tmp_path)
-    assert done.code == 2
-    assert named in done.err.replace("\n", " ")
-    assert "a" in done.err
+    assert main([str(tmp_path)]) == 2
+    assert named in capsys.readouterr().err.replace("\n", " ")
 
 
-def test_folders_without_sets_are_refused(tmp_path: Path, cli: Command) -> None:
+def test_folders_without_sets_are_refused(tmp_path: Path, capsys: Printed) -> None:
     for folder in (tmp_path, tmp_path / "none"):
-        done = cli("study", folder)
-        assert done.code == 2
-        assert "FOLDER" in done.err
+        assert main([str(folder)]) == 2
+        assert "FOLDER" in capsys.readouterr().err
 
 
 def test_the_key_stays_out_of_what_is_diagnosed(tmp_path: Path) -> None:

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from benchmarks.diagnosis.study.scores import (
+    KINDS,
+    SHRINK,
+    Row,
+    Score,
+    by_family,
+    by_tag,
+    reliability,
+    scores,
+    shrinkage,
+)
 from rehearsal.scoring import DETECTABLE, Share
-from stiffarm.commands.study.scores import KINDS, SHRINK, Row, Score, by_family, by_tag, reliability, scores, shrinkage
 
 HEADS = ("of", "share", "sets", "95 % interval", "target", "met")
 FAMILY_HEADS = ("effect", "sets", "detectable", "right family", "exact", "named and right")

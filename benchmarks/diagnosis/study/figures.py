@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stiffarm.commands.study.scores import Reliability, Score
-from stiffarm.commands.study.words import TELLING
+from benchmarks.diagnosis.study.scores import Reliability, Score
+from benchmarks.diagnosis.study.words import TELLING
 from stiffarm.pages.figure_parts import above, drawing, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 

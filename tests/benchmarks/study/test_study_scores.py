@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stiffarm.commands.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
+from benchmarks.diagnosis.study.scores import Row, by_family, by_tag, reliability, scores, shrinkage
 
 HIDDEN = Row(
     "s",

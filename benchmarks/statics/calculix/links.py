@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from benchmarks.statics.calculix.deck import Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
 from fem.elements.couplings import Coupling, distributing_coupling, giving_way, rigid_motion, ring_weights
 from fem.elements.shell import ring_parts
 from fem.model import LinkPart
-from fem.reference.calculix.deck import Deck, Freedom, QuadraticMesh, ascii_text, number, safe_name, with_middles
 from fem.reference.shell_arm import mesh_of
 from meshes import ShellMesh, SolidMesh
 from robots import InputError

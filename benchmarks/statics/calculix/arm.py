@@ -28,10 +28,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from benchmarks.statics.calculix.deck import Deck, Freedom, ascii_text, number, safe_name
+from benchmarks.statics.calculix.links import Motion, add_link, follow
 from fem.compiled.compliance import deflection
 from fem.model import ArmModel, LinkPart
-from fem.reference.calculix.deck import Deck, Freedom, ascii_text, number, safe_name
-from fem.reference.calculix.links import Motion, add_link, follow
 from fem.reference.chain import Springs, build_chain
 from fem.reference.shell_arm import all_links, mesh_of, one_pose
 from robots import InputError
@@ -105,7 +105,7 @@ class _Arm:
 
     def _turned(self, motion: Motion, springs: Springs, name: str, at: Array) -> Motion:
         """A turn about a joint's axis."""
-        assert springs.joint is not None  # noqa: S101 - axes belong to joints
+        assert springs.joint is not None
         free = springs.where == "elbow"
         what = f"the turn (rad) about the axis of joint {ascii_text(self.model.joints[springs.joint].name)}"
         what += "; it is free, for the actuator sits at the crank" if free else ""
@@ -168,7 +168,7 @@ def _name(kind: str, number: int, name: str) -> str:
 
 def _bar(arm: _Arm, crank: Motion, pin: Motion, span: Array, at: Array) -> None:
     """The bar between its pins: its elongation has a spring, or is zero if the bar is rigid."""
-    assert arm.model.bar is not None  # noqa: S101 - the caller knows
+    assert arm.model.bar is not None
     u = np.concatenate([span / np.linalg.norm(span), np.zeros(3)])
     elongation = pin.along(u)
     for freedom, coefficient in crank.along(-u).items():

@@ -9,6 +9,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
 
+from benchmarks.diagnosis.study.scores import Kind, Row
+from benchmarks.diagnosis.study.sets import StudySet
 from doe.diagnosis.hypotheses import is_learned
 from fem.arm import Arm
 from fem.effects.learned import axes_of, learned_place
@@ -16,8 +18,6 @@ from robots import InputError
 from robots.progress import Progress, report_progress
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.commands.study.scores import Kind, Row
-from stiffarm.commands.study.sets import StudySet
 from stiffarm.session.inputs import read_model
 from stiffarm.session.reading_checks import check_readings
 from stiffarm.session.readings import read_data
