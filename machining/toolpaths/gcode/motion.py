@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.corners import chamfered, rounded, tangent_arc, through_point
+from machining.toolpaths.arcs import ArcError, arc_points, between, chord_count, sweep_about
+from machining.toolpaths.corners import Piece, chamfered, rounded, tangent_arc, through_point
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
 from machining.toolpaths.gcode.frames import CoordinateFrame
@@ -30,38 +31,60 @@ MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
 FULL_TURN = 1e-6
 # Arcs of Siemens by a point on the way, and along the direction of the move before.
 VIA = {"CIP": -1, "CT": -2}
-# Words that round or chamfer the corner at the end of a line: of Fanuc, and of Siemens.
+# Words that round or chamfer the corner at the end of a line or an arc: of Fanuc, and of Siemens.
 CORNERS = (",R", ",C", "RND", "CHF", "CHR")
+ROUNDS = (",R", "RND", "RNDM")
 
 
 @dataclass(frozen=True, eq=False)
-class Corner:
-    """A corner to be cut: the word, its size m, where its line begins (3,) m, line of the file, moves by then.
+class Element:
+    """A line at feed, or an arc about ``center``, from ``start`` to ``end`` (3,) m of the frame in force.
 
-    ``modes``: plane, frame and work offset of its line. ``feed``: that of the cut, NaN for that of its line.
+    ``modes``: plane, frame and work offset. ``count`` of its moves, up to the number ``moves``.
     """
+
+    start: Array
+    end: Array
+    modes: tuple[int, CoordinateFrame, str]
+    axis: Vector
+    moves: int
+    count: int = 1
+    center: Array | None = None
+    clockwise: bool = False
+    turns: int = 1
+
+    @property
+    def piece(self) -> Piece:
+        """The element by the axes of its plane."""
+        p, sign = list(PLANES[self.modes[0]]), -1.0 if self.clockwise else 1.0
+        start, end = self.start[p], self.end[p]
+        if self.center is None:
+            return Piece(start, end)
+        sweep = sweep_about(start, end, self.center[p], (0.0, 0.0, sign)) + 2.0 * math.pi * (self.turns - 1)
+        return Piece(start, end, self.center[p], sign * sweep)
+
+
+class Corner(NamedTuple):
+    """A corner to be cut at the end of an element: the word, its size m, line of the file, feed (NaN: its own)."""
 
     word: str
     size: float
-    start: Array
     line: int
-    moves: int
-    axis: Vector
-    modes: tuple[object, ...]
     feed: float
+    element: Element
 
 
 class GcodeMotion(Modes):
     """The blocks that move the tool, on top of the modes; ``pointing``: A3, B3, C3 have told its axis."""
 
     pointing = False
-    # The corner that the last line ends at, to be cut off once the next line is known; radius of RNDM, m.
+    # The last line or arc at feed, and the corner at its end that what follows cuts off; radius of RNDM, m.
+    element: Element | None = None
     open_corner: Corner | None = None
     every_corner = 0.0
-    # Feed of corners (FRCM); moves made when the last move ended polar, and when it left along a direction (3,).
+    # Feed of corners (FRCM); moves made when the last move ended polar.
     feed_of_corners = math.nan
     polar_at = -1
-    heading: tuple[int, CoordinateFrame, Array] | None = None
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -89,26 +112,44 @@ class GcodeMotion(Modes):
         self.polar_at = len(self.recorder) if b.words.keys() & {"AP", "RP"} else -1
 
     def _feed_to(self, b: Block, point: Vector) -> None:
-        start = self._cut_corner(np.array(self.here, dtype=np.float64), np.array(point))
+        end = np.array(point)
+        element = self._joined(b, np.array(self.here, dtype=np.float64), end)
         if self.turns_part and self.angles != self.angles_before:
-            self._with_table(start, np.array(point))
+            self._with_table(element.start, end)
         else:
-            self.commit(float(np.linalg.norm(start - point)))
+            self.commit(float(np.linalg.norm(element.start - end)))
             self.recorder.move(self.line, self.shifted(point), self.axis, False)
-        self.heading = len(self.recorder), self.frame, np.array(point) - start
+        self._ended(b, element, 1)
+
+    def _joined(self, b: Block, start: Array, end: Array, **arc: Any) -> Element:
+        """The element of a block, behind the corner that it begins at if that is to be cut; ``arc``: its fields."""
+        modes = self.plane, self.frame, self.offset
+        element = Element(start, end, modes, self.axis, 0, **arc)
+        if self.open_corner is None:
+            return element
+        corner, self.open_corner = self.open_corner, None
+        return replace(element, start=self._cut_off(corner, element))
+
+    def _ended(self, b: Block, element: Element, count: int) -> None:
+        """Keep an element of ``count`` moves, and the corner that its block asks for at its end."""
+        self.element = replace(element, count=count, moves=len(self.recorder))
         asked = {word: b.words[word] * self.scale for word in CORNERS if word in b.words}
         if self.every_corner and not asked:
             asked = {"RNDM": self.every_corner}
         if len(asked) > 1:
             raise StatementError("two ways to cut one corner", f"one of {', '.join(CORNERS)}")
         for word, size in asked.items():
-            if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
-                raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
-            feed = b.words.get("FRC", self.feed_of_corners)
-            if feed <= 0.0:
-                raise StatementError(f"FRC of {feed:g}", "more than 0")
-            modes = self.plane, self.frame, self.offset
-            self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis, modes, feed)
+            self.cut_next(word, size, b.words.get("FRC", self.feed_of_corners))
+
+    def cut_next(self, word: str, size: float, feed: float = math.nan) -> None:
+        """Cut the corner at the end of the last element, ``size`` m, once the one behind it is known."""
+        if self.element is None or self.element.moves != len(self.recorder) or not self.element.count:
+            raise StatementError(f"{word} behind no line or arc at feed", "between lines and arcs at feed")
+        if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
+            raise StatementError(f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn")
+        if feed <= 0.0:
+            raise StatementError(f"feed {feed:g} of a corner", "more than 0")
+        self.open_corner = Corner(word, size, self.line, feed, self.element)
 
     def modes_of_corners(self, b: Block) -> None:
         """RNDM and FRCM: the corners to come are rounded, and cut at this feed."""
@@ -117,49 +158,41 @@ class GcodeMotion(Modes):
         if "FRCM" in b.words:
             self.feed_of_corners = b.words["FRCM"] or math.nan
 
-    def _cut_corner(self, corner: Array, end: Array) -> Array:
-        """Round or chamfer the corner (3,) m that the line to ``end`` begins at; returns where that begins then."""
-        c, self.open_corner = self.open_corner, None
-        if c is None:
-            return corner
-        same = all(a is b or a == b for a, b in zip(c.modes, (self.plane, self.frame, self.offset), strict=True))
-        if not same or c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
-            raise StatementError(f"{c.word} between lines that do not follow each other in one plane", "two lines")
-        p = list(PLANES[self.plane])
-        A, P, B = (each[p] for each in (c.start, corner, end))
-        if c.word in ("CHF", ",C", "CHR"):
-            first, last = chamfered(A, P, B, c.size, across=c.word == "CHF")
-            points = last[None]
+    def _cut_off(self, corner: Corner, after: Element) -> Array:
+        """Round or chamfer the corner between two elements; returns where (3,) m the second one begins then."""
+        word, size, line, own, before = corner
+        same = before.modes[1] is after.modes[1] and before.modes[::2] == after.modes[::2]
+        axis = self._axis_of_plane()
+        if not same or before.moves != len(self.recorder) or not before.axis == after.axis == axis:
+            raise StatementError(f"{word} between elements that do not follow each other in one plane", "one plane")
+        into, out = before.piece, after.piece
+        if word in ROUNDS:
+            first, cut = rounded(into, out, size)
         else:
-            first, last, middle, clockwise = rounded(A, P, B, c.size)
-            _, points = arc_points(
-                first,
-                last,
-                middle,
-                np.array([0.0, 0.0, -1.0 if clockwise else 1.0]),
-                chord_tolerance=self.options.chord_tolerance,
-                arc_tolerance=self.options.arc_tolerance,
-                limit=self.options.max_moves,
-            )
-        back = np.argsort(p)
-        self.recorder.shorten(self.shifted(tuple(first[back].tolist())))
-        feed = self.feed
-        if not math.isnan(c.feed):
-            self.feed, self.dirty = c.feed, True
+            first, cut = chamfered(into, out, size, across=word == "CHF")
+        count = int(chord_count(abs(cut.sweep), size, self.options.chord_tolerance))
+        back, kept = np.argsort(PLANES[self.plane]), np.arange(1, before.count + 1) / before.count
+        self.recorder.shorten(self.placed(into.along(first * kept)[:, back]))
+        if not math.isnan(own):
+            feed, self.feed, self.dirty = self.feed, own, True
             self.commit(math.nan)
             self.feed, self.dirty = feed, True
-        for point in points[:, back]:
-            self.recorder.move(c.line, self.shifted(tuple(point.tolist())), self.axis, False)
-        return np.asarray(last[back])
+        points = self.placed(cut.along(np.arange(1, count + 1) / count)[:, back])
+        self.recorder.moves(line, points, np.tile(axis, (count, 1)), False)
+        self.recorder.behind(self.line, before.moves)
+        return np.asarray(cut.end[back])
 
-    def corner_behind(self, b: Block) -> None:
-        """Refuse a corner to be cut where no line follows."""
+    def corner_behind(self) -> None:
+        """Refuse a corner to be cut where no line or arc follows."""
         c = self.open_corner
-        if c is not None and c.line != self.line and not b.empty:
-            # A block without a move between two lines: controls may round the corner, or may not.
-            self.open_corner = replace(c, modes=(None,) * 3) if c.moves == len(self.recorder) else None
-            if c.word != "RNDM" or self.motion in (20, 30, *VIA.values()):
-                raise StatementError(f"{c.word} in line {c.line} without a line behind it", "two lines at feed")
+        if c is not None and c.line != self.line:
+            # A block without a move between two of them: controls may round the corner, or may not.
+            between = c.element.moves == len(self.recorder)
+            unread = replace(c.element, modes=(0, c.element.modes[1], ""))
+            self.open_corner = c._replace(element=unread) if between else None
+            if c.word != "RNDM":
+                self.open_corner = None
+                raise StatementError(f"{c.word} in line {c.line} without an element behind it", "two at feed")
 
     def _axis_of_plane(self) -> Vector:
         x, y, z = self.frame.turn[:, PLANES[self.plane][2]].tolist() if self.frame.follows else self.axis
@@ -295,9 +328,12 @@ class GcodeMotion(Modes):
         turns = b.words["TURN"] + 1.0 if "TURN" in b.words else 1.0 if self.siemens else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000")
+        if self.turns_part and self.angles != self.angles_before:
+            raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
+        element = self._joined(b, start, np.array(end), center=middle, clockwise=clockwise, turns=int(turns))
         try:
             fraction, points = arc_points(
-                start,
+                element.start,
                 end,
                 middle,
                 normal,
@@ -312,14 +348,18 @@ class GcodeMotion(Modes):
                 "--read arc_tolerance_um=50; or post with more decimals"
             )
             raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
-        chain = np.vstack([start, points])
+        chain = np.vstack([element.start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
-        if self.turns_part and self.angles != self.angles_before:
-            raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
-        points = self.in_part(self.frame.out(points) + self.shift)
-        self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
-        self.heading = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
+        self.recorder.moves(self.line, self.placed(points), between(before, self.axis, fraction), False)
+        self._ended(b, element, len(points))
         return end
+
+    def leaving(self) -> Array:
+        """Direction (3,) in which the last line or arc at feed leads at its end."""
+        last = self.element
+        if last is None or last.moves != len(self.recorder) or last.modes[1] is not self.frame:
+            raise StatementError("CT without a contour before it", "a line or an arc at feed before it")
+        return np.asarray(last.piece.heading(1.0)[np.argsort(PLANES[last.modes[0]])])
 
     def _via(self, b: Block, start: Array, end: Array) -> tuple[Array, bool]:
         """Centre (3,) m of CIP or CT in the plane, and whether the arc is clockwise."""
@@ -333,9 +373,7 @@ class GcodeMotion(Modes):
             on_way = np.array([b.words["I1"] * self.scale, b.words["J1"] * self.scale, start[w]])
             middle, clockwise = through_point(start, on_way, end)
         else:
-            if self.heading is None or self.heading[0] != len(self.recorder) or self.heading[1] is not self.frame:
-                raise StatementError("CT without a move at feed before it", "G1 to G3 before it")
-            middle, clockwise = tangent_arc(start[p], end[p], self.heading[2][p])
+            middle, clockwise = tangent_arc(start[p], end[p], self.leaving()[p])
         out[p] = middle
         return out, clockwise
 

@@ -173,7 +173,8 @@ class _Reader(GcodeMotion):
         self.over = self.over or any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
         self._all_used(b)
-        self.corner_behind(b)
+        if not b.empty:
+            self.corner_behind()
         if not self.depth or not {2, 17, 99} & set(b.misc):
             self.stop(b)
         if call is not None:

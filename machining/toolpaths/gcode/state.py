@@ -465,6 +465,10 @@ class Modes:
             x, y, z = self.in_part(np.array([x, y, z])).tolist()
         return x, y, z
 
+    def placed(self, points: Array) -> Array:
+        """Points (n, 3) m of the frame in force, with the work offset added."""
+        return self.in_part(self.frame.out(points) + self.shift)
+
     @property
     def turns_part(self) -> bool:
         """Whether X Y Z are the machine's and a table turns the part under the tool."""

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.toolpaths.corners import chamfered, rounded, tangent_arc
-from machining.toolpaths.gcode.arcs import PLANES, center
-from machining.toolpaths.gcode.motion import MOVING
+from machining.toolpaths.corners import tangent_arc
+from machining.toolpaths.gcode.arcs import PLANES
+from machining.toolpaths.gcode.motion import MOVING, Element
 from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.definitions import Definitions
-from machining.toolpaths.heidenhain.quiet import EITHER, ROTARY, WORDS
+from machining.toolpaths.heidenhain.quiet import EITHER, WORDS
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -35,13 +35,6 @@ class Contour(Definitions):
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
         self.right_hand: bool | None = None
-        # A line that waits for RND or CHF: its start and what is said of the corner at its end.
-        self.waiting: tuple[Words, Array, Array] | None = None
-        self.held, self.held_line, self.held_text = Block(), 0, ""
-        # The statement that is read, as faults show it.
-        self.text = ""
-        self.corner_is: tuple[str, float] | None = None
-        self.corner_feed: dict[str, float] = {}
         # What the tool's call adds to its radius.
         self.oversize = 0.0
 
@@ -56,16 +49,8 @@ class Contour(Definitions):
             if one in given and other in given:
                 raise StatementError(f"{one} and {other} in one statement", "one of them")
         if word == "CC":
-            self.settle()
             self._centre(w)
             return
-        if word not in ("L", "LP"):
-            if self.corner_is is not None:
-                self.waiting = self.corner_is = None
-                raise StatementError("RND or CHF between a line and an arc", "between two lines", REMEDY)
-            self.settle()
-        if ROTARY & given or "SWIVEL" in w.flags:
-            self.settle()
         by_radius = bool({"RL", "RR"} & w.flags)
         if by_radius:
             self.compensated("RL or RR")
@@ -89,114 +74,36 @@ class Contour(Definitions):
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
                     block.words[f"{'ABC'['XYZ'.index(letter)]}3"] = w.values[f"T{letter}"]
-        start, target = self._here(), self.target(block)
-        plain = block.codes == [10] and start is not None and None not in target and not w.misc
-        if self.corner_is is not None:
-            self._round(np.array(target, dtype=np.float64) if plain else None)
-            start = self._here()
-        else:
-            self.settle()
-        if plain and start is not None and {"X", "Y"} & block.words.keys():
-            # It may be cut short by RND or CHF.
-            self.waiting = (w, start, np.array(target, dtype=np.float64))
-            self.held, self.held_line, self.held_text = block, self.line, self.text
-            return
+        # Corners of lines lie in the plane of the tool.
+        self.plane = 170
         self._run(block, w)
-
-    def settle(self) -> None:
-        """Make the line that waited for a corner."""
-        if self.corner_is is not None:
-            self.corner_is = None
-            raise StatementError("RND or CHF without the line behind it", "L before and behind it", REMEDY)
-        if self.waiting is not None:
-            w, _, _ = self.waiting
-            self.waiting = None
-            self._run_held(self.held, w)
-
-    def _run_held(self, block: Block, w: Words) -> None:
-        """Run the line that waited, as of its own place in the file."""
-        line, self.line = self.line, self.held_line
-        try:
-            self._run(block, w)
-        except StatementError as fault:
-            # It is this line's fault, not that of the statement which brought it to be run.
-            self.refuse(fault, self.held_text)
-        finally:
-            self.line = line
 
     def corner(self, word: str, text: str) -> None:
         """RND or CHF, with its radius or length."""
         match = re.match(rf"\s*{'R?' if word == 'RND' else ''}\s*({VALUE})\s*(?:F\s*({VALUE}))?\s*$", text)
         if match is None:
             raise StatementError(f"{word} without its size", f"{word} R5")
-        if self.waiting is None or self.corner_is is not None:
-            raise StatementError(f"{word} behind no line at feed", "between two lines L", REMEDY)
-        self.corner_is = word, number(match[1], self.values) * self.scale
-        self.corner_feed = {"F": number(match[2], self.values) * self.feed_scale} if match[2] else {}
-
-    def _round(self, end: Array | None) -> None:
-        if self.waiting is None or self.corner_is is None:
-            return
-        (w, start, corner), (word, size) = self.waiting, self.corner_is
-        held, self.waiting, self.corner_is = self.held, None, None
-        if end is None:
-            raise StatementError("RND or CHF before a rapid move or a place not known", "two lines at feed", REMEDY)
-        if word == "CHF":
-            first, last = chamfered(start, corner, end, size)
-            self._run_held(self._to(first, held), w)
-            self._run_corner(self._to(last, Block(codes=[10])))
-            return
-        first, last, centre, clockwise = rounded(start, corner, end, size)
-        self._run_held(self._to(first, held), w)
-        self.plane = 170
-        arc = self._to(last, Block(codes=[20 if clockwise else 30]))
-        arc.words |= {"I": (centre - first)[0] / self.scale, "J": (centre - first)[1] / self.scale}
-        self._run_corner(arc)
-
-    def _run_corner(self, block: Block) -> None:
-        """The corner itself, whose feed is that of RND or CHF alone."""
-        feed = self.feed
-        block.words |= self.corner_feed
-        self._run(block, Words())
-        self.feed, self.dirty = feed, True
-
-    def _to(self, point: Array, like: Block) -> Block:
-        """A block like another one to a point (3,) m."""
-        kept = {k: v for k, v in like.words.items() if k not in "XYZ"}
-        return replace(
-            like,
-            words=type(like.words)(kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True))),
-            own={},
-            codes=list(like.codes),
-            misc=list(like.misc),
-        )
+        feed = number(match[2], self.values) * self.feed_scale if match[2] else math.nan
+        # A chamfer takes its length off both lines, as Siemens' CHR does.
+        self.cut_next("CHR" if word == "CHF" else word, number(match[1], self.values) * self.scale, feed)
 
     def _here(self) -> Array | None:
-        at = self.here if self.waiting is None else self.waiting[2].tolist()
-        return None if None in at else np.array(at, dtype=np.float64)
+        return None if None in self.here else np.array(self.here, dtype=np.float64)
 
     def _block(self, w: Words, code: int) -> Block:
         """A block with the coordinates, feed and M codes of a statement."""
-        if self.waiting is not None:
-            # Incremental coordinates count from the corner, whatever is cut off it.
-            last = dict(zip("XYZ", self.waiting[2], strict=True))
-        else:
-            last = dict(zip("XYZ", self.here, strict=True))
         out = Block(codes=[code], misc=list(w.misc))
         for name, value in w.values.items():
             letter = name[-1]
             if name in (*"XYZABC",):
                 out.words[letter] = value
             elif name in ("IX", "IY", "IZ"):
-                old = last[letter]
+                old = self.here["XYZ".index(letter)]
                 if old is None:
                     raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START)
                 out.words[letter] = value + old / self.scale
             elif name in ("IA", "IB", "IC"):
                 out.words[letter], out.own[letter] = value, False
-        if self.waiting is not None:
-            for letter in "XYZ":
-                out.words.setdefault(letter, last[letter] / self.scale)
         self._rotary(w, out)
         if "F" in w.values:
             out.words["F"] = w.values["F"] * self.feed_scale
@@ -215,19 +122,14 @@ class Contour(Definitions):
         if 140 not in misc and ("MB" in w.values or "MBMAX" in w.flags):
             raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY)
         block.misc = [m for m in misc if m not in (89, 99, 128, 129, *MACHINE)]
-        before = self._here()
         self.take(block)
         if machine:
             self._machine_place(block, w)
         elif not _WITH_CENTRES.isdisjoint(block.words):
             self.require_placed()
+            before, last = self._here(), self.element
             self._motion(block)
-            after = self._here()
-            if before is not None and after is not None:
-                if block.codes[0] not in (0, 10):
-                    self.along = self._leaving(before, after, block)
-                elif np.linalg.norm(after - before) > 1e-9:
-                    self.along = after - before
+            self._keep_direction(before, last, block)
             call |= self.modal_call
         if call:
             self._drill_cycle()
@@ -235,6 +137,16 @@ class Contour(Definitions):
             self.modal_call = False
         self.stop(block)
         self.ended(block.misc)
+
+    def _keep_direction(self, before: Array | None, last: Element | None, block: Block) -> None:
+        """Rapid lines are elements that CT goes on from, too; a line of no length keeps the direction before it."""
+        after, moves = self._here(), len(self.recorder)
+        if before is None or after is None or block.codes[0] not in (0, 10):
+            return
+        if not np.linalg.norm(after - before) > 1e-9:
+            self.element = None if last is None else replace(last, moves=moves, count=0)
+        elif block.codes == [0]:
+            self.element = Element(before, after, (170, self.frame, self.offset), self.axis, moves, count=0)
 
     def call_cycle(self, text: str) -> None:
         """CYCL CALL with M codes, or none."""
@@ -338,10 +250,7 @@ class Contour(Definitions):
         block = self._block(w, 30)
         first, second, _ = PLANES[self.plane]
         if word in ("CT", "CTP"):
-            end = np.array(self.target(block), dtype=np.float64)
-            if self.along is None:
-                raise StatementError("CT without a contour before it", "L, C or CR before it")
-            centre, clockwise = tangent_arc(start, end, self.along)
+            centre, clockwise = tangent_arc(start, np.array(self.target(block), dtype=np.float64), self.leaving())
         else:
             if self.right_hand is None:
                 raise StatementError("an arc without its direction", "DR+ or DR-")
@@ -361,23 +270,3 @@ class Contour(Definitions):
             block.words["P"] = float(self.turns)
         self.arc_absolute = False
         self._run(block, w)
-
-    def _leaving(self, start: Array, end: Array, block: Block) -> Array:
-        """Direction in which an arc ends."""
-        normal = PLANES[self.plane][2]
-        out = np.zeros(3)
-        if "R" in block.words:
-            middle = center(
-                block,
-                start,
-                end,
-                self.plane,
-                block.codes[0] == 20,
-                scale=self.scale,
-                absolute=False,
-                slack=self.options.arc_tolerance,
-            )
-        else:
-            middle = start + self.scale * np.array([block.words.get(letter, 0.0) for letter in "IJK"])
-        lever, out[normal] = end - middle, -1.0 if block.codes[0] == 20 else 1.0
-        return np.asarray(np.cross(out, lever))

@@ -146,11 +146,12 @@ class _Reader(Contour):
             text = text[1:].strip()
         if not text:
             return True
-        self.text = readable(text)[:120]
         try:
             self._read(text)
+            if text.split()[0] != "CC":
+                self.corner_behind()
         except StatementError as fault:
-            self.refuse(fault, self.text)
+            self.refuse(fault, readable(text)[:120])
             return False
         return True
 
@@ -164,7 +165,6 @@ class _Reader(Contour):
         if word in WORDS:
             self.motion_statement(word, words(text[len(word) :], self.values))
             return
-        self.settle()
         if text.startswith("TOOL CALL"):
             self._tool(text)
         elif text.startswith(("CYCL DEF", "CYCLE DEF")):
@@ -257,10 +257,6 @@ class _Reader(Contour):
 
     def finish(self) -> None:
         """What the end of the file leaves open."""
-        try:
-            self.settle()
-        except StatementError as fault:
-            self.refuse(fault, self.text)
         if not self.over:
             self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")
 
