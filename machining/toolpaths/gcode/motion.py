@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -82,9 +83,9 @@ class GcodeMotion(Modes):
     element: Element | None = None
     open_corner: Corner | None = None
     every_corner = 0.0
-    # Feed of corners (FRCM); moves made when the last move ended polar.
+    # Feed of corners (FRCM); the last polar place: radius m, angle deg.
     feed_of_corners = math.nan
-    polar_at = -1
+    polar = math.nan, math.nan
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -109,7 +110,6 @@ class GcodeMotion(Modes):
         else:
             point = self._arc(b, point, before)
         self.here = list(point)
-        self.polar_at = len(self.recorder) if b.words.keys() & {"AP", "RP"} else -1
 
     def _feed_to(self, b: Block, point: Vector) -> None:
         end = np.array(point)
@@ -221,24 +221,32 @@ class GcodeMotion(Modes):
         return out
 
     def _polar(self, b: Block) -> list[float | None]:
-        """AP, RP about the pole: angle and radius; the one that is left out stays."""
+        """AP, RP about the pole: angle and radius; the radius is absolute but for IC, the angle adds under G91, too.
+
+        What is left out, or added to, is that of the polar place at which the tool stands; of any place where an arc
+        begins.
+        """
         first, second, normal = PLANES[self.plane]
-        pole, out = self.pole, list(self.here)
-        letters = "XYZ"[first], "XYZ"[second]
-        if b.words.keys() & {*letters, *"IJKR", "AR"} or None in (pole[first], pole[second]):
+        letters, out = ("XYZ"[first], "XYZ"[second]), list(self.here)
+        a, c = self.pole[first], self.pole[second]
+        if b.words.keys() & {*letters, *"IJKR", "AR"} or a is None or c is None:
             raise StatementError("polar coordinates with others, or while the pole is not known", "AP and RP alone")
-        u, v = ((out[i] or 0.0) - (pole[i] or 0.0) for i in (first, second))
-        if (out[first] is None or out[second] is None) and not b.words.keys() >= {"AP", "RP"}:
-            raise StatementError("polar coordinates while the tool's place is not known", "AP and RP")
-        radius, angle = math.hypot(u, v), math.degrees(math.atan2(v, u))
-        adds = {word: not b.own.get(word, True) for word in ("AP", "RP")}
-        if not self.absolute or (any(adds.values()) and self.polar_at != len(self.recorder)):
-            raise StatementError("polar coordinates that add", "absolute ones (G90), or IC behind a polar move")
+        u, v = np.array(out, dtype=np.float64)[[first, second]] - (a, c)
+        lever = complex(u, v)
+        if self.motion in (20, 30):
+            self.polar = abs(lever), math.degrees(cmath.phase(lever))
+        elif not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-9:
+            self.polar = math.nan, math.nan
+        radius, angle = self.polar
         if "RP" in b.words:
-            radius = b.words["RP"] * self.scale + radius * adds["RP"]
-        angle = math.radians(b.words["AP"] + angle * adds["AP"] if "AP" in b.words else angle)
-        out[first] = (pole[first] or 0.0) + radius * math.cos(angle)
-        out[second] = (pole[second] or 0.0) + radius * math.sin(angle)
+            radius = b.words["RP"] * self.scale + (0.0 if b.own.get("RP", True) else radius)
+        if "AP" in b.words:
+            angle = b.words["AP"] + (0.0 if b.own.get("AP", self.absolute) else angle)
+        if not math.isfinite(radius + angle):
+            raise StatementError("polar coordinates away from a polar place", "radius and angle, absolute")
+        self.polar = radius, angle
+        out[first] = a + radius * math.cos(math.radians(angle))
+        out[second] = c + radius * math.sin(math.radians(angle))
         out[normal] = self.target(b)[normal]
         return out
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 import re
 from dataclasses import replace
@@ -26,6 +25,7 @@ from robots.arrays import Array
 MACHINE = (91, 92, 140)
 # A full turn has no words but its centre's.
 _WITH_CENTRES = MOVING | {*"IJK"}
+POLAR = {"PR": "RP", "IPR": "RP", "PA": "AP", "IPA": "AP"}
 _PLANE_OF = {"XY": 170, "XZ": 180, "YZ": 190}
 
 
@@ -56,8 +56,6 @@ class Contour(Definitions):
             self.compensated("RL or RR")
         if self.oversize and (by_radius or "NX" in w.values):
             raise StatementError(f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY)
-        if word in ("LP", "CP", "CTP"):
-            w = self._from_polar(word, w)
         plane = self.plane
         try:
             self._line_to(word, w) if word in ("L", "LP", "LN") else self._arc_to(word, w)
@@ -66,7 +64,7 @@ class Contour(Definitions):
             self.plane = plane
 
     def _line_to(self, word: str, w: Words) -> None:
-        block = self._block(w, 0 if "FMAX" in w.flags else 10)
+        block = self._block(word, w, 0 if "FMAX" in w.flags else 10)
         if word == "LN":
             for first in "NT":
                 if 0 < sum(f"{first}{letter}" in w.values for letter in "XYZ") < 3:
@@ -74,8 +72,9 @@ class Contour(Definitions):
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
                     block.words[f"{'ABC'['XYZ'.index(letter)]}3"] = w.values[f"T{letter}"]
-        # Corners of lines lie in the plane of the tool.
-        self.plane = 170
+        if word != "LP":
+            # Corners of lines lie in the plane of the tool.
+            self.plane = 170
         self._run(block, w)
 
     def corner(self, word: str, text: str) -> None:
@@ -90,8 +89,14 @@ class Contour(Definitions):
     def _here(self) -> Array | None:
         return None if None in self.here else np.array(self.here, dtype=np.float64)
 
-    def _block(self, w: Words, code: int) -> Block:
+    def _block(self, word: str, w: Words, code: int) -> Block:
         """A block with the coordinates, feed and M codes of a statement."""
+        plane = PLANES[self.plane][:2]
+        own = {f"{sign}{'XYZ'[k]}" for k in plane for sign in ("", "I")} & w.values.keys()
+        if word in ("LP", "CP", "CTP") and (own or not POLAR.keys() & w.values.keys()):
+            raise StatementError(f"{word} without PR and PA, or with coordinates of its own plane", "PR, PA, an axis")
+        if word in ("LP", "CP", "CTP") and None in (self.pole[k] for k in plane):
+            raise StatementError(f"{word} without its pole", "CC before it")
         out = Block(codes=[code], misc=list(w.misc))
         for name, value in w.values.items():
             letter = name[-1]
@@ -102,6 +107,8 @@ class Contour(Definitions):
                 if old is None:
                     raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START)
                 out.words[letter] = value + old / self.scale
+            elif name in POLAR:
+                out.words[POLAR[name]], out.own[POLAR[name]] = value, name[0] == "P"
             elif name in ("IA", "IB", "IC"):
                 out.words[letter], out.own[letter] = value, False
         self._rotary(w, out)
@@ -203,38 +210,6 @@ class Contour(Definitions):
         if axes in _PLANE_OF:
             self.plane = _PLANE_OF[axes]
 
-    def _from_polar(self, word: str, w: Words) -> Words:
-        """LP and CP: coordinates in the plane about the pole."""
-        first, second, _ = PLANES[self.plane]
-        a, b = self.pole[first], self.pole[second]
-        here = self._here()
-        if a is None or b is None:
-            raise StatementError(f"{word} without its pole", "CC before it")
-        if here is None:
-            self.polar = [math.nan, math.nan]
-        else:
-            lever = complex(here[first] - a, here[second] - b) / self.scale
-            # Where the tool does not stand at the last polar place about this pole, words left out could be either's.
-            if word == "CP" or not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-6:
-                self.polar = [abs(lever), math.degrees(cmath.phase(lever))] if word == "CP" else [math.nan, math.nan]
-        values = {k: v for k, v in w.values.items() if k not in ("PR", "PA", "IPR", "IPA")}
-        if any(name.removeprefix("I") in ("XYZ"[first], "XYZ"[second]) for name in values):
-            raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis")
-        radius = w.values.get("PR", self.polar[0] + w.values.get("IPR", 0.0))
-        angle = w.values.get("PA", self.polar[1] + w.values.get("IPA", 0.0))
-        if not math.isfinite(radius + angle):
-            raise StatementError(f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole")
-        self.polar = [radius, angle]
-        values["XYZ"[first]] = a / self.scale + radius * math.cos(math.radians(angle))
-        values["XYZ"[second]] = b / self.scale + radius * math.sin(math.radians(angle))
-        self.turns = max(1, math.ceil(abs(w.values.get("IPA", 0.0)) / 360.0 - 1e-9))
-        if word == "CP" and "IPA" in w.values:
-            turning = w.values["IPA"] > 0.0
-            if {"DR+", "DR-"} & w.flags and ("DR+" in w.flags) != turning:
-                raise StatementError("CP whose DR and IPA have different signs", "one direction")
-            return replace(w, values=values, flags=w.flags | {"DR+" if turning else "DR-"})
-        return replace(w, values=values)
-
     def _arc_to(self, word: str, w: Words) -> None:
         if {"DR+", "DR-"} & w.flags:
             self.right_hand = "DR+" in w.flags
@@ -247,26 +222,34 @@ class Contour(Definitions):
             if {"Z", "IZ"} & w.values.keys() and len({"X", "Y", "IX", "IY"} & w.values.keys()) < 2:
                 raise StatementError(f"{word} with Z and not both X and Y", "X and Y", REMEDY)
             self.plane = 170
-        block = self._block(w, 30)
+        block, turn = self._block(word, w, 30), w.values.get("IPA", 0.0)
         first, second, _ = PLANES[self.plane]
         if word in ("CT", "CTP"):
-            centre, clockwise = tangent_arc(start, np.array(self.target(block), dtype=np.float64), self.leaving())
+            self.motion = 10
+            end = np.array(self._target(block), dtype=np.float64)
+            centre, clockwise = tangent_arc(start, end, self.leaving())
+            block.words = type(block.words)(
+                {k: v for k, v in block.words.items() if k not in ("AP", "RP")}
+                | dict(zip("XYZ", (end / self.scale).tolist(), strict=True))
+            )
         else:
+            if word == "CP" and turn:
+                if {"DR+", "DR-"} & w.flags and self.right_hand != (turn > 0.0):
+                    raise StatementError("CP whose DR and IPA have different signs", "one direction")
+                self.right_hand = turn > 0.0
             if self.right_hand is None:
                 raise StatementError("an arc without its direction", "DR+ or DR-")
-            clockwise, centre = not self.right_hand, start
+            clockwise, centre = not self.right_hand, np.array(self.pole, dtype=np.float64)
         block.codes = [20 if clockwise else 30]
         if word == "CR":
             if "R" not in w.values:
                 raise StatementError("CR without its radius", "R+10 or R-10")
             block.words["R"] = w.values["R"]
+        elif word == "CP":
+            block.words["P"] = max(1.0, math.ceil(abs(turn) / 360.0 - 1e-9))
+        elif np.isnan(centre[[first, second]]).any():
+            raise StatementError(f"{word} without its centre", "CC before it")
         else:
-            for k in (first, second):
-                pole = float(centre[k]) if word in ("CT", "CTP") else self.pole[k]
-                if pole is None:
-                    raise StatementError(f"{word} without its centre", "CC before it")
-                block.words["IJK"[k]] = (pole - start[k]) / self.scale
-        if word == "CP" and self.turns > 1:
-            block.words["P"] = float(self.turns)
+            block.words |= {"IJK"[k]: (centre[k] - start[k]) / self.scale for k in (first, second)}
         self.arc_absolute = False
         self._run(block, w)
