@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from machining.toolpaths.arcs import ArcError, arc_points, between, chord_count, sweep_about
+from machining.toolpaths.arcs import between, chord_count, sweep_about
 from machining.toolpaths.corners import Piece, chamfered, rounded, tangent_arc, through_point
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
@@ -339,23 +339,7 @@ class GcodeMotion(Modes):
         if self.turns_part and self.angles != self.angles_before:
             raise StatementError("an arc while the table turns", "arcs at fixed angles", "post it as short lines")
         element = self._joined(b, start, np.array(end), center=middle, clockwise=clockwise, turns=int(turns))
-        try:
-            fraction, points = arc_points(
-                element.start,
-                end,
-                middle,
-                normal,
-                chord_tolerance=self.options.chord_tolerance,
-                arc_tolerance=self.options.arc_tolerance,
-                turns=int(turns),
-                limit=self.options.max_moves,
-            )
-        except ArcError as fault:
-            remedy = (
-                "check G90.1 and G91.1; say that centres are coordinates: --read arc_absolute=yes; allow more: "
-                "--read arc_tolerance_um=50; or post with more decimals"
-            )
-            raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy) from None
+        fraction, points = self.chords(element.start, end, middle, normal, turns=int(turns))
         chain = np.vstack([element.start, points])
         self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
         self.recorder.moves(self.line, self.placed(points), between(before, self.axis, fraction), False)

@@ -13,6 +13,7 @@ import numpy as np
 from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
+from machining.toolpaths.gcode.harmless import shown
 from machining.toolpaths.gcode.motion import MOVING, VIA, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
 from machining.toolpaths.gcode.state import (
@@ -25,7 +26,6 @@ from machining.toolpaths.gcode.state import (
     REFUSED_WORDS,
     REMEDY_MACRO,
     remedy_ignore,
-    shown,
 )
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import Block, block, cycle_arguments
@@ -335,9 +335,8 @@ class _Reader(GcodeMotion):
             if not known and not unknown:
                 continue
             what = REFUSED.get(code, "not known, with coordinates")
-            if self.options.unknown_motion == "error":
-                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT)
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked")
+            fault = StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT)
+            self.left_out(shown(code), fault)
             self.lose(b, shown(code))
             b.words.clear()
             b.codes.remove(code)
@@ -377,14 +376,12 @@ class _Reader(GcodeMotion):
         elif head in ("RET", "M17"):
             if not self.depth:
                 self.over = True
-        elif head not in harmless.WORDS:
-            if self.options.unknown_motion == "error":
-                raise StatementError(
-                    f"{readable(head)} is not read, nor a subprogram in this file",
-                    "G0 to G3",
-                    WITHOUT if name in REFUSED_WORDS else remedy_ignore(head),
-                )
-            self.recorder.note(self.line, f"{readable(head)} left out, as asked")
+        elif self.changes_nothing(head, readable(word)):
+            return
+        else:
+            remedy = WITHOUT if name in REFUSED_WORDS else remedy_ignore(head)
+            what = f"{readable(head)} is not read, nor a subprogram in this file"
+            self.left_out(readable(head), StatementError(what, "G0 to G3", remedy))
             self.lose(b, readable(head))
             b.words.clear()
         self.recorder.event(self.line, readable(head), readable(word))

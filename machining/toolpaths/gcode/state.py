@@ -12,11 +12,13 @@ import numpy as np
 from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
+from machining.toolpaths.gcode.harmless import shown
 from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
-from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from machining.toolpaths.program import Program
+from machining.toolpaths.recorder import StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
 
@@ -195,11 +197,6 @@ def remedy_ignore(word: str) -> str:
     return f"post the program without it, or, where it changes nothing about the path: --read ignore={word}"
 
 
-def shown(code: int) -> str:
-    """Code as it is written: G43.4."""
-    return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
-
-
 KNOWN = frozenset((*SETS, *OWN, *harmless.CODES, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
 # Codes and M functions that are never harmless, whatever the caller says.
 NEEDED = {
@@ -208,15 +205,15 @@ NEEDED = {
 }
 
 
-class Modes:
+class Modes(Program):
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
 
+    harmless = harmless.ALL
     # Whether the file is one of Siemens' controls: some codes and words mean something else there.
     siemens = False
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        self.options, self.recorder = options, Recorder(path.name, options.max_moves, options.retract)
-        self.line = 0
+        super().__init__(path, options)
         self.values = Values()
         self.motion: int | None = None
         self.plane = 170
@@ -229,7 +226,6 @@ class Modes:
         self.angles = {"A": 0.0, "B": 0.0, "C": 0.0}
         # Before the block that is read.
         self.angles_before = dict(self.angles)
-        self.axis: Vector = (0.0, 0.0, 1.0)
         # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
         self.sticky: dict[str, float] = {}
         self.initial: float | None = None
@@ -244,7 +240,6 @@ class Modes:
         self.surface_speed = False
         self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
-        self.dirty = True
         self.kept: dict[str, Any] | None = None
         # What has moved the origin of coordinates.
         self.origin_by = ""
@@ -270,12 +265,6 @@ class Modes:
         if self.sense == 0:
             return 0.0
         return math.nan if self.surface_speed else self.sense * self.speed
-
-    def refuse(self, fault: StatementError, statement: str) -> None:
-        """Keep a fault of the line that is read."""
-        self.recorder.error(
-            self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy, site=fault.site
-        )
 
     def skips_deleted(self, raw: str) -> bool:
         """Whether a block that starts with a slash is left out, as an event; else a note says that it is read."""
@@ -331,13 +320,15 @@ class Modes:
             self.recorder.event(self.line, shown(code))
         elif code in COMPENSATED:
             self.compensated(shown(code))
+        elif code == 490:
+            self.tcp = self.options.tcp
+            self.changes_nothing("G49")
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
-        elif code in harmless.CODES:
-            if code == 490:
-                self.tcp = self.options.tcp
-            self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
-        elif code not in KNOWN:
+        elif (
+            not self.changes_nothing(shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
+            and code not in KNOWN
+        ):
             raise StatementError(f"{shown(code)} is not known", KNOWN_CODES, remedy_ignore(shown(code)))
 
     def compensated(self, word: str) -> None:
@@ -362,9 +353,7 @@ class Modes:
             self._modes_kept(number)
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
-        elif number in harmless.FUNCTIONS:
-            self.recorder.event(self.line, f"M{number}", harmless.FUNCTIONS[number])
-        elif number not in STOPS and number not in ENDS:
+        elif number not in STOPS and number not in ENDS and not self.changes_nothing(f"M{number}"):
             raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"))
 
     def _modes_kept(self, number: int) -> None:

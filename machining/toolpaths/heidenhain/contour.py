@@ -15,7 +15,7 @@ from machining.toolpaths.gcode.motion import MOVING, Element
 from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.definitions import Definitions
-from machining.toolpaths.heidenhain.quiet import EITHER, WORDS
+from machining.toolpaths.heidenhain.harmless import EITHER, WORDS
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -99,18 +99,11 @@ class Contour(Definitions):
             raise StatementError(f"{word} without its pole", "CC before it")
         out = Block(codes=[code], misc=list(w.misc))
         for name, value in w.values.items():
-            letter = name[-1]
-            if name in (*"XYZABC",):
+            letter = POLAR.get(name, name[-1])
+            if name in POLAR or name.removeprefix("I") in (*"XYZABC",):
                 out.words[letter] = value
-            elif name in ("IX", "IY", "IZ"):
-                old = self.here["XYZ".index(letter)]
-                if old is None:
-                    raise StatementError(f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START)
-                out.words[letter] = value + old / self.scale
-            elif name in POLAR:
-                out.words[POLAR[name]], out.own[POLAR[name]] = value, name[0] == "P"
-            elif name in ("IA", "IB", "IC"):
-                out.words[letter], out.own[letter] = value, False
+                if name[0] == "I":
+                    out.own[letter] = False
         self._rotary(w, out)
         if "F" in w.values:
             out.words["F"] = w.values["F"] * self.feed_scale

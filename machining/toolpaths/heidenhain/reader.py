@@ -11,7 +11,7 @@ from machining.toolpaths.gcode.state import ENDS
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.contour import Contour
 from machining.toolpaths.heidenhain.cycles import PARAMETER
-from machining.toolpaths.heidenhain.quiet import STATEMENTS, WORDS
+from machining.toolpaths.heidenhain.harmless import STATEMENTS, WORDS
 from machining.toolpaths.heidenhain.words import assign, number, statements, words
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import UNITS, ReadOptions
@@ -41,7 +41,7 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
 
     Read are L, LP, LN, CC, C, CP, CR, CT, CTP, RND, CHF; the cycles 1, 7, 9, 10, 200 to 209, 240, 247; PLANE SPATIAL
     and RESET; M128 and TCPM; labels, Q parameters and formulas. What changes nothing about the path is in
-    :mod:`machining.toolpaths.heidenhain.quiet`, with the reason; all else is refused. Coordinates are those of the
+    :mod:`machining.toolpaths.heidenhain.harmless`, with the reason; all else is refused. Coordinates are those of the
     datum in force. Moves and faults as in :func:`machining.toolpaths.read_gcode`.
 
     Raises
@@ -216,9 +216,9 @@ class _Reader(Contour):
         what = " ".join(text.split()[:2])
         if re.match(r"FN\s*\d+\s*:", text):
             raise StatementError(f"{what} jumps, or asks the control", "FN 0 to FN 8, formulas", REMEDY)
-        if self.options.unknown_motion == "error":
-            raise StatementError(f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY)
-        self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked")
+        read = "L, C, CC, CR, CT, CP, LP, LN, RND, CHF"
+        fault = StatementError(f"{readable(what)[:40]} is not read", read, REMEDY)
+        self.left_out(readable(what), fault, readable(text))
         self.leave((0, 1, 2), readable(what))
 
     def _tool(self, text: str) -> None:

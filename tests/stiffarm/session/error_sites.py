@@ -10,9 +10,9 @@ from pathlib import Path
 from test_house import LAYERS, ROOT
 
 # What makes an error, and functions that make one of what they are told.
-CLASSES = {"InputError", "StatementError", "PathError", "NotReadError", "SurfaceFault"}
+CLASSES = {"InputError", "StatementError", "ArcError", "PathError", "NotReadError", "SurfaceFault"}
 WORDING = {"require_one_of", "require_positive", "require_at_least"}
-COLLECTORS = {"add": ("faults",), "each": ("faults",), "say": ("faults",), "error": ("recorder",), "_fault": ("self",)}
+COLLECTORS = {"add": ("faults",), "each": ("faults",), "say": ("faults",), "error": ("recorder",)}
 # Places that only pass on what others tell them; what they are told is counted where it is told.
 PASSING = {"robots.errors", "robots.faults", "machining.toolpaths.recorder:Recorder.error"}
 
@@ -75,8 +75,6 @@ def makes_an_error(call: ast.Call, module: str) -> bool:
         return call.func.id in CLASSES | WORDING
     if not isinstance(call.func, ast.Attribute):
         return False
-    if call.func.attr == "_fault":
-        return module.startswith("machining.toolpaths.apt")
     if module == "machining.toolpaths.recorder" and call.func.attr == "error":
         return True
     return call.func.attr in COLLECTORS and ast.unparse(call.func.value).endswith(COLLECTORS[call.func.attr])
