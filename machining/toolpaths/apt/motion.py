@@ -29,8 +29,8 @@ class AptMotion(AptState):
             "GODLTA": self._godlta,
             "RAPID": self._rapid,
             "RETRCT": self._leave,
-            "CIRCLE": self._circle,
-            "MOVARC": self._movarc,
+            "CIRCLE": lambda s: self._open(circle(s.parts, self.scale, self.options.circle_axis)),
+            "MOVARC": lambda s: self._open(movarc(s.parts, self.scale)),
             "INDIRV": self._indirv,
             "TLON,GOFWD": self._tlon,
             "CYCLE": self._cycle,
@@ -128,12 +128,6 @@ class AptMotion(AptState):
         if self.arc is not None:
             self.arc = None
             self.refuse(StatementError("an arc without its GOTO before this line", "the end of the arc"))
-
-    def _circle(self, s: Statement) -> None:
-        self._open(circle(s.parts, self.scale, self.options.circle_axis))
-
-    def _movarc(self, s: Statement) -> None:
-        self._open(movarc(s.parts, self.scale))
 
     def _open(self, arc: ArcWord) -> None:
         center = self.frames.point((arc.center[0], arc.center[1], arc.center[2]))

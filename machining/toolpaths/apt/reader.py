@@ -69,7 +69,7 @@ class _Reader(AptMotion):
             **self.state_words(),
             **self.motion_words(),
             **dict.fromkeys(harmless.WORDS, self._keep),
-            **dict.fromkeys(harmless.DROPPED, _drop),
+            **dict.fromkeys(harmless.DROPPED, lambda _: None),
             "PREFUN": self._codes,
             "AUXFUN": self._codes,
             "INSERT": self._insert,
@@ -219,7 +219,3 @@ class _Reader(AptMotion):
         if s.word in ("FINI", "END"):
             self.recorder.finish(self.line, s.word)
         self.finished |= s.word == "FINI"
-
-
-def _drop(s: Statement) -> None:
-    pass

@@ -15,6 +15,7 @@ from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
 from machining.toolpaths.gcode.frames import CoordinateFrame
 from machining.toolpaths.gcode.siemens_cycles import Hole
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC, Nurbs
 from machining.toolpaths.gcode.state import REMEDY_START, Modes
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed
@@ -86,6 +87,9 @@ class GcodeMotion(Modes):
     # Feed of corners (FRCM); the last polar place: radius m, angle deg.
     feed_of_corners = math.nan
     polar = math.nan, math.nan
+    # The moves made and the direction (3,) m in which the last cubic spline ends; what G5.2 has given.
+    spline: tuple[int, Array] | None = None
+    open_nurbs: Nurbs | None = None
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -95,6 +99,15 @@ class GcodeMotion(Modes):
             return
         target = self._target(b)
         before, self.axis = self.axis, self._tool_axis(b)
+        along = PLANES[self.plane][2]
+        if self.length is False and "XYZ"[along] in b.words:
+            if self.motion != 0:
+                raise StatementError(f"a move of {'XYZ'[along]} behind G49, of the spindle and not of the tip", "G43")
+            # How far the tip goes is not known: a retract.
+            target[along] = None
+            self.leave((along,), "G49")
+            if not b.words.keys() & (MOVING - {"XYZ"[along]}):
+                return
         if self.motion == 0:
             if not self.rapid_to(target):
                 self.recorder.event(
@@ -105,8 +118,12 @@ class GcodeMotion(Modes):
                 )
             return
         point = self._known(target)
+        if self.open_nurbs is not None:
+            raise StatementError("a move between G5.2 and G5.3", "control points, then G5.3")
         if self.motion == 10:
             self._feed_to(b, point)
+        elif self.motion in (CUBIC, QUADRATIC):
+            self._bezier(b, np.array(point))
         else:
             point = self._arc(b, point, before)
         self.here = list(point)
@@ -151,13 +168,6 @@ class GcodeMotion(Modes):
             raise StatementError(f"feed {feed:g} of a corner", "more than 0")
         self.open_corner = Corner(word, size, self.line, feed, self.element)
 
-    def modes_of_corners(self, b: Block) -> None:
-        """RNDM and FRCM: the corners to come are rounded, and cut at this feed."""
-        if "RNDM" in b.words:
-            self.every_corner = b.words["RNDM"] * self.scale
-        if "FRCM" in b.words:
-            self.feed_of_corners = b.words["FRCM"] or math.nan
-
     def _cut_off(self, corner: Corner, after: Element) -> Array:
         """Round or chamfer the corner between two elements; returns where (3,) m the second one begins then."""
         word, size, line, own, before = corner
@@ -193,6 +203,42 @@ class GcodeMotion(Modes):
             if c.word != "RNDM":
                 self.open_corner = None
                 raise StatementError(f"{c.word} in line {c.line} without an element behind it", "two at feed")
+
+    def _bezier(self, b: Block, end: Array) -> None:
+        """G5 and G5.1 of LinuxCNC in G17; without I and J a curve goes on in the direction of the one before."""
+        start, cubic = np.array(self.here, dtype=np.float64), self.motion == CUBIC
+        i, j, p, q = (self.scale * b.words.get(letter, math.nan) for letter in "IJPQ")
+        first, last = np.array([i, j, 0.0]), np.array([p, q, 0.0])
+        if not cubic:
+            first, last = np.nan_to_num(first), np.zeros(3)
+        elif math.isnan(i) and math.isnan(j) and self.spline is not None and self.spline[0] == len(self.recorder):
+            first = self.spline[1]
+        if self.plane != 170 or start[2] != end[2] or not first.any() or np.isnan([first, last]).any():
+            raise StatementError("a spline out of X Y, or without its points", "G17, X, Y, I, J, and P, Q of G5")
+        self._spline(Nurbs([start, start + first, *([end + last] if cubic else []), end], order=3 + cubic))
+        self.spline = len(self.recorder), -last
+
+    def nurbs(self, b: Block) -> None:
+        """G5.2 of LinuxCNC: control points from here on, with weights P; G5.3: the curve of order L that they make."""
+        first, second, normal = PLANES[self.plane]
+        named, target = b.words.keys() & {"XYZ"[first], "XYZ"[second]}, self.target(b)
+        if NURBS in b.codes:
+            weight = 1.0 if named else b.words.get("P", 1.0)
+            self.open_nurbs = Nurbs([np.array(self._known(self.here))], [weight], int(b.words.get("L", 3.0)))
+        if self.open_nurbs is None or len(named) == 1 or target[normal] != self.here[normal]:
+            raise StatementError("a control point without both coordinates, or out of its plane", "G5.2, X, Y, P, G5.3")
+        if named:
+            self.open_nurbs.control.append(np.array(self._known(target)))
+            self.open_nurbs.weights.append(b.words.get("P", 1.0))
+            self.here = target
+        if NURBS_END in b.codes:
+            made, self.open_nurbs, self.motion = self.open_nurbs, None, None
+            self._spline(made)
+
+    def _spline(self, made: Nurbs) -> None:
+        points = made.points(self.options.chord_tolerance)
+        self.commit(float(np.linalg.norm(np.diff([made.control[0], *points], axis=0), axis=1).sum()))
+        self.recorder.moves(self.line, self.placed(points), np.tile(self.axis, (len(points), 1)), False)
 
     def _axis_of_plane(self) -> Vector:
         x, y, z = self.frame.turn[:, PLANES[self.plane][2]].tolist() if self.frame.follows else self.axis
@@ -374,12 +420,10 @@ class GcodeMotion(Modes):
         angle = b.words["AR"]
         if not 0.0 < angle < 360.0 or b.words.keys() & {*"XYZR"}:
             raise StatementError("AR with a centre and an end, or out of range", "above 0, below 360, one of both")
-        u, v, _ = PLANES[self.plane]
-        turn = math.radians(-angle if clockwise else angle)
-        x, y = (start - middle)[[u, v]]
+        p, turn = list(PLANES[self.plane][:2]), math.radians(-angle if clockwise else angle)
+        lever = complex(*(start - middle)[p]) * cmath.rect(1.0, turn)
         out = start.copy()
-        out[u] = middle[u] + math.cos(turn) * x - math.sin(turn) * y
-        out[v] = middle[v] + math.sin(turn) * x + math.cos(turn) * y
+        out[p] = middle[p] + (lever.real, lever.imag)
         return out[0], out[1], out[2]
 
     def _opening(self, b: Block, start: Array, end: Array) -> None:

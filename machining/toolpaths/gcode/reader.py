@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -16,6 +17,7 @@ from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_p
 from machining.toolpaths.gcode.harmless import shown
 from machining.toolpaths.gcode.motion import MOVING, VIA, GcodeMotion
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC, SPLINES
 from machining.toolpaths.gcode.state import (
     CALLS,
     ENDS,
@@ -62,7 +64,7 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
                 allowed="words that change nothing about path and feed",
                 remedy="leave it out: this word is read, or is known to change the path",
             )
-    reader.siemens = path.suffix.lower() in (".mpf", ".spf")
+    reader.siemens, reader.linuxcnc = path.suffix.lower() in (".mpf", ".spf"), path.suffix.lower() == ".ngc"
     data = content(path, options.max_bytes)
     if CALL.search(data):
         reader.subprograms = subprograms(lines_of(path.name, data))
@@ -100,11 +102,10 @@ WITHOUT = (
 
 
 class _Reader(GcodeMotion):
-    over, tape = False, ""
+    tape = ""
     # A cycle that every place to come is drilled with.
     modal_cycle: Hole | None = None
     subprograms: Mapping[str, Subprogram] = MappingProxyType({})
-    depth = 0
     # Frame that G92.2 has set aside, and whether G92 has said what coordinates mean before any was known.
     aside: CoordinateFrame | None = None
     presumed = False
@@ -116,6 +117,8 @@ class _Reader(GcodeMotion):
         for number, raw in enumerate(source, start=1):
             if number not in aside:
                 self._line(number, raw)
+        if self.open_nurbs is not None:
+            self.refuse(StatementError("the file ends behind G5.2 without G5.3", "G5.3"))
         if not self.over:
             self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
 
@@ -159,7 +162,10 @@ class _Reader(GcodeMotion):
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers")
         self._ignore(b)
-        self._one_of_each(b)
+        for group in GROUPS:
+            if len(found := sorted(set(group) & set(b.codes))) > 1:
+                both = " and ".join(map(shown, found[:2]))
+                raise StatementError(f"{both} in one block", "one code of a kind in a block")
         call = self._called(b)
         for word in b.long:
             self._long(word, b)
@@ -169,7 +175,8 @@ class _Reader(GcodeMotion):
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         # M99 and M17 end a subprogram, not the program.
-        self.modes_of_corners(b)
+        self.every_corner = b.words["RNDM"] * self.scale if "RNDM" in b.words else self.every_corner
+        self.feed_of_corners = b.words["FRCM"] or math.nan if "FRCM" in b.words else self.feed_of_corners
         self.over = self.over or any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
         self._all_used(b)
@@ -194,12 +201,6 @@ class _Reader(GcodeMotion):
             if found:
                 self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
 
-    def _one_of_each(self, b: Block) -> None:
-        for group in GROUPS:
-            if len(found := sorted(set(group) & set(b.codes))) > 1:
-                both = " and ".join(map(shown, found[:2]))
-                raise StatementError(f"{both} in one block", "one code of a kind in a block")
-
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
         known = {"H", "D"} | set(harmless.VALUES)
@@ -208,11 +209,13 @@ class _Reader(GcodeMotion):
         if self.siemens and dict.get(b.words, "D") == 0.0 and not (set(MACHINE) & set(b.codes) or "SUPA" in b.long):
             raise StatementError("D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153")
         for code in b.codes:
-            known |= set(harmless.WITH_CODE.get(code, ""))
+            known |= set(harmless.WITH_CODE.get(code, "") if code != self.motion else "")
         for number in b.misc:
             known |= set(harmless.WITH_FUNCTION.get(number, ""))
-        # The tip of a path in a plane has no offset of its centre along the normal.
-        left = [word for word in b.words.left if word not in known and not self._zero(b, word)]
+        # I, J or K of 0 on an arc, along the normal of its plane; a rest or peck of 0 in a cycle without.
+        none = "IJK" if self.motion in (20, 30) else "PQ" if self.motion in CYCLES else ""
+        known |= {word for word in none if dict.get(b.words, word) == 0.0}
+        left = [word for word in b.words.left if word not in known]
         for word in set(left) & set(self.options.ignore):
             left.remove(word)
             self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
@@ -222,11 +225,6 @@ class _Reader(GcodeMotion):
                 "words that belong to its codes",
                 remedy_ignore(left[0]),
             )
-
-    def _zero(self, b: Block, word: str) -> bool:
-        """I, J or K of 0 on an arc, along the normal of its plane; a rest or peck of 0 in a cycle without."""
-        letters = "IJK" if self.motion in (20, 30) else "PQ" if self.motion in CYCLES else ""
-        return word in letters and dict.__getitem__(b.words, word) == 0.0
 
     def _called(self, b: Block) -> tuple[str, int] | None:
         """Name and repeats of a subprogram of this file that the block calls; None where it calls none."""
@@ -314,7 +312,9 @@ class _Reader(GcodeMotion):
             raise StatementError("G58 or G59 with coordinates", "G0 or G1 in the block, or G54 to G57, TRANS")
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z")
-        if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
+        if self.motion in (NURBS, NURBS_END) and (b.words or NURBS_END in b.codes):
+            self.nurbs(b)
+        elif not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
             if self.modal_cycle is not None:
                 self.drill_here(self.modal_cycle)
@@ -325,11 +325,9 @@ class _Reader(GcodeMotion):
         if any(number in CALLS for number in b.misc):
             raise StatementError("a call of a subprogram", remedy=REMEDY_MACRO)
         for code in tuple(b.codes):
-            # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             # G60 of Siemens is an exact stop; Fanuc's comes from one side.
-            quiet = (code in (50, 51, 281, 301, 600) and not b.words.keys() & set("XYZIJ")) or (
-                code == 600 and self.siemens
-            )
+            free = code in (CUBIC, QUADRATIC, 281, 301, 600) and not b.words.keys() & set("XYZIJ")
+            quiet = free or (code == 600 and self.siemens) or (code in SPLINES and self.linuxcnc)
             known = code in REFUSED and not quiet
             unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:

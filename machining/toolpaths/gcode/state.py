@@ -13,6 +13,7 @@ from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
 from machining.toolpaths.gcode.harmless import shown
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC
 from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
@@ -41,7 +42,7 @@ OFFSETS = {
 }
 # Modes of which one block sets one.
 GROUPS = (
-    (0, 10, 20, 30, *CYCLES),
+    (0, 10, 20, 30, 50, 51, 52, 53, *CYCLES),
     tuple(PLANES),
     (900, 910),
     (901, 911),
@@ -59,6 +60,8 @@ TCP_ON = (434, 2340)
 COMPENSATED = (410, 411, 420, 421)
 OWN = (
     40,
+    52,
+    53,
     100,
     921,
     922,
@@ -82,10 +85,10 @@ OWN = (
 )
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
-    50: "a spline",
-    51: "a quadratic spline",
-    52: "a NURBS",
-    53: "a NURBS",
+    CUBIC: "a spline of LinuxCNC in files named .ngc, or another move",
+    QUADRATIC: "a spline of LinuxCNC in files named .ngc, or another move",
+    NURBS: "a NURBS of LinuxCNC in files named .ngc",
+    NURBS_END: "a NURBS of LinuxCNC in files named .ngc",
     60: "a NURBS",
     62: "a NURBS",
     70: "diameters for X",
@@ -200,7 +203,7 @@ def remedy_ignore(word: str) -> str:
 KNOWN = frozenset((*SETS, *OWN, *harmless.CODES, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
 # Codes and M functions that are never harmless, whatever the caller says.
 NEEDED = {
-    "G": (KNOWN | REFUSED.keys()) - harmless.CODES.keys(),
+    "G": (KNOWN | REFUSED.keys()) - harmless.CODES.keys() | {CUBIC, QUADRATIC},
     "M": frozenset(10 * number for number in (*CALLS, *ENDS, *TURNING, 6, 61, 70, 71, 72)),
 }
 
@@ -209,8 +212,10 @@ class Modes(Program):
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
 
     harmless = harmless.ALL
-    # Whether the file is one of Siemens' controls: some codes and words mean something else there.
-    siemens = False
+    # Whether the file is one of Siemens' controls or of LinuxCNC: some codes and words mean something else there.
+    siemens = linuxcnc = False
+    # Whether the program has ended, and calls within calls.
+    over, depth = False, 0
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
@@ -240,6 +245,8 @@ class Modes(Program):
         self.surface_speed = False
         self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
+        # Whether the tool's length counts; None: no code has said.
+        self.length: bool | None = None
         self.kept: dict[str, Any] | None = None
         # What has moved the origin of coordinates.
         self.origin_by = ""
@@ -316,13 +323,17 @@ class Modes(Program):
         elif code in OFFSETS:
             self._work_offset(OFFSETS[code])
         elif code in TCP_ON:
-            self.tcp = True
+            self.tcp, self.length = True, True
             self.recorder.event(self.line, shown(code))
         elif code in COMPENSATED:
             self.compensated(shown(code))
-        elif code == 490:
-            self.tcp = self.options.tcp
-            self.changes_nothing("G49")
+        elif code in (NURBS, NURBS_END) or (code in (CUBIC, QUADRATIC) and b.words.keys() & set("XYIJ")):
+            self.motion = code
+        elif code in (430, 440, 490):
+            # Behind G49 coordinates are those of the spindle, where a length was on before.
+            self.length = False if code == 490 and self.length is not None else True if code != 490 else None
+            self.tcp = self.tcp if code != 490 else self.options.tcp
+            self.changes_nothing(shown(code))
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
         elif (
@@ -371,7 +382,12 @@ class Modes(Program):
             self.recorder.note(self.line, "M6 without a tool number before it")
             return
         number = None if self.selected < 0 else self.selected
-        self.tool, self.dirty = Tool(number=number, name=self.named), True
+        new = Tool(number=number, name=self.named)
+        if new != self.tool and len(self.recorder) and not self.recorder.rapids[-1]:
+            # It is in the cut, and does not leave that by a word of its own.
+            self._put_state(math.nan)
+            self.recorder.away(self.line, "M6")
+        self.tool, self.dirty = new, True
         # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
         self.sense = 0
         text = self.named or f"T{self.selected}"

@@ -12,7 +12,7 @@ import numpy as np
 from machining.toolpaths.corners import tangent_arc
 from machining.toolpaths.gcode.arcs import PLANES
 from machining.toolpaths.gcode.motion import MOVING, Element
-from machining.toolpaths.gcode.state import REMEDY_START
+from machining.toolpaths.gcode.state import ENDS, REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.definitions import Definitions
 from machining.toolpaths.heidenhain.harmless import EITHER, WORDS
@@ -136,7 +136,7 @@ class Contour(Definitions):
         if 99 in misc:
             self.modal_call = False
         self.stop(block)
-        self.ended(block.misc)
+        self.over = any(code in ENDS and code != 99 for code in block.misc)
 
     def _keep_direction(self, before: Array | None, last: Element | None, block: Block) -> None:
         """Rapid lines are elements that CT goes on from, too; a line of no length keeps the direction before it."""
@@ -155,9 +155,6 @@ class Contour(Definitions):
         misc = [int(m) for m in re.findall(r"M\s*(\d+)", text)]
         self._run(Block(codes=[], misc=misc), Words())
         self._drill_cycle()
-
-    def ended(self, misc: list[int]) -> None:
-        """Whether M codes end the program; for the reader."""
 
     def _machine_place(self, block: Block, w: Words) -> None:
         """M91, M92: coordinates of the machine; M140: back along the tool axis, by MB or as far as the machine goes."""

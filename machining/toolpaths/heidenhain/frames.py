@@ -35,7 +35,7 @@ class Frames(GcodeMotion):
         super().__init__(path, options)
         # In m of the frame in force.
         self.pole: list[float | None] = [None, None, None]
-        self.polar = [math.nan, math.nan]
+        self.polar = math.nan, math.nan
         self.datum, self.rotation = np.zeros(3), 0.0
         self.tilt: CoordinateFrame | None = None
         # The direction of the tool where PLANE has not brought it upright (None: it is), spatial angles of TCPM, and
@@ -189,6 +189,6 @@ class Frames(GcodeMotion):
             frame = frame.then(self.tilt)
         if (frame.turn != self.frame.turn).any() or (frame.shift != self.frame.shift).any():
             # Those of coordinates that are no more.
-            self.pole, self.polar = [None, None, None], [math.nan, math.nan]
+            self.pole, self.polar = [None, None, None], (math.nan, math.nan)
         self.put_into(frame)
         self.axis = self.frame_axis

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from machining.toolpaths.gcode.state import ENDS
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.contour import Contour
 from machining.toolpaths.heidenhain.cycles import PARAMETER
@@ -68,8 +67,7 @@ Statements = Iterable[tuple[int, str, str]]
 
 
 class _Reader(Contour):
-    over = False
-    depth = calls = 0
+    calls = 0
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
@@ -259,7 +257,3 @@ class _Reader(Contour):
         """What the end of the file leaves open."""
         if not self.over:
             self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")
-
-    def ended(self, misc: list[int]) -> None:
-        """M2 and M30 end the program."""
-        self.over = any(code in ENDS and code != 99 for code in misc)
