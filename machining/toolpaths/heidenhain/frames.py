@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
-from machining.toolpaths.gcode.motion import POINTING_SET, GcodeMotion
+from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.rotary import POINTING_SET
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions

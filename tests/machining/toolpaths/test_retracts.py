@@ -219,7 +219,7 @@ def test_behind_g49_z_is_not_that_of_the_tip(tmp_path: Path) -> None:
     start = "T1 M6\nG43 H1\n" + START
     m = gcode(tmp_path, start + "G49 G0 Z100\nX80 Y40\nG43 H1 Z5\nG1 Z0\nM30\n")
     assert points(m)[2:] == [[20, 0, -5], [20, 0, 25], [80, 40, 25], [80, 40, 5], [80, 40, 0]]
-    with pytest.raises(InputErrors, match="line 7: a move of Z behind G49"):
+    with pytest.raises(InputErrors, match="line 8: a move of Z behind G49"):
         gcode(tmp_path, start + "G49 G1 Z-6\nM30\n")
     # Where no length was ever on, as in the first line of many programs, it changes nothing.
     assert gcode(tmp_path, "G49 G40 G80\n" + START + "M30\n").n == 3
