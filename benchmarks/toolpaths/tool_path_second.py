@@ -94,7 +94,7 @@ class Klartext:
     lost: bool = False
     # A line that RND or CHF may cut: (line, from, to, feed), and the corner that is asked for.
     held: tuple[int, list[float], list[float], float] | None = None
-    corner: tuple[str, float, float | None] | None = None
+    corner: tuple[str, float, float | None, int] | None = None
 
     @property
     def unit(self) -> float:
@@ -142,7 +142,8 @@ class Klartext:
             size, _, feed = rest.partition(" F")
             if self.held is None:
                 raise RefusedError("no line")
-            self.corner = head, self.unit * self.value(size.lstrip("R")), self.rate(feed) if feed else None
+            own = self.rate(feed) if feed else None
+            self.corner = head, self.unit * self.value(size.lstrip("R")), own, line
             return
         if head in ("L", "LP", "LN", "C", "CP", "CR", "CT", "CTP", "CC"):
             self.motion(line, head, rest.split())
@@ -288,7 +289,7 @@ class Klartext:
         if self.corner and self.held is not None:
             if feed is None or misc:
                 raise RefusedError("corner before a rapid")
-            self.cut(line, end)
+            self.cut(end)
         self.settle()
         if not moved:
             return
@@ -304,11 +305,11 @@ class Klartext:
         if abs(step) > 1e-6 or abs(end[2] - here[2]) > 1e-6:
             self.way = step
 
-    def cut(self, line: int, end: list[float]) -> None:
+    def cut(self, end: list[float]) -> None:
         """The corner between the line held and one to ``end``."""
         assert self.corner
         assert self.held
-        (word, size, own), (first, start, mid, feed) = self.corner, self.held
+        (word, size, own, line), (first, start, mid, feed) = self.corner, self.held
         self.corner = self.held = None
         a, m, b = (complex(p[0], p[1]) for p in (start, mid, end))
         into, out = (m - a) / abs(m - a), (b - m) / abs(b - m)
@@ -482,6 +483,8 @@ class Klartext:
         go(start, away)
         if q[204] > q[200]:
             go(u * (q[203] + q[204]), None)
+        # What CT would go on from behind a hole, no manual says.
+        self.way = None
 
     def datum(self, words: list[str]) -> None:
         """A datum shift by axes."""

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from machining.toolpaths.arcs import ArcError, arc_points
     from machining.toolpaths.conversion import CuttingPath, GivenPath, cutting_runs, read_given_path, to_tool_path
     from machining.toolpaths.cycles import Cycle, Stroke
-    from machining.toolpaths.gcode.motion import tool_axis
     from machining.toolpaths.gcode.reader import read_gcode
+    from machining.toolpaths.gcode.rotary import tool_axis
     from machining.toolpaths.heidenhain.reader import read_heidenhain
     from machining.toolpaths.motions import Event, Motions, Note, Tool
     from machining.toolpaths.options import ReadOptions

@@ -8,20 +8,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from machining.magnitudes import FARTHEST, PLACES
+from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
 # Start and end nearer than this (m) across the axis are one point: the arc is a full turn.
 CLOSED = 1e-9
+REMEDY = (
+    "post with more decimals, or allow more: --read arc_tolerance_um=50; in G-code check G90.1 and G91.1, or say that "
+    "centres are coordinates: --read arc_absolute=yes"
+)
 # Largest angle of one chord, whatever the tolerance: small circles stay round.
 WIDEST = math.pi / 4.0
 
 
-class ArcError(ValueError):
+class ArcError(StatementError):
     """An arc that does not exist: what is wrong, the value, what is allowed."""
 
     def __init__(self, what: str, value: str, allowed: str) -> None:
-        super().__init__(what)
-        self.what, self.value, self.allowed = what, value, allowed
+        super().__init__(f"{what} ({value})", allowed, REMEDY, code="P011")
 
 
 def chord_count(sweep: float, radius: float, tolerance: float) -> float:
@@ -83,7 +87,9 @@ def arc_points(
     if radius is not None:
         radii += f", {radius * 1e3:.6g} mm stated"
     if abs(r0 - r1) > arc_tolerance or (radius is not None and abs(r0 - abs(radius)) > arc_tolerance):
-        raise ArcError("ends that do not lie on one circle", radii, f"equal within {arc_tolerance * 1e3:.6g} mm")
+        raise ArcError(
+            "ends that do not lie on one circle", radii, f"equal within {arc_tolerance * 1e3:.6g} mm", code="P011"
+        )
     sweep = sweep_about(s, e, c, a) + 2.0 * math.pi * (max(turns, 1) - 1)
     count = chord_count(sweep, max(r0, r1), chord_tolerance)
     if count > limit:

@@ -129,9 +129,16 @@ class Recorder:
     def _tool_now(self) -> int:
         return int(self._states[-2])
 
-    def shorten(self, point: Vector) -> None:
-        """Let the last move end at ``point`` (m) instead."""
-        self.points[-3:] = array("d", point)
+    def shorten(self, points: Array) -> None:
+        """Let the last n moves lead to points (n, 3) m instead."""
+        self.points[-points.size :] = array("d", points.ravel().tolist())
+
+    def behind(self, line: int, move: int) -> None:
+        """Let the commands of a line that stand before a move stand before the next one instead."""
+        for i in range(len(self.events) - 1, -1, -1):
+            if self.events[i].line != line or self.events[i].move != move:
+                return
+            self.events[i] = replace(self.events[i], move=len(self))
 
     def room(self, more: int) -> None:
         """Refuse more moves than the limit before memory is taken for them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from machining.toolpaths.apt.quiet import OF_CYCLE
+from machining.toolpaths.apt.harmless import OF_CYCLE
 from machining.toolpaths.apt.words import FEED_UNITS, INCH, as_number, in_unit
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.motions import Feed

@@ -11,7 +11,7 @@ from machining.toolpaths.apt.arcs import ArcWord, circle, movarc, tlon
 from machining.toolpaths.apt.cycles import cycle
 from machining.toolpaths.apt.state import AptState, Handler
 from machining.toolpaths.apt.words import Statement
-from machining.toolpaths.arcs import ArcError, arc_points, between
+from machining.toolpaths.arcs import between
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
@@ -29,8 +29,8 @@ class AptMotion(AptState):
             "GODLTA": self._godlta,
             "RAPID": self._rapid,
             "RETRCT": self._leave,
-            "CIRCLE": self._circle,
-            "MOVARC": self._movarc,
+            "CIRCLE": lambda s: self._open(circle(s.parts, self.scale, self.options.circle_axis)),
+            "MOVARC": lambda s: self._open(movarc(s.parts, self.scale)),
             "INDIRV": self._indirv,
             "TLON,GOFWD": self._tlon,
             "CYCLE": self._cycle,
@@ -65,35 +65,15 @@ class AptMotion(AptState):
         self.arc = None
         if self.here is None:
             raise StatementError("an arc without a point before it", "GOTO or FROM before the arc", code="P011")
-        try:
-            arc, remark = arc.settled(np.array(self.here), np.array(end))
-            if remark:
-                self.recorder.note(self.line, remark)
-            fraction, points = arc_points(
-                self.here,
-                end,
-                arc.center,
-                arc.axis,
-                chord_tolerance=self.options.chord_tolerance,
-                arc_tolerance=self.options.arc_tolerance,
-                radius=arc.radius,
-                turns=arc.turns,
-                limit=self.options.max_moves,
-            )
-        except ArcError as fault:
-            self._fault(
-                fault.what,
-                fault.value,
-                fault.allowed,
-                "post once more with more decimals, or allow more: --read arc_tolerance_um=50",
-                code="P011",
-            )
-            self.here = end
-            return
+        here, self.here = self.here, end
+        arc, remark = arc.settled(np.array(here), np.array(end))
+        if remark:
+            self.recorder.note(self.line, remark)
+        fraction, points = self.chords(here, end, arc.center, arc.axis, radius=arc.radius, turns=arc.turns)
         if self.dirty:
             self._commit()
         self.recorder.moves(self.line, points, between(before, self.axis, fraction), self.rapid)
-        self.here, self.rapid = end, False
+        self.rapid = False
 
     def _from(self, s: Statement) -> None:
         point = self._target(s)
@@ -147,13 +127,7 @@ class AptMotion(AptState):
     def _no_open_arc(self) -> None:
         if self.arc is not None:
             self.arc = None
-            self._fault("an arc without its GOTO before this line", "", "the end of the arc", code="P011")
-
-    def _circle(self, s: Statement) -> None:
-        self._open(circle(s.parts, self.scale, self.options.circle_axis))
-
-    def _movarc(self, s: Statement) -> None:
-        self._open(movarc(s.parts, self.scale))
+            self.refuse(StatementError("an arc without its GOTO before this line", "the end of the arc", code="P011"))
 
     def _open(self, arc: ArcWord) -> None:
         center = self.frames.point((arc.center[0], arc.center[1], arc.center[2]))
@@ -182,8 +156,6 @@ class AptMotion(AptState):
             try:
                 self.cycle = cycle(s.parts, self.scale)
             except StatementError as fault:
-                if self.options.unknown_motion == "error":
-                    raise
-                self.recorder.note(self.line, f"CYCLE left out, as asked: {fault.what}", code="W041")
+                self.left_out("CYCLE", fault, fault.what)
                 return
             self.last_cycle = self.cycle

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from machining.magnitudes import LARGEST
-from machining.toolpaths.apt import quiet, words
+from machining.toolpaths.apt import harmless, words
 from machining.toolpaths.apt.motion import AptMotion
 from machining.toolpaths.apt.state import Handler
 from machining.toolpaths.apt.words import Statement, statement
@@ -41,7 +41,7 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
     ``RAPID`` holds for the next motion. ``GOTO`` without a tool axis keeps the last one (z before the first).
     ``FROM`` is the first point, and rapid. ``GOHOME``, ``GOHOME/x,y,z`` (to above its point), ``RETRCT`` are retracts
     (:mod:`machining.toolpaths.retracts`). ``DELAY`` counts for the move before it.
-    Words that change nothing about the path are in :mod:`machining.toolpaths.apt.quiet`, with the reason; all others
+    Words that change nothing about the path are in :mod:`machining.toolpaths.apt.harmless`, with the reason; all others
     are refused.
 
     Raises
@@ -58,6 +58,8 @@ def read_apt(path: Path, options: ReadOptions | None = None) -> Motions:
 
 
 class _Reader(AptMotion):
+    harmless = harmless.WORDS
+
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
         self.head, self.head_line, self.comment_goes_on = "", 0, False
@@ -66,8 +68,8 @@ class _Reader(AptMotion):
         self.table: dict[str, Handler] = {
             **self.state_words(),
             **self.motion_words(),
-            **dict.fromkeys((*quiet.WORDS, "MODE", "OPSKIP", "END"), self._keep),
-            **dict.fromkeys(quiet.DROPPED, _drop),
+            **dict.fromkeys(harmless.WORDS, self._keep),
+            **dict.fromkeys(harmless.DROPPED, lambda _: None),
             "PREFUN": self._codes,
             "AUXFUN": self._codes,
             "INSERT": self._insert,
@@ -118,7 +120,7 @@ class _Reader(AptMotion):
             self.head, self.plain = whole, False
             if len(whole) > STATEMENT_LIMIT:
                 self.line, self.head = self.head_line, ""
-                self._fault("statement", "", f"up to {STATEMENT_LIMIT} characters", code="P020")
+                self.refuse(StatementError("statement", f"up to {STATEMENT_LIMIT} characters", code="P020"))
             return
         self.head, self.line = "", self.head_line
         self._settle()
@@ -136,15 +138,19 @@ class _Reader(AptMotion):
                 handler(s)
             elif word == "PROBE" and s.parts in (["ON"], ["OFF"]):
                 self.recorder.command(self.line, "probe", float(s.parts == ["ON"]), s.rest, word)
+            elif not words.sounds_like_motion(word) and word in self.options.ignore:
+                self.changes_nothing(word, readable(s.rest))
             elif word[:1] in "+-.,0123456789(" and not words.sounds_like_motion(word):
-                self._fault(
-                    "numbers without a word before them", readable(text), "GOTO/ and the like, or $ above", code="P020"
+                fault = StatementError(
+                    "numbers without a word before them", "GOTO/ and the like, or $ above", code="P020"
                 )
+                self.refuse(fault, readable(text))
             else:
                 self._lost(s)
         except StatementError as fault:
             self.arc = None
-            self._fault(f"{word}: {fault.what}", readable(text), fault.allowed, fault.remedy, code=fault.code)
+            fault.what = f"{word}: {fault.what}"
+            self.refuse(fault, readable(text))
         self._settle()
 
     def _comment(self, number: int, text: str) -> None:
@@ -158,23 +164,17 @@ class _Reader(AptMotion):
             self.recorder.operation(number, self.operation, "OPERATION NAME")
 
     def _lost(self, s: Statement) -> None:
-        if self.options.unknown_motion == "error":
-            sounds = "sounds like a motion and" if words.sounds_like_motion(s.word) else "may change the path: it"
-            self._fault(
-                f"{readable(s.word)} {sounds} is not read", s.rest, "GOTO, CIRCLE, MOVARC, ...", REMEDY, code="P019"
-            )
-        else:
-            self.recorder.event(
-                self.line, s.word, readable(s.rest), note=f"word {readable(s.word)} left out, as asked", code="W041"
-            )
+        sounds = "sounds like a motion and" if words.sounds_like_motion(s.word) else "may change the path: it"
+        fault = StatementError(f"{sounds} is not read", "GOTO, CIRCLE, MOVARC, ...", REMEDY, code="P019")
+        self.left_out(readable(s.word), fault, readable(s.rest))
 
     def _minor(self, s: Statement) -> None:
         """Refuse a minor word with which a major one may change the path."""
-        if self.finished and s.word not in quiet.DROPPED:
+        if self.finished and s.word not in harmless.DROPPED:
             raise StatementError(
                 "a statement behind FINI", "FINI as the last one", "post a file for each program", code="P020"
             )
-        known = quiet.MINOR.get(s.word)
+        known = harmless.MINOR.get(s.word)
         stray = [part for part in s.parts if part and words.as_number(part) is None and part not in (known or ())]
         if known is not None and stray:
             allowed = ", ".join(sorted(known)) or f"{s.word} alone"
@@ -182,12 +182,11 @@ class _Reader(AptMotion):
 
     def _codes(self, s: Statement) -> None:
         """PREFUN and AUXFUN: codes as they come into the program."""
-        known, letter = (quiet.G_CODES, "G") if s.word == "PREFUN" else (quiet.M_CODES, "M")
+        letter = "G" if s.word == "PREFUN" else "M"
         for number in s.numbers(*range(1, 9)):
-            if number not in known:
-                raise StatementError(
-                    f"{letter}{number:g} may change the path", _codes_of(known, letter), REMEDY, code="P019"
-                )
+            if f"{letter}{number:g}" not in harmless.CODES:
+                allowed = ", ".join(code for code in harmless.CODES if code[0] == letter)
+                raise StatementError(f"{letter}{number:g} may change the path", allowed, REMEDY, code="P019")
         self.recorder.event(self.line, s.word, s.rest)
 
     def _insert(self, s: Statement) -> None:
@@ -196,7 +195,7 @@ class _Reader(AptMotion):
         whole = _BLOCK.fullmatch(text) is not None
         for code in (_WORD if whole else _COMMAND).findall(text):
             number = words.as_number(code[1:])
-            if number not in {"G": quiet.G_CODES, "M": quiet.M_CODES}.get(code[0], {}):
+            if number is None or f"{code[0]}{number:g}" not in harmless.CODES:
                 raise StatementError(f"{code} may change the path", "texts, and codes such as M8", REMEDY, code="P019")
         self.recorder.event(self.line, s.word, readable(s.rest))
 
@@ -208,35 +207,23 @@ class _Reader(AptMotion):
     def _finish(self) -> None:
         if self.head:
             self.line = self.head_line
-            self._fault(
-                "the file ends within a statement",
-                self.head,
-                "the rest behind the last $",
-                "post once more",
-                code="P020",
+            self.refuse(
+                StatementError("the file ends within a statement", "the rest behind the last $", code="P020"), self.head
             )
         if self.arc is not None:
-            self._fault(
-                "the file ends behind an arc without its GOTO", "", "the end of the arc", "post once more", code="P011"
+            self.refuse(
+                StatementError("the file ends behind an arc without its GOTO", "the end of the arc", code="P011")
             )
         if self.ended:
             self.recorder.finish(self.line, "END-OF-PATH")
         else:
-            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short", code="W037")
+            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
 
     def _keep(self, s: Statement) -> None:
-        self.recorder.event(self.line, s.word, readable(s.rest))
+        self.changes_nothing(s.word, readable(s.rest))
         if s.word in ("FINI", "GOUGCK", "END-OF-PATH"):
             self.ended = True
             self._no_open_arc()
         if s.word in ("FINI", "END"):
             self.recorder.finish(self.line, s.word)
         self.finished |= s.word == "FINI"
-
-
-def _codes_of(known: dict[int, str], letter: str) -> str:
-    return ", ".join(f"{letter}{number}" for number in known)
-
-
-def _drop(s: Statement) -> None:
-    pass

@@ -15,7 +15,8 @@ from machining.toolpaths.apt.words import Statement, numbers
 from machining.toolpaths.cycles import Cycle
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from machining.toolpaths.program import Program
+from machining.toolpaths.recorder import StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
 
@@ -125,16 +126,13 @@ def _mcsys(parts: list[str]) -> list[str]:
     return [part for part in parts if part not in ("POINT", "VECTOR")]
 
 
-class AptState:
+class AptState(Program):
     """State of an APT file while it is read, and its words; each handler takes the text behind the word."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        self.options = options
-        self.recorder = Recorder(path.name, options.max_moves, options.retract)
+        super().__init__(path, options)
         self.scale = words.length_unit(path, options, self.recorder)
         self.frames = Frames(options.frames)
-        self.line = 0
-        self.axis: Vector = (0.0, 0.0, 1.0)
         self.rapid = False
         self.feed, self.spindle = Feed(), words.Spindle()
         # Data of the tool given since the last motion: they belong to the next one.
@@ -145,8 +143,8 @@ class AptState:
         self.tangent: Array | None = None
         self.cycle: Cycle | None = None
         self.last_cycle: Cycle | None = None
-        # State that the recorder has not got yet; words that end the file behind the last motion.
-        self.dirty = self.ended = True
+        # Words that end the file behind the last motion.
+        self.ended = True
 
     def state_words(self) -> dict[str, Handler]:
         """Handlers by word."""
@@ -176,13 +174,10 @@ class AptState:
     def _commit(self) -> None:
         fault = self.frames.use()
         if fault:
-            self._fault("motion in a second frame", fault, "one frame", FRAMES, code="P013")
+            self.refuse(StatementError("motion in a second frame", "one frame", FRAMES, code="P013"), fault)
         sign = self.spindle.signed
         self.recorder.state(self.feed.speed(sign), sign, self.tool, self.operation)
         self.dirty = self.ended = self.loaded = False
-
-    def _fault(self, what: str, value: str, allowed: str | None, remedy: str | None = None, *, code: str) -> None:
-        self.recorder.error(self.line, what, code=code, value=value.strip() or None, allowed=allowed, remedy=remedy)
 
     def _fedrat(self, s: Statement) -> None:
         self.feed = words.feed(s.parts, self.scale, self.feed)
@@ -270,13 +265,7 @@ class AptState:
     def _fresh(self) -> None:
         if self.cycle is not None:
             self.cycle = None
-            self._fault(
-                "a tool is changed while a cycle is on",
-                "",
-                "CYCLE/OFF before it",
-                "find where the cycle ends",
-                code="P012",
-            )
+            self.refuse(StatementError("a tool is changed while a cycle is on", "CYCLE/OFF before it", code="P012"))
         # Data of the tool before must not stay on the next one; data given since the last motion belong to it.
         if not self.loaded:
             self.tool, self.loaded = Tool(), True

@@ -18,6 +18,12 @@ AHEAD = "how far the control reads ahead"
 SCREEN = "for the operator's screen"
 ORDER = "data of the control; offsets are the caller's"
 
+
+def shown(code: int) -> str:
+    """Code in tenths as it is written: G43.4."""
+    return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
+
+
 # Codes in tenths: G64 is 640.
 CODES: Mapping[int, str] = {
     80: AHEAD,
@@ -179,3 +185,8 @@ WORDS: Mapping[str, str] = {
 }
 # Named values of Siemens that change nothing either.
 VALUES: Mapping[str, str] = dict.fromkeys(("ADIS", "ADISPOS", "CTOL", "OTOL", "ATOL"), SMOOTH)
+ALL: Mapping[str, str] = {
+    **{shown(code): why for code, why in CODES.items()},
+    **{f"M{number}": why for number, why in FUNCTIONS.items()},
+    **WORDS,
+}

@@ -1,27 +1,28 @@
-"""Motion of G-code blocks: G0 to G3, drill cycles, rotary axes."""
+"""Motion of G-code blocks: G0 to G3, splines, corners, polar coordinates and drill cycles."""
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from machining.toolpaths.arcs import ArcError, arc_points, between
-from machining.toolpaths.corners import chamfered, rounded, tangent_arc, through_point
+from machining.toolpaths.arcs import between, chord_count, sweep_about
+from machining.toolpaths.corners import Piece, chamfered, rounded, tangent_arc, through_point
 from machining.toolpaths.cycles import Cycle, drill
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES, RESTS, center, drill_cycle
 from machining.toolpaths.gcode.frames import CoordinateFrame
+from machining.toolpaths.gcode.rotary import POINTING, Rotary
 from machining.toolpaths.gcode.siemens_cycles import Hole
-from machining.toolpaths.gcode.state import REMEDY_START, Modes
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC, Nurbs
+from machining.toolpaths.gcode.state import REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError, Vector
 from robots.arrays import Array
 
-# Components of a tool axis as Siemens writes them.
-POINTING = ("A3", "B3", "C3")
-POINTING_SET = frozenset(POINTING)
 # Words that move the tool.
 MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
 
@@ -30,38 +31,62 @@ MOVING = frozenset((*"XYZABC", *POINTING, "AP", "RP"))
 FULL_TURN = 1e-6
 # Arcs of Siemens by a point on the way, and along the direction of the move before.
 VIA = {"CIP": -1, "CT": -2}
-# Words that round or chamfer the corner at the end of a line: of Fanuc, and of Siemens.
+# Words that round or chamfer the corner at the end of a line or an arc: of Fanuc, and of Siemens.
 CORNERS = (",R", ",C", "RND", "CHF", "CHR")
+ROUNDS = (",R", "RND", "RNDM")
 
 
 @dataclass(frozen=True, eq=False)
-class Corner:
-    """A corner to be cut: the word, its size m, where its line begins (3,) m, line of the file, moves by then.
+class Element:
+    """A line at feed, or an arc about ``center``, from ``start`` to ``end`` (3,) m of the frame in force.
 
-    ``modes``: plane, frame and work offset of its line. ``feed``: that of the cut, NaN for that of its line.
+    ``modes``: plane, frame and work offset. ``count`` of its moves, up to the number ``moves``.
     """
+
+    start: Array
+    end: Array
+    modes: tuple[int, CoordinateFrame, str]
+    axis: Vector
+    moves: int
+    count: int = 1
+    center: Array | None = None
+    clockwise: bool = False
+    turns: int = 1
+
+    @property
+    def piece(self) -> Piece:
+        """The element by the axes of its plane."""
+        p, sign = list(PLANES[self.modes[0]]), -1.0 if self.clockwise else 1.0
+        start, end = self.start[p], self.end[p]
+        if self.center is None:
+            return Piece(start, end)
+        sweep = sweep_about(start, end, self.center[p], (0.0, 0.0, sign)) + 2.0 * math.pi * (self.turns - 1)
+        return Piece(start, end, self.center[p], sign * sweep)
+
+
+class Corner(NamedTuple):
+    """A corner to be cut at the end of an element: the word, its size m, line of the file, feed (NaN: its own)."""
 
     word: str
     size: float
-    start: Array
     line: int
-    moves: int
-    axis: Vector
-    modes: tuple[object, ...]
     feed: float
+    element: Element
 
 
-class GcodeMotion(Modes):
-    """The blocks that move the tool, on top of the modes; ``pointing``: A3, B3, C3 have told its axis."""
+class GcodeMotion(Rotary):
+    """The blocks that move the tool."""
 
-    pointing = False
-    # The corner that the last line ends at, to be cut off once the next line is known; radius of RNDM, m.
+    # The last line or arc at feed, and the corner at its end that what follows cuts off; radius of RNDM, m.
+    element: Element | None = None
     open_corner: Corner | None = None
     every_corner = 0.0
-    # Feed of corners (FRCM); moves made when the last move ended polar, and when it left along a direction (3,).
+    # Feed of corners (FRCM); the last polar place: radius m, angle deg.
     feed_of_corners = math.nan
-    polar_at = -1
-    heading: tuple[int, CoordinateFrame, Array] | None = None
+    polar = math.nan, math.nan
+    # The moves made and the direction (3,) m in which the last cubic spline ends; what G5.2 has given.
+    spline: tuple[int, Array] | None = None
+    open_nurbs: Nurbs | None = None
 
     def _motion(self, b: Block) -> None:
         if self.motion is None:
@@ -73,6 +98,17 @@ class GcodeMotion(Modes):
             return
         target = self._target(b)
         before, self.axis = self.axis, self._tool_axis(b)
+        along = PLANES[self.plane][2]
+        if self.length is False and "XYZ"[along] in b.words:
+            if self.motion != 0:
+                raise StatementError(
+                    f"a move of {'XYZ'[along]} behind G49, of the spindle and not of the tip", "G43", code="P016"
+                )
+            # How far the tip goes is not known: a retract.
+            target[along] = None
+            self.leave((along,), "G49")
+            if not b.words.keys() & (MOVING - {"XYZ"[along]}):
+                return
         if self.motion == 0:
             if not self.rapid_to(target):
                 self.recorder.event(
@@ -83,91 +119,137 @@ class GcodeMotion(Modes):
                 )
             return
         point = self._known(target)
+        if self.open_nurbs is not None:
+            raise StatementError("a move between G5.2 and G5.3", "control points, then G5.3", code="P011")
         if self.motion == 10:
             self._feed_to(b, point)
+        elif self.motion in (CUBIC, QUADRATIC):
+            self._bezier(b, np.array(point))
         else:
             point = self._arc(b, point, before)
         self.here = list(point)
-        self.polar_at = len(self.recorder) if b.words.keys() & {"AP", "RP"} else -1
 
     def _feed_to(self, b: Block, point: Vector) -> None:
-        start = self._cut_corner(np.array(self.here, dtype=np.float64), np.array(point))
+        end = np.array(point)
+        element = self._joined(b, np.array(self.here, dtype=np.float64), end)
         if self.turns_part and self.angles != self.angles_before:
-            self._with_table(start, np.array(point))
+            self._with_table(element.start, end)
         else:
-            self.commit(float(np.linalg.norm(start - point)))
+            self.commit(float(np.linalg.norm(element.start - end)))
             self.recorder.move(self.line, self.shifted(point), self.axis, False)
-        self.heading = len(self.recorder), self.frame, np.array(point) - start
+        self._ended(b, element, 1)
+
+    def _joined(self, b: Block, start: Array, end: Array, **arc: Any) -> Element:
+        """The element of a block, behind the corner that it begins at if that is to be cut; ``arc``: its fields."""
+        modes = self.plane, self.frame, self.offset
+        element = Element(start, end, modes, self.axis, 0, **arc)
+        if self.open_corner is None:
+            return element
+        corner, self.open_corner = self.open_corner, None
+        return replace(element, start=self._cut_off(corner, element))
+
+    def _ended(self, b: Block, element: Element, count: int) -> None:
+        """Keep an element of ``count`` moves, and the corner that its block asks for at its end."""
+        self.element = replace(element, count=count, moves=len(self.recorder))
         asked = {word: b.words[word] * self.scale for word in CORNERS if word in b.words}
         if self.every_corner and not asked:
             asked = {"RNDM": self.every_corner}
         if len(asked) > 1:
             raise StatementError("two ways to cut one corner", f"one of {', '.join(CORNERS)}", code="P021")
         for word, size in asked.items():
-            if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
-                raise StatementError(
-                    f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn", code="P021"
-                )
-            feed = b.words.get("FRC", self.feed_of_corners)
-            if feed <= 0.0:
-                raise StatementError(f"FRC of {feed:g}", "more than 0", code="P021")
-            modes = self.plane, self.frame, self.offset
-            self.open_corner = Corner(word, size, start, self.line, len(self.recorder), self.axis, modes, feed)
+            self.cut_next(word, size, b.words.get("FRC", self.feed_of_corners))
 
-    def modes_of_corners(self, b: Block) -> None:
-        """RNDM and FRCM: the corners to come are rounded, and cut at this feed."""
-        if "RNDM" in b.words:
-            self.every_corner = b.words["RNDM"] * self.scale
-        if "FRCM" in b.words:
-            self.feed_of_corners = b.words["FRCM"] or math.nan
-
-    def _cut_corner(self, corner: Array, end: Array) -> Array:
-        """Round or chamfer the corner (3,) m that the line to ``end`` begins at; returns where that begins then."""
-        c, self.open_corner = self.open_corner, None
-        if c is None:
-            return corner
-        same = all(a is b or a == b for a, b in zip(c.modes, (self.plane, self.frame, self.offset), strict=True))
-        if not same or c.moves != len(self.recorder) or c.axis != self.axis or self.axis != self._axis_of_plane():
+    def cut_next(self, word: str, size: float, feed: float = math.nan) -> None:
+        """Cut the corner at the end of the last element, ``size`` m, once the one behind it is known."""
+        if self.element is None or self.element.moves != len(self.recorder) or not self.element.count:
+            raise StatementError(f"{word} behind no line or arc at feed", "between lines and arcs at feed", code="P021")
+        if self.feed_mode == "inverse" or self.turns_part or not size > 0.0:
             raise StatementError(
-                f"{c.word} between lines that do not follow each other in one plane", "two lines", code="P021"
+                f"{word} of {size / self.scale:g}", "more than 0, with feed per minute or turn", code="P021"
             )
-        p = list(PLANES[self.plane])
-        A, P, B = (each[p] for each in (c.start, corner, end))
-        if c.word in ("CHF", ",C", "CHR"):
-            first, last = chamfered(A, P, B, c.size, across=c.word == "CHF")
-            points = last[None]
+        if feed <= 0.0:
+            raise StatementError(f"feed {feed:g} of a corner", "more than 0", code="P021")
+        self.open_corner = Corner(word, size, self.line, feed, self.element)
+
+    def _cut_off(self, corner: Corner, after: Element) -> Array:
+        """Round or chamfer the corner between two elements; returns where (3,) m the second one begins then."""
+        word, size, line, own, before = corner
+        same = before.modes[1] is after.modes[1] and before.modes[::2] == after.modes[::2]
+        axis = self._axis_of_plane()
+        if not same or before.moves != len(self.recorder) or not before.axis == after.axis == axis:
+            raise StatementError(
+                f"{word} between elements that do not follow each other in one plane", "one plane", code="P021"
+            )
+        into, out = before.piece, after.piece
+        if word in ROUNDS:
+            first, cut = rounded(into, out, size)
         else:
-            first, last, middle, clockwise = rounded(A, P, B, c.size)
-            _, points = arc_points(
-                first,
-                last,
-                middle,
-                np.array([0.0, 0.0, -1.0 if clockwise else 1.0]),
-                chord_tolerance=self.options.chord_tolerance,
-                arc_tolerance=self.options.arc_tolerance,
-                limit=self.options.max_moves,
-            )
-        back = np.argsort(p)
-        self.recorder.shorten(self.shifted(tuple(first[back].tolist())))
-        feed = self.feed
-        if not math.isnan(c.feed):
-            self.feed, self.dirty = c.feed, True
+            first, cut = chamfered(into, out, size, across=word == "CHF")
+        count = int(chord_count(abs(cut.sweep), size, self.options.chord_tolerance))
+        back, kept = np.argsort(PLANES[self.plane]), np.arange(1, before.count + 1) / before.count
+        self.recorder.shorten(self.placed(into.along(first * kept)[:, back]))
+        if not math.isnan(own):
+            feed, self.feed, self.dirty = self.feed, own, True
             self.commit(math.nan)
             self.feed, self.dirty = feed, True
-        for point in points[:, back]:
-            self.recorder.move(c.line, self.shifted(tuple(point.tolist())), self.axis, False)
-        return np.asarray(last[back])
+        points = self.placed(cut.along(np.arange(1, count + 1) / count)[:, back])
+        self.recorder.moves(line, points, np.tile(axis, (count, 1)), False)
+        self.recorder.behind(self.line, before.moves)
+        return np.asarray(cut.end[back])
 
-    def corner_behind(self, b: Block) -> None:
-        """Refuse a corner to be cut where no line follows."""
+    def corner_behind(self) -> None:
+        """Refuse a corner to be cut where no line or arc follows."""
         c = self.open_corner
-        if c is not None and c.line != self.line and not b.empty:
-            # A block without a move between two lines: controls may round the corner, or may not.
-            self.open_corner = replace(c, modes=(None,) * 3) if c.moves == len(self.recorder) else None
-            if c.word != "RNDM" or self.motion in (20, 30, *VIA.values()):
+        if c is not None and c.line != self.line:
+            # A block without a move between two of them: controls may round the corner, or may not.
+            between = c.element.moves == len(self.recorder)
+            unread = replace(c.element, modes=(0, c.element.modes[1], ""))
+            self.open_corner = c._replace(element=unread) if between else None
+            if c.word != "RNDM":
+                self.open_corner = None
                 raise StatementError(
-                    f"{c.word} in line {c.line} without a line behind it", "two lines at feed", code="P021"
+                    f"{c.word} in line {c.line} without an element behind it", "two at feed", code="P021"
                 )
+
+    def _bezier(self, b: Block, end: Array) -> None:
+        """G5 and G5.1 of LinuxCNC in G17; without I and J a curve goes on in the direction of the one before."""
+        start, cubic = np.array(self.here, dtype=np.float64), self.motion == CUBIC
+        i, j, p, q = (self.scale * b.words.get(letter, math.nan) for letter in "IJPQ")
+        first, last = np.array([i, j, 0.0]), np.array([p, q, 0.0])
+        if not cubic:
+            first, last = np.nan_to_num(first), np.zeros(3)
+        elif math.isnan(i) and math.isnan(j) and self.spline is not None and self.spline[0] == len(self.recorder):
+            first = self.spline[1]
+        if self.plane != 170 or start[2] != end[2] or not first.any() or np.isnan([first, last]).any():
+            raise StatementError(
+                "a spline out of X Y, or without its points", "G17, X, Y, I, J, and P, Q of G5", code="P011"
+            )
+        self._spline(Nurbs([start, start + first, *([end + last] if cubic else []), end], order=3 + cubic))
+        self.spline = len(self.recorder), -last
+
+    def nurbs(self, b: Block) -> None:
+        """G5.2 of LinuxCNC: control points from here on, with weights P; G5.3: the curve of order L that they make."""
+        first, second, normal = PLANES[self.plane]
+        named, target = b.words.keys() & {"XYZ"[first], "XYZ"[second]}, self.target(b)
+        if NURBS in b.codes:
+            weight = 1.0 if named else b.words.get("P", 1.0)
+            self.open_nurbs = Nurbs([np.array(self._known(self.here))], [weight], int(b.words.get("L", 3.0)))
+        if self.open_nurbs is None or len(named) == 1 or target[normal] != self.here[normal]:
+            raise StatementError(
+                "a control point without both coordinates, or out of its plane", "G5.2, X, Y, P, G5.3", code="P011"
+            )
+        if named:
+            self.open_nurbs.control.append(np.array(self._known(target)))
+            self.open_nurbs.weights.append(b.words.get("P", 1.0))
+            self.here = target
+        if NURBS_END in b.codes:
+            made, self.open_nurbs, self.motion = self.open_nurbs, None, None
+            self._spline(made)
+
+    def _spline(self, made: Nurbs) -> None:
+        points = made.points(self.options.chord_tolerance)
+        self.commit(float(np.linalg.norm(np.diff([made.control[0], *points], axis=0), axis=1).sum()))
+        self.recorder.moves(self.line, self.placed(points), np.tile(self.axis, (len(points), 1)), False)
 
     def _axis_of_plane(self) -> Vector:
         x, y, z = self.frame.turn[:, PLANES[self.plane][2]].tolist() if self.frame.follows else self.axis
@@ -198,28 +280,34 @@ class GcodeMotion(Modes):
         return out
 
     def _polar(self, b: Block) -> list[float | None]:
-        """AP, RP about the pole: angle and radius; the one that is left out stays."""
+        """AP, RP about the pole: angle and radius; the radius is absolute but for IC, the angle adds under G91, too.
+
+        What is left out, or added to, is that of the polar place at which the tool stands; of any place where an arc
+        begins.
+        """
         first, second, normal = PLANES[self.plane]
-        pole, out = self.pole, list(self.here)
-        letters = "XYZ"[first], "XYZ"[second]
-        if b.words.keys() & {*letters, *"IJKR", "AR"} or None in (pole[first], pole[second]):
+        letters, out = ("XYZ"[first], "XYZ"[second]), list(self.here)
+        a, c = self.pole[first], self.pole[second]
+        if b.words.keys() & {*letters, *"IJKR", "AR"} or a is None or c is None:
             raise StatementError(
                 "polar coordinates with others, or while the pole is not known", "AP and RP alone", code="P020"
             )
-        u, v = ((out[i] or 0.0) - (pole[i] or 0.0) for i in (first, second))
-        if (out[first] is None or out[second] is None) and not b.words.keys() >= {"AP", "RP"}:
-            raise StatementError("polar coordinates while the tool's place is not known", "AP and RP", code="P020")
-        radius, angle = math.hypot(u, v), math.degrees(math.atan2(v, u))
-        adds = {word: not b.own.get(word, True) for word in ("AP", "RP")}
-        if not self.absolute or (any(adds.values()) and self.polar_at != len(self.recorder)):
-            raise StatementError(
-                "polar coordinates that add", "absolute ones (G90), or IC behind a polar move", code="P020"
-            )
+        u, v = np.array(out, dtype=np.float64)[[first, second]] - (a, c)
+        lever = complex(u, v)
+        if self.motion in (20, 30):
+            self.polar = abs(lever), math.degrees(cmath.phase(lever))
+        elif not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-9:
+            self.polar = math.nan, math.nan
+        radius, angle = self.polar
         if "RP" in b.words:
-            radius = b.words["RP"] * self.scale + radius * adds["RP"]
-        angle = math.radians(b.words["AP"] + angle * adds["AP"] if "AP" in b.words else angle)
-        out[first] = (pole[first] or 0.0) + radius * math.cos(angle)
-        out[second] = (pole[second] or 0.0) + radius * math.sin(angle)
+            radius = b.words["RP"] * self.scale + (0.0 if b.own.get("RP", True) else radius)
+        if "AP" in b.words:
+            angle = b.words["AP"] + (0.0 if b.own.get("AP", self.absolute) else angle)
+        if not math.isfinite(radius + angle):
+            raise StatementError("polar coordinates away from a polar place", "radius and angle, absolute", code="P020")
+        self.polar = radius, angle
+        out[first] = a + radius * math.cos(math.radians(angle))
+        out[second] = c + radius * math.sin(math.radians(angle))
         out[normal] = self.target(b)[normal]
         return out
 
@@ -263,7 +351,10 @@ class GcodeMotion(Modes):
             self.here = target
             missing = ", ".join(letter for letter, v in zip("XYZ", target, strict=True) if v is None)
             raise StatementError(
-                f"a move at feed while {missing} is not known", "X, Y, Z given before", REMEDY_START, code="P016"
+                f"a move at feed while {missing} is not known",
+                "X, Y, Z given before",
+                REMEDY_START,
+                code="P016",
             )
         return x, y, z
 
@@ -309,33 +400,24 @@ class GcodeMotion(Modes):
         turns = b.words["TURN"] + 1.0 if "TURN" in b.words else 1.0 if self.siemens else b.words.get("P", 1.0)
         if not 1.0 <= turns <= 10_000.0 or turns != int(turns):
             raise StatementError(f"an arc of {turns:g} turns", "P of a whole number from 1 to 10000", code="P011")
-        try:
-            fraction, points = arc_points(
-                start,
-                end,
-                middle,
-                normal,
-                chord_tolerance=self.options.chord_tolerance,
-                arc_tolerance=self.options.arc_tolerance,
-                turns=int(turns),
-                limit=self.options.max_moves,
-            )
-        except ArcError as fault:
-            remedy = (
-                "check G90.1 and G91.1; say that centres are coordinates: --read arc_absolute=yes; allow more: "
-                "--read arc_tolerance_um=50; or post with more decimals"
-            )
-            raise StatementError(f"{fault.what} ({fault.value})", fault.allowed, remedy, code="P011") from None
-        chain = np.vstack([start, points])
-        self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
         if self.turns_part and self.angles != self.angles_before:
             raise StatementError(
                 "an arc while the table turns", "arcs at fixed angles", "post it as short lines", code="P011"
             )
-        points = self.in_part(self.frame.out(points) + self.shift)
-        self.recorder.moves(self.line, points, between(before, self.axis, fraction), False)
-        self.heading = len(self.recorder), self.frame, np.cross(normal, np.array(end) - middle)
+        element = self._joined(b, start, np.array(end), center=middle, clockwise=clockwise, turns=int(turns))
+        fraction, points = self.chords(element.start, end, middle, normal, turns=int(turns))
+        chain = np.vstack([element.start, points])
+        self.commit(float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum()))
+        self.recorder.moves(self.line, self.placed(points), between(before, self.axis, fraction), False)
+        self._ended(b, element, len(points))
         return end
+
+    def leaving(self) -> Array:
+        """Direction (3,) in which the last line or arc at feed leads at its end."""
+        last = self.element
+        if last is None or last.moves != len(self.recorder) or last.modes[1] is not self.frame:
+            raise StatementError("CT without a contour before it", "a line or an arc at feed before it", code="P011")
+        return np.asarray(last.piece.heading(1.0)[np.argsort(PLANES[last.modes[0]])])
 
     def _via(self, b: Block, start: Array, end: Array) -> tuple[Array, bool]:
         """Centre (3,) m of CIP or CT in the plane, and whether the arc is clockwise."""
@@ -351,9 +433,7 @@ class GcodeMotion(Modes):
             on_way = np.array([b.words["I1"] * self.scale, b.words["J1"] * self.scale, start[w]])
             middle, clockwise = through_point(start, on_way, end)
         else:
-            if self.heading is None or self.heading[0] != len(self.recorder) or self.heading[1] is not self.frame:
-                raise StatementError("CT without a move at feed before it", "G1 to G3 before it", code="P016")
-            middle, clockwise = tangent_arc(start[p], end[p], self.heading[2][p])
+            middle, clockwise = tangent_arc(start[p], end[p], self.leaving()[p])
         out[p] = middle
         return out, clockwise
 
@@ -364,12 +444,10 @@ class GcodeMotion(Modes):
             raise StatementError(
                 "AR with a centre and an end, or out of range", "above 0, below 360, one of both", code="P016"
             )
-        u, v, _ = PLANES[self.plane]
-        turn = math.radians(-angle if clockwise else angle)
-        x, y = (start - middle)[[u, v]]
+        p, turn = list(PLANES[self.plane][:2]), math.radians(-angle if clockwise else angle)
+        lever = complex(*(start - middle)[p]) * cmath.rect(1.0, turn)
         out = start.copy()
-        out[u] = middle[u] + math.cos(turn) * x - math.sin(turn) * y
-        out[v] = middle[v] + math.sin(turn) * x + math.cos(turn) * y
+        out[p] = middle[p] + (lever.real, lever.imag)
         return out[0], out[1], out[2]
 
     def _opening(self, b: Block, start: Array, end: Array) -> None:
@@ -381,113 +459,6 @@ class GcodeMotion(Modes):
         radius = float(np.linalg.norm((end - start)[list(PLANES[self.plane][:2])])) / 2.0 / math.sin(half) / self.scale
         dict.__setitem__(b.words, "R", radius if angle <= 180.0 else -radius)
 
-    def _with_table(self, start: Array, end: Array) -> None:
-        """A move at feed while the table turns: as chords of what the tip does in the part."""
-        old, new = self.angles_before, dict(self.angles)
-        turn = max(abs(new[k] - old[k]) for k in new)
-        lever = max(float(np.linalg.norm(end - np.array(self.options.pivot))), 1e-3)
-        step = min(math.radians(5.0), 2.0 * math.sqrt(2.0 * self.options.chord_tolerance / lever))
-        count = 1 if np.isnan(start).any() else max(1, math.ceil(turn / step))
-        self.recorder.room(count)
-        points, axes = [], []
-        for f in np.arange(0 if count > 1 else 1, count + 1) / count:
-            self.angles = {k: old[k] + f * (new[k] - old[k]) for k in new}
-            x, y, z = (end if f == 1.0 else start + f * (end - start)).tolist()
-            points.append(self.shifted((x, y, z)))
-            axes.append(self._of_angles())
-        self.angles = new
-        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if count > 1 else math.nan
-        straight = float(np.linalg.norm(end - start))
-        self._commit_turning(length, straight, math.hypot(straight / self.scale, math.degrees(turn)) * self.scale)
-        self.recorder.moves(self.line, np.array(points[-count:]), np.array(axes[-count:]), False)
-        self.dirty = True
-
-    def _commit_turning(self, length: float, straight: float, vector: float) -> None:
-        """State of a move that a table turns in: the tip's speed in the part, by the time that the move takes.
-
-        ``length`` m in the part, ``straight`` m of X Y Z, ``vector`` of X Y Z and the angles, a degree as a unit of
-        length.
-        """
-        if self.feed_mode == "inverse":
-            self.commit(length)
-            return
-        if not self.options.rotary_feed:
-            raise StatementError(
-                "a feed per minute while the table turns: of X Y Z, or of these with the angles",
-                "G93, or TCP",
-                "say which: --read rotary_feed=linear (RS-274) or rotary_feed=vector (Fanuc)",
-                code="P022",
-            )
-        way = vector if self.options.rotary_feed == "vector" or straight == 0.0 else straight
-        feed = self.feed
-        self.feed, self.dirty = feed * length / way if way > 0.0 else feed, True
-        self.commit(length)
-        self.feed = feed
-
-    def _of_angles(self) -> Vector:
-        return tool_axis(self.options.rotary, self.iso_angles)
-
-    def _tool_axis(self, b: Block) -> Vector:
-        turned = False
-        self.angles_before = self.angles
-        for letter in "ABC":
-            if letter in b.words:
-                if not turned:
-                    self.angles = dict(self.angles)
-                old = self.angles[letter]
-                self.angles[letter] = math.radians(b.words[letter]) + (0.0 if b.own.get(letter, self.absolute) else old)
-                turned = True
-        angles = self.angles
-        if not POINTING_SET.isdisjoint(b.words):
-            return self._direction(b)
-        if turned:
-            self.pointing = False
-        elif self.pointing:
-            return self.axis
-        if not turned and not any(angles.values()):
-            return self.frame_axis
-        rotary = self.options.rotary
-        wrong = [k for k, v in angles.items() if v and k not in rotary.rpartition("-")[2]]
-        if wrong and any(angles.values()):
-            remedy = "say how the axes turn: --rotary table-AC or head-BC (rotary= in Python)"
-            raise StatementError(
-                f"rotary axis {', '.join(wrong)} with --rotary {rotary}", "axes of the machine", remedy, code="P014"
-            )
-        if any(angles.values()) and not self.tcp and not self.turns_part:
-            raise StatementError(
-                "turned rotary axes without tool centre point control: X, Y, Z are no points of the part",
-                "G43.4, G234 or TRAORI before it",
-                "post with tool centre point control; where X, Y, Z are the tip in the part: --tcp (tcp= in Python); "
-                "where a table turns: --read pivot=X,Y,Z, the place where its axes meet, in mm",
-                code="P014",
-            )
-        return (0.0, 0.0, 1.0) if rotary == "none" else self._of_angles()
-
-    @property
-    def frame_axis(self) -> Vector:
-        """Tool axis in the part without any rotary axis: upright, or the z axis of a plane that the tool follows."""
-        if not self.frame.follows:
-            return 0.0, 0.0, 1.0
-        x, y, z = self.frame.turn[:, 2].tolist()
-        return x, y, z
-
-    def _direction(self, b: Block) -> Vector:
-        """Siemens' A3 B3 C3: the tool axis as a vector of the frame in force, from the tip into the holder."""
-        if not self.tcp:
-            raise StatementError(
-                "A3, B3, C3 without TRAORI",
-                "TRAORI before them",
-                "say that it is on: --tcp (tcp= in Python)",
-                code="P014",
-            )
-        axis = self.frame.turn @ np.array([b.words.get(letter, 0.0) for letter in POINTING])
-        size = float(np.linalg.norm(axis))
-        if not size > 0.0:
-            raise StatementError("a tool axis of length 0", "A3, B3 or C3 other than 0", code="P014")
-        self.pointing = True
-        x, y, z = (axis / size).tolist()
-        return x, y, z
-
     def _cycle(self, b: Block) -> None:
         along = PLANES[self.plane][2]
         letter = "XYZ"[along]
@@ -498,7 +469,7 @@ class GcodeMotion(Modes):
             whole = "P" not in b.points and self.options.dwell_unit == "ms"
             if "P" not in b.points and not whole and b.words["P"] >= 100.0:
                 self.recorder.note(
-                    self.line, "a cycle with a whole P of 100 or more: taken as s; --read dwell_unit=ms?", code="W039"
+                    self.line, "a cycle with a whole P of 100 or more: taken as s; --read dwell_unit=ms?"
                 )
             self.sticky["P"] = b.words["P"] * (1e-3 if whole else 1.0)
         if letter not in self.sticky or "R" not in self.sticky:
@@ -564,20 +535,3 @@ class GcodeMotion(Modes):
             raise StatementError(
                 "a cycle with the tool not along the normal of the plane", "post it as single moves", code="P012"
             )
-
-
-def tool_axis(rotary: str, angles: dict[str, float]) -> Vector:
-    """Unit tool axis in the part frame, from the tip into the holder, for ``angles`` by letter in rad.
-
-    With signs by ISO 841 (a positive angle turns the tool against the part in the positive sense, whichever of them
-    turns) table, head and mixed machines have one formula: axis = Rz(C) Rx(A) z or Rz(C) Ry(B) z. The C axis is the one
-    next to the part on a table, the one away from the tool on a head. Inclined (nutating) axes are not covered.
-
-    ``rotary``: the machine, such as "table-AC".
-    """
-    tilt = rotary.rpartition("-")[2][0]
-    c, s = math.cos(angles[tilt]), math.sin(angles[tilt])
-    # Rx(A) z = (0, -sin A, cos A); Ry(B) z = (sin B, 0, cos B).
-    x, y = (0.0, -s) if tilt == "A" else (s, 0.0)
-    cc, sc = math.cos(angles["C"]), math.sin(angles["C"])
-    return cc * x - sc * y, sc * x + cc * y, c

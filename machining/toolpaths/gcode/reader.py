@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-
 from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
-from machining.toolpaths.gcode.frames import PROGRAMMABLE, CoordinateFrame, in_plane, programmable, swivelled, tilted
-from machining.toolpaths.gcode.motion import MOVING, VIA, GcodeMotion
+from machining.toolpaths.gcode.frames import PROGRAMMABLE, programmable, swivelled
+from machining.toolpaths.gcode.harmless import shown
+from machining.toolpaths.gcode.motion import MOVING, VIA
+from machining.toolpaths.gcode.origins import MACHINE, ORIGINS, POLES, Origins
 from machining.toolpaths.gcode.siemens_cycles import DRILLS, Hole, hole
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC, SPLINES
 from machining.toolpaths.gcode.state import (
     CALLS,
     ENDS,
@@ -25,7 +26,6 @@ from machining.toolpaths.gcode.state import (
     REFUSED_WORDS,
     REMEDY_MACRO,
     remedy_ignore,
-    shown,
 )
 from machining.toolpaths.gcode.subprograms import CALL, DEEPEST, Subprogram, called, subprograms
 from machining.toolpaths.gcode.words import Block, block, cycle_arguments
@@ -63,7 +63,7 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
                 allowed="words that change nothing about path and feed",
                 remedy="leave it out: this word is read, or is known to change the path",
             )
-    reader.siemens = path.suffix.lower() in (".mpf", ".spf")
+    reader.siemens, reader.linuxcnc = path.suffix.lower() in (".mpf", ".spf"), path.suffix.lower() == ".ngc"
     data = content(path, options.max_bytes)
     if CALL.search(data):
         reader.subprograms = subprograms(lines_of(path.name, data))
@@ -71,12 +71,6 @@ def read_gcode(path: Path, options: ReadOptions | None = None) -> Motions:
     return reader.recorder.motions()
 
 
-# Codes that move or turn the frame of coordinates: G10, G52, G53.1, G68, G68.2, G69, G92 to G92.3.
-ORIGINS = (100, 520, 531, 680, 682, 690, 920, 921, 922, 923)
-# Poles of polar coordinates (Siemens): from the last place, the origin, the last pole.
-POLES = (1100, 1110, 1120)
-# Codes of places of the machine, beside SUPA: G28, G30, G53, G153 of Siemens.
-MACHINE = (280, 300, 530, 1530)
 REMEDY_END = "give each program in a file of its own, and end the file with it"
 # Words that are never harmless, whatever the caller says.
 NEVER = REFUSED_WORDS | {
@@ -100,25 +94,21 @@ WITHOUT = (
 )
 
 
-class _Reader(GcodeMotion):
-    over, tape = False, ""
+class _Reader(Origins):
+    tape = ""
     # A cycle that every place to come is drilled with.
     modal_cycle: Hole | None = None
     subprograms: Mapping[str, Subprogram] = MappingProxyType({})
-    depth = 0
-    # Frame that G92.2 has set aside, and whether G92 has said what coordinates mean before any was known.
-    aside: CoordinateFrame | None = None
-    presumed = False
-    # What had moved the origin before G68.
-    origin_before = ""
 
     def read(self, source: Iterable[str]) -> None:
         aside = {number for one in self.subprograms.values() for number in one.lines}
         for number, raw in enumerate(source, start=1):
             if number not in aside:
                 self._line(number, raw)
+        if self.open_nurbs is not None:
+            self.refuse(StatementError("the file ends behind G5.2 without G5.3", "G5.3", code="P011"))
         if not self.over:
-            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short", code="W037")
+            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
 
     def _line(self, number: int, raw: str) -> bool:
         """Read one line; whether that was without a fault."""
@@ -164,7 +154,10 @@ class _Reader(GcodeMotion):
         if b.bad:
             raise StatementError(f"{readable(b.bad)!r} is no word of G-code", "letters with numbers", code="P020")
         self._ignore(b)
-        self._one_of_each(b)
+        for group in GROUPS:
+            if len(found := sorted(set(group) & set(b.codes))) > 1:
+                both = " and ".join(map(shown, found[:2]))
+                raise StatementError(f"{both} in one block", "one code of a kind in a block", code="P020")
         call = self._called(b)
         for word in b.long:
             self._long(word, b)
@@ -174,11 +167,13 @@ class _Reader(GcodeMotion):
         if self.motion in CYCLES and cycle_before not in CYCLES:
             self.initial, self.sticky = self.here[PLANES[self.plane][2]], {}
         # M99 and M17 end a subprogram, not the program.
-        self.modes_of_corners(b)
+        self.every_corner = b.words["RNDM"] * self.scale if "RNDM" in b.words else self.every_corner
+        self.feed_of_corners = b.words["FRCM"] or math.nan if "FRCM" in b.words else self.feed_of_corners
         self.over = self.over or any(number in ENDS and not (number != 30 and self.depth) for number in b.misc)
         self._moved(b)
         self._all_used(b)
-        self.corner_behind(b)
+        if not b.empty:
+            self.corner_behind()
         if not self.depth or not {2, 17, 99} & set(b.misc):
             self.stop(b)
         if call is not None:
@@ -196,13 +191,7 @@ class _Reader(GcodeMotion):
                 found = b.words.pop(word, None) is not None
             b.long = [long for long in b.long if long.partition("(")[0].strip() != word or not (found := True)]
             if found:
-                self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
-
-    def _one_of_each(self, b: Block) -> None:
-        for group in GROUPS:
-            if len(found := sorted(set(group) & set(b.codes))) > 1:
-                both = " and ".join(map(shown, found[:2]))
-                raise StatementError(f"{both} in one block", "one code of a kind in a block", code="P020")
+                self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
 
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
@@ -214,14 +203,16 @@ class _Reader(GcodeMotion):
                 "D0: coordinates of the spindle, not of the tool's tip", "D0 with SUPA, G53 or G153", code="P013"
             )
         for code in b.codes:
-            known |= set(harmless.WITH_CODE.get(code, ""))
+            known |= set(harmless.WITH_CODE.get(code, "") if code != self.motion else "")
         for number in b.misc:
             known |= set(harmless.WITH_FUNCTION.get(number, ""))
-        # The tip of a path in a plane has no offset of its centre along the normal.
-        left = [word for word in b.words.left if word not in known and not self._zero(b, word)]
+        # I, J or K of 0 on an arc, along the normal of its plane; a rest or peck of 0 in a cycle without.
+        none = "IJK" if self.motion in (20, 30) else "PQ" if self.motion in CYCLES else ""
+        known |= {word for word in none if dict.get(b.words, word) == 0.0}
+        left = [word for word in b.words.left if word not in known]
         for word in set(left) & set(self.options.ignore):
             left.remove(word)
-            self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
+            self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
         if left:
             raise StatementError(
                 f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
@@ -229,11 +220,6 @@ class _Reader(GcodeMotion):
                 remedy_ignore(left[0]),
                 code="P020",
             )
-
-    def _zero(self, b: Block, word: str) -> bool:
-        """I, J or K of 0 on an arc, along the normal of its plane; a rest or peck of 0 in a cycle without."""
-        letters = "IJK" if self.motion in (20, 30) else "PQ" if self.motion in CYCLES else ""
-        return word in letters and dict.__getitem__(b.words, word) == 0.0
 
     def _called(self, b: Block) -> tuple[str, int] | None:
         """Name and repeats of a subprogram of this file that the block calls; None where it calls none."""
@@ -334,7 +320,9 @@ class _Reader(GcodeMotion):
             )
         if b.words.keys() & set("UVW"):
             raise StatementError("axes U, V, W", "X, Y, Z, A, B, C", "post for axes X, Y, Z", code="P014")
-        if not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
+        if self.motion in (NURBS, NURBS_END) and (b.words or NURBS_END in b.codes):
+            self.nurbs(b)
+        elif not MOVING.isdisjoint(b.words) or (self.motion in (20, 30) and b.words.keys() & set("IJK")):
             self._motion(b)
             if self.modal_cycle is not None:
                 self.drill_here(self.modal_cycle)
@@ -345,19 +333,16 @@ class _Reader(GcodeMotion):
         if any(number in CALLS for number in b.misc):
             raise StatementError("a call of a subprogram", code="P017", remedy=REMEDY_MACRO)
         for code in tuple(b.codes):
-            # G5.1 with Q, G7.1 and G8 of Fanuc switch look-ahead; with coordinates they are splines of LinuxCNC.
             # G60 of Siemens is an exact stop; Fanuc's comes from one side.
-            quiet = (code in (50, 51, 281, 301, 600) and not b.words.keys() & set("XYZIJ")) or (
-                code == 600 and self.siemens
-            )
+            free = code in (CUBIC, QUADRATIC, 281, 301, 600) and not b.words.keys() & set("XYZIJ")
+            quiet = free or (code == 600 and self.siemens) or (code in SPLINES and self.linuxcnc)
             known = code in REFUSED and not quiet
             unknown = not known and code not in KNOWN and bool(b.words.keys() & set("XYZABCIJKR"))
             if not known and not unknown:
                 continue
             what = REFUSED.get(code, "not known, with coordinates")
-            if self.options.unknown_motion == "error":
-                raise StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT, code="P019")
-            self.recorder.event(self.line, shown(code), note=f"{shown(code)} ({what}) left out, as asked", code="W041")
+            fault = StatementError(f"{shown(code)}: {what}", "G0 to G3, G73, G81 to G86, G89", WITHOUT, code="P019")
+            self.left_out(shown(code), fault)
             self.lose(b, shown(code))
             b.words.clear()
             b.codes.remove(code)
@@ -397,15 +382,12 @@ class _Reader(GcodeMotion):
         elif head in ("RET", "M17"):
             if not self.depth:
                 self.over = True
-        elif head not in harmless.WORDS:
-            if self.options.unknown_motion == "error":
-                raise StatementError(
-                    f"{readable(head)} is not read, nor a subprogram in this file",
-                    "G0 to G3",
-                    WITHOUT if name in REFUSED_WORDS else remedy_ignore(head),
-                    code="P019",
-                )
-            self.recorder.note(self.line, f"{readable(head)} left out, as asked", code="W041")
+        elif self.changes_nothing(head, readable(word)):
+            return
+        else:
+            remedy = WITHOUT if name in REFUSED_WORDS else remedy_ignore(head)
+            what = f"{readable(head)} is not read, nor a subprogram in this file"
+            self.left_out(readable(head), StatementError(what, "G0 to G3", remedy, code="P019"))
             self.lose(b, readable(head))
             b.words.clear()
         self.recorder.event(self.line, readable(head), readable(word))
@@ -420,146 +402,15 @@ class _Reader(GcodeMotion):
                 if whole and self.options.dwell_unit == "ms":
                     value *= 1e-3
                 elif whole and value >= 100.0:
-                    self.recorder.note(
-                        self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?", code="W039"
-                    )
+                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?")
                 self.recorder.dwell(self.line, value)
                 return
         raise StatementError("a dwell without its time", "P, X, U or F with a number", code="P022")
-
-    def _machine(self, code: int, b: Block) -> None:
-        """G28, G30: by way of a point to the machine's own; G53, G153, SUPA: coordinates of the machine."""
-        named = [i for i, letter in enumerate("XYZ") if letter in b.words]
-        home = code in (280, 300)
-        if home and named and self.target(b) != self.here:
-            # The point on the way is in the part.
-            self.rapid_to(self.target(b))
-        for letter in "ABC":
-            if letter in b.words:
-                self.angles[letter] = 0.0
-        b.words.used |= set("XYZABC") | ({"P"} if code == 300 else set())
-        word = "SUPA" if "SUPA" in b.long else shown(code)
-        self.recorder.event(self.line, word, str(b))
-        # G28 alone is for all axes; G53 alone moves nothing.
-        self.leave_by(named if named or not home or b.words.keys() & set("ABC") else (0, 1, 2), word)
-
-    def _origin(self, code: int, b: Block) -> None:
-        """Codes that move or turn the frame of the coordinates to come."""
-        self.recorder.event(self.line, shown(code), str(b))
-        old = self.frame
-        if code == 100:
-            # Work offsets and lengths of tools: with nothing before them they only say what the caller knows.
-            if b.words.get("L") not in (12.0, 13.0) and len(self.recorder):
-                raise StatementError("G10 moves offsets between moves", "G10 before the first move", code="P013")
-            self.recorder.note(self.line, "G10 sets data of the control; offsets are the caller's")
-        elif code == 520:
-            self._moves_origin("G52")
-            here = [b.words.get(letter, old.shift[k] / self.scale) for k, letter in enumerate("XYZ")]
-            self.put_into(CoordinateFrame(shift=self.scale * np.array(here)))
-        elif code == 920:
-            self._here_is(b)
-        elif code in (921, 922, 923):
-            self._preset(code)
-        elif code == 680:
-            self.put_into(self._turned(b))
-        elif code == 682:
-            self._moves_origin("G68.2")
-            self.put_into(tilted(b.words, self.scale))
-        elif code == 531:
-            self.frame = replace(old, follows=True)
-            self._swivelled(shown(code))
-        elif self.unturned is not None:
-            self.put_into(CoordinateFrame(shift=self.unturned))
-            self.unturned, self.origin_by = None, self.origin_before
-        elif self.origin_by == "G68.2":
-            self.put_into(CoordinateFrame())
-
-    def _moves_origin(self, by: str) -> None:
-        """What moves the origin; controls differ in how two of such words go together."""
-        if self.diameter:
-            raise StatementError(f"{by} under {self.diameter}", "DIAMOF before it", code="P020")
-        if not self.frame.plain and self.origin_by != by:
-            raise StatementError(
-                f"{by} while {self.origin_by} moves or turns coordinates",
-                "one of them at a time",
-                "end the other one before, or post with work offsets",
-                code="P020",
-            )
-        self.origin_by = by
-
-    def _turned(self, b: Block) -> CoordinateFrame:
-        """G68: coordinates turned in the plane. Controls differ in what a second one does."""
-        if not self.absolute:
-            raise StatementError("G68 under G91: its centre and angle may add", "G90 before it", code="P013")
-        if self.unturned is None:
-            if not (self.frame.turn == np.eye(3)).all():
-                raise StatementError(f"G68 while {self.origin_by} turns coordinates", "G69 before it", code="P013")
-            self.unturned, self.origin_before, self.origin_by = self.frame.shift, self.origin_by, "G68"
-            before = self.frame
-        elif not self.options.rotation:
-            raise StatementError(
-                "G68 while coordinates are turned: controls turn anew, or on",
-                "G69 before it",
-                "say which: --read rotation=absolute or rotation=added (rotation= in Python)",
-                code="P013",
-            )
-        else:
-            before = self.frame if self.options.rotation == "added" else CoordinateFrame(shift=self.unturned)
-        return before.then(in_plane(b.words, PLANES[self.plane], self.scale, self.here))
-
-    def _preset(self, code: int) -> None:
-        """G92.1 and G92.2 take the offset of G92 off, the second for G92.3 to put it on again."""
-        if self.presumed and len(self.recorder):
-            raise StatementError(
-                f"{shown(code)}: where G92 has moved the origin is not known",
-                "G92 behind a move of its axes",
-                "post with work offsets",
-                code="P013",
-            )
-        if not (self.frame.turn == np.eye(3)).all():
-            raise StatementError(f"{shown(code)} in turned coordinates", "G69 before it", code="P013")
-        if self.origin_by != "G52":
-            self._moves_origin("G92")
-        if code != 923:
-            self.aside = self.frame if code == 922 and not self.frame.plain else self.aside if code == 922 else None
-            self.put_into(CoordinateFrame())
-        elif self.aside is not None:
-            self.put_into(self.aside)
 
     def _arguments(self, name: str, rest: str) -> list[float]:
         """Numbers of a cycle; ``rest``: what stands behind its opening bracket. Names of data records are none."""
         texts = (1,) if name == "CYCLE800" else ()
         return cycle_arguments(name, rest.rpartition(")")[0], self.values.value, texts)
-
-    def _swivelled(self, word: str) -> None:
-        """Table or head turn: what coordinates the tool then has is the machine's, unless nothing turns."""
-        if self.axis != self.frame_axis:
-            self.leave((0, 1, 2), word)
-        self.axis = self.frame_axis
-
-    def _here_is(self, b: Block) -> None:
-        """G92: what the coordinates of the tool's place are from now on."""
-        given = {k: b.words[letter] * self.scale for k, letter in enumerate("XYZ") if letter in b.words}
-        if any(self.here[k] is None for k in given) and len(self.recorder):
-            raise StatementError(
-                "G92 where the tool's place is not known",
-                "G92 behind a move of its axes",
-                "post with work offsets",
-                code="P013",
-            )
-        if given:
-            self._moves_origin("G92")
-        moved = self.frame.shift.copy()
-        for k, value in given.items():
-            old = self.here[k]
-            self.presumed = self.presumed or old is None
-            # Before any move it says what the coordinates mean, and moves nothing.
-            moved[k] += 0.0 if old is None else old - value
-            self.here[k] = value
-        self.frame = CoordinateFrame(shift=moved)
-        if given:
-            # G92.3 puts on again what was stated last, not what stood before G92.2.
-            self.aside = self.frame
 
 
 def _code_of(word: str) -> int:

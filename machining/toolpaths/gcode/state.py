@@ -12,11 +12,14 @@ import numpy as np
 from machining.toolpaths.gcode import harmless
 from machining.toolpaths.gcode.arcs import CYCLES, PLANES
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
+from machining.toolpaths.gcode.harmless import shown
+from machining.toolpaths.gcode.splines import CUBIC, NURBS, NURBS_END, QUADRATIC
 from machining.toolpaths.gcode.values import Values
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.motions import Feed, Tool
 from machining.toolpaths.options import UNITS, ReadOptions
-from machining.toolpaths.recorder import Recorder, StatementError, Vector
+from machining.toolpaths.program import Program
+from machining.toolpaths.recorder import StatementError, Vector
 from machining.toolpaths.source import readable
 from robots.arrays import Array
 
@@ -39,7 +42,7 @@ OFFSETS = {
 }
 # Modes of which one block sets one.
 GROUPS = (
-    (0, 10, 20, 30, *CYCLES),
+    (0, 10, 20, 30, 50, 51, 52, 53, *CYCLES),
     tuple(PLANES),
     (900, 910),
     (901, 911),
@@ -57,6 +60,8 @@ TCP_ON = (434, 2340)
 COMPENSATED = (410, 411, 420, 421)
 OWN = (
     40,
+    52,
+    53,
     100,
     921,
     922,
@@ -80,10 +85,10 @@ OWN = (
 )
 # Codes that move the tool, or move or turn its coordinates, in a way that is not read here.
 REFUSED = {
-    50: "a spline",
-    51: "a quadratic spline",
-    52: "a NURBS",
-    53: "a NURBS",
+    CUBIC: "a spline of LinuxCNC in files named .ngc, or another move",
+    QUADRATIC: "a spline of LinuxCNC in files named .ngc, or another move",
+    NURBS: "a NURBS of LinuxCNC in files named .ngc",
+    NURBS_END: "a NURBS of LinuxCNC in files named .ngc",
     60: "a NURBS",
     62: "a NURBS",
     70: "diameters for X",
@@ -195,28 +200,25 @@ def remedy_ignore(word: str) -> str:
     return f"post the program without it, or, where it changes nothing about the path: --read ignore={word}"
 
 
-def shown(code: int) -> str:
-    """Code as it is written: G43.4."""
-    return f"G{code // 10}" + (f".{code % 10}" if code % 10 else "")
-
-
 KNOWN = frozenset((*SETS, *OWN, *harmless.CODES, *TCP_ON, *FEED_MODES, *LENGTHS, *OFFSETS))
 # Codes and M functions that are never harmless, whatever the caller says.
 NEEDED = {
-    "G": (KNOWN | REFUSED.keys()) - harmless.CODES.keys(),
+    "G": (KNOWN | REFUSED.keys()) - harmless.CODES.keys() | {CUBIC, QUADRATIC},
     "M": frozenset(10 * number for number in (*CALLS, *ENDS, *TURNING, 6, 61, 70, 71, 72)),
 }
 
 
-class Modes:
+class Modes(Program):
     """Modes, position and feed; codes and words of a block are taken by :meth:`take` before its motion."""
 
-    # Whether the file is one of Siemens' controls: some codes and words mean something else there.
-    siemens = False
+    harmless = harmless.ALL
+    # Whether the file is one of Siemens' controls or of LinuxCNC: some codes and words mean something else there.
+    siemens = linuxcnc = False
+    # Whether the program has ended, and calls within calls.
+    over, depth = False, 0
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        self.options, self.recorder = options, Recorder(path.name, options.max_moves, options.retract)
-        self.line = 0
+        super().__init__(path, options)
         self.values = Values()
         self.motion: int | None = None
         self.plane = 170
@@ -229,7 +231,6 @@ class Modes:
         self.angles = {"A": 0.0, "B": 0.0, "C": 0.0}
         # Before the block that is read.
         self.angles_before = dict(self.angles)
-        self.axis: Vector = (0.0, 0.0, 1.0)
         # Words of a cycle stay in force while it is on; the height before it is where G98 returns to.
         self.sticky: dict[str, float] = {}
         self.initial: float | None = None
@@ -244,7 +245,8 @@ class Modes:
         self.surface_speed = False
         self.tool, self.selected, self.named = Tool(), -1, ""
         self.inverse_given = False
-        self.dirty = True
+        # Whether the tool's length counts; None: no code has said.
+        self.length: bool | None = None
         self.kept: dict[str, Any] | None = None
         # What has moved the origin of coordinates.
         self.origin_by = ""
@@ -271,12 +273,6 @@ class Modes:
         if self.sense == 0:
             return 0.0
         return math.nan if self.surface_speed else self.sense * self.speed
-
-    def refuse(self, fault: StatementError, statement: str) -> None:
-        """Keep a fault of the line that is read."""
-        self.recorder.error(
-            self.line, fault.what, value=statement, allowed=fault.allowed, remedy=fault.remedy, code=fault.code
-        )
 
     def skips_deleted(self, raw: str) -> bool:
         """Whether a block that starts with a slash is left out, as an event; else a note says that it is read."""
@@ -328,17 +324,23 @@ class Modes:
         elif code in OFFSETS:
             self._work_offset(OFFSETS[code])
         elif code in TCP_ON:
-            self.tcp = True
+            self.tcp, self.length = True, True
             self.recorder.event(self.line, shown(code))
         elif code in COMPENSATED:
             self.compensated(shown(code))
+        elif code in (NURBS, NURBS_END) or (code in (CUBIC, QUADRATIC) and b.words.keys() & set("XYIJ")):
+            self.motion = code
+        elif code in (430, 440, 490):
+            # Behind G49 coordinates are those of the spindle, where a length was on before.
+            self.length = False if code == 490 and self.length is not None else True if code != 490 else None
+            self.tcp = self.tcp if code != 490 else self.options.tcp
+            self.changes_nothing(shown(code))
         elif code in (960, 970):
             self.surface_speed, self.dirty = code == 960, True
-        elif code in harmless.CODES:
-            if code == 490:
-                self.tcp = self.options.tcp
-            self.recorder.event(self.line, shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
-        elif code not in KNOWN:
+        elif (
+            not self.changes_nothing(shown(code), "".join(f"{k}{v:g}" for k, v in b.words.items()))
+            and code not in KNOWN
+        ):
             raise StatementError(f"{shown(code)} is not known", KNOWN_CODES, remedy_ignore(shown(code)), code="P019")
 
     def compensated(self, word: str) -> None:
@@ -365,9 +367,7 @@ class Modes:
             self._modes_kept(number)
         elif number in COOLANT:
             self.recorder.command(self.line, "coolant", text=COOLANT[number], word="COOLNT")
-        elif number in harmless.FUNCTIONS:
-            self.recorder.event(self.line, f"M{number}", harmless.FUNCTIONS[number])
-        elif number not in STOPS and number not in ENDS:
+        elif number not in STOPS and number not in ENDS and not self.changes_nothing(f"M{number}"):
             raise StatementError(f"M{number} is not known", KNOWN_FUNCTIONS, remedy_ignore(f"M{number}"), code="P019")
 
     def _modes_kept(self, number: int) -> None:
@@ -387,7 +387,12 @@ class Modes:
             self.recorder.note(self.line, "M6 without a tool number before it")
             return
         number = None if self.selected < 0 else self.selected
-        self.tool, self.dirty = Tool(number=number, name=self.named), True
+        new = Tool(number=number, name=self.named)
+        if new != self.tool and len(self.recorder) and not self.recorder.rapids[-1]:
+            # It is in the cut, and does not leave that by a word of its own.
+            self._put_state(math.nan)
+            self.recorder.away(self.line, "M6")
+        self.tool, self.dirty = new, True
         # A change of tool leaves the spindle stopped (RS-274/NGC, M6).
         self.sense = 0
         text = self.named or f"T{self.selected}"
@@ -426,9 +431,7 @@ class Modes:
             self.here = [None, None, None]
         self.offset, self.shift = name, target
         if new is None:
-            self.recorder.note(
-                self.line, f"{name}: coordinates are in its frame; its origin is the caller's", code="W040"
-            )
+            self.recorder.note(self.line, f"{name}: coordinates are in its frame; its origin is the caller's")
 
     def target(self, b: Block) -> list[float | None]:
         """Coordinates m behind the block; None where they are not known."""
@@ -471,6 +474,10 @@ class Modes:
         if self.turns_part:
             x, y, z = self.in_part(np.array([x, y, z])).tolist()
         return x, y, z
+
+    def placed(self, points: Array) -> Array:
+        """Points (n, 3) m of the frame in force, with the work offset added."""
+        return self.in_part(self.frame.out(points) + self.shift)
 
     @property
     def turns_part(self) -> bool:

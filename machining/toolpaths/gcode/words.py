@@ -203,7 +203,7 @@ def cycle_arguments(name: str, text: str, value: Callable[[str], float], texts: 
     out = []
     for place, part in enumerate(text.split(",")):
         try:
-            number = _number(part, value) if part.strip() and place not in texts else math.nan
+            number = value(part.strip()) if part.strip() and place not in texts else math.nan
         except StatementError:
             number = math.inf
         if abs(number) > LARGEST or (math.isnan(number) and part.strip() and place not in texts):
@@ -212,13 +212,6 @@ def cycle_arguments(name: str, text: str, value: Callable[[str], float], texts: 
             )
         out.append(number)
     return out
-
-
-def _number(text: str, value: Callable[[str], float]) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return value(text.strip())
 
 
 def _put(out: Block, letter: str, number: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 import re
 from dataclasses import replace
@@ -10,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from machining.toolpaths.corners import chamfered, rounded, tangent_arc
-from machining.toolpaths.gcode.arcs import PLANES, center
-from machining.toolpaths.gcode.motion import MOVING
-from machining.toolpaths.gcode.state import REMEDY_START
+from machining.toolpaths.corners import tangent_arc
+from machining.toolpaths.gcode.arcs import PLANES
+from machining.toolpaths.gcode.motion import MOVING, Element
+from machining.toolpaths.gcode.state import ENDS, REMEDY_START
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.definitions import Definitions
-from machining.toolpaths.heidenhain.quiet import EITHER, ROTARY, WORDS
+from machining.toolpaths.heidenhain.harmless import EITHER, WORDS
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -26,6 +25,7 @@ from robots.arrays import Array
 MACHINE = (91, 92, 140)
 # A full turn has no words but its centre's.
 _WITH_CENTRES = MOVING | {*"IJK"}
+POLAR = {"PR": "RP", "IPR": "RP", "PA": "AP", "IPA": "AP"}
 _PLANE_OF = {"XY": 170, "XZ": 180, "YZ": 190}
 
 
@@ -35,13 +35,6 @@ class Contour(Definitions):
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
         self.right_hand: bool | None = None
-        # A line that waits for RND or CHF: its start and what is said of the corner at its end.
-        self.waiting: tuple[Words, Array, Array] | None = None
-        self.held, self.held_line, self.held_text = Block(), 0, ""
-        # The statement that is read, as faults show it.
-        self.text = ""
-        self.corner_is: tuple[str, float] | None = None
-        self.corner_feed: dict[str, float] = {}
         # What the tool's call adds to its radius.
         self.oversize = 0.0
 
@@ -56,16 +49,8 @@ class Contour(Definitions):
             if one in given and other in given:
                 raise StatementError(f"{one} and {other} in one statement", "one of them", code="P021")
         if word == "CC":
-            self.settle()
             self._centre(w)
             return
-        if word not in ("L", "LP"):
-            if self.corner_is is not None:
-                self.waiting = self.corner_is = None
-                raise StatementError("RND or CHF between a line and an arc", "between two lines", REMEDY, code="P021")
-            self.settle()
-        if ROTARY & given or "SWIVEL" in w.flags:
-            self.settle()
         by_radius = bool({"RL", "RR"} & w.flags)
         if by_radius:
             self.compensated("RL or RR")
@@ -73,8 +58,6 @@ class Contour(Definitions):
             raise StatementError(
                 f"a tool larger by {self.oversize:g} (DR) under compensation", "DR 0", REMEDY, code="P021"
             )
-        if word in ("LP", "CP", "CTP"):
-            w = self._from_polar(word, w)
         plane = self.plane
         try:
             self._line_to(word, w) if word in ("L", "LP", "LN") else self._arc_to(word, w)
@@ -83,7 +66,7 @@ class Contour(Definitions):
             self.plane = plane
 
     def _line_to(self, word: str, w: Words) -> None:
-        block = self._block(w, 0 if "FMAX" in w.flags else 10)
+        block = self._block(word, w, 0 if "FMAX" in w.flags else 10)
         if word == "LN":
             for first in "NT":
                 if 0 < sum(f"{first}{letter}" in w.values for letter in "XYZ") < 3:
@@ -93,118 +76,40 @@ class Contour(Definitions):
             for letter in "XYZ":
                 if f"T{letter}" in w.values:
                     block.words[f"{'ABC'['XYZ'.index(letter)]}3"] = w.values[f"T{letter}"]
-        start, target = self._here(), self.target(block)
-        plain = block.codes == [10] and start is not None and None not in target and not w.misc
-        if self.corner_is is not None:
-            self._round(np.array(target, dtype=np.float64) if plain else None)
-            start = self._here()
-        else:
-            self.settle()
-        if plain and start is not None and {"X", "Y"} & block.words.keys():
-            # It may be cut short by RND or CHF.
-            self.waiting = (w, start, np.array(target, dtype=np.float64))
-            self.held, self.held_line, self.held_text = block, self.line, self.text
-            return
+        if word != "LP":
+            # Corners of lines lie in the plane of the tool.
+            self.plane = 170
         self._run(block, w)
-
-    def settle(self) -> None:
-        """Make the line that waited for a corner."""
-        if self.corner_is is not None:
-            self.corner_is = None
-            raise StatementError("RND or CHF without the line behind it", "L before and behind it", REMEDY, code="P021")
-        if self.waiting is not None:
-            w, _, _ = self.waiting
-            self.waiting = None
-            self._run_held(self.held, w)
-
-    def _run_held(self, block: Block, w: Words) -> None:
-        """Run the line that waited, as of its own place in the file."""
-        line, self.line = self.line, self.held_line
-        try:
-            self._run(block, w)
-        except StatementError as fault:
-            # It is this line's fault, not that of the statement which brought it to be run.
-            self.refuse(fault, self.held_text)
-        finally:
-            self.line = line
 
     def corner(self, word: str, text: str) -> None:
         """RND or CHF, with its radius or length."""
         match = re.match(rf"\s*{'R?' if word == 'RND' else ''}\s*({VALUE})\s*(?:F\s*({VALUE}))?\s*$", text)
         if match is None:
             raise StatementError(f"{word} without its size", f"{word} R5", code="P021")
-        if self.waiting is None or self.corner_is is not None:
-            raise StatementError(f"{word} behind no line at feed", "between two lines L", REMEDY, code="P021")
-        self.corner_is = word, number(match[1], self.values) * self.scale
-        self.corner_feed = {"F": number(match[2], self.values) * self.feed_scale} if match[2] else {}
-
-    def _round(self, end: Array | None) -> None:
-        if self.waiting is None or self.corner_is is None:
-            return
-        (w, start, corner), (word, size) = self.waiting, self.corner_is
-        held, self.waiting, self.corner_is = self.held, None, None
-        if end is None:
-            raise StatementError(
-                "RND or CHF before a rapid move or a place not known", "two lines at feed", REMEDY, code="P021"
-            )
-        if word == "CHF":
-            first, last = chamfered(start, corner, end, size)
-            self._run_held(self._to(first, held), w)
-            self._run_corner(self._to(last, Block(codes=[10])))
-            return
-        first, last, centre, clockwise = rounded(start, corner, end, size)
-        self._run_held(self._to(first, held), w)
-        self.plane = 170
-        arc = self._to(last, Block(codes=[20 if clockwise else 30]))
-        arc.words |= {"I": (centre - first)[0] / self.scale, "J": (centre - first)[1] / self.scale}
-        self._run_corner(arc)
-
-    def _run_corner(self, block: Block) -> None:
-        """The corner itself, whose feed is that of RND or CHF alone."""
-        feed = self.feed
-        block.words |= self.corner_feed
-        self._run(block, Words())
-        self.feed, self.dirty = feed, True
-
-    def _to(self, point: Array, like: Block) -> Block:
-        """A block like another one to a point (3,) m."""
-        kept = {k: v for k, v in like.words.items() if k not in "XYZ"}
-        return replace(
-            like,
-            words=type(like.words)(kept | dict(zip("XYZ", (point / self.scale).tolist(), strict=True))),
-            own={},
-            codes=list(like.codes),
-            misc=list(like.misc),
-        )
+        feed = number(match[2], self.values) * self.feed_scale if match[2] else math.nan
+        # A chamfer takes its length off both lines, as Siemens' CHR does.
+        self.cut_next("CHR" if word == "CHF" else word, number(match[1], self.values) * self.scale, feed)
 
     def _here(self) -> Array | None:
-        at = self.here if self.waiting is None else self.waiting[2].tolist()
-        return None if None in at else np.array(at, dtype=np.float64)
+        return None if None in self.here else np.array(self.here, dtype=np.float64)
 
-    def _block(self, w: Words, code: int) -> Block:
+    def _block(self, word: str, w: Words, code: int) -> Block:
         """A block with the coordinates, feed and M codes of a statement."""
-        if self.waiting is not None:
-            # Incremental coordinates count from the corner, whatever is cut off it.
-            last = dict(zip("XYZ", self.waiting[2], strict=True))
-        else:
-            last = dict(zip("XYZ", self.here, strict=True))
+        plane = PLANES[self.plane][:2]
+        own = {f"{sign}{'XYZ'[k]}" for k in plane for sign in ("", "I")} & w.values.keys()
+        if word in ("LP", "CP", "CTP") and (own or not POLAR.keys() & w.values.keys()):
+            raise StatementError(
+                f"{word} without PR and PA, or with coordinates of its own plane", "PR, PA, an axis", code="P016"
+            )
+        if word in ("LP", "CP", "CTP") and None in (self.pole[k] for k in plane):
+            raise StatementError(f"{word} without its pole", "CC before it", code="P016")
         out = Block(codes=[code], misc=list(w.misc))
         for name, value in w.values.items():
-            letter = name[-1]
-            if name in (*"XYZABC",):
+            letter = POLAR.get(name, name[-1])
+            if name in POLAR or name.removeprefix("I") in (*"XYZABC",):
                 out.words[letter] = value
-            elif name in ("IX", "IY", "IZ"):
-                old = last[letter]
-                if old is None:
-                    raise StatementError(
-                        f"{name} while {letter} is not known", "X, Y, Z given before", REMEDY_START, code="P016"
-                    )
-                out.words[letter] = value + old / self.scale
-            elif name in ("IA", "IB", "IC"):
-                out.words[letter], out.own[letter] = value, False
-        if self.waiting is not None:
-            for letter in "XYZ":
-                out.words.setdefault(letter, last[letter] / self.scale)
+                if name[0] == "I":
+                    out.own[letter] = False
         self._rotary(w, out)
         if "F" in w.values:
             out.words["F"] = w.values["F"] * self.feed_scale
@@ -223,26 +128,31 @@ class Contour(Definitions):
         if 140 not in misc and ("MB" in w.values or "MBMAX" in w.flags):
             raise StatementError("MB without M140", "M140 MB MAX, M140 MB 50", REMEDY, code="P016")
         block.misc = [m for m in misc if m not in (89, 99, 128, 129, *MACHINE)]
-        before = self._here()
         self.take(block)
         if machine:
             self._machine_place(block, w)
         elif not _WITH_CENTRES.isdisjoint(block.words):
             self.require_placed()
+            before, last = self._here(), self.element
             self._motion(block)
-            after = self._here()
-            if before is not None and after is not None:
-                if block.codes[0] not in (0, 10):
-                    self.along = self._leaving(before, after, block)
-                elif np.linalg.norm(after - before) > 1e-9:
-                    self.along = after - before
+            self._keep_direction(before, last, block)
             call |= self.modal_call
         if call:
             self._drill_cycle()
         if 99 in misc:
             self.modal_call = False
         self.stop(block)
-        self.ended(block.misc)
+        self.over = any(code in ENDS and code != 99 for code in block.misc)
+
+    def _keep_direction(self, before: Array | None, last: Element | None, block: Block) -> None:
+        """Rapid lines are elements that CT goes on from, too; a line of no length keeps the direction before it."""
+        after, moves = self._here(), len(self.recorder)
+        if before is None or after is None or block.codes[0] not in (0, 10):
+            return
+        if not np.linalg.norm(after - before) > 1e-9:
+            self.element = None if last is None else replace(last, moves=moves, count=0)
+        elif block.codes == [0]:
+            self.element = Element(before, after, (170, self.frame, self.offset), self.axis, moves, count=0)
 
     def call_cycle(self, text: str) -> None:
         """CYCL CALL with M codes, or none."""
@@ -251,9 +161,6 @@ class Contour(Definitions):
         misc = [int(m) for m in re.findall(r"M\s*(\d+)", text)]
         self._run(Block(codes=[], misc=misc), Words())
         self._drill_cycle()
-
-    def ended(self, misc: list[int]) -> None:
-        """Whether M codes end the program; for the reader."""
 
     def _machine_place(self, block: Block, w: Words) -> None:
         """M91, M92: coordinates of the machine; M140: back along the tool axis, by MB or as far as the machine goes."""
@@ -301,40 +208,6 @@ class Contour(Definitions):
         if axes in _PLANE_OF:
             self.plane = _PLANE_OF[axes]
 
-    def _from_polar(self, word: str, w: Words) -> Words:
-        """LP and CP: coordinates in the plane about the pole."""
-        first, second, _ = PLANES[self.plane]
-        a, b = self.pole[first], self.pole[second]
-        here = self._here()
-        if a is None or b is None:
-            raise StatementError(f"{word} without its pole", "CC before it", code="P016")
-        if here is None:
-            self.polar = [math.nan, math.nan]
-        else:
-            lever = complex(here[first] - a, here[second] - b) / self.scale
-            # Where the tool does not stand at the last polar place about this pole, words left out could be either's.
-            if word == "CP" or not abs(lever - cmath.rect(self.polar[0], math.radians(self.polar[1]))) < 1e-6:
-                self.polar = [abs(lever), math.degrees(cmath.phase(lever))] if word == "CP" else [math.nan, math.nan]
-        values = {k: v for k, v in w.values.items() if k not in ("PR", "PA", "IPR", "IPA")}
-        if any(name.removeprefix("I") in ("XYZ"[first], "XYZ"[second]) for name in values):
-            raise StatementError(f"{word} with coordinates of its own plane", "PR, PA and the third axis", code="P016")
-        radius = w.values.get("PR", self.polar[0] + w.values.get("IPR", 0.0))
-        angle = w.values.get("PA", self.polar[1] + w.values.get("IPA", 0.0))
-        if not math.isfinite(radius + angle):
-            raise StatementError(
-                f"{word} without PR or PA", "PR and PA, or the tool at a polar place about the pole", code="P016"
-            )
-        self.polar = [radius, angle]
-        values["XYZ"[first]] = a / self.scale + radius * math.cos(math.radians(angle))
-        values["XYZ"[second]] = b / self.scale + radius * math.sin(math.radians(angle))
-        self.turns = max(1, math.ceil(abs(w.values.get("IPA", 0.0)) / 360.0 - 1e-9))
-        if word == "CP" and "IPA" in w.values:
-            turning = w.values["IPA"] > 0.0
-            if {"DR+", "DR-"} & w.flags and ("DR+" in w.flags) != turning:
-                raise StatementError("CP whose DR and IPA have different signs", "one direction", code="P016")
-            return replace(w, values=values, flags=w.flags | {"DR+" if turning else "DR-"})
-        return replace(w, values=values)
-
     def _arc_to(self, word: str, w: Words) -> None:
         if {"DR+", "DR-"} & w.flags:
             self.right_hand = "DR+" in w.flags
@@ -349,49 +222,34 @@ class Contour(Definitions):
             if {"Z", "IZ"} & w.values.keys() and len({"X", "Y", "IX", "IY"} & w.values.keys()) < 2:
                 raise StatementError(f"{word} with Z and not both X and Y", "X and Y", REMEDY, code="P011")
             self.plane = 170
-        block = self._block(w, 30)
+        block, turn = self._block(word, w, 30), w.values.get("IPA", 0.0)
         first, second, _ = PLANES[self.plane]
         if word in ("CT", "CTP"):
-            end = np.array(self.target(block), dtype=np.float64)
-            if self.along is None:
-                raise StatementError("CT without a contour before it", "L, C or CR before it", code="P011")
-            centre, clockwise = tangent_arc(start, end, self.along)
+            self.motion = 10
+            end = np.array(self._target(block), dtype=np.float64)
+            centre, clockwise = tangent_arc(start, end, self.leaving())
+            block.words = type(block.words)(
+                {k: v for k, v in block.words.items() if k not in ("AP", "RP")}
+                | dict(zip("XYZ", (end / self.scale).tolist(), strict=True))
+            )
         else:
+            if word == "CP" and turn:
+                if {"DR+", "DR-"} & w.flags and self.right_hand != (turn > 0.0):
+                    raise StatementError("CP whose DR and IPA have different signs", "one direction", code="P011")
+                self.right_hand = turn > 0.0
             if self.right_hand is None:
                 raise StatementError("an arc without its direction", "DR+ or DR-", code="P011")
-            clockwise, centre = not self.right_hand, start
+            clockwise, centre = not self.right_hand, np.array(self.pole, dtype=np.float64)
         block.codes = [20 if clockwise else 30]
         if word == "CR":
             if "R" not in w.values:
                 raise StatementError("CR without its radius", "R+10 or R-10", code="P011")
             block.words["R"] = w.values["R"]
+        elif word == "CP":
+            block.words["P"] = max(1.0, math.ceil(abs(turn) / 360.0 - 1e-9))
+        elif np.isnan(centre[[first, second]]).any():
+            raise StatementError(f"{word} without its centre", "CC before it", code="P011")
         else:
-            for k in (first, second):
-                pole = float(centre[k]) if word in ("CT", "CTP") else self.pole[k]
-                if pole is None:
-                    raise StatementError(f"{word} without its centre", "CC before it", code="P011")
-                block.words["IJK"[k]] = (pole - start[k]) / self.scale
-        if word == "CP" and self.turns > 1:
-            block.words["P"] = float(self.turns)
+            block.words |= {"IJK"[k]: (centre[k] - start[k]) / self.scale for k in (first, second)}
         self.arc_absolute = False
         self._run(block, w)
-
-    def _leaving(self, start: Array, end: Array, block: Block) -> Array:
-        """Direction in which an arc ends."""
-        normal = PLANES[self.plane][2]
-        out = np.zeros(3)
-        if "R" in block.words:
-            middle = center(
-                block,
-                start,
-                end,
-                self.plane,
-                block.codes[0] == 20,
-                scale=self.scale,
-                absolute=False,
-                slack=self.options.arc_tolerance,
-            )
-        else:
-            middle = start + self.scale * np.array([block.words.get(letter, 0.0) for letter in "IJK"])
-        lever, out[normal] = end - middle, -1.0 if block.codes[0] == 20 else 1.0
-        return np.asarray(np.cross(out, lever))

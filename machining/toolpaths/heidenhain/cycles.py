@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from machining.toolpaths.cycles import PECK_GAP, Cycle
 from machining.toolpaths.gcode.siemens_cycles import Hole
 from machining.toolpaths.gcode.values import Values
-from machining.toolpaths.heidenhain.quiet import CYCLE_QUIET, CYCLE_ZERO
+from machining.toolpaths.heidenhain.harmless import CYCLE_QUIET, CYCLE_ZERO
 from machining.toolpaths.heidenhain.words import number
 from machining.toolpaths.motions import Feed
 from machining.toolpaths.recorder import StatementError
 
 _DEPTHS = (200, 201, 203, 204)
-# Parameters that each cycle uses, beside those of quiet.py.
+# Parameters that each cycle uses, beside those of harmless.py.
 DRILLS: dict[int, tuple[int, ...]] = {
     200: (*_DEPTHS, 202, 206, 211),
     201: (*_DEPTHS, 206, 208, 211),

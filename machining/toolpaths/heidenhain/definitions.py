@@ -10,7 +10,7 @@ from pathlib import Path
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.cycles import DRILLS, FMAX, hole, known, parameters, pecked
 from machining.toolpaths.heidenhain.frames import Frames
-from machining.toolpaths.heidenhain.quiet import CHANGES, CYCLE_QUIET, CYCLE_ZERO, CYCLES, MISC, USED_MISC
+from machining.toolpaths.heidenhain.harmless import ALL, CHANGES, CYCLE_QUIET, CYCLE_ZERO, USED_MISC
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, number
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.recorder import StatementError
@@ -25,6 +25,8 @@ REMEDY_LEFT_OUT = (
 
 class Definitions(Frames):
     """Cycles, and M functions that are none of a motion."""
+
+    harmless = ALL
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
@@ -60,16 +62,10 @@ class Definitions(Frames):
             self.more_of_cycle(rest)
         elif cycle == 247:
             self.more_of_cycle(rest)
-        elif cycle not in CYCLES and self.options.unknown_motion == "error":
-            raise StatementError(
-                f"cycle {cycle} is not read",
-                "cycles 1, 7, 9, 10, 200 to 203, 205 to 207, 209, 240, 247",
-                REMEDY,
-                code="P012",
-            )
-        elif cycle not in CYCLES:
+        elif f"cycle {cycle}" not in self.harmless:
+            read = "cycles 1, 7, 9, 10, 200 to 203, 205 to 207, 209, 240, 247"
+            self.left_out(f"cycle {cycle}", StatementError(f"cycle {cycle} is not read", read, REMEDY, code="P012"))
             self.cycle_number = 0
-            self.recorder.note(self.line, f"cycle {cycle} left out, as asked", code="W041")
 
     def more_of_cycle(self, text: str) -> None:
         """Parameters of the cycle that is being defined."""
@@ -140,17 +136,12 @@ class Definitions(Frames):
         self.plane = plane
 
     def _misc(self, number: int, b: Block) -> None:
-        if number in MISC:
-            self.recorder.event(self.line, f"M{number}", MISC[number])
-        elif number in USED_MISC:
+        if number in USED_MISC:
             super()._misc(number, b)
         elif number in CHANGES:
             raise StatementError(
                 f"M{number}: {CHANGES[number]}", "M functions that move nothing", REMEDY_POST, code="P019"
             )
-        elif self.options.unknown_motion == "error":
-            raise StatementError(
-                f"M{number} is not read", "M functions that leave path and feed alone", REMEDY_LEFT_OUT, code="P019"
-            )
-        else:
-            self.recorder.event(self.line, f"M{number}", note=f"M{number} left out, as asked", code="W041")
+        elif not self.changes_nothing(f"M{number}"):
+            alone = "M functions that leave path and feed alone"
+            self.left_out(f"M{number}", StatementError(f"M{number} is not read", alone, REMEDY_LEFT_OUT, code="P019"))

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from machining.toolpaths.gcode.frames import CoordinateFrame, turned
-from machining.toolpaths.gcode.motion import POINTING_SET, GcodeMotion
+from machining.toolpaths.gcode.motion import GcodeMotion
+from machining.toolpaths.gcode.rotary import POINTING_SET
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.words import REMEDY, VALUE, Words, number
 from machining.toolpaths.options import ReadOptions
@@ -33,10 +34,9 @@ class Frames(GcodeMotion):
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
-        # In m of the frame in force: pole, direction of the last contour element.
+        # In m of the frame in force.
         self.pole: list[float | None] = [None, None, None]
-        self.along: Array | None = None
-        self.polar = [math.nan, math.nan]
+        self.polar = math.nan, math.nan
         self.datum, self.rotation = np.zeros(3), 0.0
         self.tilt: CoordinateFrame | None = None
         # The direction of the tool where PLANE has not brought it upright (None: it is), spatial angles of TCPM, and
@@ -212,8 +212,7 @@ class Frames(GcodeMotion):
         if self.tilt is not None:
             frame = frame.then(self.tilt)
         if (frame.turn != self.frame.turn).any() or (frame.shift != self.frame.shift).any():
-            # Pole and direction of coordinates that are no more.
-            self.pole, self.along = [None, None, None], None
-            self.polar = [math.nan, math.nan]
+            # Those of coordinates that are no more.
+            self.pole, self.polar = [None, None, None], (math.nan, math.nan)
         self.put_into(frame)
         self.axis = self.frame_axis

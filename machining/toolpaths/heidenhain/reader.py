@@ -7,11 +7,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from machining.toolpaths.gcode.state import ENDS
 from machining.toolpaths.gcode.words import Block
 from machining.toolpaths.heidenhain.contour import Contour
 from machining.toolpaths.heidenhain.cycles import PARAMETER
-from machining.toolpaths.heidenhain.quiet import STATEMENTS, WORDS
+from machining.toolpaths.heidenhain.harmless import STATEMENTS, WORDS
 from machining.toolpaths.heidenhain.words import assign, number, statements, words
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import UNITS, ReadOptions
@@ -41,7 +40,7 @@ def read_heidenhain(path: Path, options: ReadOptions | None = None) -> Motions:
 
     Read are L, LP, LN, CC, C, CP, CR, CT, CTP, RND, CHF; the cycles 1, 7, 9, 10, 200 to 209, 240, 247; PLANE SPATIAL
     and RESET; M128 and TCPM; labels, Q parameters and formulas. What changes nothing about the path is in
-    :mod:`machining.toolpaths.heidenhain.quiet`, with the reason; all else is refused. Coordinates are those of the
+    :mod:`machining.toolpaths.heidenhain.harmless`, with the reason; all else is refused. Coordinates are those of the
     datum in force. Moves and faults as in :func:`machining.toolpaths.read_gcode`.
 
     Raises
@@ -68,8 +67,7 @@ Statements = Iterable[tuple[int, str, str]]
 
 
 class _Reader(Contour):
-    over = False
-    depth = calls = 0
+    calls = 0
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         super().__init__(path, options)
@@ -152,11 +150,12 @@ class _Reader(Contour):
             text = text[1:].strip()
         if not text:
             return True
-        self.text = readable(text)[:120]
         try:
             self._read(text)
+            if text.split()[0] != "CC":
+                self.corner_behind()
         except StatementError as fault:
-            self.refuse(fault, self.text)
+            self.refuse(fault, readable(text)[:120])
             return False
         return True
 
@@ -170,7 +169,6 @@ class _Reader(Contour):
         if word in WORDS:
             self.motion_statement(word, words(text[len(word) :], self.values))
             return
-        self.settle()
         if text.startswith("TOOL CALL"):
             self._tool(text)
         elif text.startswith(("CYCL DEF", "CYCLE DEF")):
@@ -222,11 +220,9 @@ class _Reader(Contour):
         what = " ".join(text.split()[:2])
         if re.match(r"FN\s*\d+\s*:", text):
             raise StatementError(f"{what} jumps, or asks the control", "FN 0 to FN 8, formulas", REMEDY, code="P017")
-        if self.options.unknown_motion == "error":
-            raise StatementError(
-                f"{readable(what)[:40]} is not read", "L, C, CC, CR, CT, CP, LP, LN, RND, CHF", REMEDY, code="P019"
-            )
-        self.recorder.event(self.line, what, readable(text), note=f"{readable(what)} left out, as asked", code="W041")
+        read = "L, C, CC, CR, CT, CP, LP, LN, RND, CHF"
+        fault = StatementError(f"{readable(what)[:40]} is not read", read, REMEDY, code="P019")
+        self.left_out(readable(what), fault, readable(text))
         self.leave((0, 1, 2), readable(what))
 
     def _tool(self, text: str) -> None:
@@ -268,13 +264,5 @@ class _Reader(Contour):
 
     def finish(self) -> None:
         """What the end of the file leaves open."""
-        try:
-            self.settle()
-        except StatementError as fault:
-            self.refuse(fault, self.text)
         if not self.over:
-            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short", code="W037")
-
-    def ended(self, misc: list[int]) -> None:
-        """M2 and M30 end the program."""
-        self.over = any(code in ENDS and code != 99 for code in misc)
+            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from machining.magnitudes import LARGEST
 from machining.toolpaths.gcode.values import Values
-from machining.toolpaths.heidenhain.quiet import OF_MISC
+from machining.toolpaths.heidenhain.harmless import OF_MISC
 from machining.toolpaths.recorder import StatementError
 
 # A block number, and the slash that lets a block be left out before or behind it.

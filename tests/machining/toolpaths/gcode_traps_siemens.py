@@ -375,6 +375,19 @@ TOGETHER = [
     trap("RPL with X", block("ROT X30 RPL=5")),
     trap("FRC without a corner", word("FRC=200")),
     trap("RND FRC=0", word("RND=5 FRC=0")),
+    # The angle adds under G91, the radius is absolute all the same; what is left out is that of a polar place.
+    trap(
+        "polar under G91",
+        body("G111 X0 Y0\nG1 AP=0 RP=20\nG91 AP=90\nG90 X0 Y0\nG0 Z5"),
+        READ,
+        f"{START} L20,0,0 L0,20,0 L0,0,0 R0,0,5",
+    ),
+    trap("AP alone away from a polar place", body("G111 X0 Y0\nG1 AP=0 RP=20\nX10\nAP=90\nX0\nG0 Z5")),
+    trap("AP under G91 away from a polar place", body("G111 X0 Y0\nG1 X20\nG91 AP=90 RP=20\nG90 X0\nG0 Z5")),
+    trap("CHF at an arc", body("G1 X20 CHF=2\nG2 X30 Y-10 I10 J0\nG1 X0\nG0 Z5")),
+    trap("MA1=3", body("G1 X20\nMA1=3\nY20\nX0\nG0 Z5")),
+    trap("G74 Z1=0", body("G1 X20\nG74 Z1=0\nY20\nX0\nG0 Z5")),
+    trap("G75 Z1=0", body("G1 X20\nG75 Z1=0\nY20\nX0\nG0 Z5")),
 ]
 
 TRAPS: list[t.Trap] = [*CONTOUR, *FRAMES, *OTHERS, *TOGETHER]

@@ -203,7 +203,26 @@ def test_a_new_tool_comes_from_the_changer(tmp_path: Path) -> None:
     m = gcode(tmp_path, "T1 M6\n" + START + "G0 Z15\nT2 M6\nG53 G0 Z0\nG0 X80 Y40\nG43 H2 Z5\nM30\n")
     assert points(m)[3:] == [[20, 0, 15], [80, 40, 25], [80, 40, 5]]
     assert m.tool[3:].tolist() == [0, 1, 1]
-    assert gcode(tmp_path, "T1 M6\n" + START + "T2 M6\nG53 G0 Z0\nM30\n").n == 3
+    assert gcode(tmp_path, "T1 M6\n" + START + "G0 Z15\nT2 M6\nG53 G0 Z0\nM30\n").n == 4
+
+
+def test_a_tool_that_is_changed_in_the_cut_leaves_it_upwards(tmp_path: Path) -> None:
+    m = gcode(tmp_path, "T1 M6\n" + START + "T2 M6\nG0 X80 Y40\nG0 Z5\nM30\n")
+    assert points(m)[2:] == [[20, 0, -5], [20, 0, 25], [80, 40, 25], [80, 40, -5], [80, 40, 5]]
+    assert m.tool[2:].tolist() == [0, 0, 1, 1, 1]
+    # The same tool once more is no change.
+    assert points(gcode(tmp_path, "T1 M6\n" + START + "T1 M6\nG0 Z5\nM30\n"))[2:] == [[20, 0, -5], [20, 0, 5]]
+
+
+def test_behind_g49_z_is_not_that_of_the_tip(tmp_path: Path) -> None:
+    """What cancels the tool's length is a retract where it was on, and moves at feed of Z are refused."""
+    start = "T1 M6\nG43 H1\n" + START
+    m = gcode(tmp_path, start + "G49 G0 Z100\nX80 Y40\nG43 H1 Z5\nG1 Z0\nM30\n")
+    assert points(m)[2:] == [[20, 0, -5], [20, 0, 25], [80, 40, 25], [80, 40, 5], [80, 40, 0]]
+    with pytest.raises(InputErrors, match="line 8: a move of Z behind G49"):
+        gcode(tmp_path, start + "G49 G1 Z-6\nM30\n")
+    # Where no length was ever on, as in the first line of many programs, it changes nothing.
+    assert gcode(tmp_path, "G49 G40 G80\n" + START + "M30\n").n == 3
 
 
 def test_axes_of_the_machine_in_a_turned_frame(tmp_path: Path) -> None:

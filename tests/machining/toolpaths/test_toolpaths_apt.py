@@ -293,7 +293,7 @@ def test_words_that_sound_like_motion_are_faults_unless_asked(tmp_path: Path, wo
 
 def test_words_that_are_not_known_are_refused_or_left_out_as_asked(tmp_path: Path) -> None:
     text = "RAPID\nGOTO/0,0,0\nWIBBLE/7\nWIBBLE/8\nFINI\n"
-    with pytest.raises(InputErrors, match="line 4: WIBBLE may change the path"):
+    with pytest.raises(InputErrors, match="line 4: WIBBLE: may change the path"):
         apt(tmp_path, text)
     m = apt(tmp_path, text, unknown_motion="report")
     assert [(e.word, e.text) for e in m.events][:2] == [("WIBBLE", "7"), ("WIBBLE", "8")]

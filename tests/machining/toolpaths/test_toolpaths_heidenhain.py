@@ -32,9 +32,10 @@ def test_a_whole_program() -> None:
     at = {line: m.points[m.line == line] * 1e3 for line in set(m.line.tolist())}
     # A rounding of 10 mm at (40, 0) begins at (30, 0) and ends at (40, 10); a chamfer of 4 mm at (40, 30).
     np.testing.assert_allclose(at[8][-1], [30, 0, -5], atol=1e-9)
-    np.testing.assert_allclose(np.hypot(at[10][:-2, 0] - 30, at[10][:-2, 1] - 10), 10, atol=1e-9)
-    np.testing.assert_allclose(at[10][-1], [40, 26, -5], atol=1e-9)
-    np.testing.assert_allclose(at[12], [[36, 30, -5], [10, 30, -5]], atol=1e-9)
+    np.testing.assert_allclose(np.hypot(at[9][:, 0] - 30, at[9][:, 1] - 10), 10, atol=1e-9)
+    np.testing.assert_allclose(at[10], [[40, 26, -5]], atol=1e-9)
+    np.testing.assert_allclose(at[11], [[36, 30, -5]], atol=1e-9)
+    np.testing.assert_allclose(at[12], [[10, 30, -5]], atol=1e-9)
     # Half a circle about (10, 20) to the left, then a quarter about (20, 10), to the right.
     np.testing.assert_allclose(np.hypot(at[14][:, 0] - 10, at[14][:, 1] - 20), 10, atol=1e-9)
     # To the chord's tolerance of 2 um.
@@ -118,7 +119,9 @@ def test_inches_and_their_feeds(tmp_path: Path) -> None:
         ("L X+Q77 F100", "Q77 has no value"),
         ("CC X+5 Y+0\nRND R2", "RND"),
         ("L X+10 F100\nRND R20\nL Y+10", "too large"),
-        ("L X+10 F100\nRND R2\nC X+20 Y+0 DR+", "line and an arc"),
+        ("L X+10 F100\nRND R2\nM8\nL X+20 Y+5", "without an element behind it"),
+        ("CC X+15 Y+0\nL X+10 F100\nCHF 2\nC X+20 Y+0 DR+", "controls differ"),
+        ("CC X+15 Y+0\nL X+10 F100\nRND R21\nC X+20 Y+0 DR+", "too large"),
         ("PLANE AXIAL A+30", "PLANE AXIAL"),
         ("L FMAX M99", "no cycle|none is defined"),
         ("CALL LBL 7", "no such label"),

@@ -46,7 +46,7 @@ OF_MISC: dict[int, tuple[str, ...]] = {
     138: (*"ABC",),
 }
 USED_MISC = frozenset((0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 13, 14, 19, 30, 89, 91, 92, 99, 128, 129, 140))
-MISC: dict[int, str] = {
+_MISC: dict[int, str] = {
     10: "clamps an axis (ISO 6983)",
     11: "releases an axis (ISO 6983)",
     90: "keeps the speed at corners of uncompensated lines, within what the drives can",
@@ -93,12 +93,16 @@ CHANGES: dict[int, str] = {
     144: "rotary axes of the machine",
     197: "corners rounded",
 }
-CYCLES: dict[int, str] = {
+_CYCLES: dict[int, str] = {
     13: "turns the spindle to an angle",
     32: "tolerance of the control's own smoothing",
     332: "tuning of the machine for weight, speed or surface",
     358: "tuning of the machine",
     392: "tuning of the machine for the weight of the part (ATC)",
+}
+ALL: dict[str, str] = {
+    **{f"M{number}": why for number, why in _MISC.items()},
+    **{f"cycle {number}": why for number, why in _CYCLES.items()},
 }
 # Patterns of whole statements.
 STATEMENTS: dict[str, str] = {
