@@ -87,9 +87,7 @@ def arc_points(
     if radius is not None:
         radii += f", {radius * 1e3:.6g} mm stated"
     if abs(r0 - r1) > arc_tolerance or (radius is not None and abs(r0 - abs(radius)) > arc_tolerance):
-        raise ArcError(
-            "ends that do not lie on one circle", radii, f"equal within {arc_tolerance * 1e3:.6g} mm", code="P011"
-        )
+        raise ArcError("ends that do not lie on one circle", radii, f"equal within {arc_tolerance * 1e3:.6g} mm")
     sweep = sweep_about(s, e, c, a) + 2.0 * math.pi * (max(turns, 1) - 1)
     count = chord_count(sweep, max(r0, r1), chord_tolerance)
     if count > limit:
