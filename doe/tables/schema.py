@@ -148,7 +148,6 @@ class Cells:
     unknown: dict[str, int]
     meant: frozenset[str]
     faults: Faults
-    code: str | None = None
 
     @staticmethod
     def of(
@@ -157,11 +156,11 @@ class Cells:
         needs: Sequence[Need],
         faults: Faults,
         joints: Robot | None = None,
-        code: str | None = None,
+        code: str = "T003",
     ) -> Cells:
         """Sort the header: columns twice, without a name, in another unit or missing go to ``faults``.
 
-        ``joints``: the robot beside whose angles no others may stand; ``code``: of all faults of this kind of table.
+        ``joints``: the robot beside whose angles no others may stand; ``code``: of what is wrong with a name.
         """
         specified = {column.name: column for column in columns}
         known, unknown, meant = dict[str, int](), dict[str, int](), set[str]()
@@ -188,23 +187,23 @@ class Cells:
                 unknown[name] = i
             if problem:
                 what = f"{column} {problem}"
-                faults.add(1, what, code=code or "T003", value=name or None, allowed=allowed, remedy=remedy)
+                faults.add(1, what, code=code, value=name or None, allowed=allowed, remedy=remedy)
         for need in needs:
             missing = [name for name in need.names if name not in known and name not in meant]
             none = len(missing) == len(need.names)
             if missing and none == {"one": True, "all": none, "all or none": False}[need.rule]:
                 what = need.problem.format(", ".join(missing))
-                faults.add(1, what, code=code or need.code, allowed=need.allowed, remedy=need.remedy)
-        return Cells(table, specified, known, unknown, frozenset(meant), faults, code)
+                faults.add(1, what, code=need.code, allowed=need.allowed, remedy=need.remedy)
+        return Cells(table, specified, known, unknown, frozenset(meant), faults)
 
-    def whole_rows(self) -> Cells:
+    def whole_rows(self, code: str = "T002") -> Cells:
         """The same without the rows of too many or too few cells, which are faults."""
         table, width = self.table, len(self.table.header)
         whole = [len(row) == width for row in table.rows]
         self.check(
             np.invert(np.array(whole, dtype=np.bool_)),
             "the row does not fit the header",
-            code="T002",
+            code=code,
             value=lambda i: f"{len(table.rows[i])} cells",
             allowed=f"{width} cells",
             remedy=f"look for a missing or extra separator, or a decimal comma{table.hint}",
@@ -232,7 +231,7 @@ class Cells:
         self.faults.each(
             [self.table.lines[i] for i in rows],
             lambda n: {name: part(rows[n]) if callable(part) else part for name, part in parts.items()},
-            code=self.code or code,
+            code=code,
         )
 
     def refuse_unknown(self, *, code: str, remedy: str, but: Collection[str] = ()) -> None:

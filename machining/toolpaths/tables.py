@@ -36,20 +36,25 @@ _FEEDS = f"more than 0 ({limits.FEEDS}), or empty"
 _NUMBERS = f"a whole number from 0 to {limits.LARGEST_NUMBER:g}"
 _TURNS = limits.FASTEST_TURN * 9.5
 _WHOLE = ("line", "tool", "operation")
-COLUMNS = (
-    *(Column(name, least=-limits.FARTHEST * 1e3, most=limits.FARTHEST * 1e3, allowed=limits.PLACES) for name in POINT),
-    *(Column(name, least=-_LONGEST, most=_LONGEST, allowed="a finite number") for name in (*NORMAL, *AXIS)),
-    Column(FEED, "not given", least=limits.SLOWEST * 6e4, most=limits.FASTEST * 6e4, allowed=_FEEDS),
-    Column("rapid", least=0.0, most=1.0, whole=True, allowed="0 or 1"),
-    *(Column(name, least=0.0, most=limits.LARGEST_NUMBER, whole=True, allowed=_NUMBERS) for name in _WHOLE),
-    Column("spindle_rpm", "none", least=-_TURNS, most=_TURNS, allowed=f"{-_TURNS:g} to {_TURNS:g}, or empty"),
-    Column("dwell_s", least=0.0, most=limits.LONGEST_REST, allowed=f"0 to {limits.LONGEST_REST:g} s"),
+COLUMNS = tuple(
+    column._replace(code="P008")
+    for column in (
+        *(
+            Column(name, least=-limits.FARTHEST * 1e3, most=limits.FARTHEST * 1e3, allowed=limits.PLACES)
+            for name in POINT
+        ),
+        *(Column(name, least=-_LONGEST, most=_LONGEST, allowed="a finite number") for name in (*NORMAL, *AXIS)),
+        Column(FEED, "not given", least=limits.SLOWEST * 6e4, most=limits.FASTEST * 6e4, allowed=_FEEDS),
+        Column("rapid", least=0.0, most=1.0, whole=True, allowed="0 or 1"),
+        *(Column(name, least=0.0, most=limits.LARGEST_NUMBER, whole=True, allowed=_NUMBERS) for name in _WHOLE),
+        Column("spindle_rpm", "none", least=-_TURNS, most=_TURNS, allowed=f"{-_TURNS:g} to {_TURNS:g}, or empty"),
+        Column("dwell_s", least=0.0, most=limits.LONGEST_REST, allowed=f"0 to {limits.LONGEST_REST:g} s"),
+    )
 )
 REMEDY = (
     f"name the columns {','.join(POINT + NORMAL)}[,{','.join(AXIS)}][,{FEED}], comma or semicolon between them, "
     "a point in numbers"
 )
-CODE = "P008"
 # Of motions: the first line, and what lines of tools and operations begin with.
 # Moves that are read at once, so that a long file takes little memory.
 BLOCK = 65536
@@ -79,11 +84,11 @@ def read_path(path: str | Path) -> ToolPath:
     table = _rows(path)
     axes = AXIS if {*AXIS} & {*table.header} else ()
     faults = Faults(path.name)
-    needed = Need((*POINT, *NORMAL, *axes), "no column {}", ", ".join(PATH), REMEDY)
-    header = Cells.of(table, [column for column in COLUMNS if column.name in PATH], (needed,), faults, code=CODE)
-    header.refuse_unknown(code=CODE, remedy=REMEDY)
+    needed = Need((*POINT, *NORMAL, *axes), "no column {}", ", ".join(PATH), REMEDY, code="P008")
+    header = Cells.of(table, [column for column in COLUMNS if column.name in PATH], (needed,), faults, code="P008")
+    header.refuse_unknown(code="P008", remedy=REMEDY)
     faults.raise_if_any("tool path")
-    cells = header.whole_rows()
+    cells = header.whole_rows("P008")
     points = cells.numbers(*POINT)
     normals = _directions(cells, NORMAL, "normal")
     tools = _directions(cells, axes, "tool axis") if axes else normals
@@ -95,7 +100,7 @@ def read_path(path: str | Path) -> ToolPath:
     cells.check(
         np.concatenate([np.zeros(min(len(places), 1), dtype=np.bool_), repeated & neighbours]),
         "the point of the row before once more",
-        code=CODE,
+        code="P008",
         value=lambda i: str((1e3 * points[i]).tolist()),
         allowed="neighbouring points at different places",
         remedy="remove one of the two",
@@ -110,7 +115,7 @@ def _directions(cells: Cells, names: Sequence[str], what: str) -> Array:
     cells.check(
         np.abs(values).max(axis=1) < SHORTEST,
         f"columns {', '.join(names)}: {what} of length zero",
-        code=CODE,
+        code="P008",
         value=lambda i: ", ".join(f"{v:g}" for v in values[i]),
         allowed="a direction",
         remedy="give one",
@@ -125,7 +130,7 @@ def _rows(path: Path) -> RawTable:
     try:
         rows = [(reader.line_num, tuple(map(str.strip, row))) for row in reader]
     except csv.Error as error:
-        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", code=CODE, remedy=REMEDY) from error
+        raise InputError(f"tool path {path}, row {reader.line_num} ({error})", code="P008", remedy=REMEDY) from error
     rows = [(line, row) for line, row in rows if any(row)]
     if len(rows) < 2:
         raise InputError(f"tool path {path} has no points", code="P002", remedy=REMEDY)
@@ -238,7 +243,7 @@ def read_motions(path: str | Path, max_bytes: int = 256 * 2**20) -> Motions:
 def _moves(rows: Sequence[tuple[str, ...]], numbers: Sequence[int], faults: Faults) -> Array:
     """Some of the moves, by column (n, 13)."""
     table = RawTable(faults.file, "", MOTIONS, tuple(rows), tuple(numbers), ())
-    cells = Cells.of(table, COLUMNS, (), faults, code=CODE).whole_rows()
+    cells = Cells.of(table, COLUMNS, (), faults, code="P008").whole_rows("P008")
     _directions(cells, AXIS, "tool axis")
     return cells.numbers(*MOTIONS, si=False)
 
