@@ -31,7 +31,7 @@ class Program:
         if word in self.harmless:
             self.recorder.event(self.line, word, text or self.harmless[word])
         elif word in self.options.ignore:
-            self.recorder.event(self.line, word, text, note=f"{word} is left out, as asked")
+            self.recorder.event(self.line, word, text, note=f"{word} is left out, as asked", code="W041")
         return word in self.harmless or word in self.options.ignore
 
     def refuse(self, fault: StatementError, statement: str = "") -> None:
@@ -49,7 +49,7 @@ class Program:
         """Refuse a word that is not read; where the caller leaves such words out, keep it as an event with a note."""
         if self.options.unknown_motion == "error":
             raise fault
-        self.recorder.event(self.line, word, text, note=f"{word} left out, as asked")
+        self.recorder.event(self.line, word, text, note=f"{word} left out, as asked", code="W041")
 
     def chords(self, start: ArrayLike, end: ArrayLike, center: Array, axis: Array, **more: Any) -> tuple[Array, Array]:
         """Shares and points of an arc within the tolerances asked for; see :func:`arc_points`."""

@@ -217,7 +217,7 @@ class _Reader(AptMotion):
         if self.ended:
             self.recorder.finish(self.line, "END-OF-PATH")
         else:
-            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short")
+            self.recorder.note(self.line, "the file ends without FINI or END-OF-PATH: it may be cut short", code="W037")
 
     def _keep(self, s: Statement) -> None:
         self.changes_nothing(s.word, readable(s.rest))

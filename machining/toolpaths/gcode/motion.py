@@ -469,7 +469,7 @@ class GcodeMotion(Rotary):
             whole = "P" not in b.points and self.options.dwell_unit == "ms"
             if "P" not in b.points and not whole and b.words["P"] >= 100.0:
                 self.recorder.note(
-                    self.line, "a cycle with a whole P of 100 or more: taken as s; --read dwell_unit=ms?"
+                    self.line, "a cycle with a whole P of 100 or more: taken as s; --read dwell_unit=ms?", code="W039"
                 )
             self.sticky["P"] = b.words["P"] * (1e-3 if whole else 1.0)
         if letter not in self.sticky or "R" not in self.sticky:

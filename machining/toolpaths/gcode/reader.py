@@ -108,7 +108,7 @@ class _Reader(Origins):
         if self.open_nurbs is not None:
             self.refuse(StatementError("the file ends behind G5.2 without G5.3", "G5.3", code="P011"))
         if not self.over:
-            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short")
+            self.recorder.note(self.line, "the program ends without M2, M30 or M99: it may be cut short", code="W037")
 
     def _line(self, number: int, raw: str) -> bool:
         """Read one line; whether that was without a fault."""
@@ -191,7 +191,7 @@ class _Reader(Origins):
                 found = b.words.pop(word, None) is not None
             b.long = [long for long in b.long if long.partition("(")[0].strip() != word or not (found := True)]
             if found:
-                self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
+                self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
 
     def _all_used(self, b: Block) -> None:
         """Every word of a block is used, or is certain to change nothing about the path."""
@@ -212,7 +212,7 @@ class _Reader(Origins):
         left = [word for word in b.words.left if word not in known]
         for word in set(left) & set(self.options.ignore):
             left.remove(word)
-            self.recorder.event(self.line, word, note=f"{word} is left out, as asked")
+            self.recorder.event(self.line, word, note=f"{word} is left out, as asked", code="W041")
         if left:
             raise StatementError(
                 f"{', '.join(left)} {'has' if len(left) == 1 else 'have'} no meaning in this block that is read",
@@ -402,7 +402,9 @@ class _Reader(Origins):
                 if whole and self.options.dwell_unit == "ms":
                     value *= 1e-3
                 elif whole and value >= 100.0:
-                    self.recorder.note(self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?")
+                    self.recorder.note(
+                        self.line, "G4 with a whole P of 100 or more: taken as s; --read dwell_unit=ms?", code="W039"
+                    )
                 self.recorder.dwell(self.line, value)
                 return
         raise StatementError("a dwell without its time", "P, X, U or F with a number", code="P022")

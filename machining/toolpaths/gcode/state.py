@@ -431,7 +431,9 @@ class Modes(Program):
             self.here = [None, None, None]
         self.offset, self.shift = name, target
         if new is None:
-            self.recorder.note(self.line, f"{name}: coordinates are in its frame; its origin is the caller's")
+            self.recorder.note(
+                self.line, f"{name}: coordinates are in its frame; its origin is the caller's", code="W040"
+            )
 
     def target(self, b: Block) -> list[float | None]:
         """Coordinates m behind the block; None where they are not known."""

@@ -265,4 +265,4 @@ class _Reader(Contour):
     def finish(self) -> None:
         """What the end of the file leaves open."""
         if not self.over:
-            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short")
+            self.recorder.note(self.line, "the program ends without END PGM: it may be cut short", code="W037")
