@@ -453,7 +453,7 @@ def _arm_map(
     model: str,
     frame: Frame,
     options: Mapping[str, Text],
-    drawn: tuple[bool, bool, bool],
+    drawn: tuple[bool, bool],
     seed: int,
     links: Text,
     sets: list[str] | None,
