@@ -16,6 +16,8 @@ from robots.errors import require_one_of
 
 # Numbers from 1e-6 to 1e9 are written out; others as powers of ten.
 WRITTEN_OUT: Final = (1e-6, 1e9)
+# A relative error below this is round-off.
+ROUND_OFF: Final = 1e-6
 INFINITE: Final = "∞"
 UNKNOWN: Final = "–"
 _RAISED: Final = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -171,6 +173,15 @@ def percent(value: float) -> str:
     if value >= 0.995:
         return "above 99 %"
     return f"{100.0 * value:.0f} %"
+
+
+def relative(value: float) -> str:
+    """A relative error: ``12 %``, ``0.34 %``; round-off, and what is beyond ten times the value, are only called so."""
+    if 0.0 < value < ROUND_OFF:
+        return "below 0.0001\u00a0%"
+    if value >= 10.0:
+        return "more than tenfold"
+    return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"
 
 
 def known_to(value: float, low: float, high: float) -> str:

@@ -22,6 +22,7 @@ from doe.diagnosis.setting import Setting
 from doe.diagnosis.unknowns import SIZES, processes
 from fem.effects.base import EffectParameter
 from robots.arrays import Array
+from robots.quantities import percent
 from robots.schema.units import factor
 
 if TYPE_CHECKING:
@@ -227,19 +228,12 @@ def _nothing_left(d: Diagnosis) -> Check:
         return _judged("nothing-left", "", None, "the last look did not have all of it in the model")
     none, unknown = last.of(NONE).probability, last.of(UNKNOWN).probability
     further = max(1.0 - none - unknown, 0.0)
-    text = f"the last look gives {_percent(unknown)} to something unknown and {_percent(further)} to further effects"
+    text = f"the last look gives {percent(unknown)} to something unknown and {percent(further)} to further effects"
     effects = [h for h in last.hypotheses if h.code not in (NONE, UNKNOWN)]
     if effects and further > max(none, unknown):
         text += f", {effects[0].code} first"
     odds = none / max(1.0 - none, 1e-300)
     return _judged("nothing-left", "", odds >= 1.0, text, max(odds, FACTORS["nothing-left"]))
-
-
-def _percent(p: float) -> str:
-    """Never 0 % or 100 % for what is neither."""
-    if 0.0 < p < 0.005:
-        return "below 1 %"
-    return "above 99 %" if p >= 0.995 else f"{100.0 * p:.0f} %"
 
 
 def _like_noise(d: Diagnosis, rng: np.random.Generator) -> Check:
@@ -258,7 +252,7 @@ def _like_noise(d: Diagnosis, rng: np.random.Generator) -> Check:
         if some:
             smooth = np.sum((w.V.whiten(np.hstack(some)).T @ left) ** 2, axis=0)
             runs[words] = _as_much(smooth / size)
-    text = ", ".join(f"{_percent(share)} {words}" for words, share in runs.items())
+    text = ", ".join(f"{percent(share)} {words}" for words, share in runs.items())
     return _judged("like-noise", "", min(runs.values()) >= RARE, f"of runs of the model with its noise {text}")
 
 

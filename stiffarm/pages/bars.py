@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from robots import InputError
 from robots.arrays import Array
+from robots.quantities import significant
 from stiffarm.pages.figure_parts import (
     SERIES,
     above,
@@ -24,7 +25,6 @@ from stiffarm.pages.figure_parts import (
     note,
     paler,
 )
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import INK
 
 if TYPE_CHECKING:

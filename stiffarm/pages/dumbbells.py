@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 
 from robots import InputError
 from robots.arrays import Array
+from robots.quantities import significant
 from stiffarm.pages.figure_parts import above, drawing, named_columns, named_rows, note
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import INK, OKABE_ITO
 
 # Looks of the two ends: by shape and filling, not by colour alone.

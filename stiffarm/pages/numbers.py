@@ -9,10 +9,6 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from robots.quantities import known_to, percent, ranged, significant, with_interval
-
-__all__ = ["grouped", "known_to", "percent", "ranged", "significant", "typeset", "typeset_cell", "with_interval"]
-
 # Below this power of ten a number is written out.
 _POWERS_FROM: Final = 5
 _RAISED: Final = str.maketrans("+-−0123456789", "\u207a⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from robots.quantities import known_to, ranged, significant
 from stiffarm.pages.figure_parts import drawing, log_ticks, named_rows, note
-from stiffarm.pages.numbers import grouped, known_to, ranged, significant
+from stiffarm.pages.numbers import grouped
 from stiffarm.pages.report import KeyFigure
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 from stiffarm.session.workspace import Spot, WorkspaceStiffness

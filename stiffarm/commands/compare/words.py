@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from robots.quantities import percent, significant
 from stiffarm.commands.compare.maps import Quantity
 from stiffarm.commands.compare.numbers import LEVEL, Figure, Pair
 from stiffarm.commands.compare.step import Compared, Setting
-from stiffarm.pages.numbers import percent, significant
 
 HEADS = ("parameter", "first", "second", "unit", "change", "verdict")
 SETTING_HEADS = ("", "first", "second")

@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.constants import M_TO_MM
+from robots.quantities import significant
 from stiffarm.commands.diagnose.arms import Stand, skeleton
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, house_style, new_figure
 
 READ, SIMULATED, LEFT = INK, OKABE_ITO["sky"], OKABE_ITO["vermillion"]

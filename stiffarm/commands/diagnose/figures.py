@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 
 from robots import InputError
 from robots.arrays import Array
+from robots.quantities import percent, significant
 from stiffarm.pages.dumbbells import dumbbells_figure
 from stiffarm.pages.figure_parts import drawing, named_columns, named_rows, note
-from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]

@@ -13,8 +13,8 @@ from typing import Final
 from doe.diagnosis.checks import Check, stated
 from doe.diagnosis.diagnose import Diagnosis, Found, state_of
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
+from robots.quantities import percent, significant
 from stiffarm.commands.diagnose.check_words import AGAINST
-from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Table
 
 

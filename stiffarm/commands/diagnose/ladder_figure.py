@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from robots.quantities import percent
 from stiffarm.commands.diagnose.ladder import Ladder
 from stiffarm.pages.dumbbells import AFTER, BEFORE, draw_dumbbells
 from stiffarm.pages.figure_parts import drawing, named_rows, note
-from stiffarm.pages.numbers import percent
 from stiffarm.pages.style import INK
 
 # Probabilities nearer than this have their numbers at one end; left of an end a number needs so much of the axis.

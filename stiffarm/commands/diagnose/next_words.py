@@ -8,9 +8,9 @@ from doe.diagnosis.hypotheses import Kind
 from doe.diagnosis.proposals.foresight import SETTLED, WORTH_MEASURING
 from doe.diagnosis.proposals.next_readings import NextReadings
 from doe.diagnosis.proposals.rivals import look_of
+from robots.quantities import percent
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.diagnose.words import NAMED, and_list, odd_places, rivals_text, sentence
-from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Block, Bullets, Fold, Table, Text
 from stiffarm.session.words.directions import set_up_rows
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from doe.diagnosis.where import noise_floor_mm
 from fem.arm import Arm
+from robots.quantities import percent, significant
 from stiffarm.commands.calibrate.words import bound_of, doubt_sentences, noise_parts
 from stiffarm.commands.diagnose import words
 from stiffarm.commands.diagnose.files import Written
@@ -16,7 +17,6 @@ from stiffarm.commands.diagnose.sections import explained, ladder_section, laws,
 from stiffarm.commands.diagnose.space import campaign_picture, cost_blocks
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.report import Answer, Block, KeyFigure, Picture, Section, Table, Text, data_words, write_page
 from stiffarm.session.caution import uncalibrated
 from stiffarm.session.outputs import OutputFolder

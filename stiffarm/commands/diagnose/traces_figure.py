@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from robots.arrays import Array
+from robots.quantities import percent, significant
 from stiffarm.commands.diagnose.traces import Row, Trace, Traces, widest
 from stiffarm.pages.figure_parts import drawing
-from stiffarm.pages.numbers import percent, significant
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _LEFT: Final[dict[str, Any]] = {"color": INK, "linestyle": "none", "marker": "o", "markersize": 2.4, "alpha": 0.55}

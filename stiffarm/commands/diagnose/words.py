@@ -13,11 +13,11 @@ from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.base import Effect
 from fem.effects.learned import axes_of
+from robots.quantities import percent, significant
 from stiffarm.commands.diagnose.check_words import check_sentences
 from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
 from stiffarm.commands.diagnose.ladder import NAMES
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.numbers import percent, significant
 from stiffarm.session.words.noise import RESIDUAL, is_residual
 
 # A group with at least this share is named as a place of the disagreement.

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robots.arrays import Array
+from robots.quantities import relative
 from stiffarm.commands.fit.figures.bars import (
     LEVEL,
     MOST_SHOWN,
@@ -28,11 +29,10 @@ from stiffarm.commands.fit.words import (
     choice_words,
     doubts,
     half_width,
-    relative,
     share_words,
 )
 from stiffarm.commands.query.answers import value_name
-from stiffarm.pages.blocks import Pictures, percent
+from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import (
     Answer,
     Block,
@@ -94,7 +94,7 @@ def _key_figures(best: Surrogate, known: Known | None) -> list[KeyFigure]:
         KeyFigure(share_words(best.errors.coverage95), "of these runs inside the 95 % error bars"),
     ]
     if known is not None:
-        shown = f"± {percent(known.median)}" if known.median < KNOWN else "not known"
+        shown = f"± {relative(known.median)}" if known.median < KNOWN else "not known"
         key.insert(0, KeyFigure(shown, "95 % interval of an answer by the calibration, median pose"))
     return key
 

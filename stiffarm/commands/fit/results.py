@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from fem.statics.stated import at_load_entry
-from robots.quantities import rounded
-from stiffarm.commands.fit.words import relative, share_words
+from robots.quantities import relative, rounded
+from stiffarm.commands.fit.words import share_words
 from stiffarm.commands.query.answers import surrogate_errors
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say

@@ -10,9 +10,9 @@ import numpy as np
 
 from robots.constants import NORMAL_95
 from robots.inverse.singularities import NEAR_SINGULAR, singularity_distance
-from stiffarm.commands.fit.words import KNOWN, half_width, relative, size_words
+from robots.quantities import known_to, ranged, relative, significant
+from stiffarm.commands.fit.words import KNOWN, half_width, size_words
 from stiffarm.commands.query.answers import value_name
-from stiffarm.pages.numbers import known_to, ranged, significant
 from stiffarm.pages.report import Block, Bullets, Note, Section, Table, Text
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Surrogate, Trained, predict, query

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robots import Remark
-from stiffarm.pages.blocks import percent
+from robots.quantities import relative
 from surrogate import Surrogate, Trained
 from surrogate.model import COMPLIANCE
 from surrogate.training import NOTHING
@@ -85,11 +85,6 @@ def share_words(share: float) -> str:
     return f"{100.0 * share:.1f}\u00a0%"
 
 
-def relative(value: float) -> str:
-    """A relative error in percent; beyond ten times the value itself no figure helps."""
-    return percent(value) if value < 10.0 else "more than tenfold"
-
-
 def half_width(value: float) -> str:
     """The half-width of an interval over its value: ``± 4 %``; of one that says nothing, that."""
-    return f"± {percent(value)}" if value < KNOWN else "not known to better than half its size"
+    return f"± {relative(value)}" if value < KNOWN else "not known to better than half its size"

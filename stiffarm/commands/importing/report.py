@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from robots import ModelDescription
+from robots.quantities import significant
 from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.report import (
     Answer,
     Block,

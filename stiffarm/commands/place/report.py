@@ -8,13 +8,13 @@ from machining.cutting import Estimated
 from machining.placement import Along
 from machining.placement.study import PlacedStep
 from robots import Remark
+from robots.quantities import known_to, ranged, significant, with_interval
 from stiffarm.commands.place.figures import along_figure
 from stiffarm.commands.place.payload import BEFORE, CHOSEN, FIXED, SEED, STAYING, named, peak_rates
 from stiffarm.commands.place.positions import position_picture, position_values
 from stiffarm.commands.posture.figures.along_path import joints_picture, motion_figure
 from stiffarm.pages.arm_uncertainty import error_remarks, sentence, share_remarks
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import known_to, ranged, significant, with_interval
 from stiffarm.pages.report import (
     Answer,
     Block,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from doe import Measurements
 from doe.planning.plan import Foresight
 from fem.arm import Arm
+from robots.quantities import significant
 from stiffarm.commands.plan import words
 from stiffarm.commands.plan.step import Planned
 from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.report import (
     Answer,
     Block,

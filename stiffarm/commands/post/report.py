@@ -20,7 +20,7 @@ from machining.toolpaths.events import ordered
 from robots import Remark
 from robots.arrays import Array
 from robots.inverse.following import is_redundant
-from robots.quantities import rounded
+from robots.quantities import ranged, rounded
 from robots.schema.joint_errors import Positions
 from stiffarm.commands.post import approach, corrected
 from stiffarm.commands.posture.figures.along_path import joints_picture
@@ -28,7 +28,6 @@ from stiffarm.commands.posture.payload import elbow_range
 from stiffarm.pages import arm_uncertainty
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, drawing
-from stiffarm.pages.numbers import ranged
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 

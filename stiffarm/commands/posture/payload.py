@@ -14,10 +14,9 @@ from robots import Remark, Robot
 from robots.arrays import Array
 from robots.inverse.elbow_angle import elbow_angle
 from robots.inverse.following import is_redundant
-from robots.quantities import rounded, rounded_all
+from robots.quantities import rounded, rounded_all, significant
 from stiffarm.pages.arm_uncertainty import error_remarks, estimated, interval, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
-from stiffarm.pages.numbers import significant
 from stiffarm.session.parsing import frame_words, tool_words
 
 KEYS = {CHOSEN: "recommended", BEFORE: "as_programmed", FIXED: "fixed_gamma", EACH: "each_point"}

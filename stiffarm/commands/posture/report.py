@@ -6,12 +6,12 @@ import numpy as np
 
 from machining.posture.posing import BEFORE, CHOSEN, EACH, FIXED, Posed, map_of
 from machining.stiffness.objective import ROOM
+from robots.quantities import known_to, ranged, significant, with_interval
 from stiffarm.commands.posture.figures.along_path import joints_picture, milling_error_figure
 from stiffarm.commands.posture.figures.axes_map import course_lines, draw_axes_map
 from stiffarm.commands.posture.payload import course_cells, gain_words, quantity, remarks
 from stiffarm.pages.arm_uncertainty import sentence
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import known_to, ranged, significant, with_interval
 from stiffarm.pages.report import Answer, Bullets, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, tool_words

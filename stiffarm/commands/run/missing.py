@@ -9,12 +9,12 @@ from typing import Any
 from doe import Measurements
 from doe.estimation.campaign import Campaign
 from fem.arm import Arm
+from robots.quantities import significant
 from stiffarm.commands.diagnose import step
 from stiffarm.commands.diagnose.files import Written, write_files
 from stiffarm.commands.diagnose.step import Diagnosed, Request
 from stiffarm.commands.diagnose.words import VERDICTS
 from stiffarm.commands.run.doubts import Without, without_doubted
-from stiffarm.pages.numbers import significant
 from stiffarm.session import inputs
 from stiffarm.session.outputs import OutputFolder
 

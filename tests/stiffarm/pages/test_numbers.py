@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from figure_texts import texts
 
+from robots.quantities import known_to, ranged, significant
 from stiffarm.pages.figure_parts import drawing
-from stiffarm.pages.numbers import known_to, ranged, significant, typeset, typeset_cell
+from stiffarm.pages.numbers import typeset, typeset_cell
 from stiffarm.pages.style import save_png
 
 

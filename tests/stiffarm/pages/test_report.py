@@ -13,7 +13,7 @@ from cli_runs import HOSTILE_NOTE, HOSTILE_TITLE, ROOT, FullRun, run_here, tree
 
 from robots import load_description
 from robots.library.models import to_toml
-from stiffarm.pages.numbers import known_to, ranged
+from robots.quantities import known_to, ranged
 from stiffarm.pages.report import Bullets, KeyFigure, Note, Picture, Section, Table, Text, render
 from surrogate import load_surrogate
 

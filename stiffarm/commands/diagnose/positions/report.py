@@ -7,12 +7,12 @@ from matplotlib.figure import Figure
 from doe.absolute.identified import findings
 from doe.absolute.missing.diagnose import Missing
 from fem.arm import Arm
+from robots.quantities import percent
 from stiffarm.commands.calibrate.positions.tables import parameters_table
 from stiffarm.commands.diagnose.positions import words
 from stiffarm.commands.diagnose.positions.payload import free
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import drawing
-from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Text, write_page
 from stiffarm.pages.style import OKABE_ITO
 from stiffarm.session.outputs import OutputFolder

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from doe.absolute.missing.diagnose import FoundEffect, Missing
 from doe.absolute.missing.evidence import NONE, UNKNOWN
+from robots.quantities import percent
 from stiffarm.commands.diagnose.positions.payload import free
-from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Table
 from stiffarm.session.console import say, say_notes
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robots.arrays import Array
+from robots.quantities import significant
 from stiffarm.pages.figure_parts import drawing, log_ticks
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.style import FAINT, INK
 
 

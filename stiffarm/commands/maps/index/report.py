@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fem.arm import Arm
+from robots.quantities import relative, significant
 from stiffarm.commands.maps.index.figures import price_words
 from stiffarm.pages.arm_uncertainty import half_widths
-from stiffarm.pages.blocks import percent
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.report import Answer, Block, KeyFigure, Note, Picture, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 
@@ -94,9 +93,9 @@ def _key(made: IndexMap, content: Mapping[str, Any]) -> list[KeyFigure]:
         if least is not None:
             out.append(KeyFigure(f"{significant(least, 4)}{unit}", "worst point of the map at that gamma"))
     share = content["points_reached"] / content["points"]
-    out.append(KeyFigure(percent(share), f"of {content['points']} points reached at some gamma"))
+    out.append(KeyFigure(relative(share), f"of {content['points']} points reached at some gamma"))
     every = content["points_every_gamma_reaches"] / content["points"]
-    out.append(KeyFigure(percent(every), "reached at every gamma"))
+    out.append(KeyFigure(relative(every), "reached at every gamma"))
     return out
 
 
@@ -109,8 +108,8 @@ def _sure(made: IndexMap, given: Arm, normal: Any) -> str:
         return f"No interval: the model does not say how sure its springs are; {said}."
     low, high = np.quantile(half, [0.5, 0.95])
     return (
-        f"Stiffness along the normal is known to ± {percent(float(low))} or better at half of the points and to "
-        f"± {percent(float(high))} or better at 95 % of them (95 % intervals from the model's calibration); {said}."
+        f"Stiffness along the normal is known to ± {relative(float(low))} or better at half of the points and to "
+        f"± {relative(float(high))} or better at 95 % of them (95 % intervals from the model's calibration); {said}."
     )
 
 
@@ -140,7 +139,7 @@ def _by_gamma(content: Mapping[str, Any]) -> Section:
         rows.append(
             (
                 f"{one['gamma_deg']:g}",
-                percent(one["share_reached"]),
+                relative(one["share_reached"]),
                 *("" if v is None else f"{v:.4g}" for v in figures),
             )
         )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from doe.power.chances import POWER
+from robots.quantities import percent
 from stiffarm.commands.rehearse.power import words
 from stiffarm.commands.rehearse.power.figures import DRAWN, additions_figure, chances_figure
 from stiffarm.commands.rehearse.power.step import Power
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import percent
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Section, Table, Text, write_page
 from stiffarm.session.outputs import OutputFolder
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from doe.power.chances import POWER, Chance
+from robots.quantities import percent, significant
 from stiffarm.commands.rehearse.power.step import Addition, Power, Prospect, SpringProspect
-from stiffarm.pages.numbers import percent, significant
 
 HEADS = ("effect", "smallest found with 80 %", "usual", "found", "named", "size known to ±", "remark")
 # A terminal has 80 characters a line, and no room for what is hardly ever found.

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from fem import LinkKind
+from robots.quantities import relative
 from stiffarm.commands.run.findings import Findings
 from stiffarm.commands.run.link_models import NOUN, LinkCalibrations, LinkModels, Pair, SpringPair
-from stiffarm.pages.blocks import percent
 from stiffarm.pages.report import Bullets, Note, Section, Table, Text
 from stiffarm.session.words.springs import mega
 
@@ -126,9 +126,9 @@ def _alone(both: LinkModels) -> str:
     word = "softer" if ratio.mean() > 0.0 else "stiffer"
     low, high = sorted(np.abs([ratio.min(), ratio.max()]))
     if ratio.min() * ratio.max() < 0.0:
-        by = f"{percent(-ratio.min())} stiffer to {percent(ratio.max())} softer, by pose"
+        by = f"{relative(-ratio.min())} stiffer to {relative(ratio.max())} softer, by pose"
     else:
-        by = f"{percent(low)} to {percent(high)} {word}"
+        by = f"{relative(low)} to {relative(high)} {word}"
     return (
         start + f"{own} alone deflect {a.min():.3f} to {a.max():.3f} mm at the readings used, {other} {b.min():.3f} to "
         f"{b.max():.3f} mm: {own} are {by}."

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from robots.quantities import significant
 from robots.schema.quantities import Quantity
 from stiffarm.commands.fit.figures.effects import main_effects_figure
 from stiffarm.commands.fit.report import quality_picture
 from stiffarm.commands.fit.results import errors_table
 from stiffarm.commands.run.findings import Findings, slug
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.numbers import significant
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
 from surrogate import default_sweep
 from surrogate.main_effects import main_effects

@@ -14,9 +14,9 @@ from cli_runs import Command
 
 from doe.diagnosis.checks import FACTORS, Check, Code
 from doe.diagnosis.where import Group
+from robots.quantities import percent
 from stiffarm.commands.diagnose.check_words import AGAINST, check_sentences, check_table
 from stiffarm.commands.diagnose.words import share_text
-from stiffarm.pages.numbers import percent
 
 
 def checked(*made: Check, codes: tuple[str, ...] = ("backlash:j2",)) -> Any:

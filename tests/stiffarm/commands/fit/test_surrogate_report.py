@@ -17,6 +17,7 @@ from shortened import blank_pictures, few_runs
 
 from fem import build_model
 from robots import InputError, load_description
+from robots.quantities import known_to, ranged, relative
 from stiffarm.commands.fit import results
 from stiffarm.commands.fit.figures.bars import (
     JudgedBars,
@@ -27,8 +28,8 @@ from stiffarm.commands.fit.figures.bars import (
     parts,
 )
 from stiffarm.commands.fit.report import write_report
-from stiffarm.commands.fit.words import choice_words, doubts, relative
-from stiffarm.pages.numbers import known_to, ranged, typeset
+from stiffarm.commands.fit.words import choice_words, doubts
+from stiffarm.pages.numbers import typeset
 from stiffarm.session.outputs import OutputFolder
 from surrogate import Quantity, Trained, factored, query, save_surrogate, scope_of, task_of, train, training
 
