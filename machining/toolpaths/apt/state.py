@@ -276,8 +276,19 @@ class AptState(Program):
         self.recorder.operation(self.line, self.operation, s.word)
 
     def _cutcom(self, s: Statement) -> None:
-        self.recorder.event(self.line, "CUTCOM", s.rest)
+        """Points of such files are places of the tool (cutter location data, ISO 3592): an offset adds its wear.
+
+        A cutter without width has them on the part's edge.
+        """
         if not {"OFF", "LENGTH"} & set(s.parts):
+            if self.tool.diameter == 0.0 and self.options.compensation == "error":
+                raise StatementError(
+                    "CUTCOM with a cutter of diameter 0, whose points lie on the part's edge",
+                    "the tool's diameter",
+                    "post the tool's places; where the points are those: --read compensation=centre",
+                    code="P015",
+                )
             self.recorder.note(
-                self.line, "CUTCOM: points are taken as the tool's centre, the control's offset is not read"
+                self.line, "CUTCOM: points are the tool's places; the control's offset, for wear, is not read"
             )
+        self.recorder.event(self.line, "CUTCOM", s.rest)

@@ -213,6 +213,16 @@ def test_kept_words_are_events_in_order_with_the_move_they_come_before(tmp_path:
     assert sum("CUTCOM" in n.text or "RETRCT" in n.text for n in m.notes) == 2
 
 
+@pytest.mark.parametrize(("cutter", "refused"), [("CUTTER/0,0,0\n", True), ("CUTTER/10,0,0\n", False), ("", False)])
+def test_compensation_of_a_cutter_without_width_is_refused(tmp_path: Path, cutter: str, refused: bool) -> None:
+    text = f"{cutter}GOTO/0,0,0\nCUTCOM/LEFT\nGOTO/1,0,0\nCUTCOM/OFF\nFINI\n"
+    if refused:
+        with pytest.raises(InputErrors, match="diameter 0"):
+            apt(tmp_path, text)
+    m = apt(tmp_path, text, compensation="centre")
+    np.testing.assert_allclose(m.points * 1e3, [[0, 0, 0], [1, 0, 0]])
+
+
 def test_data_of_a_tool_do_not_stay_on_the_next(tmp_path: Path) -> None:
     m = apt(tmp_path, "CUTTER/10,1\nLOADTL/1\nGOTO/0,0,0\nLOADTL/2\nGOTO/1,0,0\nLOADTL/2\nGOTO/2,0,0\n")
     assert m.tool.tolist() == [0, 1, 1]
