@@ -49,7 +49,7 @@ BEFORE, DIAGNOSIS = (
     (
         "performance/diagnosis.md",
         "python -m benchmarks.worlds.screws make SETS --seed 77 --single 10 --none 0 --outside 0 --pairs 0`, "
-        "then `stiffarm study SETS",
+        "then `python -m benchmarks.diagnosis.study SETS",
     ),
 )
 PINCHED = ("validation/calculix.md", "benchmarks/statics/pinched_cylinder_calculix.py")

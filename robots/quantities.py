@@ -55,8 +55,13 @@ class Quantity:
 
     @property
     def heading(self) -> str:
-        """Above a column that people read, or beside an axis: ``k_fs, N/mm``."""
+        """Above a column that people read: ``k_fs, N/mm``."""
         return f"{self.name}, {self.unit}" if self.unit else self.name
+
+    @property
+    def axis(self) -> str:
+        """Beside an axis of a figure: ``k_fs (N/mm)``."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
 
     def stored_value(self, value: float) -> float | None:
         """The number for a file, in the shown unit; None for what is not known or infinite."""

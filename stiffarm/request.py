@@ -95,10 +95,9 @@ def seed() -> Any:
 
 
 def argument(help: str, kind: Kind | None = None, *, metavar: str, **more: Any) -> Any:
-    """A field that stands without a name on the command line, and may be left out."""
-    return dataclasses.field(
-        default=None, metadata={_OPTION: Option(help, kind, metavar=metavar, is_argument=True, **more)}
-    )
+    """A field that stands without a name, on the command line and in Python, and may be left out."""
+    how = Option(help, kind, metavar=metavar, is_argument=True, **more)
+    return dataclasses.field(default=None, kw_only=False, metadata={_OPTION: how})
 
 
 @dataclass(frozen=True, kw_only=True)

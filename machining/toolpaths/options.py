@@ -37,9 +37,9 @@ class ReadOptions:
     arc_absolute : I, J, K of G-code arcs are coordinates of the centre from the first line on (G90.1)
     dwell_unit : "s" or "ms", unit of a whole-numbered P in G4
     skip_deleted : leave out G-code blocks that start with "/"
-    compensation : "error" refuses points under cutter compensation (G41, G42, RL, RR, CUTCOM with a cutter of diameter 0),
-        which lie on the part's edge or, where only wear is compensated, at the tool's centre; "centre" takes them as
-        the tool's centre
+    compensation : "error" refuses points under cutter compensation (G41, G42, RL, RR, CUTCOM with a cutter of
+        diameter 0), which lie on the part's edge or, where only wear is compensated, at the tool's centre; "centre"
+        takes them as the tool's centre
     pivot : m, where the axes of a turning table meet, in the coordinates of the program at angles of 0: X Y Z without
         tool centre point control are then turned back into the part
     ignore : words that change nothing about the path on the machine at hand, such as "M136" or "STOPRE": left out

@@ -31,6 +31,7 @@ ELSEWHERE = {
     "robots/library/models.py load_description": "bundled with the package",
     "robots/library/models.py library_table": "bundled with the package",
     "doe/estimation/campaign.py bundled_campaign": "bundled with the package",
+    "doe/tables/notes.py bundled_notes": "bundled with the package",
     "machining/programs/convention.py _bundled": "bundled with the package",
     "stiffarm/failures/__init__.py catalogue": "bundled with the package",
     "stiffarm/pages/parts.py": "bundled with the package",

@@ -43,9 +43,9 @@ class SensitivityRequest(Request):
     Examples
     --------
     >>> import stiffarm as sa
-    >>> found = sa.sensitivity("xr701", sa.bundled("xr701"), poses=["5", "41"])
-    >>> list(found.to_frame()["pose"])
-    ['5', '41']
+    >>> found = sa.sensitivity("fanuc-r2000ic", sa.bundled("fanuc-r2000ic"), joints=["j2", "j3"])
+    >>> found["effect_j2"].shape
+    (43,)
     """
 
     data: Readings | None = argument(

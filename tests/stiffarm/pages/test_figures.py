@@ -21,6 +21,7 @@ from doe import Measurements, PoseEffects, SpringPoints, bundled_data, fit_law, 
 from doe.estimation.campaign import Stage
 from doe.published.parametric import PoseFit
 from doe.published.pose_studies import PoseStudies
+from doe.tables.notes import DoubtfulReadings
 from robots import InputError
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.figures.laws import laws_figure
@@ -28,7 +29,6 @@ from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
 from stiffarm.commands.run import figures as figures_readings
-from stiffarm.commands.run.doubts import Doubt
 from stiffarm.commands.sensitivity.figures import sensitivity_figure
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.figure_parts import MARKERS, SERIES, joint_colour, paler, power_of_ten
@@ -55,8 +55,8 @@ def effects(pose: str, *values: float) -> PoseEffects:
 
 def data() -> Figure:
     doubts = (
-        Doubt(("3", "4"), (375,), "outlier?"),
-        Doubt(("39", "40"), (375, 650), "swapped?"),
+        DoubtfulReadings(("3", "4"), (375,), "outlier?"),
+        DoubtfulReadings(("39", "40"), (375, 650), "swapped?"),
     )
     return figures_readings.data_figure(
         DATA, excluded_loads_N=(150, 375), doubts=doubts, families=figures_readings.wrist_families(DATA, ROBOT)
@@ -367,7 +367,7 @@ def _relabelled() -> Measurements:
 HOSTILE: dict[str, Callable[[], Figure]] = {
     "data": lambda: figures_readings.data_figure(
         _relabelled(),
-        doubts=(Doubt(SIGNS, (650,), " ".join(SIGNS)),),
+        doubts=(DoubtfulReadings(SIGNS, (650,), " ".join(SIGNS)),),
         families=dict(zip(SIGNS, SIGNS[::-1], strict=True)),
     ),
     "sensitivity": lambda: sensitivity_figure({sign: [effects(sign, 1.0, 2.0, 0.0, -1.0)] for sign in SIGNS}),

@@ -119,7 +119,7 @@ def draw_gamma_statistics(
             axes[3].axhline(100.0 * found.common.mean(), linestyle="--", color=OKABE_ITO["vermillion"])
         names = ("mean", "standard deviation", "peak to valley")
         for ax, name in zip(axes, names, strict=False):
-            ax.set(title=name, ylabel=what.heading)
+            ax.set(title=name, ylabel=what.axis)
         axes[3].set(title="share of the points reached", ylabel="share (%)", ylim=(0.0, 104.0))
         for ax in axes:
             ax.set_xticks(angle_ticks(degrees))
@@ -192,7 +192,7 @@ def draw_trade_off(traded: TradeOff, choice: GammaChoice | None, what: Quantity,
             )
         ax.margins(x=0.12, y=0.12)
         ax.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
-        ax.set(xlabel=f"points reached, of {traded.n}", ylabel=f"{traded.aim} over the points reached: {what.heading}")
+        ax.set(xlabel=f"points reached, of {traded.n}", ylabel=f"{traded.aim} over the points reached: {what.axis}")
         figure.legend(handles=handles, loc="outside lower left", ncols=1)
     return figure
 

@@ -200,7 +200,7 @@ def _values(ax: Axes, x: Array, made: AxesMap, courses: Mapping[str, CourseLine]
             zorder=3.0 if line.dots or line.dash != "-" else 4.0,
             **look,
         )
-    ax.set_ylabel(what.heading)
+    ax.set_ylabel(what.axis)
     ax.margins(y=0.08)
 
 

@@ -251,7 +251,7 @@ def test_the_price_of_the_choice_stands_in_the_legend() -> None:
 )
 def test_units_of_quantities(quantity: str, factor: float, label: str, column: str) -> None:
     unit = shown(quantity)
-    assert (unit.factor, unit.label, unit.column) == (factor, label, column)
+    assert (unit.factor, unit.axis, unit.column) == (factor, label, column)
 
 
 def test_a_quantity_that_is_none_is_refused() -> None:
