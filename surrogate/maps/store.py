@@ -151,7 +151,8 @@ class MapStore:
     def _taken_up(self, folder: Path, number: int) -> bool:
         """Fill in a block that was kept; False where its file is not as it was written."""
         try:
-            with np.load(self._file(folder, number), allow_pickle=False) as file:
+            # NumPy leaves a damaged file open that it has opened itself.
+            with self._file(folder, number).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 block = {name: file[name] for name in file.files}  # which compares the checksums
             self._fill(number, block)
             return str(block["of"]) == f"{self.key} {number}"
