@@ -122,10 +122,11 @@ def _command(
                 # To copy: what leads on names the model as it was typed.
                 typed = shlex.quote(given["model"])
                 result = replace(result, what_next=result.what_next.replace("MODEL", typed))
+                content = result.as_json
                 if folder is not None:
                     with cautioned(caveats(result.arm or arm) if result.caution is None else result.caution):
-                        result.write(folder)
-            frame.answer(result.as_json, result.show)
+                        content = result.write(folder)
+            frame.answer(content, result.show)
             say_notes(result.remarks)
 
     command.__name__ = name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated, Any, Final, NamedTuple
@@ -123,10 +124,9 @@ def command_of(name: str) -> Any:
 
 
 def made_of_requests() -> dict[str, Any]:
-    """Commands that are made of requests, by name."""
-    from stiffarm.capability import COMMANDS as MADE
-
-    return MADE
+    """Commands that are made of requests and have been imported, by name."""
+    module = sys.modules.get("stiffarm.capability")
+    return {} if module is None else module.COMMANDS
 
 
 def _refuse_empty(args: list[str]) -> None:

@@ -303,13 +303,14 @@ class Result:
             if not table.folded:
                 table.show()
 
-    def write(self, folder: OutputFolder) -> None:
-        """JSON, CSV, pictures and the page into a folder."""
+    def write(self, folder: OutputFolder) -> dict[str, Any]:
+        """JSON, CSV, pictures and the page into a folder; returns the JSON, with facts about further files."""
         from stiffarm.pages import report as page
         from stiffarm.pages.style import save_png
 
         further = {} if self.more is None else self.more(folder)
-        folder.write_json(f"{self.name}.json", {**self.as_json, **further})
+        content = {**self.as_json, **further}
+        folder.write_json(f"{self.name}.json", content)
         for i, table in enumerate(table for table in self.tables if not table.is_extract):
             folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
         pictures = []
@@ -333,6 +334,7 @@ class Result:
             self.made_of,
             answer,
         )
+        return content
 
 
 def _word(label: str | bool) -> str:

@@ -7,7 +7,6 @@ from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.special import stdtrit
 
 from robots.errors import twice
 from robots.schema.quantities import Strict
@@ -62,6 +61,8 @@ class CalibrationUncertainty(Strict):
 
     def interval95(self, k: int) -> tuple[float, float, float]:
         """Value of a parameter and the ends of its 95 % interval, in ``unit``; an open upper end is infinite."""
+        from scipy.special import stdtrit
+
         half = float(stdtrit(self.degrees_of_freedom[k], 0.975)) * math.sqrt(self.covariance[k][k])
         middle, *ends = (_value(self.estimate[k] + off, self.variable[k]) for off in (0.0, -half, half))
         return middle, min(ends), max(ends)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -84,16 +84,6 @@ def named_columns(ax: Axes, names: Sequence[str], part: int = 1) -> None:
     ax.set_xticks(list(shown), [names[k] for k in shown], rotation=90 if upright else 0)
     ax.set_xlim(-0.6, len(names) - 0.4)
     ax.grid(visible=False, axis="x")
-
-
-def naturally(labels: Iterable[str]) -> list[str]:
-    """Different labels in the order in which people count: pose 9 before pose 10."""
-
-    def key(label: str) -> list[tuple[bool, float, str]]:
-        parts = re.split(r"(\d+(?:\.\d+)?)", label)
-        return [(not part[:1].isdigit(), float(part) if part[:1].isdigit() else 0.0, part) for part in parts if part]
-
-    return sorted(dict.fromkeys(labels), key=key)
 
 
 def joint_colour(name: str, position: int = 0) -> str:

@@ -7,6 +7,7 @@ picture shows of them goes through :func:`typeset`, so that the style is decided
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Final
 
 # Below this power of ten a number is written out.
@@ -56,3 +57,13 @@ def _power(lead: str, sign: str, exponent: str) -> str:
         return f"{float(lead) * 10.0 ** int(exponent):,.0f}"
     number = lead.rstrip("0").rstrip(".") if "." in lead else lead
     return power if number == "1" else f"{number}·{power}"
+
+
+def naturally(labels: Iterable[str]) -> list[str]:
+    """Different labels in the order in which people count: pose 9 before pose 10."""
+
+    def key(label: str) -> list[tuple[bool, float, str]]:
+        parts = re.split(r"(\d+(?:\.\d+)?)", label)
+        return [(not part[:1].isdigit(), float(part) if part[:1].isdigit() else 0.0, part) for part in parts if part]
+
+    return sorted(dict.fromkeys(labels), key=key)

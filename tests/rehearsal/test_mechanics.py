@@ -167,7 +167,7 @@ def test_command_line_simulates_the_same(robot: str, links: str, tmp_path: Path)
     done = subprocess.run(  # noqa: S603 - our own interpreter with constant arguments
         [*run, "--links", links], cwd=ROOT, capture_output=True, encoding="utf-8", check=True, timeout=120
     )
-    theirs = np.array([[row[f"d{axis}_mm_simulated"] for axis in "xyz"] for row in json.loads(done.stdout)["readings"]])
+    theirs = np.array([[row[f"d{axis}_simulated_mm"] for axis in "xyz"] for row in json.loads(done.stdout)["readings"]])
     ours = 1e3 * exact(truth, r)
     if links == "rigid":
         # The command prints six digits: the same ones, but for a few that fall on the edge between two.

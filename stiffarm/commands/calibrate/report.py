@@ -18,7 +18,7 @@ from stiffarm.commands.calibrate.tables import holdout_table
 from stiffarm.pages import workspace_answer
 from stiffarm.pages.bars import bars_figure
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.figure_parts import naturally
+from stiffarm.pages.numbers import naturally
 from stiffarm.pages.report import Answer, Block, Bullets, KeyFigure, Note, Section, Table, Text, data_words, write_page
 from stiffarm.session.caution import uncalibrated
 from stiffarm.session.outputs import OutputFolder

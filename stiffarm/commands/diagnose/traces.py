@@ -17,7 +17,7 @@ from doe.diagnosis.twins import likely_amplitude
 from doe.diagnosis.where import labels_of
 from robots.arrays import Array, Bools, Indices
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.figure_parts import naturally
+from stiffarm.pages.numbers import naturally
 
 # So many effects have a row, with the likest of their twins beside them; of many twins so many are asked.
 MOST_ROWS, MOST_TWINS, ASKED = 4, 2, 8

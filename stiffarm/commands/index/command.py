@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,6 +47,9 @@ from stiffarm.result import Drawing, Result, plain
 from stiffarm.result import Table as Values
 from stiffarm.session.inputs import with_links
 from stiffarm.session.stated import at_load, intervals_at, stated_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Singular values below which a pose is said to be close to a singularity.
 CLOSE = 0.05
@@ -186,8 +190,6 @@ def answer(given: Arm, asked: IndexRequest) -> Result:
         "load": None if load is None else plain(load),
         "not_computed": dict.fromkeys(left_out, "needs a force"),
     } | stated_table(arm.model)
-    from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
-
     return Result(
         name="index",
         title=f"Stiffness of the {arm.description.title.split(' (')[0]} at "
@@ -205,7 +207,7 @@ def answer(given: Arm, asked: IndexRequest) -> Result:
                 "ellipsoid",
                 CAPTION,
                 "stiffness by direction of the force",
-                partial(ellipsoid_figure, C[:MOST_POSES], labels[:MOST_POSES], normal),
+                partial(_ellipsoid, C, labels, normal),
             ),
         ),
         key=_key(arm, found, tip, SEMI_AXIS.between(interval[0][0], interval[1][0]) if known else ""),
@@ -214,6 +216,12 @@ def answer(given: Arm, asked: IndexRequest) -> Result:
         arm=arm,
         found=found,
     )
+
+
+def _ellipsoid(C: Array, labels: Sequence[str], normal: Array) -> Figure:
+    from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
+
+    return ellipsoid_figure(C[:MOST_POSES], labels[:MOST_POSES], normal)
 
 
 def _by_quantity(values: dict[str, Array]) -> dict[Quantity, Array]:

@@ -22,10 +22,10 @@ from stiffarm.pages.figure_parts import (
     axis_limit,
     drawing,
     named_columns,
-    naturally,
     note,
     paler,
 )
+from stiffarm.pages.numbers import naturally
 from stiffarm.pages.style import FAINT, INK
 
 _HATCHES: Final = ("////", "xxxx", "....")

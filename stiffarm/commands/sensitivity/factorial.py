@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from doe import Measurements, PoseEffects, sensitivity_study
 from fem.arm import Arm
 from robots.quantities import Quantity, ranged, rounded
-from stiffarm.commands.sensitivity.figures import sensitivity_figure
 from stiffarm.commands.sensitivity.ranking import MOST_PANELS, ranking
-from stiffarm.pages.figure_parts import naturally
 from stiffarm.result import Result, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
@@ -33,6 +34,8 @@ def payload(results: Sequence[PoseEffects]) -> list[dict[str, Any]]:
 
 def result(given: Arm, data: Measurements, springs: tuple[str, ...], levels: tuple[float, float]) -> Result:
     """Effect of stiffening each spring from the low to the high level, at the poses of ``data``."""
+    from stiffarm.pages.numbers import naturally
+
     found = sensitivity_study(given.model, data, springs, *levels)
     order = naturally([e.pose for e in found])
     effects = sorted(found, key=lambda e: order.index(e.pose))
@@ -63,7 +66,13 @@ def result(given: Arm, data: Measurements, springs: tuple[str, ...], levels: tup
         [e.ranking[0] for e in effects],
         (f"every spring from {ranged(*levels)} N m/rad",),
         how,
-        partial(sensitivity_figure, {path: effects[:MOST_PANELS]}, levels),
+        partial(_figure, path, effects[:MOST_PANELS], levels),
         (table,),
         {"method": "factorial", "low_Nm_per_rad": levels[0], "high_Nm_per_rad": levels[1]},
     )
+
+
+def _figure(path: str, effects: Sequence[PoseEffects], levels: tuple[float, float]) -> Figure:
+    from stiffarm.commands.sensitivity.figures import sensitivity_figure
+
+    return sensitivity_figure({path: effects}, levels)

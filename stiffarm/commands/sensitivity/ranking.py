@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from doe import Measurements
 from fem.arm import Arm
 from robots.arrays import Array
 from robots.quantities import percent
-from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.report import Bullets, Fold, KeyFigure, Section, Text, data_words
 from stiffarm.result import Drawing, Result, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # A picture of more panels cannot be read.
 MOST_PANELS = 6
@@ -52,7 +52,7 @@ def ranking(
             "are."
         )
     in_percent = {name: 100.0 * value for name, value in mean.items()}
-    ranked = partial(ranked_figure, "Share of what moves the tool", in_percent, "share, mean over the poses (%)")
+    ranked = partial(_shares, in_percent)
     some = f"{MOST_PANELS} of {count} poses; the table has all." if count > MOST_PANELS else "Pose by pose."
     return Result(
         name="sensitivity",
@@ -79,3 +79,9 @@ def ranking(
         arm=given,
         made_of=data_words(data),
     )
+
+
+def _shares(in_percent: Mapping[str, float]) -> Figure:
+    from stiffarm.pages.bars import ranked_figure
+
+    return ranked_figure("Share of what moves the tool", in_percent, "share, mean over the poses (%)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
@@ -22,10 +22,12 @@ from robots import InputError, require_one_of
 from robots.arrays import Array, Indices
 from robots.quantities import Quantity
 from stiffarm.commands.calibrate.words import spoken_unit
-from stiffarm.commands.sensitivity.figures import morris_figure, shares_figure
 from stiffarm.commands.sensitivity.ranking import MOST_PANELS, ranking
 from stiffarm.result import Result, Table
 from stiffarm.session.words.directions import direction_words
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Method = Literal["morris", "sobol", "derivative"]
 
@@ -183,12 +185,6 @@ def result(given: Arm, data: Measurements, s: Study) -> Result:
         "derivative": variance_shares(f.derivative),
     }[s.method]
     size = np.nan_to_num(size)
-    drawn = few(s, MOST_PANELS)
-    figure = (
-        partial(morris_figure, drawn.found, drawn.names, what, *drawn.factor_unit)
-        if s.method == "morris"
-        else partial(shares_figure, drawn.found, drawn.names, what)
-    )
     return ranking(
         given,
         data,
@@ -197,10 +193,18 @@ def result(given: Arm, data: Measurements, s: Study) -> Result:
         [names[int(k)] for k in size.argmax(axis=1)],
         tuple(f"{p.name} from {range_text(p)}" for p in s.parameters),
         f"{s.method.capitalize()} study of d{s.component} with {f.runs} runs of the model, seed {s.seed}.",
-        figure,
+        partial(_figure, few(s, MOST_PANELS), what),
         tables,
         {"method": s.method, "component": s.component, "runs": f.runs, "seed": s.seed},
     )
+
+
+def _figure(s: Study, what: str) -> Figure:
+    from stiffarm.commands.sensitivity.figures import morris_figure, shares_figure
+
+    if s.method == "morris":
+        return morris_figure(s.found, s.names, what, *s.factor_unit)
+    return shares_figure(s.found, s.names, what)
 
 
 def _mean(values: Array) -> float:

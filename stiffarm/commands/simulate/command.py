@@ -10,7 +10,6 @@ from fem.arm import Arm
 from robots import InputError, load_description, require_positive
 from stiffarm.capability import capability
 from stiffarm.commands.simulate.pose import at_pose
-from stiffarm.commands.simulate.readings import of_table
 from stiffarm.request import (
     POSE,
     READINGS,
@@ -123,6 +122,8 @@ def answer(given: Arm, asked: SimulateRequest) -> Result:
     if asked.field:
         _require_meshed("--field: links of the arm", given.model.link_kind)
     if asked.pose is None:
+        from stiffarm.commands.simulate.readings import of_table
+
         return of_table(given, readings_asked(given, asked.data, confirm_units=asked.confirm_units), asked.rigid_joints)
     q = pose_of(given.robot, asked.pose, "--pose")
     wrench = wrench_of(USUAL, "--load") if asked.load is None else np.asarray(asked.load)

@@ -17,7 +17,6 @@ from fem.statics.loads import LoadedPoses
 from robots import Remark
 from robots.arrays import Array
 from robots.quantities import QUANTITIES, known_to, length, rounded_all
-from stiffarm.pages.bars import ranked_figure
 from stiffarm.pages.report import Bullets, KeyFigure, Section
 from stiffarm.result import Drawing, Number, Result, Table
 from stiffarm.session.caution import RIGID_AS_ASKED
@@ -28,6 +27,8 @@ from stiffarm.session.softness import flagged
 from stiffarm.session.stated import intervals_at
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from stiffarm.commands.simulate.command import SimulateRequest
 
 NO_LINKS = "no links described: all bodies rigid"
@@ -51,7 +52,7 @@ def at_pose(given: Arm, q: Array, wrench: Array, asked: SimulateRequest) -> Resu
     under = ", ".join(f"{n.rpartition('_')[0]} {v:g} {n.rpartition('_')[2]}" for n, v in named.items() if v)
     facts = about(given, model, asked.rigid_joints)
     lengths_um = {name: 1e6 * float(np.linalg.norm(part[:3])) for name, part in parts.items()}
-    figure = partial(ranked_figure, "How far each part moves the tool", lengths_um, "length of the motion (um)")
+    figure = partial(_parts_figure, lengths_um)
     rows = np.array([*parts.values(), d])
     known = stiffness is not None and np.isfinite(stiffness.ends[0])
     return Result(
@@ -87,6 +88,12 @@ def at_pose(given: Arm, q: Array, wrench: Array, asked: SimulateRequest) -> Resu
         caution=RIGID_AS_ASKED if asked.rigid_joints else None,
         more=partial(_field, given, model, q, wrench, asked) if asked.field else None,
     )
+
+
+def _parts_figure(lengths_um: dict[str, float]) -> Figure:
+    from stiffarm.pages.bars import ranked_figure
+
+    return ranked_figure("How far each part moves the tool", lengths_um, "length of the motion (um)")
 
 
 def _key(motion: float, most: str, stiffness: Number | None) -> tuple[KeyFigure, ...]:

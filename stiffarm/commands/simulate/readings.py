@@ -14,7 +14,6 @@ from robots.arrays import Array, Indices
 from robots.quantities import QUANTITIES, Quantity, rounded
 from stiffarm.commands.simulate.figures import readings_figure
 from stiffarm.commands.simulate.pose import MOTIONS, about, how_sure, model_section, remarks, what_next
-from stiffarm.pages.figure_parts import naturally
 from stiffarm.pages.report import KeyFigure, data_words
 from stiffarm.result import Drawing, Number, Result, Table
 from stiffarm.session.caution import RIGID_AS_ASKED
@@ -56,8 +55,6 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
     if any(marks):
         labels[FLAG] = [bool(mark) for mark in marks]
     worst = np.argsort(-np.abs(off), kind="stable")
-    names = naturally(data.pose)
-    by_pose = np.array(sorted(range(data.n), key=lambda k: (names.index(data.pose[k]), data.loads_N[k])))
     share = rms[unit][0] / rms[unit][1] if rms[unit][1] else np.nan
     part = "" if np.isnan(share) else f", {SHARE.text(share, unit=True)} of what was read"
     largest = KeyFigure(difference.text(abs(off[worst[0]]), unit=True), f"largest, in pose {data.pose[worst[0]]}")
@@ -66,14 +63,14 @@ def of_table(given: Arm, data: Measurements, rigid_joints: bool) -> Result:
         name="simulation",
         title=given.description.title.split(" (")[0],
         question="does the model move as was measured?",
-        answer=f"{data.n} readings at {len(names)} poses: simulated and measured differ by "
+        answer=f"{data.n} readings at {len(set(data.pose))} poses: simulated and measured differ by "
         f"{shown.text(rms[unit][0], unit=True)} RMS{part}.",
         how_sure=how_sure(given, facts),
         what_next=what_next(given, from_table=True),
         facts=facts | {"rms_over_measured": {u: rounded(a / b) if b else None for u, (a, b) in rms.items()}},
         numbers={RMS[u]: Number(a) for u, (a, _) in rms.items()},
         tables=(
-            _rows("readings", "Every reading", labels, values, by_pose, folded=data.n > WORST),
+            _rows("readings", "Every reading", labels, values, np.arange(data.n), folded=data.n > WORST),
             *(
                 (_rows("farthest_off", "The readings farthest off", labels, values, worst[:WORST], is_extract=True),)
                 if data.n > WORST

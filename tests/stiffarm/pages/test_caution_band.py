@@ -137,7 +137,7 @@ def test_the_deformed_arm_warns(cli: Command, tmp_path: Path, monkeypatch: pytes
     outcome = cli(*pose, "out", "--json")
     assert outcome.code == 0, outcome.err
     pngs = sorted((tmp_path / "out").glob("*.png"))
-    assert len(pngs) == 2
+    assert len(pngs) == 3
     assert all("no joint" in (said(png) or "") for png in pngs)
     # What gives most in the structure is not what gives most in the arm.
     assert "all joints rigid" in outcome.json["field"]["budget"]["leader"]

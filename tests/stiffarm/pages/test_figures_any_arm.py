@@ -19,7 +19,8 @@ from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.figures.residuals import residuals_figure
 from stiffarm.commands.run.figures import data_figure, match_figure
 from stiffarm.pages.bars import bars_figure, ranked_figure
-from stiffarm.pages.figure_parts import drawing, naturally
+from stiffarm.pages.figure_parts import drawing
+from stiffarm.pages.numbers import naturally
 from stiffarm.pages.style import INK, OKABE_ITO
 
 RNG = np.random.default_rng(0)

@@ -507,7 +507,7 @@ def test_a_plain_ascii_terminal_can_show_everything(calibrated: Path) -> None:
     env = environment(PYTHONIOENCODING="ascii")
     outcome = run_apart("simulate", calibrated / "model.toml", env=env)
     assert outcome.code == 0, outcome.err
-    assert "RMS difference" in outcome.err
+    assert "mm RMS" in outcome.err
 
 
 # --- the whole chain ---------------------------------------------------------------------------------------

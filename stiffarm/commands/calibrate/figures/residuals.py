@@ -12,7 +12,8 @@ from scipy.stats import norm
 
 from robots import InputError
 from robots.arrays import Array, Bools
-from stiffarm.pages.figure_parts import drawing, named_columns, naturally
+from stiffarm.pages.figure_parts import drawing, named_columns
+from stiffarm.pages.numbers import naturally
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 _GOOD: Final = OKABE_ITO["blue"]
