@@ -99,7 +99,7 @@ def _command(
     options = options_of(request)
 
     def command(**given: Any) -> None:
-        from stiffarm.session.caution import cautioned, caveats
+        from stiffarm.session.caution import cautioned
         from stiffarm.session.frame import command as framed
 
         with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
@@ -121,10 +121,11 @@ def _command(
                 result = answer(arm, asked)
                 # To copy: what leads on names the model as it was typed.
                 typed = shlex.quote(given["model"])
-                result = replace(result, what_next=result.what_next.replace("MODEL", typed))
+                what_next = result.what_next.replace("MODEL", typed)
+                result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None:
-                    with cautioned(caveats(result.arm or arm) if result.caution is None else result.caution):
+                    with cautioned(result.warning):
                         content = result.write(folder)
             frame.answer(content, result.show)
             say_notes(result.remarks)

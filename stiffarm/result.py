@@ -17,7 +17,7 @@ import numpy as np
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from robots.quantities import Quantity, rounded
+from robots.quantities import Quantity, ranged, rounded
 from stiffarm.session.console import say, show_table
 from stiffarm.session.stated import interval_json
 
@@ -102,9 +102,7 @@ class Table:
             if quantity in self.intervals:
                 ends = zip(*self.intervals[quantity], strict=True)
                 cells = [
-                    cell
-                    if np.isnan(low)
-                    else f"{cell} ({quantity.between(low, high).removesuffix(quantity.unit).strip()})"
+                    cell if np.isnan(low) else f"{cell} ({ranged(quantity.factor * low, quantity.factor * high)})"
                     for cell, (low, high) in zip(cells, ends, strict=False)
                 ]
             columns.append(cells)
@@ -269,6 +267,13 @@ class Result:
             require_one_of("picture", name, names, code="B003")
         return Picture.of(self.drawings[0 if name is None else names.index(name)].draw()).kept(file)
 
+    @property
+    def warning(self) -> str:
+        """What its pages and pictures warn of; empty where there is nothing to warn of."""
+        from stiffarm.session.caution import caveats
+
+        return caveats(self.arm) if self.caution is None and self.arm is not None else self.caution or ""
+
     def save(self, folder: str | Path) -> Path:
         """Write the page, JSON, CSV, pictures and all other files into a folder, whole or not at all; returns it.
 
@@ -277,11 +282,10 @@ class Result:
         InputError
             The folder cannot be made or written.
         """
-        from stiffarm.session.caution import cautioned, caveats
+        from stiffarm.session.caution import cautioned
         from stiffarm.session.outputs import OutputFolder
 
-        caution = self.caution if self.caution is not None or self.arm is None else caveats(self.arm)
-        with OutputFolder(Path(folder), [f"stiffarm.{self.name}"], {}, None) as out, cautioned(caution or ""):
+        with OutputFolder(Path(folder), [f"stiffarm.{self.name}"], {}, None) as out, cautioned(self.warning):
             self.write(out)
         return Path(folder)
 

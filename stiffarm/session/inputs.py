@@ -64,15 +64,6 @@ def read_model(
     return arm
 
 
-def why_links(description: ModelDescription, asked: str | None) -> str:
-    """Why a model's links are what they are: :func:`read_model` with ``asked`` as its links."""
-    if asked is not None:
-        return "as asked"
-    if description.calibration is not None:
-        return "as the model was calibrated"
-    return "the default for a model that was not calibrated; --links changes it"
-
-
 def as_load_path(text: str) -> LoadPath:
     """A load path by its name."""
     known: tuple[LoadPath, ...] = get_args(LoadPath)

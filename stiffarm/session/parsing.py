@@ -188,21 +188,6 @@ def angles_of(robot: Robot, values: Mapping[str, float], option: str) -> Array:
     return np.asarray(robot.controller.model(np.radians([[values.get(name, 0.0) for name in shown]]))[0])
 
 
-def parse_load(text: str, option: str = "--load") -> Array:
-    """A wrench (6,) from ``fz_N=-650,mx_Nm=10``."""
-    values = parse_pairs(text, option, WRENCH_NAMES)
-    wrench = np.array([values.get(name, 0.0) for name in WRENCH_NAMES])
-    if not 0.0 < np.abs(wrench).max() <= LARGEST_LOAD:
-        raise InputError(
-            option,
-            code="A006",
-            value=text,
-            allowed=f"a force or moment that is not zero, up to {LARGEST_LOAD:g} N or N m",
-            remedy="give the load in N and N m, as in fz_N=-650",
-        )
-    return wrench
-
-
 def parse_loads(text: str | None) -> tuple[float, ...] | None:
     """``--loads 150,650`` or ``--loads all`` (an empty tuple), or None if not given."""
     if text is None:
@@ -257,11 +242,6 @@ def parse_frame(text: str, option: str) -> Array:
             option, code="A004", value=text, allowed=FRAME_FORM, remedy=f"write it as in {option} 0,0,250,0,0,0"
         )
     return frame_mm_deg(values)
-
-
-def tool_of(robot: Robot, text: str | None) -> Array:
-    """Tool frame on the flange (4, 4): that of ``--tool``, or the robot's own."""
-    return robot.T_flange_tool if text is None else parse_frame(text, "--tool")
 
 
 def tool_words(T: Array) -> str:

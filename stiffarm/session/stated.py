@@ -155,9 +155,3 @@ def intervals_at(
 def interval_json(low: float, high: float) -> list[float | None] | None:
     """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
     return [rounded(low), rounded(high) if np.isfinite(high) else None] if np.isfinite(low) else None
-
-
-def interval_ends(written: Sequence[float | None] | None) -> tuple[float, float]:
-    """The ends that :func:`interval_json` has written: NaN where nothing is known, infinity for no upper one."""
-    low, high = (np.nan, np.nan) if written is None else written
-    return np.nan if low is None else low, np.inf if high is None else high

@@ -62,7 +62,7 @@ def result(given: Arm, data: Measurements, springs: tuple[str, ...], levels: tup
         given,
         data,
         joints,
-        np.broadcast_to(size / max(float(size.sum(axis=1).mean()), 1e-300), size.shape),
+        size / max(float(size.sum(axis=1).mean()), 1e-300),
         [e.ranking[0] for e in effects],
         (f"every spring from {ranged(*levels)} N m/rad",),
         how,
