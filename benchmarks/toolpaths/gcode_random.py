@@ -3,7 +3,7 @@
     python benchmarks/toolpaths/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
 
 Each program (:mod:`gcode_programs`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
-which share no code. A program is right where every move agrees (ends to 0.1 um, arcs to 5 um, rapid or feed, feeds),
+which share no code. A program is right where every move agrees (ends to 0.2 um, arcs to 5 um, rapid or feed, feeds),
 refused where the reader refuses it, and else wrong. A refusal is allowed; none may be wrong. ``--keep`` writes the
 programs that are wrong into a folder.
 """

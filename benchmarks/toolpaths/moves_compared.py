@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-# Ends agree to this, points and middles of chords lie on their arc to that.
-END_mm, ON_ARC_mm = 1e-4, 5e-3
+# Ends agree to this, points and middles of chords lie on their arc to that. Inch programs are written to 2.5e-6 mm;
+# a corner between arcs that are nearly tangent makes fifty times as much of it, so that 1e-4 mm would be too strict.
+END_mm, ON_ARC_mm = 2e-4, 5e-3
 FEED = 1e-6
 # An arc that ends as near to its start as this is a full circle.
-FULL_mm = 1e-5
+FULL_mm = 2e-4
 # A feed that the program does not tell: NaN of the reader.
 UNKNOWN = -1.0
 Point = tuple[float, float, float]

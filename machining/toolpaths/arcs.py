@@ -11,8 +11,9 @@ from machining.magnitudes import FARTHEST, PLACES
 from machining.toolpaths.recorder import StatementError
 from robots.arrays import Array
 
-# Start and end nearer than this (m) across the axis are one point: the arc is a full turn.
-CLOSED = 1e-9
+# Start and end nearer than this (m) across the axis are one point: the arc is a full turn. Half the finest increment of
+# machining controls (0.1 um) and all that rounding leaves behind a change of units; no program means a shorter arc.
+CLOSED = 2e-7
 REMEDY = (
     "post with more decimals, or allow more: --read arc_tolerance_um=50; in G-code check G90.1 and G91.1, or say that "
     "centres are coordinates: --read arc_absolute=yes"

@@ -250,6 +250,13 @@ STRAY = [
         READ,
         f"{START} L0.1,0,0 L0.3,0,0 A0.3,0,0@5.3,0,+ L0,20,0 R0,20,5",
     ),
+    # The end is written in inches to six decimals, 1e-5 mm beside the start: rounding, no arc of 10 nm.
+    trap(
+        "a circle behind a change of units",
+        body("G1 X20 Y10\nG20 F20\nG2 X0.787402 Y0.393701 I0.19685039 J0\nG21 G1 X0 Y20 F600\nG0 Z5"),
+        READ,
+        f"{START} L20,10,0 A20,10,0@25,10,-f508 L0,20,0 R0,20,5",
+    ),
     trap(
         "a circle the other way",
         body("G91 G1 X0.1\nX0.2\nG90 G2 X0.3 Y0 I5 J0\nG1 X0 Y20\nG0 Z5"),
