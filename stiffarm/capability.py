@@ -33,27 +33,53 @@ COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 def capability(
     name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R], *, own_effects: bool = False
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
-    """The Python function of a capability; its command is :data:`COMMANDS`'s of that name.
+    """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
-    ``request``: a :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of;
-    ``own_effects``: the command takes files of a user's own effects, as :func:`stiffarm.load` does.
+    ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
+    :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of; ``own_effects``:
+    the command takes files of a user's own effects, as :func:`stiffarm.load` does.
     """
-    assert isinstance(request, type)  # noqa: S101 - a dataclass; typed as what makes one, for the sake of `P`
-    kind: type[Request] = request
+    arm = {"arm": "the arm, or the name or file of a model"}
 
     def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
         with called():
             given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
             return answer(given, request(*args, **kwargs))
 
-    call.__name__ = call.__qualname__ = name
-    call.__module__ = answer.__module__
-    call.__doc__ = _docstring(kind)
-    own = list(inspect.signature(kind).parameters.values())
-    arm = inspect.Parameter("arm", inspect.Parameter.POSITIONAL_ONLY, annotation="Arm | str | Path")
-    call.__signature__ = inspect.Signature([arm, *own], return_annotation="Result")  # type: ignore[attr-defined]
-    COMMANDS[name] = _command(name, kind, answer, own_effects)
+    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects))
+    _describe(call, name, _class(request), answer, arm)
     return call
+
+
+def capability_without_arm(name: str, request: Callable[P, Request], answer: Callable[[Any], R]) -> Callable[P, R]:
+    """The Python function of a capability that is asked of no arm, but of what its request holds; else the same."""
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        with called():
+            return answer(request(*args, **kwargs))
+
+    COMMANDS[name] = _command(name, _class(request), lambda _, asked: answer(asked), [])
+    _describe(call, name, _class(request), answer, {})
+    return call
+
+
+def _class(request: Callable[P, Request]) -> type[Request]:
+    """A request's class, which is typed as what makes one for the sake of ``P``."""
+    assert isinstance(request, type)  # noqa: S101
+    return request
+
+
+def _describe(
+    call: Callable[..., Any], name: str, request: type[Request], answer: Callable[..., Any], subject: dict[str, str]
+) -> None:
+    """Name, docstring and signature of the Python function."""
+    call.__name__ = call.__qualname__ = name.replace(" ", "_").replace("-", "_")
+    call.__module__ = answer.__module__
+    call.__doc__ = _docstring(request, subject)
+    first = [inspect.Parameter(s, inspect.Parameter.POSITIONAL_ONLY, annotation="Arm | str | Path") for s in subject]
+    own = inspect.signature(request).parameters.values()
+    returned = inspect.signature(answer).return_annotation
+    call.__signature__ = inspect.Signature([*first, *own], return_annotation=returned)  # type: ignore[attr-defined]
 
 
 @contextmanager
@@ -83,19 +109,29 @@ def _words(text: str) -> str:
     return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)
 
 
-def _docstring(request: type[Request]) -> str:
+def _docstring(request: type[Request], subject: dict[str, str]) -> str:
     """What Python's help says: the request's own words, then each field."""
     text, _, examples = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")
-    lines = [text.rstrip(), "", "Parameters", "----------", "arm : the arm, or the name or file of a model"]
+    lines = [text.rstrip(), "", "Parameters", "----------"]
+    lines += [f"{name} : {words}" for name, words in subject.items()]
     lines += [f"{name} : {how.help}" for name, how in options_of(request).items()]
-    lines += ["", "Raises", "------", "InputError", "    A value out of its range, or one that does not fit the arm."]
+    lines += [
+        "",
+        "Raises",
+        "------",
+        "InputError",
+        "    A value out of its range, or that does not fit the rest.",
+    ]
     return "\n".join([*lines, *(["", "Examples", examples.lstrip("\n")] if examples else [])])
 
 
 def _command(
-    name: str, request: type[Request], answer: Callable[[Any, Any], Result], own_effects: bool
+    name: str, request: type[Request], answer: Callable[[Any, Any], Result], model: list[inspect.Parameter]
 ) -> Callable[..., None]:
-    """The function that typer makes the command of: the model, the request's fields, then what all commands have."""
+    """The function that typer makes the command of: the model, the request's fields, then what all commands have.
+
+    ``model``: what says which model, empty for a command that is asked of none.
+    """
     options = options_of(request)
 
     def command(**given: Any) -> None:
@@ -108,20 +144,21 @@ def _command(
                 raise InputError(
                     f"{asked.writes_by} writes files and has no folder for them", code="A003", remedy="give --out DIR"
                 )
-            frame.files |= {key: v for key in options if isinstance(v := getattr(asked, key), Path) and v.is_file()}
-            arm = frame.model(
-                given["model"],
-                asked.links(given["model"], given["links"]),
-                given["load_path"],
-                effect=given.get("effect"),
-                sets=given["sets"],
-            )
+            frame.files |= dict(_files_read(asked))
+            arm = None
+            if model:
+                arm = frame.model(
+                    given["model"],
+                    asked.links(given["model"], given["links"]),
+                    given["load_path"],
+                    effect=given.get("effect"),
+                    sets=given["sets"],
+                )
             frame.asked = asked.as_json()
             with frame.folder_if(getattr(asked, "seed", None)) as folder:
                 result = answer(arm, asked)
                 # To copy: what leads on names the model as it was typed.
-                typed = shlex.quote(given["model"])
-                what_next = result.what_next.replace("MODEL", typed)
+                what_next = result.what_next.replace("MODEL", shlex.quote(frame.named))
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None:
@@ -130,9 +167,9 @@ def _command(
             frame.answer(content, result.show)
             say_notes(result.remarks)
 
-    command.__name__ = name
+    command.__name__ = name.rpartition(" ")[2]
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
-    parameters = list(_parameters(request, options, own_effects))
+    parameters = [*model[:1], *_parameters(request, options), *model[1:], *_COMMON]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -150,21 +187,43 @@ def _values(options: dict[str, Option], given: dict[str, Any]) -> Iterator[tuple
         yield name, value
 
 
-def _parameters(request: type[Request], options: dict[str, Option], own_effects: bool) -> Iterator[inspect.Parameter]:
+def _files_read(asked: Request) -> Iterator[tuple[str, Path]]:
+    """Files that a request names, by field; of several, with their number behind it."""
+    for name in options_of(type(asked)):
+        value = getattr(asked, name)
+        for k, one in enumerate(value if isinstance(value, tuple) else (value,)):
+            if isinstance(one, Path) and one.is_file():
+                yield f"{name}_{k + 1}" if k else name, one
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
+def _model_options(own_effects: bool) -> list[inspect.Parameter]:
+    """Which model, then how it is built."""
+    out = [_parameter("model", ModelArg, inspect.Parameter.empty)]
+    if own_effects:
+        out.append(_parameter("effect", EffectFile, None))
+    return out + [
+        _parameter(name, kind, None) for name, kind in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets))
+    ]
+
+
+_COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))
+
+
+def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[inspect.Parameter]:
+    """The request's fields, arguments first."""
     hints, defaults = get_type_hints(request), {f.name: f.default for f in fields(request)}
-
-    def parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
-        return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
-
-    yield parameter("model", ModelArg, inspect.Parameter.empty)
     for name, how in sorted(options.items(), key=lambda item: not item[1].is_argument):
-        default = None if defaults[name] in (MISSING, ()) else defaults[name]
+        default = None if defaults[name] == () else defaults[name]
         annotation: Any = hints[name]
         if how.kind is not None:
             annotation = list[str] | None if how.several else str | None
-            default = None if default is None else how.kind.text(default)
+            default = how.kind.text(default) if default not in (None, MISSING) else default
         elif how.is_argument:
-            annotation = Path | None
+            annotation = list[Path] | None if how.several else Path | None
         metavar = how.metavar or (how.kind.metavar if how.kind else None)
         if how.is_argument:
             info: Any = typer.Argument(metavar=metavar, help=how.help)
@@ -178,10 +237,4 @@ def _parameters(request: type[Request], options: dict[str, Option], own_effects:
                 max=how.most,
                 rich_help_panel=COMMON if how.is_common else None,
             )
-        yield parameter(name, Annotated[annotation, info], default)
-    if own_effects:
-        yield parameter("effect", EffectFile, None)
-    for name, common in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets), ("out", Out)):
-        yield parameter(name, common, None)
-    yield parameter("as_json", Json, False)
-    yield parameter("debug", Debug, False)
+        yield _parameter(name, Annotated[annotation, info], inspect.Parameter.empty if default is MISSING else default)

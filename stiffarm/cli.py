@@ -112,14 +112,20 @@ class _Commands(TyperGroup):
 
 
 def command_of(name: str) -> Any:
-    """The command itself, imported; one with commands of its own is a Typer."""
+    """The command itself, imported; one with commands of its own is a Typer, to which capabilities add theirs."""
     entry = COMMANDS[name]
     module = importlib.import_module(f"stiffarm.commands.{entry.folder}.command")
-    found: Any = made_of_requests().get(name) or getattr(module, entry.function)
-    if not isinstance(found, typer.Typer):
-        one = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-        one.command(name)(found)
-        found = one
+    made = made_of_requests()
+    found: Any = made.get(name) or getattr(module, entry.function)
+    own = {name: found}
+    if isinstance(found, typer.Typer):
+        known = {one.name for one in found.registered_commands}
+        own = {full.partition(" ")[2]: one for full, one in made.items() if full.startswith(f"{name} ")}
+        own = {word: one for word, one in own.items() if word not in known}
+    else:
+        found = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    for word, one in own.items():
+        found.command(word)(one)
     return typer.main.get_command(found)
 
 

@@ -94,10 +94,11 @@ def seed() -> Any:
     return option("Seed of the random numbers.", default=0, least=0, is_common=True)
 
 
-def argument(help: str, kind: Kind | None = None, *, metavar: str, **more: Any) -> Any:
-    """A field that stands without a name, on the command line and in Python, and may be left out."""
+def argument(help: str, kind: Kind | None = None, *, metavar: str, required: bool = False, **more: Any) -> Any:
+    """A field that stands without a name, on the command line and in Python; it may be left out unless ``required``."""
     how = Option(help, kind, metavar=metavar, is_argument=True, **more)
-    return dataclasses.field(default=None, kw_only=False, metadata={_OPTION: how})
+    default: Any = dataclasses.MISSING if required else () if how.several else None
+    return dataclasses.field(default=default, kw_only=False, metadata={_OPTION: how})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,13 +148,10 @@ def _several(value: Any, how: Option) -> tuple[Any, ...]:
     """One value, or some of them, as a tuple."""
     if value is None:
         return ()
-    is_one = isinstance(value, str | Path | Mapping) or (
-        how.kind is not None
-        and isinstance(value, Sequence | np.ndarray)
-        and len(value) > 0
-        and not any(isinstance(v, Mapping | Sequence | np.ndarray) for v in value)
-    )
-    return (value,) if is_one else tuple(value)
+    if not isinstance(value, list | tuple | np.ndarray):
+        return (value,)
+    is_row = how.kind is not None and len(value) > 0 and all(isinstance(v, int | float | np.number) for v in value)
+    return (value,) if is_row else tuple(value)
 
 
 def _check_range(value: Any, how: Option, name: str) -> None:
