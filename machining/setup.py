@@ -42,6 +42,10 @@ class Tools:
     scenes: tuple[Scene, ...]
     place: Integers
 
+    def at(self, rows: Integers) -> Tools:
+        """The same for some of the points."""
+        return Tools(self.T_flange_tool[rows], self.scenes, self.place[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class Setup:

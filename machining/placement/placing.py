@@ -8,6 +8,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from machining.cutting.each_tool import ForceOfEach
 from machining.placement.between import undriven
 from machining.placement.confirming import confirmed, finely
 from machining.placement.following import Along, Found, along, follow, merit_of
@@ -291,9 +292,16 @@ def _best_of(problem: Problem, rows: Integers, trials: list[tuple[Array, float]]
 
 def _piece(problem: Problem, rows: Integers) -> Problem:
     """The problem of one piece of the path."""
-    path = problem.home.at(rows).path
-    free = None if problem.free is None else problem.free[rows[0] : rows[-1]]
-    return replace(problem, path=path, free=free, reference=problem.home.reference, links=None)
+    force, goal = problem.goal.force, problem.goal
+    return replace(
+        problem,
+        path=problem.home.at(rows).path,
+        goal=replace(goal, force=force.at(force.tool[rows])) if isinstance(force, ForceOfEach) else goal,
+        tools=None if problem.tools is None else problem.tools.at(rows),
+        free=None if problem.free is None else problem.free[rows[0] : rows[-1]],
+        reference=problem.home.reference,
+        links=None,
+    )
 
 
 def _joined(courses: list[Course]) -> Course:

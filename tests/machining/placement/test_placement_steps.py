@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from posture_cases import dome, part
 
 import fem
 from machining.cell import Body, Fixture, arm_of, box, clearance, scene_of
+from machining.cutting.each_tool import ForceOfEach
 from machining.cutting.force import ByRuns
 from machining.placement import (
     How,
@@ -29,6 +31,7 @@ from machining.placement.steps import Pieces, Table, best_by_slopes, best_pieces
 from machining.posture.drive import Drive, limit_distance
 from machining.posture.points import GammaRange
 from machining.programs.posting import PostSettings, post
+from machining.setup import Tools
 from machining.stiffness.criterion import Criterion
 from machining.task import ToolPath, tool_path
 from machining.toolpaths.motions import Motions
@@ -146,6 +149,22 @@ def test_the_base_moves_at_rapid_moves_only(kr60: fem.ArmModel) -> None:
     placed = place(marked, How("steps", steps=3, cost=0.0))
     assert set(placed.first) <= {0, 13, 32}
     assert len(placed.first) > 1
+
+
+@pytest.mark.slow
+def test_a_path_of_two_equal_tools_is_placed_as_that_of_one(kr60: fem.ArmModel) -> None:
+    path, cell, free = dome(16, 0.7), cell_of(rail()), np.zeros(15, dtype=np.bool_)
+    free[7] = True
+    one = problem_of(kr60, cell, path, "mean", ANY, (80.0, 40.0, -60.0), free=free)
+    change = np.repeat([0, 1], 8)
+    frames = np.broadcast_to(cell.tool.T_flange_tool, (16, 4, 4))
+    forces = ForceOfEach((one.goal.force, one.goal.force), ("mill", "ball"), change)
+    two = replace(one, tools=Tools(frames, (), change), goal=replace(one.goal, force=forces))
+    how = How("steps", steps=2, cost=0.0)
+    expected, found = place(one, how), place(two, how)
+    assert found.first.tolist() == expected.first.tolist() == [0, 8]
+    np.testing.assert_allclose(found.after.e, expected.after.e, rtol=1e-12)
+    np.testing.assert_allclose(found.after.course.value, expected.after.course.value, rtol=1e-12)
 
 
 @pytest.mark.slow
