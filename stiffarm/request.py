@@ -335,14 +335,25 @@ def poses_asked(robot: Robot, given: Given, table: Poses | None, what: str) -> t
     return q, tuple(texts), remarks
 
 
-def readings_asked(given: Arm, data: Readings | None, *, confirm_units: bool = False) -> Measurements:
-    """Readings from a table, a data frame or as they were read before, checked; None: the bundled table.
+def readings_asked(
+    given: Arm, data: Readings | Sequence[Readings] | None, *, confirm_units: bool = False
+) -> Measurements:
+    """Readings from a table, a data frame or as they were read before, or several of them as one, each checked.
+
+    None, or no table at all: the bundled one, which is called "bundled" among several.
 
     Raises
     ------
     InputError
         A table that cannot be read, or readings that no arm like this gives.
     """
+    from doe.tables.joined import join
+
+    tables = cast("list[Readings | None]", list(data) or [None] if isinstance(data, list | tuple) else [data])
+    return join([_read(given, one, k, confirm_units) for k, one in enumerate(tables, start=len(tables) > 1)])
+
+
+def _read(given: Arm, data: Readings | None, number: int, confirm_units: bool) -> Measurements:
     if (table := getattr(data, "table", None)) is not None:
         return cast("Measurements", table)
     from doe.tables.columns import table_of_frame
@@ -351,13 +362,16 @@ def readings_asked(given: Arm, data: Readings | None, *, confirm_units: bool = F
     from stiffarm.session.readings import BUNDLED, read_data
     from stiffarm.session.table_kinds import DEFLECTIONS, expect
 
-    if data is None or isinstance(data, Path):
-        file = None if data is None or str(data) == BUNDLED else data
+    if data is None or isinstance(data, str | Path):
+        file = None if data is None or str(data) == BUNDLED else Path(data)
         if file is not None:
             expect(file, DEFLECTIONS)
         found = read_data(given.robot, file)
     else:
-        found = measurements_of(table_of_frame(cast("pd.DataFrame", data), "data frame"), given.robot)
+        found = measurements_of(
+            table_of_frame(cast("pd.DataFrame", data), "data frame" if number == 0 else f"data frame {number}"),
+            given.robot,
+        )
     check_readings(given, found, confirm_units=confirm_units)
     return found
 
