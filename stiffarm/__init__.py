@@ -8,6 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.face.arms import Arm, load, robots_bundled
@@ -88,6 +89,7 @@ __all__ = [
     "read_readings",
     "rehearse",
     "robots_bundled",
+    "run",
     "sensitivity",
     "simulate",
     "verify",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import shlex
 from collections.abc import Callable, Iterator
@@ -31,23 +32,38 @@ COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 
 
 def capability(
-    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R], *, own_effects: bool = False
+    name: str,
+    request: Callable[P, Request],
+    answer: Callable[..., R],
+    *,
+    own_effects: bool = False,
+    load_path: bool = True,
+    model: str | None = None,
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
     """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
-    :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of; ``own_effects``:
-    the command takes files of a user's own effects, as :func:`stiffarm.load` does.
+    :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of, and what writes
+    into a folder, its third argument, if the request has a field ``out``. ``own_effects``: the command takes files of a
+    user's own effects, as :func:`stiffarm.load` does; ``load_path``: it takes one; ``model``: where none is named.
     """
-    arm = {"arm": "the arm, or the name or file of a model"}
 
     def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
         with called():
             given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
-            return answer(given, request(*args, **kwargs))
+            asked = request(*args, **kwargs)
+            if not hasattr(asked, "out"):
+                return answer(given, asked)
+            from stiffarm.session.outputs import OutputFolder
 
-    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects))
-    _describe(call, name, _class(request), answer, arm)
+            run = [f"stiffarm.{name}"], dict(_files_read(asked)), getattr(asked, "seed", None), asked.as_json()
+            with OutputFolder(asked.out, *run) as folder:
+                return answer(given, asked, folder)
+
+    if model is not None:
+        call.__defaults__ = (model,)
+    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects, load_path, model))
+    _describe(call, name, _class(request), answer, {"arm": ("the arm, or the name or file of a model", model)})
     return call
 
 
@@ -70,13 +86,25 @@ def _class(request: Callable[P, Request]) -> type[Request]:
 
 
 def _describe(
-    call: Callable[..., Any], name: str, request: type[Request], answer: Callable[..., Any], subject: dict[str, str]
+    call: Callable[..., Any],
+    name: str,
+    request: type[Request],
+    answer: Callable[..., Any],
+    subject: dict[str, tuple[str, str | None]],
 ) -> None:
     """Name, docstring and signature of the Python function."""
     call.__name__ = call.__qualname__ = name.replace(" ", "_").replace("-", "_")
     call.__module__ = answer.__module__
     call.__doc__ = _docstring(request, subject)
-    first = [inspect.Parameter(s, inspect.Parameter.POSITIONAL_ONLY, annotation="Arm | str | Path") for s in subject]
+    first = [
+        inspect.Parameter(
+            s,
+            inspect.Parameter.POSITIONAL_ONLY,
+            annotation="Arm | str | Path",
+            default=inspect.Parameter.empty if default is None else default,
+        )
+        for s, (_, default) in subject.items()
+    ]
     own = inspect.signature(request).parameters.values()
     returned = inspect.signature(answer).return_annotation
     call.__signature__ = inspect.Signature([*first, *own], return_annotation=returned)  # type: ignore[attr-defined]
@@ -109,11 +137,11 @@ def _words(text: str) -> str:
     return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)
 
 
-def _docstring(request: type[Request], subject: dict[str, str]) -> str:
+def _docstring(request: type[Request], subject: dict[str, tuple[str, str | None]]) -> str:
     """What Python's help says: the request's own words, then each field."""
     text, _, examples = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")
     lines = [text.rstrip(), "", "Parameters", "----------"]
-    lines += [f"{name} : {words}" for name, words in subject.items()]
+    lines += [f"{name} : {words}" for name, (words, _) in subject.items()]
     lines += [f"{name} : {how.help}" for name, how in options_of(request).items()]
     lines += [
         "",
@@ -126,7 +154,7 @@ def _docstring(request: type[Request], subject: dict[str, str]) -> str:
 
 
 def _command(
-    name: str, request: type[Request], answer: Callable[[Any, Any], Result], model: list[inspect.Parameter]
+    name: str, request: type[Request], answer: Callable[..., Result], model: list[inspect.Parameter]
 ) -> Callable[..., None]:
     """The function that typer makes the command of: the model, the request's fields, then what all commands have.
 
@@ -150,18 +178,19 @@ def _command(
                 arm = frame.model(
                     given["model"],
                     asked.links(given["model"], given["links"]),
-                    given["load_path"],
+                    given.get("load_path"),
                     effect=given.get("effect"),
                     sets=given["sets"],
                 )
             frame.asked = asked.as_json()
-            with frame.folder_if(getattr(asked, "seed", None)) as folder:
-                result = answer(arm, asked)
+            writes, seed = "out" in options, getattr(asked, "seed", None)
+            with frame.folder(seed) if writes else frame.folder_if(seed) as folder:
+                result = answer(arm, asked, folder) if writes else answer(arm, asked)
                 # To copy: what leads on names the model as it was typed.
                 what_next = result.what_next.replace("MODEL", shlex.quote(frame.named))
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
-                if folder is not None:
+                if folder is not None and not writes:
                     with cautioned(result.warning):
                         content = result.write(folder)
             frame.answer(content, result.show)
@@ -169,7 +198,8 @@ def _command(
 
     command.__name__ = name.rpartition(" ")[2]
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
-    parameters = [*model[:1], *_parameters(request, options), *model[1:], *_COMMON]
+    common = [one for one in _COMMON if one.name not in options]
+    parameters = [*model[:1], *_parameters(request, options), *model[1:], *common]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -192,7 +222,8 @@ def _files_read(asked: Request) -> Iterator[tuple[str, Path]]:
     for name in options_of(type(asked)):
         value = getattr(asked, name)
         for k, one in enumerate(value if isinstance(value, tuple) else (value,)):
-            if isinstance(one, Path) and one.is_file():
+            # Not Path.is_file: that raises for names too long for any file.
+            if isinstance(one, Path) and os.path.isfile(one):
                 yield f"{name}_{k + 1}" if k else name, one
 
 
@@ -200,14 +231,15 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
-def _model_options(own_effects: bool) -> list[inspect.Parameter]:
+def _model_options(own_effects: bool, load_path: bool, model: str | None) -> list[inspect.Parameter]:
     """Which model, then how it is built."""
-    out = [_parameter("model", ModelArg, inspect.Parameter.empty)]
-    if own_effects:
-        out.append(_parameter("effect", EffectFile, None))
-    return out + [
-        _parameter(name, kind, None) for name, kind in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets))
-    ]
+    which = _parameter("model", ModelArg, inspect.Parameter.empty)
+    if model is not None:
+        info = typer.Argument(metavar="[MODEL]", help="A bundled name, a model TOML or a URDF.")
+        which = _parameter("model", Annotated[str, info], model)
+    kinds = {"effect": EffectFile if own_effects else None, "links": Links}
+    kinds |= {"load_path": LoadPathOpt if load_path else None, "sets": Sets}
+    return [which, *(_parameter(name, kind, None) for name, kind in kinds.items() if kind is not None)]
 
 
 _COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))

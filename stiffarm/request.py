@@ -141,7 +141,7 @@ def spelled(name: str, how: Option) -> str:
     """A field as the command line spells it; at the Python function it is the name of the argument again."""
     if how.is_argument:
         return how.metavar.strip("[]") if how.metavar else name
-    return how.spelled[0] if how.spelled else f"--{name.replace('_', '-')}"
+    return how.spelled[0].partition("/")[0] if how.spelled else f"--{name.replace('_', '-')}"
 
 
 def _several(value: Any, how: Option) -> tuple[Any, ...]:

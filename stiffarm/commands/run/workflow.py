@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fem import ArmModel, directional_stiffness
 from fem.arm import Arm
 from robots import InputError, save_description
 from robots.arrays import Array
-from robots.quantities import rounded
+from robots.quantities import length, rounded
 from stiffarm.commands.calibrate import payload as calibration_payload
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.fit import learning
@@ -30,9 +30,10 @@ from stiffarm.commands.run.findings import Findings, Recommended, slug
 from stiffarm.commands.run.missing import Look
 from stiffarm.commands.run.usual import usual_campaign, usual_factorial
 from stiffarm.commands.sensitivity import factorial
+from stiffarm.request import readings_asked
+from stiffarm.result import Result, Table
 from stiffarm.session import inputs, readings, steps
 from stiffarm.session.console import progress, say, say_notes
-from stiffarm.session.frame import Frame
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.stated import at_load
 from stiffarm.session.steps import FactorialRuns
@@ -40,62 +41,65 @@ from stiffarm.session.workspace import WorkspaceStiffness, workspace_stiffness
 from surrogate import Surrogate, Trained, full_poses, save_surrogate
 from surrogate.model import predict_compliance
 
-
-@dataclass(frozen=True)
-class Options:
-    """What was typed: link model, points of the map, seed; files of the scheme and of the readings held out; --set.
-
-    ``rehearse``: whether the run ends with a rehearsal.
-    """
-
-    links: str | None = None
-    points: int = 21
-    seed: int = 0
-    scheme_file: Path | None = None
-    holdout: Path | None = None
-    confirm_units: bool = False
-    sets: Sequence[str] | None = None
-    rehearse: bool = True
+if TYPE_CHECKING:
+    from stiffarm.commands.run.command import RunRequest
 
 
-def run_all(frame: Frame, model: str, data: Sequence[Path], options: Options) -> dict[str, Any]:
-    """Run every step and write models, surrogates, maps, pictures and the report into the frame's folder."""
-    given = frame.model(model, options.links, sets=options.sets)
-    table = frame.readings(given, data, confirm_units=options.confirm_units)
+def run_all(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:
+    """Run every step and write models, surrogates, maps, pictures and the report into the folder."""
+    table = readings_asked(given, asked.data, confirm_units=asked.confirm_units)
+    say_notes(table.notes)
     remedy = "run its steps by themselves (`stiffarm diagnose`, `calibrate`, `fit`, `map`)"
     inputs.refuse_effects(given, "the whole chain", remedy)
-    frame.reads(scheme_file=options.scheme_file)
-    scheme = _scheme(given, table, options.scheme_file)
+    scheme = _scheme(given, table, asked.scheme_file)
     # What it asks for and was not measured is refused before the work.
     select_poses(select_loads(table, scheme.loads_N), scheme.beside.sensitivity.poses, "sensitivities")
-    kept = frame.held_out(given, options.holdout, confirm_units=options.confirm_units)
-    with frame.folder(options.seed) as folder:
-        with folder.timed("diagnosis"):
-            looks = missing.looks(given, table, scheme, kept, options.seed, folder, say)
-        with folder.timed("calibration"):
-            findings = _calibrated(given, table, scheme, kept, looks, options.seed)
-        if findings.rigid_warning:
-            say_notes([findings.rigid_warning])
-        with folder.timed("surrogates"):
-            findings = _learned(findings, folder)
-        with folder.timed("map"), progress("stiffness map") as bar:
-            arm = replace(given, description=findings.best.description, model=findings.best.model)
-            asked = MapRequest(kind="joints", points=options.points, seed=options.seed)
-            drawn = make_map(arm, asked, folder, Files(html=True, table=False), bar)
-        stiffness = workspace_stiffness(arm.description, arm.model)
-        say_notes(drawn["messages"])
-        told = None
-        if options.rehearse:
-            with folder.timed("rehearsal"):
-                say("rehearsal: an effect is hidden in simulated readings of this arm")
-                told = proof.rehearse(findings, table, folder, say)
-        from stiffarm.commands.run.story.story import write_report
+    kept = None
+    if asked.holdout is not None:
+        kept = readings_asked(given, asked.holdout, confirm_units=asked.confirm_units)
+        say_notes([f"{kept.source}: {note}" for note in kept.notes])
+    with folder.timed("diagnosis"):
+        looks = missing.looks(given, table, scheme, kept, asked.seed, folder, say)
+    with folder.timed("calibration"):
+        findings = _calibrated(given, table, scheme, kept, looks, asked.seed)
+    if findings.rigid_warning:
+        say_notes([findings.rigid_warning])
+    with folder.timed("surrogates"):
+        findings = _learned(findings, folder)
+    with folder.timed("map"), progress("stiffness map") as bar:
+        arm = replace(given, description=findings.best.description, model=findings.best.model)
+        wanted = MapRequest(kind="joints", points=asked.points, seed=asked.seed)
+        drawn = make_map(arm, wanted, folder, Files(html=True, table=False), bar)
+    stiffness = workspace_stiffness(arm.description, arm.model)
+    say_notes(drawn["messages"])
+    told = None
+    if asked.rehearse:
+        with folder.timed("rehearsal"):
+            say("rehearsal: an effect is hidden in simulated readings of this arm")
+            told = proof.rehearse(findings, table, folder, say)
+    from stiffarm.commands.run.story.story import write_report
 
-        content = _write_results(findings, drawn, told, stiffness, folder)
-        with folder.timed("report"):
-            say("report")
-            write_report(findings, drawn, told, stiffness, folder)
-    return content
+    for variant in findings.variants:
+        save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
+    save_description(findings.best.description, folder.path("model.toml"))
+    save_surrogate(findings.surrogate, folder.path("surrogate.json"))
+    with folder.timed("report"):
+        say("report")
+        lede, answer = write_report(findings, drawn, told, stiffness, folder)
+    result = Result(
+        name="run",
+        title=findings.title,
+        question="which model, and how stiff is the arm?",
+        answer=lede,
+        how_sure=answer.sure,
+        what_next=answer.todo,
+        facts=_facts(findings, drawn, told, stiffness),
+        tables=(_models(findings),),
+        arm=replace(given, description=findings.best.description, model=findings.best.model),
+        found=findings,
+    )
+    folder.write_json("results.json", result.as_json)
+    return result
 
 
 def _scheme(given: Arm, table: Measurements, file: Path | None) -> Campaign:
@@ -210,18 +214,26 @@ def _learned(f: Findings, folder: OutputFolder) -> Findings:
     return replace(f, factorial=factorial, trained=trained, pose_check=check)
 
 
-def _write_results(
-    findings: Findings,
-    drawn: dict[str, Any],
-    told: Rehearsed | InputError | None,
-    stiffness: WorkspaceStiffness,
-    folder: OutputFolder,
+def _models(findings: Findings) -> Table:
+    """The models that were calibrated, and the diagnosed one where it is recommended."""
+    errors = {v.name: (v.found.rms_mm, v.left_out_rms_mm) for v in findings.variants}
+    errors[findings.best.name] = findings.best.rms_mm, findings.best.left_out_rms_mm
+    fitted, unseen = 1e-3 * np.array(list(errors.values())).T
+    return Table(
+        "models",
+        "Models, by their error at poses that they have not seen",
+        {"model": list(errors), "recommended": [name == findings.best.name for name in errors]},
+        {
+            length("fit_error", "RMS error of the fit"): fitted,
+            length("left_out_error", "RMS error at poses left out"): unseen,
+        },
+    )
+
+
+def _facts(
+    findings: Findings, drawn: dict[str, Any], told: Rehearsed | InputError | None, stiffness: WorkspaceStiffness
 ) -> dict[str, Any]:
-    """Model TOMLs, surrogates, factorial table and results.json."""
-    for variant in findings.variants:
-        save_description(variant.description, folder.path(f"models/{slug(variant.name)}.toml"))
-    save_description(findings.best.description, folder.path("model.toml"))
-    save_surrogate(findings.surrogate, folder.path("surrogate.json"))
+    """What each step says in JSON."""
     labels, learned, exact = findings.pose_check
     content = {
         "robot": findings.given.robot.name,
@@ -250,7 +262,6 @@ def _write_results(
     }
     if findings.held_out:
         content["holdout"] = held_out.payload(findings.held_out)
-    folder.write_json("results.json", content)
     return content
 
 

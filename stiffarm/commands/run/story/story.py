@@ -29,8 +29,8 @@ def write_report(
     told: Rehearsed | InputError | None,
     stiffness: WorkspaceStiffness,
     folder: OutputFolder,
-) -> None:
-    """Draw all figures and write report.html, index.html that leads to all, and the card of one sheet."""
+) -> tuple[str, Answer]:
+    """Draw all figures and write report.html, index.html that leads to all, and the card; returns what they say."""
     f, pictures = findings, Pictures(folder)
     answer, key = _answer(f, stiffness, pictures), _key_figures(f, stiffness)
     sections = [
@@ -59,6 +59,7 @@ def write_report(
     write_page(folder, f.title, lede, key, sections, made_of=made_of, answer=answer)
     write_index(f, lede, key, answer, made_of, folder)
     write_card(f, lede, key, answer, made_of, folder)
+    return lede, answer
 
 
 def _key_figures(f: Findings, stiffness: WorkspaceStiffness) -> list[KeyFigure]:

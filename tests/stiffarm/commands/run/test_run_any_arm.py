@@ -16,6 +16,7 @@ import pyvista as pv
 from cli_runs import Command
 from small_robot import STIFFNESS, write_readings, write_urdf
 
+import stiffarm as sa
 from doe import bundled_campaign, bundled_data, read_measurements
 from doe.tables.notes import bundled_notes
 from robots import load_description
@@ -45,7 +46,11 @@ def run_of(cli: Command, folder: Path, *arguments: str | Path) -> tuple[dict[str
 def test_a_urdf_goes_through_the_whole_chain(cli: Command, tmp_path: Path) -> None:
     urdf = write_urdf(tmp_path / "small.urdf")
     readings = write_readings(urdf, tmp_path / "readings.csv", poses=10)
-    results, page = run_of(cli, tmp_path / "o", urdf, readings)
+    found = sa.run(urdf, readings, points=5, rehearse=False, out=tmp_path / "o")
+    results = json.loads((tmp_path / "o" / "results.json").read_text(encoding="utf-8"))
+    assert results == json.loads(json.dumps(found.as_json))
+    assert found.to_frame()["recommended"].sum() == 1
+    page = (tmp_path / "o" / "report.html").read_text(encoding="utf-8")
     # Made without an effect: none is found, and the springs come back within a percent of 0.002 mm of noise.
     (look,) = results["diagnoses"]
     assert look["verdict"] == "none"
