@@ -41,8 +41,11 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "diagnose": ("diagnose", "SMALL", "READINGS"),
 }
 KINDS = [f"{name}/report.html" for name in COMMANDS] + ["run/index.html", "run/card.html"]
-# What is folded, and what is wider than the paper.
-HIDDEN = "[...document.querySelectorAll('details')].filter(d => d.lastElementChild.getBoundingClientRect().height < 3)"
+# What is folded on paper and should not be: all but detail of detail and the list of files. And what is too wide for it.
+HIDDEN = (
+    "[...document.querySelectorAll('details')].filter(d => !d.parentElement.closest('details, footer')"
+    " && d.lastElementChild.getBoundingClientRect().height < 3)"
+)
 WIDE = "[...document.querySelectorAll('table, img')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
 MOST_WORDS = 1200
 SCREEN = 900
@@ -90,14 +93,14 @@ def test_nothing_stops_people(site: Site, browser: Tab, kind: str, width: int, s
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_print_unfolds_all_and_cuts_no_table(site: Site, browser: Tab, kind: str) -> None:
+def test_print_unfolds_sections_and_cuts_no_table(site: Site, browser: Tab, kind: str) -> None:
     # A4 without its margins, in pixels.
-    browser.show(site.root / kind, 688, 1000)
+    browser.show(site.root / kind, 703, 1032)
     browser.media("print")
     assert browser.run(f"{HIDDEN}.length") == 0
     assert browser.run(f"{WIDE}.map(e => e.innerText || e.alt)") == []
     pages = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
-    assert pages == 1 if kind == "run/card.html" else pages >= 1
+    assert pages <= (1 if kind == "run/card.html" else 20)
 
 
 def test_titles_are_unique(site: Site) -> None:
