@@ -82,7 +82,7 @@ def browser() -> Iterator[Tab]:
         yield opened
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "plan/measurement_sheet.html"])
 @pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1400, "dark")])
 def test_nothing_stops_people(site: Site, browser: Tab, kind: str, width: int, scheme: Scheme) -> None:
     oracles.load("axe_core_python")
