@@ -45,6 +45,10 @@ class Bullets:
     kind: str = "list"
 
 
+# What a PNG's own table says of one that holds a rendered body: its light and shade stay as they are on dark pages.
+SCENE = "scene"
+
+
 @dataclass(frozen=True)
 class Picture:
     """A PNG embedded in the page, with a caption that says what to see."""
@@ -58,6 +62,11 @@ class Picture:
     def data(self) -> str:
         """The picture as base64."""
         return base64.b64encode(self.path.read_bytes()).decode("ascii")
+
+    @property
+    def is_scene(self) -> bool:
+        """Whether it holds a rendered body, whose light and shade dark pages keep."""
+        return f"Holds\0{SCENE}".encode("ascii") in self.path.read_bytes()[:4096]
 
     @property
     def width(self) -> int | None:

@@ -21,6 +21,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
@@ -29,6 +30,7 @@ from robots.arrays import Array
 from robots.files.written import written_whole
 from stiffarm.pages.band import banded, in_the_file
 from stiffarm.pages.numbers import typeset, typeset_cell
+from stiffarm.pages.report import SCENE
 
 # Okabe and Ito, "Color Universal Design" (2008): eight colours that the common kinds of colour
 # blindness keep apart.
@@ -161,7 +163,8 @@ def save_png(figure: Figure, path: Path) -> None:
         assert isinstance(text, Text)  # noqa: S101 - found by its type
         text.set_text(typeset(text.get_text()))
     with written_whole(path) as draft, house_style(), banded(figure) as shape:
-        figure.savefig(draft, format="png", dpi=DPI, metadata=in_the_file(), **shape)
+        shown = {"Holds": SCENE} if any(figure.findobj(AxesImage)) else {}
+        figure.savefig(draft, format="png", dpi=DPI, metadata={**in_the_file(), **shown}, **shape)
 
 
 def require_folder(path: Path) -> None:

@@ -41,12 +41,14 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "diagnose": ("diagnose", "SMALL", "READINGS"),
 }
 KINDS = [f"{name}/report.html" for name in COMMANDS] + ["run/index.html", "run/card.html"]
-# What is folded on paper and should not be: all but detail of detail and the list of files. And what is too wide for it.
+# What is folded on paper and should not be: all but detail of detail and the list of files. And what is too wide.
 HIDDEN = (
     "[...document.querySelectorAll('details')].filter(d => !d.parentElement.closest('details, footer')"
     " && d.lastElementChild.getBoundingClientRect().height < 3)"
 )
 WIDE = "[...document.querySelectorAll('table, img')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
+# Pictures that hold a rendered arm.
+SCENES = {"gap in space", "missing effect", "stiffness map, side view", "stiffness map, oblique view"}
 MOST_WORDS = 1200
 SCREEN = 900
 
@@ -101,6 +103,16 @@ def test_print_unfolds_sections_and_cuts_no_table(site: Site, browser: Tab, kind
     assert browser.run(f"{WIDE}.map(e => e.innerText || e.alt)") == []
     pages = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
     assert pages <= (1 if kind == "run/card.html" else 20)
+
+
+def test_figures_are_dark_on_dark_pages_and_arms_keep_their_light(site: Site, browser: Tab) -> None:
+    turned = "[...document.querySelectorAll('figure img')].map(i => [i.alt, getComputedStyle(i).filter])"
+    for kind in ("run/report.html", "simulate/report.html"):
+        browser.show(site.root / kind, scheme="light")
+        assert {how for _, how in browser.run(turned)} == {"none"}
+        browser.show(site.root / kind, scheme="dark")
+        for name, how in browser.run(turned):
+            assert ("invert" in how) != (name in SCENES), name
 
 
 def test_titles_are_unique(site: Site) -> None:
