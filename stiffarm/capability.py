@@ -31,13 +31,19 @@ COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 
 
 def capability(
-    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R], *, own_effects: bool = False
+    name: str,
+    request: Callable[P, Request],
+    answer: Callable[[Any, Any], R],
+    *,
+    own_effects: bool = False,
+    function: str = "",
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
     """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
     :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of; ``own_effects``:
-    the command takes files of a user's own effects, as :func:`stiffarm.load` does.
+    the command takes files of a user's own effects, as :func:`stiffarm.load` does; ``function``: the name in Python,
+    where that is another.
     """
     arm = {"arm": "the arm, or the name or file of a model"}
 
@@ -47,11 +53,13 @@ def capability(
             return answer(given, request(*args, **kwargs))
 
     COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects))
-    _describe(call, name, _class(request), answer, arm)
+    _describe(call, function or name, _class(request), answer, arm)
     return call
 
 
-def capability_without_arm(name: str, request: Callable[P, Request], answer: Callable[[Any], R]) -> Callable[P, R]:
+def capability_without_arm(
+    name: str, request: Callable[P, Request], answer: Callable[[Any], R], *, function: str = ""
+) -> Callable[P, R]:
     """The Python function of a capability that is asked of no arm, but of what its request holds; else the same."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -59,7 +67,7 @@ def capability_without_arm(name: str, request: Callable[P, Request], answer: Cal
             return answer(request(*args, **kwargs))
 
     COMMANDS[name] = _command(name, _class(request), lambda _, asked: answer(asked), [])
-    _describe(call, name, _class(request), answer, {})
+    _describe(call, function or name, _class(request), answer, {})
     return call
 
 
@@ -138,8 +146,10 @@ def _command(
         from stiffarm.session.caution import cautioned
         from stiffarm.session.frame import command as framed
 
-        with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
+        out = None if "out" in options else given["out"]
+        with framed(out, as_json=given["as_json"], debug=given["debug"]) as frame:
             asked = request(**dict(_values(options, given)))
+            frame.out = frame.out or asked.folder
             if asked.writes_by is not None and frame.out is None:
                 raise InputError(
                     f"{asked.writes_by} writes files and has no folder for them", code="A003", remedy="give --out DIR"
@@ -169,7 +179,8 @@ def _command(
 
     command.__name__ = name.rpartition(" ")[2]
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
-    parameters = [*model[:1], *_parameters(request, options), *model[1:], *_COMMON]
+    common = [one for one in _COMMON if one.name not in options]
+    parameters = [*model[:1], *_parameters(request, options), *model[1:], *common]
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in parameters}
     return command
@@ -235,6 +246,6 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
                 help=how.help,
                 min=how.least,
                 max=how.most,
-                rich_help_panel=COMMON if how.is_common else None,
+                rich_help_panel=COMMON if how.is_common else how.group,
             )
         yield _parameter(name, Annotated[annotation, info], inspect.Parameter.empty if default is MISSING else default)

@@ -67,7 +67,8 @@ class Option:
     """How a field of a request stands on the command line.
 
     ``several``: it may be given more than once, and its value is a tuple; ``spelled``: other spellings than ``--`` and
-    the field's name; ``least``, ``most``: its range; ``is_common``: it is listed with what all commands have.
+    the field's name; ``least``, ``most``: its range; ``is_common``: it is listed with what all commands have;
+    ``group``: the heading of the help that it stands under.
     """
 
     help: str
@@ -79,6 +80,7 @@ class Option:
     least: float | None = None
     most: float | None = None
     is_common: bool = False
+    group: str | None = None
 
 
 def option(help: str, kind: Kind | None = None, *, default: Any = None, several: bool = False, **more: Any) -> Any:
@@ -103,7 +105,10 @@ def argument(help: str, kind: Kind | None = None, *, metavar: str, required: boo
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a capability is asked. Values are checked as they come in, whoever made them."""
+    """What a capability is asked. Values are checked as they come in, whoever made them.
+
+    One with a field ``out`` of its own is answered by what writes there itself; others get a folder of ``--out``.
+    """
 
     def __post_init__(self) -> None:
         for name, how in options_of(type(self)).items():
@@ -125,6 +130,11 @@ class Request:
     @property
     def writes_by(self) -> str | None:
         """The option that was given and writes files, so that the command needs a folder."""
+        return None
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of the results where ``--out`` names none."""
         return None
 
     def as_json(self) -> dict[str, Any]:
@@ -428,9 +438,9 @@ FRAME: Final = Kind(
 
 
 def _names(value: Any, name: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in value.split(",") if part.strip()) if isinstance(value, str) else value
+    names = tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else value
     good = isinstance(names, Sequence) and all(isinstance(one, str) for one in names)
-    if not good or not names or twice(names):
+    if not good or not names or not all(names) or twice(names):
         remedy = "name at least one, each once, separated by commas"
         raise InputError(name, code="A004", value=value, allowed="names, as in j2,j3", remedy=remedy)
     return tuple(names)
@@ -438,6 +448,35 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
 
 # Names in one value, separated by commas; what they may be, the arm or the readings say.
 NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
+
+
+def _pair(text: str, name: str) -> dict[str, str]:
+    """``NAME=VALUE``; the name may have an equals sign in it, the value never has."""
+    key, _, value = (part.strip() for part in text.rpartition("="))
+    if not key or not value:
+        raise InputError(
+            name, code="A004", value=text, allowed="NAME=VALUE", remedy="put it in quotes where it has blanks"
+        )
+    return {key: value}
+
+
+def united(some: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
+    """What was given by name, in one or several goes.
+
+    Raises
+    ------
+    InputError
+        A name twice.
+    """
+    if again := twice([key for one in some for key in one]):
+        raise InputError(f"{name}: name", code="A004", value=again[0], allowed="each name once")
+    return {key: value for one in some for key, value in one.items()}
+
+
+# A text by name; several of them are :func:`united`.
+PAIR: Final = Kind("NAME=VALUE", _pair, text=lambda value: ",".join(f"{key}={one}" for key, one in value.items()))
+# What stays as it was typed: a text, or an arm that Python gives in place of a model's name or file.
+TEXT: Final = Kind(None, lambda text, name: text)
 # Files of tables, or what Python has in their place.
 READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
