@@ -95,7 +95,7 @@ class Table:
     def texts(self, rows: int = SHOWN) -> tuple[list[str], list[list[str]]]:
         """Headings and cells of the first rows for people; few rows of many quantities stand on their side."""
         n = min(len(self), rows)
-        names = [*self.labels, *(q.heading for q in self.values)]
+        names = [*(name.replace("_", " ") for name in self.labels), *(q.heading for q in self.values)]
         columns = [[_word(text) for text in texts[:n]] for texts in self.labels.values()]
         for quantity, values in self.values.items():
             cells = [quantity.text(value) for value in values[:n]]
@@ -107,8 +107,7 @@ class Table:
                 ]
             columns.append(cells)
         if len(self) <= TURNED < len(names):
-            label = next(iter(self.labels))
-            return ["", *(f"{label} {text}" for text in columns[0])], [
+            return ["", *(f"{names[0]} {text}" for text in columns[0])], [
                 [name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)
             ]
         return names, [list(row) for row in zip(*columns, strict=True)]

@@ -232,9 +232,9 @@ def answer(asked: ReadingsRequest) -> ConvertedReadings:
     ranges = made.ranges()
     columns = {
         "column": [c.name for c in made.columns],
-        "taken as": [meaning_words(c.meaning) for c in made.columns],
+        "taken_as": [meaning_words(c.meaning) for c in made.columns],
         "why": [c.why for c in made.columns],
-        "range in the table": [_range(c) for c in made.columns],
+        "range_in_the_table": [_range(c) for c in made.columns],
     }
     more = {
         "file": [c.file for c in made.columns],
@@ -259,7 +259,7 @@ def answer(asked: ReadingsRequest) -> ConvertedReadings:
         },
         tables=(
             Table(
-                "files", "Files", {"file": list(made.files), "read as": list(map("; ".join, made.files.values()))}, {}
+                "files", "Files", {"file": list(made.files), "read_as": list(map("; ".join, made.files.values()))}, {}
             ),
             Table("columns", "Columns", columns, {}, extra=more),
             Table("written", "Columns of the table", {"column": made.header}, {}, extra=ends, folded=True),
