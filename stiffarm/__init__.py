@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.face.arms import Arm, load, robots_bundled
+    from stiffarm.arm import Arm
+    from stiffarm.face.arms import load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify

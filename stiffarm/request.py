@@ -127,6 +127,16 @@ class Request:
         """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
         return given
 
+    def given(self, *names: str) -> list[str]:
+        """Those of these fields that do not have their default, as the command line spells them."""
+        defaults = {f.name: f.default for f in dataclasses.fields(self)}
+        options, out = options_of(type(self)), []
+        for name in names:
+            value, usual = getattr(self, name), defaults[name]
+            if value is not usual and (usual is None or value != usual):
+                out.append(spelled(name, options[name]))
+        return out
+
     @property
     def writes_by(self) -> str | None:
         """The option that was given and writes files, so that the command needs a folder."""
@@ -450,6 +460,38 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
 NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
 
 
+def _loads(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "'all', or force magnitudes greater than 0 N"
+    if isinstance(value, str) and value.strip() == "all":
+        return ()
+    row = _split(value, name, allowed, "150,650") if isinstance(value, str) else numbers_of(value, name, allowed)
+    if not all(0.0 < v <= LARGEST_LOAD for v in row):
+        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="write it as in 150,650")
+    return row
+
+
+# Sizes of loads in N, separated by commas; all of them is an empty tuple.
+LOADS: Final = Kind("N,...", lambda text, name: text, _loads, _joined)
+
+
+def _file(value: Any, name: str) -> Path:
+    path = Path(value)
+    if not path.is_file():
+        raise InputError(name, code="A007", value=str(path), allowed="an existing file", remedy="check the path")
+    return path
+
+
+FILE: Final = Kind("FILE", lambda text, name: Path(text), _file)
+# Files of tables, or what Python has in their place.
+READINGS: Final = Kind(
+    None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
+)
+TABLE: Final = READINGS
+# Checked against the arm's names, by `pose_of`.
+POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
+WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)
+
+
 def _pair(text: str, name: str) -> dict[str, str]:
     """``NAME=VALUE``; the name may have an equals sign in it, the value never has."""
     key, _, value = (part.strip() for part in text.rpartition("="))
@@ -477,11 +519,3 @@ def united(some: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
 PAIR: Final = Kind("NAME=VALUE", _pair, text=lambda value: ",".join(f"{key}={one}" for key, one in value.items()))
 # What stays as it was typed: a text, or an arm that Python gives in place of a model's name or file.
 TEXT: Final = Kind(None, lambda text, name: text)
-# Files of tables, or what Python has in their place.
-READINGS: Final = Kind(
-    None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
-)
-TABLE: Final = READINGS
-# Checked against the arm's names, by `pose_of`.
-POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
-WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)
