@@ -7,12 +7,12 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.arm import Arm
     from stiffarm.commands.compare.command import Comparison, compare
     from stiffarm.commands.index.command import index
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.arm import Arm
     from stiffarm.face.arms import load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
