@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from stiffarm.arm import Arm
     from stiffarm.commands.compare.command import Comparison, compare
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.new.command import NewArm, new_arm
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
-    from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
+    from stiffarm.face.new_arms import KinematicsCheck, check_kinematics
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
@@ -169,7 +170,7 @@ def _command(
                 result = answer(arm, asked)
                 # To copy: what leads on names the model as it was typed, with what changes it.
                 typed = typed_again("", (frame.named,), {o: given.get(field) for o, field in _AS_TYPED.items()})
-                what_next = result.what_next.replace("MODEL", typed)
+                what_next = result.what_next.replace("MODEL", typed).replace("FOLDER", shlex.quote(str(frame.out)))
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None:

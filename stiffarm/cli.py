@@ -34,7 +34,7 @@ MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
     "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
-    "new": Entry("new", "new", MODEL, "Make a model file of a new arm, and tables to check it with."),
+    "new": Entry("new", "new_arm", MODEL, "Make a model file of a new arm, and tables to check it with."),
     "import": Entry(
         "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
     ),

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import fem.arm
-from robots import InputError, ModelDescription, Robot, require_one_of, require_positive
-from stiffarm.face.arms import Arm, as_face
+from robots import ModelDescription, Robot, require_positive
+from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
 from stiffarm.face.shown import Shown, frame
 from stiffarm.pages.picture import Picture
@@ -18,100 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from robots.pendant.check import PendantCheck
-
-
-@dataclass(frozen=True, repr=False)
-class NewArm(Shown):
-    """A new arm. ``save`` writes what `stiffarm new` writes: model, schema, tables to check and to measure by."""
-
-    arm: Arm
-
-    def title(self) -> str:
-        """Name, joints, and which of them have no spring."""
-        rigid = self.arm.joints_without_springs
-        said = f"no springs: {', '.join(rigid)}" if rigid else "springs in all joints"
-        return f"{self.arm.description.title}: {self.arm.robot.dof} joints, {said}"
-
-    def to_frame(self) -> pd.DataFrame:
-        """One row a joint: its range, and its stiffness."""
-        return self.arm.describe()
-
-    def save(self, folder: str | Path) -> Path:
-        """Write the model with every key explained, pendant.csv, sheet.csv and a JSON schema; returns its path."""
-        from stiffarm.commands.new.step import write_files
-        from stiffarm.session.outputs import OutputFolder
-
-        with called(), OutputFolder(Path(folder), ["stiffarm.new_arm", self.arm.name], {}, None) as out:
-            written = write_files(out, self.arm.description, self.arm.name)
-        return Path(folder) / str(written["model"])
-
-
-def new_arm(
-    name: str,
-    *,
-    mdh: str | Path | None = None,
-    dh: str | Path | None = None,
-    urdf: str | Path | None = None,
-    like: str | Path | None = None,
-    title: str | None = None,
-    payload_kg: float | None = None,
-    mass_kg: float | None = None,
-    springs: Literal["none", "class"] = "none",
-    tip: str | None = None,
-    base: str | None = None,
-    controller: str | None = None,
-) -> NewArm:
-    """Make a model of an arm from a table of Denavit-Hartenberg parameters, a URDF, or an arm that is known.
-
-    Parameters
-    ----------
-    name : of the new model, as "my-arm"
-    mdh, dh : table (CSV or XLSX) of modified (Craig) or of standard parameters: joint, alpha_deg, a_mm, d_mm,
-        theta_deg, lower_deg, upper_deg, sign
-    urdf : URDF, or xacro with the extra `xacro`; ``tip``, ``base``: its links at the ends of the arm
-    like : name or model file of another arm
-    title : full name, for pages
-    payload_kg, mass_kg : rated payload, and mass of the arm
-    springs : of joints that have none: "none" (rigid until calibrated) or "class" (a prior by the arm's size)
-    controller : program formats, separated by commas, of its controller, which counts the joints as the model does
-
-    Raises
-    ------
-    InputError
-        None or more than one of mdh, dh, urdf and like; every fault of a table; an arm that is not known; a format that
-        is none of a controller.
-
-    Examples
-    --------
-    >>> import stiffarm as sa
-    >>> mine = sa.new_arm("mine", like="gp25", springs="class", payload_kg=20.0)
-    >>> mine.arm.coordinates[0], mine.arm.joints_without_springs
-    ('q1_deg', ())
-    """
-    from stiffarm.commands.new.step import (
-        check_masses,
-        checked_name,
-        described,
-        given_of,
-        with_class_springs,
-        with_controller,
-    )
-
-    with called():
-        checked_name(name)
-        check_masses({"--payload-kg": payload_kg, "--mass-kg": mass_kg})
-        require_one_of("--springs", springs, ("none", "class"), code="B003", remedy="use one of these")
-        given = given_of({"--mdh": mdh, "--dh": dh, "--urdf": urdf, "--like": like})
-        if not given:
-            raise InputError(
-                "new_arm", code="B003", value="no source", allowed="mdh, dh, urdf or like", remedy="give one of them"
-            )
-        description = described(name, given, title, payload_kg, mass_kg, tip, base)
-        if springs == "class":
-            description = with_class_springs(description)
-        if controller is not None:
-            description = with_controller(description, controller)
-        return NewArm(as_face(fem.arm.Arm.of(description)))
 
 
 @dataclass(frozen=True, repr=False)

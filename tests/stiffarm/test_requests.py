@@ -22,12 +22,13 @@ from stiffarm.request import Request, options_of, spelled
 MADE = {
     "compare": "CompareRequest",
     "index": "IndexRequest",
+    "new": "NewRequest",
     "readings": "ReadingsRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",
 }
 # Functions whose name is not that of the command.
-CALLED = {"readings": "convert_readings"}
+CALLED = {"new": "new_arm", "readings": "convert_readings"}
 # What a command has beside its request: the model and how it is built, and what all commands have.
 MODEL = {"model", "links", "load_path", "sets", "effect"}
 ALL_HAVE = {"out", "as_json", "debug", "help"}
