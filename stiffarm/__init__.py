@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.arm import Arm
     from stiffarm.commands.compare.command import Comparison, compare
+    from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
     from stiffarm.commands.new.command import NewArm, new_arm
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
-    from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, check_kinematics
@@ -45,7 +45,6 @@ __all__ = [
     "ConvertedReadings",
     "Diagnosis",
     "Identification",
-    "Imported",
     "InputError",
     "InputErrors",
     "KinematicsCheck",
@@ -73,7 +72,6 @@ __all__ = [
     "fit",
     "identify",
     "import_arm",
-    "import_link",
     "index",
     "load",
     "load_surrogate",
@@ -96,7 +94,10 @@ __all__ = [
 ]
 
 # What had another name in 0.1.
-_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
+_MOVED = {
+    "import_link": "stiffarm.import_arm(file, model=arm, link=name)",
+    "replay": "stiffarm.simulate(arm, data=readings)",
+}
 
 
 def __getattr__(name: str) -> object:

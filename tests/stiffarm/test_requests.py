@@ -21,6 +21,7 @@ from stiffarm.request import Request, options_of, spelled
 
 MADE = {
     "compare": "CompareRequest",
+    "import": "ImportRequest",
     "index": "IndexRequest",
     "new": "NewRequest",
     "readings": "ReadingsRequest",
@@ -28,7 +29,7 @@ MADE = {
     "simulate": "SimulateRequest",
 }
 # Functions whose name is not that of the command.
-CALLED = {"new": "new_arm", "readings": "convert_readings"}
+CALLED = {"import": "import_arm", "new": "new_arm", "readings": "convert_readings"}
 # What a command has beside its request: the model and how it is built, and what all commands have.
 MODEL = {"model", "links", "load_path", "sets", "effect"}
 ALL_HAVE = {"out", "as_json", "debug", "help"}
