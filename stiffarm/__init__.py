@@ -13,15 +13,16 @@ if TYPE_CHECKING:
     from stiffarm.commands.index.command import index
     from stiffarm.commands.new.command import NewArm, new_arm
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
+    from stiffarm.commands.robots.check import KinematicsCheck, check_kinematics
+    from stiffarm.commands.robots.command import robots
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.face.arms import load, robots_bundled
+    from stiffarm.face.arms import load
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
-    from stiffarm.face.new_arms import KinematicsCheck, check_kinematics
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
@@ -87,7 +88,7 @@ __all__ = [
     "power",
     "read_readings",
     "rehearse",
-    "robots_bundled",
+    "robots",
     "sensitivity",
     "simulate",
     "verify",
@@ -96,6 +97,7 @@ __all__ = [
 # What had another name in 0.1.
 _MOVED = {
     "import_link": "stiffarm.import_arm(file, model=arm, link=name)",
+    "robots_bundled": 'stiffarm.robots().to_frame()["name"]',
     "replay": "stiffarm.simulate(arm, data=readings)",
 }
 

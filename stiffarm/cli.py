@@ -33,7 +33,7 @@ USE: Final = "Use"
 MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
-    "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
+    "robots": Entry("robots", "group", MODEL, "List robots, show one, or check its kinematics."),
     "new": Entry("new", "new_arm", MODEL, "Make a model file of a new arm, and tables to check it with."),
     "import": Entry("importing", "import_arm", MODEL, "Build a model from a URDF, or one link from a surface file."),
     "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),

@@ -46,7 +46,7 @@ class Table:
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
     row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it.
+    no file has it; ``shown``: rows that people see.
     """
 
     name: str
@@ -59,6 +59,7 @@ class Table:
     folded: bool = False
     csv_only: bool = False
     is_extract: bool = False
+    shown: int = SHOWN
 
     def __len__(self) -> int:
         return len(next(iter(self.labels.values())))
@@ -115,15 +116,15 @@ class Table:
 
     def show(self) -> None:
         """The table on the screen."""
-        show_table(self.caption, *self.texts())
-        if len(self) > SHOWN:
-            say(f"({len(self) - SHOWN} more rows are in the files of --out and with --json)")
+        show_table(self.caption, *self.texts(self.shown))
+        if len(self) > self.shown:
+            say(f"({len(self) - self.shown} more rows are in the files of --out and with --json)")
 
     def block(self) -> page.Table:
         """The table on a page, in a section that has its caption for a title."""
         from stiffarm.pages import report as page
 
-        names, cells = self.texts(2 * SHOWN)
+        names, cells = self.texts(2 * self.shown)
         texts = tuple(range(len(self.labels))) if names[0] else (0,)
         return page.Table("", tuple(names), tuple(map(tuple, cells)), texts)
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from robots import bundled_names
 from stiffarm.arm import Arm, as_face
 from stiffarm.face.calls import called
 from stiffarm.session import inputs
 
-__all__ = ["Arm", "as_face", "load", "robots_bundled"]
+__all__ = ["Arm", "as_face", "load"]
 
 
 def load(
@@ -24,7 +23,7 @@ def load(
 
     Parameters
     ----------
-    model : a bundled name (:func:`stiffarm.robots_bundled`) or a path
+    model : a bundled name (:func:`stiffarm.robots`) or a path
     links : "beam", "shell" or "rigid"; default: as the model was calibrated, else beam
     load_path : "parallelogram" or "serial"; default: the model's
     values : parameter name -> value in place of the model's, SI or text with a unit, as in ``{"j2.stiffness": 1.4e6}``
@@ -43,8 +42,3 @@ def load(
     """
     with called():
         return as_face(inputs.read_model(str(model), links, load_path, sets=values))
-
-
-def robots_bundled() -> tuple[str, ...]:
-    """Names of the bundled robots."""
-    return bundled_names()

@@ -25,11 +25,19 @@ MADE = {
     "index": "IndexRequest",
     "new": "NewRequest",
     "readings": "ReadingsRequest",
+    "robots check": "CheckRequest",
+    "robots show": "RobotsRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",
 }
 # Functions whose name is not that of the command.
-CALLED = {"import": "import_arm", "new": "new_arm", "readings": "convert_readings"}
+CALLED = {
+    "import": "import_arm",
+    "new": "new_arm",
+    "readings": "convert_readings",
+    "robots check": "check_kinematics",
+    "robots show": "robots",
+}
 # What a command has beside its request: the model and how it is built, and what all commands have.
 MODEL = {"model", "links", "load_path", "sets", "effect"}
 ALL_HAVE = {"out", "as_json", "debug", "help"}

@@ -165,8 +165,8 @@ COLUMNS: Final = (
     "its stiffness as a shell can be trusted, judged by where its strain energy is. Shell / beam: tip compliance as a "
     "shell divided by that of a beam of its sections; where it is far from 1, check rings and wall. Bosses around "
     "joints across a link have 2.5 times the wall, on convex hulls the wall itself, unless `--boss` says otherwise. Of "
-    "a link's mass 60 % counts as casing (80 % for a bare tube turning about its own length), the rest as drives, gears "
-    "and cables. With `--links solid` links that have a solid are solids and the others shells."
+    "a link's mass 60 % counts as casing (80 % for a bare tube turning about its own length), the rest as drives, "
+    "gears and cables. With `--links solid` links that have a solid are solids and the others shells."
 )
 
 
