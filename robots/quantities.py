@@ -28,8 +28,8 @@ _DEGREES: Final = 180.0 / math.pi
 class Quantity:
     """A quantity of results: SI value times ``factor`` is in ``unit`` (empty: a pure number).
 
-    ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people;
-    ``stored``: significant digits in files.
+    ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people, 0 of a
+    count; ``stored``: significant digits in files.
     """
 
     key: str
@@ -65,15 +65,17 @@ class Quantity:
 
     def stored_value(self, value: float) -> float | None:
         """The number for a file, in the shown unit; None for what is not known or infinite."""
+        if not self.digits and math.isfinite(value):
+            return int(value)
         return rounded(float(value) * self.factor, self.stored)
 
     def stored_values(self, values: Iterable[float]) -> list[float | None]:
         """The same for each of some values."""
-        return rounded_all((float(value) * self.factor for value in values), self.stored)
+        return [self.stored_value(value) for value in values]
 
     def text(self, value: float, *, unit: bool = False) -> str:
         """The number for people: ``12,300``, with ``unit`` ``12,300 N/mm``; ``∞``, and ``–`` for what is not known."""
-        shown = significant(float(value) * self.factor, self.digits)
+        shown = significant(float(value) * self.factor, self.digits) if self.digits else f"{value:,.0f}"
         return f"{shown} {self.unit}" if unit and self.unit else shown
 
     def between(self, low: float, high: float) -> str:

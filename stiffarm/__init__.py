@@ -7,20 +7,23 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.arm import Arm
+    from stiffarm.commands.compare.command import Comparison, compare
+    from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.new.command import NewArm, new_arm
+    from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
+    from stiffarm.commands.robots.check import KinematicsCheck, check_kinematics
+    from stiffarm.commands.robots.command import robots
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.face.arms import Arm, load, robots_bundled
+    from stiffarm.face.arms import load
     from stiffarm.face.calibrations import Calibration, calibrate
-    from stiffarm.face.comparisons import Comparison, compare
-    from stiffarm.face.conversions import ConvertedReadings, convert_readings
     from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
-    from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
-    from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
@@ -44,7 +47,6 @@ __all__ = [
     "ConvertedReadings",
     "Diagnosis",
     "Identification",
-    "Imported",
     "InputError",
     "InputErrors",
     "KinematicsCheck",
@@ -72,7 +74,6 @@ __all__ = [
     "fit",
     "identify",
     "import_arm",
-    "import_link",
     "index",
     "load",
     "load_surrogate",
@@ -88,7 +89,7 @@ __all__ = [
     "power",
     "read_readings",
     "rehearse",
-    "robots_bundled",
+    "robots",
     "run",
     "sensitivity",
     "simulate",
@@ -96,7 +97,11 @@ __all__ = [
 ]
 
 # What had another name in 0.1.
-_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
+_MOVED = {
+    "import_link": "stiffarm.import_arm(file, model=arm, link=name)",
+    "robots_bundled": 'stiffarm.robots().to_frame()["name"]',
+    "replay": "stiffarm.simulate(arm, data=readings)",
+}
 
 
 def __getattr__(name: str) -> object:

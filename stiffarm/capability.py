@@ -22,6 +22,7 @@ from stiffarm.result import Result
 from stiffarm.session.console import kept_messages, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+from stiffarm.session.parsing import typed_again
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -39,35 +40,41 @@ def capability(
     own_effects: bool = False,
     load_path: bool = True,
     model: str | None = None,
+    function: str = "",
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
     """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
-    :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of, and what writes
-    into a folder, its third argument, if the request has a field ``out``. ``own_effects``: the command takes files of a
-    user's own effects, as :func:`stiffarm.load` does; ``load_path``: it takes one; ``model``: where none is named.
+    :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of, and what
+    writes into a folder, its third argument, if the request says so. ``own_effects``: the command takes files of a
+    user's own effects, as :func:`stiffarm.load` does; ``load_path``: it takes one; ``model``: where none is named;
+    ``function``: the name in Python, where that is another.
     """
 
     def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
         with called():
             given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
             asked = request(*args, **kwargs)
-            if not hasattr(asked, "out"):
+            if not asked.writes_itself:
                 return answer(given, asked)
             from stiffarm.session.outputs import OutputFolder
 
             run = [f"stiffarm.{name}"], dict(_files_read(asked)), getattr(asked, "seed", None), asked.as_json()
-            with OutputFolder(asked.out, *run) as folder:
+            with OutputFolder(asked.folder, *run) as folder:
                 return answer(given, asked, folder)
 
     if model is not None:
         call.__defaults__ = (model,)
     COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects, load_path, model))
-    _describe(call, name, _class(request), answer, {"arm": ("the arm, or the name or file of a model", model)})
+    _describe(
+        call, function or name, _class(request), answer, {"arm": ("the arm, or the name or file of a model", model)}
+    )
     return call
 
 
-def capability_without_arm(name: str, request: Callable[P, Request], answer: Callable[[Any], R]) -> Callable[P, R]:
+def capability_without_arm(
+    name: str, request: Callable[P, Request], answer: Callable[[Any], R], *, function: str = ""
+) -> Callable[P, R]:
     """The Python function of a capability that is asked of no arm, but of what its request holds; else the same."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -75,7 +82,7 @@ def capability_without_arm(name: str, request: Callable[P, Request], answer: Cal
             return answer(request(*args, **kwargs))
 
     COMMANDS[name] = _command(name, _class(request), lambda _, asked: answer(asked), [])
-    _describe(call, name, _class(request), answer, {})
+    _describe(call, function or name, _class(request), answer, {})
     return call
 
 
@@ -166,8 +173,10 @@ def _command(
         from stiffarm.session.caution import cautioned
         from stiffarm.session.frame import command as framed
 
-        with framed(given["out"], as_json=given["as_json"], debug=given["debug"]) as frame:
+        out = None if "out" in options else given["out"]
+        with framed(out, as_json=given["as_json"], debug=given["debug"]) as frame:
             asked = request(**dict(_values(options, given)))
+            frame.out = frame.out or asked.folder
             if asked.writes_by is not None and frame.out is None:
                 raise InputError(
                     f"{asked.writes_by} writes files and has no folder for them", code="A003", remedy="give --out DIR"
@@ -183,11 +192,12 @@ def _command(
                     sets=given["sets"],
                 )
             frame.asked = asked.as_json()
-            writes, seed = "out" in options, getattr(asked, "seed", None)
+            writes, seed = asked.writes_itself, getattr(asked, "seed", None)
             with frame.folder(seed) if writes else frame.folder_if(seed) as folder:
                 result = answer(arm, asked, folder) if writes else answer(arm, asked)
-                # To copy: what leads on names the model as it was typed.
-                what_next = result.what_next.replace("MODEL", shlex.quote(frame.named))
+                # To copy: what leads on names the model as it was typed, with what changes it.
+                typed = typed_again("", (frame.named,), {o: given.get(field) for o, field in _AS_TYPED.items()})
+                what_next = result.what_next.replace("MODEL", typed).replace("FOLDER", shlex.quote(str(frame.out)))
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None and not writes:
@@ -242,6 +252,8 @@ def _model_options(own_effects: bool, load_path: bool, model: str | None) -> lis
     return [which, *(_parameter(name, kind, None) for name, kind in kinds.items() if kind is not None)]
 
 
+# What is typed of a model beside its name, by field.
+_AS_TYPED: Final = {"--links": "links", "--load-path": "load_path", "--set": "sets"}
 _COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))
 
 
@@ -261,12 +273,14 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
             info: Any = typer.Argument(metavar=metavar, help=how.help)
         else:
             names = how.spelled or (f"--{name.replace('_', '-')}",)
+            if default is True:
+                names = (f"{names[0]}/--no-{names[0].removeprefix('--')}", *names[1:])
             info = typer.Option(
                 *names,
                 metavar=metavar,
                 help=how.help,
                 min=how.least,
                 max=how.most,
-                rich_help_panel=COMMON if how.is_common else None,
+                rich_help_panel=COMMON if how.is_common else how.group,
             )
         yield _parameter(name, Annotated[annotation, info], inspect.Parameter.empty if default is MISSING else default)

@@ -33,13 +33,13 @@ USE: Final = "Use"
 MACHINE: Final = "Machine"
 
 COMMANDS: dict[str, Entry] = {
-    "robots": Entry("robots", "robots", MODEL, "List robots, show one, or check its kinematics."),
-    "new": Entry("new", "new", MODEL, "Make a model file of a new arm, and tables to check it with."),
-    "import": Entry(
-        "importing", "import_command", MODEL, "Build a model from a URDF, or one link from a surface file."
-    ),
+    "robots": Entry("robots", "group", MODEL, "List robots, show one, or check its kinematics."),
+    "new": Entry("new", "new_arm", MODEL, "Make a model file of a new arm, and tables to check it with."),
+    "import": Entry("importing", "import_arm", MODEL, "Build a model from a URDF, or one link from a surface file."),
     "simulate": Entry("simulate", "simulate", MODEL, "Compute tool-point deflections at a pose or for a table."),
-    "readings": Entry("readings", "readings", MEASURE, "Make a measurement table from instrument files or sheets."),
+    "readings": Entry(
+        "readings", "convert_readings", MEASURE, "Make a measurement table from instrument files or sheets."
+    ),
     "plan": Entry("plan", "plan", MEASURE, "Choose what to measure next and write a sheet to fill in."),
     "sensitivity": Entry("sensitivity", "sensitivity", MEASURE, "Show which parameters matter at which pose."),
     "run": Entry("run", "run", CALIBRATE, "Run everything from readings to report, surrogate and maps."),

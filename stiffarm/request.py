@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol, cast, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol, cast, get_args
 
 import numpy as np
 
@@ -67,7 +67,8 @@ class Option:
     """How a field of a request stands on the command line.
 
     ``several``: it may be given more than once, and its value is a tuple; ``spelled``: other spellings than ``--`` and
-    the field's name; ``least``, ``most``: its range; ``is_common``: it is listed with what all commands have.
+    the field's name; ``least``, ``most``: its range; ``is_common``: it is listed with what all commands have;
+    ``group``: the heading of the help that it stands under.
     """
 
     help: str
@@ -79,6 +80,7 @@ class Option:
     least: float | None = None
     most: float | None = None
     is_common: bool = False
+    group: str | None = None
 
 
 def option(help: str, kind: Kind | None = None, *, default: Any = None, several: bool = False, **more: Any) -> Any:
@@ -103,7 +105,10 @@ def argument(help: str, kind: Kind | None = None, *, metavar: str, required: boo
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a capability is asked. Values are checked as they come in, whoever made them."""
+    """What a capability is asked. Values are checked as they come in, whoever made them.
+
+    One with a field ``out`` of its own is answered by what writes there itself; others get a folder of ``--out``.
+    """
 
     def __post_init__(self) -> None:
         for name, how in options_of(type(self)).items():
@@ -122,9 +127,27 @@ class Request:
         """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
         return given
 
+    def given(self, *names: str) -> list[str]:
+        """Those of these fields that do not have their default, as the command line spells them."""
+        defaults = {f.name: f.default for f in dataclasses.fields(self)}
+        options, out = options_of(type(self)), []
+        for name in names:
+            value, usual = getattr(self, name), defaults[name]
+            if value is not usual and (usual is None or value != usual):
+                out.append(spelled(name, options[name]))
+        return out
+
+    writes_itself: ClassVar[bool] = False
+    """Whether its answer writes into :attr:`folder` as it goes; else the result is written when it is there."""
+
     @property
     def writes_by(self) -> str | None:
         """The option that was given and writes files, so that the command needs a folder."""
+        return None
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of the results where ``--out`` names none."""
         return None
 
     def as_json(self) -> dict[str, Any]:
@@ -428,9 +451,9 @@ FRAME: Final = Kind(
 
 
 def _names(value: Any, name: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in value.split(",") if part.strip()) if isinstance(value, str) else value
+    names = tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else value
     good = isinstance(names, Sequence) and all(isinstance(one, str) for one in names)
-    if not good or not names or twice(names):
+    if not good or not names or not all(names) or twice(names):
         remedy = "name at least one, each once, separated by commas"
         raise InputError(name, code="A004", value=value, allowed="names, as in j2,j3", remedy=remedy)
     return tuple(names)
@@ -438,6 +461,30 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
 
 # Names in one value, separated by commas; what they may be, the arm or the readings say.
 NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
+
+
+def _loads(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "'all', or force magnitudes greater than 0 N"
+    if isinstance(value, str) and value.strip() == "all":
+        return ()
+    row = _split(value, name, allowed, "150,650") if isinstance(value, str) else numbers_of(value, name, allowed)
+    if not all(0.0 < v <= LARGEST_LOAD for v in row):
+        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="write it as in 150,650")
+    return row
+
+
+# Sizes of loads in N, separated by commas; all of them is an empty tuple.
+LOADS: Final = Kind("N,...", lambda text, name: text, _loads, _joined)
+
+
+def _file(value: Any, name: str) -> Path:
+    path = Path(value)
+    if not path.is_file():
+        raise InputError(name, code="A007", value=str(path), allowed="an existing file", remedy="check the path")
+    return path
+
+
+FILE: Final = Kind("FILE", lambda text, name: Path(text), _file)
 # Files of tables, or what Python has in their place.
 READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
@@ -446,3 +493,32 @@ TABLE: Final = READINGS
 # Checked against the arm's names, by `pose_of`.
 POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
 WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)
+
+
+def _pair(text: str, name: str) -> dict[str, str]:
+    """``NAME=VALUE``; the name may have an equals sign in it, the value never has."""
+    key, _, value = (part.strip() for part in text.rpartition("="))
+    if not key or not value:
+        raise InputError(
+            name, code="A004", value=text, allowed="NAME=VALUE", remedy="put it in quotes where it has blanks"
+        )
+    return {key: value}
+
+
+def united(some: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
+    """What was given by name, in one or several goes.
+
+    Raises
+    ------
+    InputError
+        A name twice.
+    """
+    if again := twice([key for one in some for key in one]):
+        raise InputError(f"{name}: name", code="A004", value=again[0], allowed="each name once")
+    return {key: value for one in some for key, value in one.items()}
+
+
+# A text by name; several of them are :func:`united`.
+PAIR: Final = Kind("NAME=VALUE", _pair, text=lambda value: ",".join(f"{key}={one}" for key, one in value.items()))
+# What stays as it was typed: a text, or an arm that Python gives in place of a model's name or file.
+TEXT: Final = Kind(None, lambda text, name: text)

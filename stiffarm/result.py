@@ -46,7 +46,7 @@ class Table:
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
     row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it.
+    no file has it; ``shown``: rows that people see.
     """
 
     name: str
@@ -57,7 +57,9 @@ class Table:
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
+    csv_only: bool = False
     is_extract: bool = False
+    shown: int = SHOWN
 
     def __len__(self) -> int:
         return len(next(iter(self.labels.values())))
@@ -95,7 +97,7 @@ class Table:
     def texts(self, rows: int = SHOWN) -> tuple[list[str], list[list[str]]]:
         """Headings and cells of the first rows for people; few rows of many quantities stand on their side."""
         n = min(len(self), rows)
-        names = [*self.labels, *(q.heading for q in self.values)]
+        names = [*(name.replace("_", " ") for name in self.labels), *(q.heading for q in self.values)]
         columns = [[_word(text) for text in texts[:n]] for texts in self.labels.values()]
         for quantity, values in self.values.items():
             cells = [quantity.text(value) for value in values[:n]]
@@ -107,23 +109,22 @@ class Table:
                 ]
             columns.append(cells)
         if len(self) <= TURNED < len(names):
-            label = next(iter(self.labels))
-            return ["", *(f"{label} {text}" for text in columns[0])], [
+            return ["", *(f"{names[0]} {text}" for text in columns[0])], [
                 [name, *cells] for name, cells in zip(names[1:], columns[1:], strict=True)
             ]
         return names, [list(row) for row in zip(*columns, strict=True)]
 
     def show(self) -> None:
         """The table on the screen."""
-        show_table(self.caption, *self.texts())
-        if len(self) > SHOWN:
-            say(f"({len(self) - SHOWN} more rows are in the files of --out and with --json)")
+        show_table(self.caption, *self.texts(self.shown))
+        if len(self) > self.shown:
+            say(f"({len(self) - self.shown} more rows are in the files of --out and with --json)")
 
     def block(self) -> page.Table:
         """The table on a page, in a section that has its caption for a title."""
         from stiffarm.pages import report as page
 
-        names, cells = self.texts(2 * SHOWN)
+        names, cells = self.texts(2 * self.shown)
         texts = tuple(range(len(self.labels))) if names[0] else (0,)
         return page.Table("", tuple(names), tuple(map(tuple, cells)), texts)
 
@@ -160,10 +161,11 @@ class Result:
     """What a capability found.
 
     ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key;
-    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``remarks``:
-    what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and pictures warn of, where
-    that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes further files into the
-    folder and returns facts about them; ``made_of``: which readings a page was made of.
+    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``warnings``:
+    what makes the figures wrong, said before them; ``remarks``: what the reader must know; ``arm``: the arm that it is
+    about, ``caution``: what pages and pictures warn of, where that is not what the arm says; ``found``: the arrays and
+    objects behind it; ``more``: writes further files into the folder and returns facts about them; ``made_of``: which
+    readings a page was made of.
     """
 
     name: str
@@ -178,6 +180,7 @@ class Result:
     drawings: tuple[Drawing, ...] = ()
     key: tuple[page.KeyFigure, ...] = ()
     sections: tuple[page.Section, ...] = ()
+    warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     arm: Arm | None = None
     caution: str | None = None
@@ -200,7 +203,7 @@ class Result:
                 if one.low is not None
             },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
-            **{table.name: table.rows() for table in self.tables if not table.is_extract},
+            **{table.name: table.rows() for table in self.tables if not (table.is_extract or table.csv_only)},
         }
 
     def to_frame(self, table: str | None = None) -> pd.DataFrame:
@@ -299,12 +302,14 @@ class Result:
 
     def show(self) -> None:
         """The result on the screen: the answer, the first table, remarks."""
+        for text in self.warnings:
+            say(f"warning: {text}", code=getattr(text, "code", ""))
         say(self.answer)
         for text in (self.how_sure, self.what_next):
             if text:
                 say(text)
         for table in self.tables:
-            if not table.folded:
+            if not (table.folded or table.csv_only):
                 table.show()
 
     def write(self, folder: OutputFolder) -> dict[str, Any]:
@@ -322,12 +327,13 @@ class Result:
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        tables = sorted(self.tables, key=lambda table: table.folded)
+        tables = sorted((t for t in self.tables if not t.csv_only), key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(pictures[1:])))
         if self.remarks:
             sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))
-        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None)
+        warnings = tuple(f"{text[:1].upper()}{text[1:]}." for text in self.warnings)
+        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None, warnings)
         page.write_page(
             folder,
             self.title,

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from robots import InputError
-from stiffarm.commands.compare import payload, words
+from stiffarm.commands.compare.command import CompareRequest, Comparison, answer
 from stiffarm.commands.compare.map_page import page_of_both
-from stiffarm.commands.compare.step import Compared, compare
 
 from .mutate_forms import words as words_of
 from .readers_arm import JSON
@@ -63,25 +62,24 @@ PAGE = (
 HTML = words_of((b"<script", b"</script>", b'id="data"', b"<", b"&", b"{", b"}", b'"fields"', b"1e999", b"NaN"))
 
 
-def _compared(path: Path) -> list[Compared]:
+def _compared(path: Path) -> Comparison | None:
     """The file against a whole one of its kind, written as JSON and in words."""
     with tempfile.TemporaryDirectory() as folder:
         for number, content in enumerate(RESULTS):
             whole = Path(folder) / "whole.json"
             whole.write_text(json.dumps(content), encoding="utf-8")
             try:
-                found = compare([whole, path])
+                found = answer(CompareRequest(whole, path))
             except InputError as error:
                 if "allowed: things of one kind" in str(error) and number + 1 < len(RESULTS):
                     continue
                 raise
-            json.dumps(payload.comparison(found), allow_nan=False)
-            for c in found:
-                require(bool(words.headline(c)), "comparison: no answer")
-                for pair in c.pairs:
-                    words.row(pair)
+            json.dumps(found.as_json, allow_nan=False)
+            require(bool(found.answer), "comparison: no answer")
+            for table in found.tables:
+                table.texts()
             return found
-    return []
+    return None
 
 
 def _page(path: Path) -> object:

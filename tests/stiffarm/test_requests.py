@@ -20,10 +20,24 @@ from stiffarm.cli import COMMANDS, app, command_of
 from stiffarm.request import Request, options_of, spelled
 
 MADE = {
+    "compare": "CompareRequest",
+    "import": "ImportRequest",
     "index": "IndexRequest",
+    "new": "NewRequest",
+    "readings": "ReadingsRequest",
+    "robots check": "CheckRequest",
+    "robots show": "RobotsRequest",
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",
+}
+# Functions whose name is not that of the command.
+CALLED = {
+    "import": "import_arm",
+    "new": "new_arm",
+    "readings": "convert_readings",
+    "robots check": "check_kinematics",
+    "robots show": "robots",
 }
 # What a command has beside its request: the model and how it is built, and what all commands have.
 MODEL = {"model", "links", "load_path", "sets", "effect"}
@@ -32,7 +46,7 @@ POSE = {"q2_deg": -60.0, "q3_deg": 40.0, "q5_deg": 40.0}
 
 
 def request_of(name: str) -> type[Request]:
-    module = importlib.import_module(f"stiffarm.commands.{COMMANDS[name].folder}.command")
+    module = importlib.import_module(f"stiffarm.commands.{COMMANDS[name.partition(' ')[0]].folder}.command")
     found = getattr(module, MADE[name])
     assert issubclass(found, Request)
     return found
@@ -47,21 +61,22 @@ def test_each_capability_that_is_made_of_a_request_is_listed() -> None:
 @pytest.mark.parametrize("name", MADE)
 def test_command_function_and_page_have_the_fields_of_the_request(name: str) -> None:
     options = options_of(request_of(name))
-    command = command_of(name)
-    assert {p.name for p in command.params} - MODEL - ALL_HAVE == set(options) - ALL_HAVE
+    group, _, word = name.partition(" ")
+    command = command_of(group).commands[word] if word else command_of(group)
+    assert {p.name for p in command.params} - MODEL - ALL_HAVE == set(options) - MODEL - ALL_HAVE
     typed = {p.name: p for p in command.params}
     for field, how in options.items():
         assert typed[field].help == how.help
         if not how.is_argument:
             assert spelled(field, how) in typed[field].opts
-    function = inspect.signature(getattr(sa, name)).parameters
-    assert list(function) == ["arm", *options]
+    function = getattr(sa, CALLED.get(name, name))
+    assert [one for one in inspect.signature(function).parameters if one != "arm" or one in options] == list(options)
     page = command_pages.page(name, command, typer.Context(typer.main.get_command(app), info_name="stiffarm"))
     for field, how in options.items():
-        word = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"
-        assert word is not None
-        assert word in page, field
-    assert all(f"\n{field} : " in (getattr(sa, name).__doc__ or "") for field in options)
+        text = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"
+        assert text is not None
+        assert text in page, field
+    assert all(f"\n{field} : " in (function.__doc__ or "") for field in options)
 
 
 def test_run_json_holds_the_request_as_python_would_write_it(cli: Command, tmp_path: Path) -> None:

@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from doe.estimation.differences import Figure as Number
+from doe.estimation.differences import Pair
 from robots.arrays import Array
-from stiffarm.commands.compare.maps import MapPair, Quantity
-from stiffarm.commands.compare.numbers import Figure as Number
-from stiffarm.commands.compare.step import Compared
 from stiffarm.pages.figure_parts import above, drawing, log_ticks, named_rows, note
 from stiffarm.pages.style import INK, OKABE_ITO, STIFFNESS_COLOURS
+from surrogate.maps.differences import MapPair, Quantity
 
-# Rows and map quantities in one picture.
-ROWS, QUANTITIES = 40, 4
+# Rows in one picture.
+ROWS = 40
 # Beyond this ratio of ends a map is drawn on a log scale; a grid has at least one point in so many of its cells.
 DECADE, SPARSEST = 10.0, 6
 # An interval is drawn so far, over the first value.
 WIDEST = 10.0
 
 
-def numbers_figure(c: Compared) -> Figure | None:
-    """Draw both values over the first one with their 95 % intervals; None where nothing can be drawn."""
-    shown = [p for p in c.shared if p.a is not None and p.a.value and p.b is not None and p.b.value is not None][:ROWS]
-    if not shown:
-        return None
+def numbers_figure(pairs: Sequence[Pair]) -> Figure:
+    """Draw both values of numbers that both have over the first one, with their 95 % intervals."""
+    shown = pairs[:ROWS]
     ratios = [(p.b.value or 0.0) / (p.a.value or 1.0) for p in shown if p.a is not None and p.b is not None]
     # Shares of a stiffness have decades between them; what may change its sign has none.
     is_log = all(r > 0.0 for r in ratios)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from doe.estimation.differences import Figure
 from robots import InputError, ModelDescription, load_description
+from robots.constants import NORMAL_95
 from robots.files.reading import parse_json, read_text
+from robots.schema.uncertainty import CalibrationUncertainty
 
 Kind = Literal["calibration", "diagnosis", "map", "placement"]
 # The file that tells what a folder holds; the first that is there counts.
@@ -28,6 +32,10 @@ SCHEMAS: Final[dict[str, Kind]] = {
 # What a folder of `stiffarm run` has: its calibrated model first.
 RUN: Final = ("model.toml", "results.json")
 MAPS: Final = (".vtu", ".vti", ".vtp")
+# Beyond this it is no figure of an arm, and squares overflow.
+LARGEST: Final = 1e60
+# Units by the ends of keys.
+UNITS: Final = {"_N_per_mm": "N/mm", "_um": "um", "_deg": "deg"}
 ALLOWED: Final = (
     "a results folder of run, calibrate, diagnose, map or place, its JSON file, a calibrated model.toml or a map"
 )
@@ -50,6 +58,11 @@ class Source:
     model: ModelDescription | None = None
     page: Path | None = None
     of_run: bool = False
+
+    @property
+    def uncertainty(self) -> CalibrationUncertainty | None:
+        """What its calibrated model says of how well its numbers are known."""
+        return None if self.model is None or self.model.calibration is None else self.model.calibration.uncertainty
 
     @property
     def data(self) -> str:
@@ -178,3 +191,118 @@ def check_alike(some: list[Source]) -> None:
             allowed="different ones",
             remedy="leave one of them out",
         )
+
+
+def figures_of(s: Source) -> list[Figure]:
+    """The numbers of a calibration, a diagnosis or a placement.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Something else stands where a number should, or one that nothing of ours has.
+    """
+    found = _figures(s)
+    for f in found:
+        numbers = [v for v in (f.value, f.low, f.high) if v is not None]
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (*numbers, f.sd, f.freedom)):
+            raise TypeError(f.name)
+        if not all(isinstance(text, str) for text in (f.name, f.unit, f.variable)):
+            raise TypeError(f.name)
+        # NaN fails too. A standard deviation that is not known is NaN.
+        if not all(abs(v) <= LARGEST for v in numbers) or abs(f.sd) > LARGEST or not f.freedom > 0.0 or f.sd < 0.0:
+            raise ValueError(f.name)
+    return found
+
+
+def _figures(s: Source) -> list[Figure]:
+    if s.kind == "placement":
+        return _placement(s.content)
+    if s.kind == "diagnosis":
+        return [*_springs(s.content.get("springs", {})), *_effects(s.content)]
+    if s.content:
+        stages = s.content.get("stages", [])
+        # "numbers": of files of version 1.
+        found = {n["name"]: _estimate(n) for one in stages for n in one.get("parameters", one.get("numbers", []))}
+        return list(found.values()) or _springs(s.content.get("springs", {}))
+    return [] if s.uncertainty is None else _described(s.uncertainty)
+
+
+def _estimate(n: Mapping[str, Any]) -> Figure:
+    low, high = n["interval95"]
+    sd = n.get("sd_of_variable")
+    return Figure(
+        n["name"],
+        n["unit"],
+        n["value"],
+        low,
+        high,
+        n.get("variable", "value"),
+        math.nan if sd is None else float(sd),
+        float(n.get("degrees_of_freedom") or math.inf),
+    )
+
+
+def _springs(springs: Mapping[str, Any]) -> list[Figure]:
+    out = []
+    for joint, one in springs.items():
+        low, high = one["interval95_Nm_per_rad"]
+        out.append(_by_interval(f"{joint}.stiffness", "N m/rad", one["k_Nm_per_rad"], low, high, "1/value"))
+    return out
+
+
+def _by_interval(
+    name: str, unit: str, value: float | None, low: float | None, high: float | None, variable: str = "value"
+) -> Figure:
+    """A number whose interval tells how well it is known."""
+    sd = math.nan
+    if value is not None and low is not None and high is not None:
+        ends = (1.0 / low, 1.0 / high) if variable == "1/value" and low > 0.0 and high > 0.0 else (low, high)
+        sd = abs(ends[1] - ends[0]) / (2.0 * NORMAL_95)
+    return Figure(name, unit, value, low, high, variable, sd)
+
+
+def _effects(content: Mapping[str, Any]) -> list[Figure]:
+    out = []
+    for one in (*content.get("effects", []), *content.get("learned", []), *content.get("provisional", [])):
+        for name, p in one["parameters"].items():
+            low, high = p["interval95"] or (None, None)
+            out.append(
+                replace(
+                    _by_interval(f"{one['code']}.{name}", p["unit"], p["value"], low, high),
+                    sd=math.nan if p["sd"] is None else float(p["sd"]),
+                )
+            )
+    return out
+
+
+def _placement(content: Mapping[str, Any]) -> list[Figure]:
+    out = []
+    for which, one in content.get("placements", {}).items():
+        for key, value in one.items():
+            interval = one.get(f"{key}_95")
+            if not isinstance(value, int | float) or key.endswith("_95"):
+                continue
+            unit = next((unit for end, unit in UNITS.items() if key.endswith(end)), "")
+            low, high = interval if isinstance(interval, list) and len(interval) == 2 else (None, None)
+            out.append(_by_interval(f"{which}.{key}", unit, float(value), low, high))
+    return out
+
+
+def _described(u: CalibrationUncertainty) -> list[Figure]:
+    """Numbers of a model file, with their standard deviations."""
+    out = []
+    for k, (name, unit, variable) in enumerate(zip(u.parameters, u.unit, u.variable, strict=True)):
+        value, low, high = u.interval95(k)
+        out.append(
+            Figure(
+                name,
+                unit,
+                None if u.status[k] == "not identified" else value,
+                low,
+                high if math.isfinite(high) else None,
+                variable,
+                math.sqrt(u.covariance[k][k]),
+                u.degrees_of_freedom[k],
+            )
+        )
+    return out + [Figure(n.name, n.unit, None, n.low, n.high) for n in u.undetermined]

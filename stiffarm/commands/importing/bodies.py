@@ -14,7 +14,7 @@ from meshes.surfaces.seats import ALONG
 from robots import InputError, Robot
 from robots.arrays import Array
 from robots.urdf.reading import UrdfRobot, Visual
-from stiffarm.commands.importing.options import ImportOptions
+from stiffarm.commands.importing.request import ImportRequest
 
 # Joints this near to each other, over the longest way between two, have a wrist body between them.
 SHORT = 0.08
@@ -53,38 +53,38 @@ class Bodies:
         return next(iter(found.values()), None)
 
 
-def bodies_of(urdf: UrdfRobot, robot: Robot, options: ImportOptions) -> Bodies:
+def bodies_of(urdf: UrdfRobot, robot: Robot, asked: ImportRequest) -> Bodies:
     """Read the shapes of all bodies and sort them out.
 
     Raises
     ------
     InputError
-        Names in the options that no link has.
+        Names in the request that no link has.
     """
-    kinds = ("visual", "collision") if options.meshes == "auto" else (options.meshes,)
+    kinds = ("visual", "collision") if asked.meshes == "auto" else (asked.meshes,)
     shapes = {"visual": urdf.visuals, "collision": urdf.collisions}
     names = link_names(robot, {body: v for kind in reversed(kinds) for body, v in shapes[kind].items()})
-    _check_names(names, options, urdf, kinds)
+    _check_names(names, asked, urdf, kinds)
     order = ("base", *robot.joint_names)
     surfaces: dict[str, dict[str, BodySurface]] = {body: {} for body in order}
     faults: dict[str, tuple[InputError, ...]] = dict.fromkeys(order, ())
     for body in order:
         for kind in kinds:
-            faults[body] += tuple(error for link, error in _missing(urdf, kind, options) if link == names[body])
+            faults[body] += tuple(error for link, error in _missing(urdf, kind, asked) if link == names[body])
             if body not in shapes[kind]:
                 continue
             try:
                 surface = body_surface(shapes[kind][body])
-                if not {names[body], body} & set(options.rigid):
+                if not {names[body], body} & set(asked.rigid or ()):
                     _check_scale(robot, body, names[body], surface)
                 surfaces[body][kind] = surface
             except InputError as error:
-                if not {names[body], body} & set(options.rigid):
+                if not {names[body], body} & set(asked.rigid or ()):
                     faults[body] += (error,)
-    rigid = _staying_rigid(robot, names, surfaces, options, kinds)
+    rigid = _staying_rigid(robot, names, surfaces, asked, kinds)
     rigid = {body: why for body, why in rigid.items() if surfaces[body] or not faults[body]}
     found = {visual.link for kind in kinds for several in shapes[kind].values() for visual in several}
-    lost = {link: error for kind in kinds for link, error in _missing(urdf, kind, options) if link not in found}
+    lost = {link: error for kind in kinds for link, error in _missing(urdf, kind, asked) if link not in found}
     return Bodies(order, names, surfaces, faults, rigid, tuple(lost.values()))
 
 
@@ -101,13 +101,13 @@ def link_names(robot: Robot, shapes: Mapping[str, Sequence[Visual]]) -> dict[str
     return names
 
 
-def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRobot, kinds: Sequence[str]) -> None:
+def _check_names(names: Mapping[str, str], asked: ImportRequest, urdf: UrdfRobot, kinds: Sequence[str]) -> None:
     known = {*names, *names.values(), *(link for kind in kinds for link, _ in urdf.missing.get(kind, ()))}
     at = {f"{name}.{end}" for name in known for end in INTERFACES}
     named = (
-        ("--wall", options.walls, known),
-        ("--rigid", options.rigid, known),
-        ("--radius", options.radius, known | at),
+        ("--wall", asked.wall or (), known),
+        ("--rigid", asked.rigid or (), known),
+        ("--radius", asked.radius or (), known | at),
     )
     for option, given, allowed in named:
         for name in given:
@@ -121,13 +121,13 @@ def _check_names(names: Mapping[str, str], options: ImportOptions, urdf: UrdfRob
                 )
 
 
-def _missing(urdf: UrdfRobot, kind: str, options: ImportOptions) -> list[tuple[str, InputError]]:
+def _missing(urdf: UrdfRobot, kind: str, asked: ImportRequest) -> list[tuple[str, InputError]]:
     """Links of the URDF whose mesh files of a kind are not there, and what to say of each."""
     remedy = "put the file there, or set ROS_PACKAGE_PATH to the folder of the package"
     return [
         (link, InputError(note, code="L001", remedy=remedy))
         for link, note in urdf.missing.get(kind, ())
-        if link not in options.rigid
+        if link not in (asked.rigid or ())
     ]
 
 
@@ -152,7 +152,7 @@ def _staying_rigid(
     robot: Robot,
     names: Mapping[str, str],
     surfaces: Mapping[str, Mapping[str, BodySurface]],
-    options: ImportOptions,
+    asked: ImportRequest,
     kinds: Sequence[str],
 ) -> dict[str, str]:
     """Bodies that become no link, and why."""
@@ -163,7 +163,7 @@ def _staying_rigid(
     for body, found in surfaces.items():
         span = float(np.linalg.norm(tips[body]))
         covers = [_cover(one.nodes, tips[body], ends[body]["root"].axis) for one in found.values() if span > 0.0]
-        if {names[body], body} & set(options.rigid):
+        if {names[body], body} & set(asked.rigid or ()):
             rigid[body] = "asked for"
         elif not found:
             rigid[body] = f"no {' or '.join(kinds)} mesh"

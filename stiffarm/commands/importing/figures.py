@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from stiffarm.commands.importing.pieces import Piece
+from stiffarm.commands.importing.solids import Piece
 from stiffarm.pages import style
 from stiffarm.pages.figure_parts import panels
 

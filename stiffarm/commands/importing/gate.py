@@ -1,4 +1,4 @@
-"""Whether an imported shell may be trusted: its figures, one try to mend its ring, and the verdict."""
+"""Whether an imported shell may be trusted: its figures, one try to mend its ring, the verdict; shell beside beam."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import scipy.linalg
 
+from fem import build_model
 from fem.elements.couplings import Coupling
 from fem.elements.link_cache import cached_superelement
 from fem.elements.trust import Trust, trust_in
@@ -17,7 +18,7 @@ from meshes.shell_mesh import connected, sides, used_only
 from meshes.surfaces.doubts import openings
 from meshes.surfaces.link import ImportedLink, MidSurface, Rings
 from meshes.surfaces.rings import Interface
-from robots import InputError, Remark
+from robots import InputError, ModelDescription, Remark
 from robots.arrays import Array, Bools
 
 # Share of the surface that holds half of the energy: below the first a link is no shell, below the second it is said;
@@ -28,6 +29,9 @@ LEAST_SHARE, LOW_SHARE, MOST_EXPONENT = 0.015, 0.03, 1.8
 LARGER, TRIES = 1.5, 2
 # Of what an opening does to a link, less than this share is no warning.
 TOLD = 0.05
+# Shells are softer than their beams by their rings and walls, by up to this factor; beyond, one of the two is no
+# model of the link.
+MOST_RATIO = 3.0
 _HULL = Remark(
     "WARNING: its surface is convex, like a collision hull, so waists, hollows and bosses are missing. A uniform wall "
     "of 0.8 times the usual one corrects the excess stiffness of a hull on average; along one direction it may be off "
@@ -172,3 +176,52 @@ def _nearest_ring(link: ImportedLink, place: Array) -> str:
     """The interface whose ring is nearest to a place."""
     nodes, rings = link.mesh.nodes, link.figures.rings
     return min(rings, key=lambda name: float(np.linalg.norm(nodes[rings[name].nodes] - place, axis=1).min()))
+
+
+@dataclass(frozen=True)
+class TipCompliance:
+    """Largest tip displacement for a unit force (m/N), root held, of a link as shell and as beam."""
+
+    shell: float
+    beam: float
+
+    @property
+    def ratio(self) -> float:
+        """Shell over beam; infinite for a rigid beam."""
+        return self.shell / self.beam if self.beam > 0.0 else float("inf")
+
+    def warning(self) -> str | None:
+        """What to say where the two differ by more than ``MOST_RATIO``."""
+        if 1.0 / MOST_RATIO <= self.ratio <= MOST_RATIO:
+            return None
+        softer = self.ratio > 1.0
+        times = self.ratio if softer else 1.0 / self.ratio
+        why = (
+            "its walls deflect around the joints, or lie far from the line between them"
+            if softer
+            else "the beam's section stands for only part of the casing"
+        )
+        return Remark(
+            f"WARNING: its tip is {times:.3g} times as compliant as a {'shell' if softer else 'beam'} "
+            f"({1e9 * (self.shell if softer else self.beam):.3g} um/kN) than as a {'beam' if softer else 'shell'} "
+            f"({1e9 * (self.beam if softer else self.shell):.3g} um/kN): {why}; look at its rings and wall, "
+            f"and compare both with --links",
+            code="W025",
+        )
+
+
+def tip_compliances(description: ModelDescription, names: tuple[str, ...]) -> dict[str, TipCompliance]:
+    """Of the links of these names, by condensing each as a shell and as a beam.
+
+    The shells come from the cache, or are left there for the commands that follow. Raises InputError where a model
+    cannot be built.
+    """
+    chosen = description.model_copy(update={"link": [link for link in description.link if link.name in names]})
+    shells, beams = (build_model(chosen, kind).links for kind in ("shell", "beam"))
+    found = {}
+    for shell, beam in zip(shells, beams, strict=True):
+        first = 6 * (shell.element.interfaces.index("tip") - 1)
+        block = slice(first, first + 3)
+        at = [float(np.linalg.eigvalsh(part.element.flexibility[block, block])[-1]) for part in (shell, beam)]
+        found[shell.name] = TipCompliance(*at)
+    return found

@@ -1,118 +1,344 @@
-"""What an import leaves: the model with its shells, figures as JSON, and a table for people."""
+"""What an import found: the model with its shells and solids, tables of its links, pictures of them."""
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from fem import build_model
+import fem.arm
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
-from meshes.surfaces.link import GOOD, quality_words
+from meshes.surfaces.link import quality_words
 from robots import ModelDescription, Remark, save_description
 from robots.library.surface_files import surface_file_name
+from robots.quantities import Quantity, length, rounded
 from robots.robot import robot_from
 from robots.schema.description import Link, Surface
 from robots.schema.quantities import Position, PositiveLength
-from stiffarm.commands.importing import solids
-from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
-from stiffarm.commands.importing.figures import contact_sheet
-from stiffarm.commands.importing.report import write_report
+from stiffarm.arm import as_face
+from stiffarm.commands.importing.gate import TipCompliance, tip_compliances
 from stiffarm.commands.importing.solids import MadeSolid, with_solids
 from stiffarm.commands.importing.step import ImportedPart, MadeShell, RobotImport
-from stiffarm.pages.style import save_png
-from stiffarm.session.console import say, say_notes, show_table
+from stiffarm.pages.report import Bullets, Fold, KeyFigure, Section, Text
+from stiffarm.result import Drawing, Result, Table
 from stiffarm.session.outputs import OutputFolder
 
-SOURCE = "meshes"
+SOURCE: Final = "meshes"
+MODEL: Final = "model.toml"
+VERDICTS: Final = {"trusted": "trusted", "warned": "with a warning", "refused": "no: plain section"}
+WALL, SIZE, OFF = length("wall"), length("size"), length("departure", "off by")
+CASING, DECLARED = Quantity("casing_mass", "kg", label="casing"), Quantity("urdf_mass", "kg", label="URDF")
+ANGLE = Quantity("minimum_angle", "deg", label="least angle", digits=2)
+TRIANGLES = Quantity("triangles", digits=0)
+SHELL_TIP, BEAM_TIP = (
+    Quantity(f"tip_compliance_{kind}", "um/kN", 1e9, f"tip as a {kind}") for kind in ("shell", "beam")
+)
+RATIO = Quantity("tip_compliance_shell_over_beam", label="shell / beam", digits=3)
+TETRAHEDRA, MASS = Quantity("tetrahedra", digits=0), Quantity("mass", "kg", label="mass by volume")
+# Folders of meshes that models in memory refer to; they go when the program ends.
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
 
 
-def write_robot(result: RobotImport, folder: OutputFolder) -> dict[str, Any]:
-    """Write model, shells, figures and picture of an imported robot; returns what import.json holds."""
-    # The model takes copies of the shells with it, under names that tell versions apart.
-    with tempfile.TemporaryDirectory() as shells:
-        description = with_solids(as_description(result, Path(shells)), result.solids, Path(shells), SOURCE)
-        found = tip_compliances(description, tuple(part.name for part in result.parts))
-        warnings = {part.name: warnings_of(part, found[part.name]) for part in result.parts}
-        said = [
-            Remark(f"link {name}: {line}", code=getattr(line, "code", ""))
-            for name, lines in warnings.items()
-            for line in lines
-        ]
-        description = description.model_copy(update={"notes": (*description.notes, *said)})
-        content = payload(result, description, found)
-        facts = [_facts(part, warnings[part.name]) for part in result.parts]
-        pieces = [*(part.piece for part in result.parts), *(made.piece for made in result.solids)]
-        facts += [solids.facts(made) for made in result.solids]
-        _write(description, content, contact_sheet(pieces, facts, f"Imported links: {description.title}"), folder)
-    write_report(description, content, content["links"], folder)
-    return content
+def of_robot(made: RobotImport) -> Result:
+    """What an imported robot is."""
+    folder = _place()
+    names = tuple(part.name for part in made.parts)
+    description = with_solids(as_description(made, folder), made.solids, folder, SOURCE)
+    tips = tip_compliances(description, names)
+    warnings = {part.name: warnings_of(part, tips[part.name]) for part in made.parts}
+    said = [
+        Remark(f"link {name}: {line}", code=getattr(line, "code", ""))
+        for name, some in warnings.items()
+        for line in some
+    ]
+    description = description.model_copy(update={"notes": (*description.notes, *said)})
+    facts = {"robot": description.name, "material": made.material, "rigid": made.rigid}
+    title = f"Imported links: {description.title}"
+    return _result(description, made.parts, made.solids, (tips, warnings), facts, title)
 
 
-def write_link(
-    done: MadeShell | MadeSolid, given: ModelDescription, source: str, folder: OutputFolder
-) -> dict[str, Any]:
-    """Write a model with the new shell or solid of one link; returns what import.json holds."""
-    name, key = done.name, f"surface of {done.name}"
-    content = {"schema": "stiffarm-import/1", "robot": given.name, "link": name, "file": source}
+def of_link(done: MadeShell | MadeSolid, given: ModelDescription, source: str) -> Result:
+    """What a model with the new shell or solid of one link is."""
+    folder, is_solid = _place(), isinstance(done, MadeSolid)
+    key = f"{'solid' if is_solid else 'surface'} of {done.name}"
+    data = given.model_dump(by_alias=True, exclude_none=True)
+    data["sources"][key] = f"{source}, prepared by stiffarm import"
+    facts = {"robot": given.name, "file": source}
+    title = f"{source} as link {done.name}"
     if isinstance(done, MadeSolid):
-        return _write_solid(done, given, content, folder)
-    with tempfile.TemporaryDirectory() as shells:
-        surface = written_surface(done, Path(shells), key)
-        data = given.model_dump(by_alias=True, exclude_none=True)
-        data["sources"][key] = f"{source}, prepared by stiffarm import"
-        data["link"] = [
-            link.model_copy(update={"surface": surface}) if link.name == name else link for link in given.link
+        description = with_solids(ModelDescription.model_validate(data), [done], folder, key)
+        return _result(description, (), (done,), ({}, {}), facts, title)
+    surface = written_surface(done, folder, key)
+    data["link"] = [
+        link.model_copy(update={"surface": surface}) if link.name == done.name else link for link in given.link
+    ]
+    description = ModelDescription.model_validate(data)
+    check_shells(description)
+    tips = tip_compliances(description, (done.name,))
+    return _result(description, (done,), (), (tips, {done.name: warnings_of(done, tips[done.name])}), facts, title)
+
+
+def _place() -> Path:
+    """A folder for the meshes of a model that is not saved yet."""
+    _KEPT.append(tempfile.TemporaryDirectory(prefix="stiffarm-import-"))
+    return Path(_KEPT[-1].name)
+
+
+def _result(
+    description: ModelDescription,
+    shells: Sequence[MadeShell],
+    solids: Sequence[MadeSolid],
+    judged: tuple[Mapping[str, TipCompliance], Mapping[str, Sequence[str]]],
+    facts: Mapping[str, Any],
+    title: str,
+) -> Result:
+    tips, warnings = judged
+    rigid: Mapping[str, str] = facts.get("rigid", {})
+    kind: Literal["shell", "solid"] = "solid" if solids else "shell"
+    arm = as_face(fem.arm.Arm.of(description, kind))
+    warned = [
+        Remark(f"{name}: {line.removeprefix('WARNING: ')}", code=getattr(line, "code", ""))
+        for name, some in warnings.items()
+        for line in some
+    ]
+    made = [
+        f"{n} link{'s' * (n > 1)} became {'a ' * (n == 1)}{what}{'s' * (n > 1)}"
+        for what, n in (("shell", len(shells)), ("solid", len(solids)))
+        if n
+    ]
+    checks = f"{len(warned)} warning{'s' * (len(warned) > 1)} to check" if warned else "no warnings"
+    worst = max((s.link.figures.departure_m[0] for s in shells if s.link.figures.departure_m[0] > 0.0), default=0.0)
+    soft = {name: tip.shell for name, tip in tips.items()}
+    key = [
+        KeyFigure(str(len(shells) or len(solids)), "links as shells" if shells else "links as solids"),
+        KeyFigure(str(len(warned)), "warnings"),
+        KeyFigure(OFF.text(worst, unit=True), "deviation of shell from surface, 95\u00a0% below, worst link"),
+    ]
+    sheet = partial(_sheet, shells, solids, warnings, title)
+    drawings = [Drawing("import", "The links and the rings at which they are held.", "imported links", sheet)]
+    if soft:
+        first = max(soft, key=soft.__getitem__)
+        key.append(KeyFigure(SHELL_TIP.text(soft[first], unit=True), f"softest link at its tip: {first}"))
+        caption = "Largest displacement of a link's tip under a unit force, with its root held."
+        drawings.append(Drawing("tip_compliance", caption, "compliance of the links", partial(_bars, soft)))
+    changes = {one.name: one.link.report for one in shells} | {one.name: one.solid.report for one in solids}
+    return Result(
+        name="import",
+        title=description.title.split(" (")[0],
+        question="what was made of the files?",
+        answer=" and ".join(made) + (f", {len(rigid)} stay rigid" if rigid else "") + f"; {checks}.",
+        how_sure=_how_sure(shells),
+        what_next=f"{'Check the warnings, then calibrate' if warned else 'Calibrate'} with readings: `stiffarm "
+        f"calibrate FOLDER/{MODEL} DATA`. `stiffarm plan FOLDER/{MODEL} --poses 6` chooses which readings to take.",
+        facts=facts,
+        tables=tuple(
+            table for table in (_links(shells, tips, warnings), _walls(shells), _solids(solids, arm)) if len(table)
+        ),
+        drawings=tuple(drawings),
+        key=tuple(key),
+        sections=(
+            Section(
+                "What stays rigid", (Bullets(tuple(f"{name}: {why}" for name, why in rigid.items())),) if rigid else ()
+            ),
+            Section("How to read the table", (Text(COLUMNS),) if shells else (), folded=True),
+            Section(
+                "Repairs and changes",
+                tuple(Fold(name, (Bullets(tuple(lines)),)) for name, lines in changes.items() if lines),
+                folded=True,
+            ),
+        ),
+        warnings=tuple(warned),
+        remarks=tuple(line for line in description.notes if ": WARNING: " not in line) if "rigid" in facts else (),
+        arm=arm,
+        found=description,
+        more=partial(_write, description),
+    )
+
+
+COLUMNS: Final = (
+    "Off by: 95 % of the visible original surface is closer than this to the shell's outer side. As a shell: whether "
+    "its stiffness as a shell can be trusted, judged by where its strain energy is. Shell / beam: tip compliance as a "
+    "shell divided by that of a beam of its sections; where it is far from 1, check rings and wall. Bosses around "
+    "joints across a link have 2.5 times the wall, on convex hulls the wall itself, unless `--boss` says otherwise. Of "
+    "a link's mass 60 % counts as casing (80 % for a bare tube turning about its own length), the rest as drives, "
+    "gears and cables. With `--links solid` links that have a solid are solids and the others shells."
+)
+
+
+def _write(description: ModelDescription, folder: OutputFolder) -> Mapping[str, Any]:
+    save_description(description, folder.path(MODEL))
+    return {}
+
+
+def _bars(soft: Mapping[str, float]) -> Figure:
+    from stiffarm.pages.bars import ranked_figure
+
+    shown = {name: SHELL_TIP.factor * value for name, value in soft.items()}
+    return ranked_figure("Compliance of the links", shown, "compliance of the tip (um/kN)", 12)
+
+
+def _sheet(
+    shells: Sequence[MadeShell], solids: Sequence[MadeSolid], warnings: Mapping[str, Sequence[str]], title: str
+) -> Figure:
+    from stiffarm.commands.importing.figures import contact_sheet
+
+    facts = []
+    for one in shells:
+        figures, count = one.link.figures, len(warnings[one.name])
+        how = "wrapped" if figures.wrapped else "as it is"
+        facts.append(
+            [f"{TRIANGLES.text(figures.triangles)} triangles, wall {WALL.text(one.wall, unit=True)}, surface {how}"]
+        )
+        facts[-1].append(f"rings: {_rings(figures.rings)}")
+        facts[-1] += [f"{count} WARNING{'S' if count > 1 else ''}: see import.json"] if count else []
+    facts += [
+        [
+            f"{len(one.solid.mesh.tetrahedra):,} tetrahedra, {MASS.text(one.kg, unit=True)}",
+            f"seats: {_rings(one.solid.rings)}",
         ]
-        description = ModelDescription.model_validate(data)
-        check_shells(description)
-        found = tip_compliances(description, (name,))[name]
-        content |= link_payload(done, found)
-        sheet = contact_sheet([done.piece], [_facts(done, content["warnings"])], f"{source} as link {name}")
-        _write(description, content, sheet, folder)
-    write_report(description, content, [content], folder)
-    return content
+        for one in solids
+    ]
+    return contact_sheet([one.piece for one in (*shells, *solids)], facts, title)
 
 
-def _write_solid(
-    done: MadeSolid, given: ModelDescription, content: dict[str, Any], folder: OutputFolder
-) -> dict[str, Any]:
-    key = f"solid of {done.name}"
-    with tempfile.TemporaryDirectory() as meshes:
-        data = given.model_dump(by_alias=True, exclude_none=True)
-        data["sources"][key] = f"{done.source}, prepared by stiffarm import"
-        described = with_solids(ModelDescription.model_validate(data), [done], Path(meshes), key)
-        # Read back as a model does.
-        model = build_model(described, "solid")
-        tip = next(part.element.flexibility[:3, :3] for part in model.links if part.name == done.name)
-        softest = _um_per_kn(float(np.linalg.eigvalsh(tip)[-1]))
-        content |= {"solids": [solids.payload(done) | {"tip_compliance_um_per_kN": softest}], "warnings": []}
-        sheet = contact_sheet([done.piece], [solids.facts(done)], f"{done.source} as link {done.name}")
-        _write(described, content, sheet, folder)
-    write_report(described, content, [], folder)
-    return content
+def _rings(rings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {length('radius').text(ring.radius)} mm" for name, ring in rings.items())
 
 
-def _write(description: ModelDescription, content: dict[str, Any], sheet: Figure, folder: OutputFolder) -> None:
-    save_description(description, folder.path("model.toml"))
-    folder.write_json("import.json", content)
-    save_png(sheet, folder.path("import.png"))
+def _rings_json(rings: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        name: {"nodes": int(ring.nodes.size), "radius_mm": rounded(1e3 * ring.radius), "chosen": ring.words}
+        for name, ring in rings.items()
+    }
 
 
-def _facts(shell: MadeShell, warnings: Sequence[str]) -> list[str]:
-    """What stands under the picture of a shell."""
-    figures = shell.link.figures
-    rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in figures.rings.items())
-    how = "wrapped" if figures.wrapped else "as it is"
-    mesh = f"{figures.triangles} triangles, wall {1e3 * shell.wall:g} mm, surface {how}"
-    how = f"{how}, {shell.verdict.kind}"
-    said = [f"{len(warnings)} WARNING{'S' if len(warnings) > 1 else ''}: see import.json"] if warnings else []
-    return [mesh, f"rings: {rings}", *said]
+def _links(
+    shells: Sequence[MadeShell], tips: Mapping[str, TipCompliance], warnings: Mapping[str, Sequence[str]]
+) -> Table:
+    figures = [one.link.figures for one in shells]
+    found = [tips[one.name] for one in shells]
+
+    def numbers(values: Sequence[float | None]) -> Any:
+        return np.array([np.nan if v is None else v for v in values], dtype=float)
+
+    values = {
+        WALL: [one.wall for one in shells],
+        OFF: [one.departure_m[0] for one in figures],
+        TRIANGLES: [one.triangles for one in figures],
+        ANGLE: [one.minimum_angle_deg for one in figures],
+        SHELL_TIP: [one.shell for one in found],
+        RATIO: [one.ratio for one in found],
+    }
+    trust = [one.verdict.trust for one in shells]
+    more = {
+        SIZE: [one.size_m for one in figures],
+        BEAM_TIP: [one.beam for one in found],
+        Quantity("half_energy_share"): [one.half_energy_share for one in trust],
+        Quantity("wall_exponent"): [one.wall_exponent for one in trust],
+        Quantity("mid_surface_area", "m2"): [one.area_m2 for one in figures],
+        length("largest_departure"): [one.departure_m[1] for one in figures],
+    }
+    labels = {"link": [one.name for one in shells], "as_a_shell": [VERDICTS[one.verdict.kind] for one in shells]}
+    labels["mesh"] = [quality_words(one.minimum_angle_deg) for one in figures]
+    extra: dict[str, Sequence[Any]] = {
+        "wall_basis": [one.basis.basis for one in shells],
+        "wall_words": [one.basis.words for one in shells],
+        "verdict": [one.verdict.kind for one in shells],
+        **{name: [getattr(one, name) for one in figures] for name in ("bodies", "open_edges", "wrapped")},
+        "rings": [_rings_json(one.rings) for one in figures],
+        "warnings": [list(warnings[one.name]) for one in shells],
+        "changes": [list(one.link.report) for one in shells],
+    }
+    parts = [one for one in shells if isinstance(one, ImportedPart)]
+    if parts:
+        values |= {
+            CASING: [p.casing_kg for p in parts],
+            DECLARED: [p.declared.si if p.declared else None for p in parts],
+        }
+        more |= {length("span"): [p.span for p in parts], Quantity("cover"): [p.section.cover for p in parts]}
+        extra |= {
+            "body": [p.body for p in parts],
+            "files": [list(p.sources) for p in parts],
+            "meshes": [p.kind for p in parts],
+            "meshes_turned_down": [p.turned_down or None for p in parts],
+            "walls_mm_at_25_percent_less_and_more_mass": [
+                p.walls_25 and [rounded(1e3 * wall) for wall in p.walls_25] for p in parts
+            ],
+            "beam_section_mm": [
+                {key: rounded(1e3 * q.si) for key, q in p.section.section if isinstance(q, PositiveLength)}
+                | {"kind": p.section.section.kind}
+                for p in parts
+            ],
+        }
+    by = {quantity: numbers(row) for quantity, row in values.items()}
+    return Table(
+        "links", "The links", labels, by, {}, {quantity: numbers(row) for quantity, row in more.items()}, extra
+    )
+
+
+def _walls(shells: Sequence[MadeShell]) -> Table:
+    """Walls, what they rest on, and what a mass that is 25 % off does."""
+    changes = []
+    for one in shells:
+        less = one.walls_25 if isinstance(one, ImportedPart) else None
+        known = less is not None and min(less) > 0.0
+        ratios = [(one.wall / wall) ** one.verdict.trust.wall_exponent for wall in less or ()] if known else []
+        changes.append(" / ".join(f"{100.0 * (ratio - 1.0):+.0f} %" for ratio in ratios) or "–")
+    labels = {
+        "link": [one.name for one in shells],
+        "from": [one.basis.words for one in shells],
+        "change_of_tilt_with_25_%_less_/_more_mass": changes,
+    }
+    title = "Where the wall thicknesses come from"
+    return Table("walls", title, labels, {WALL: np.array([one.wall for one in shells])}, folded=True, is_extract=True)
+
+
+def _solids(solids: Sequence[MadeSolid], arm: fem.arm.Arm) -> Table:
+    tips = {
+        part.name: float(np.linalg.eigvalsh(part.element.flexibility[:3, :3])[-1])
+        for part in (arm.model.links if solids else ())
+    }
+    labels = {
+        "link": [one.name for one in solids],
+        "file": [one.source for one in solids],
+        "seats": [_rings(one.solid.rings) for one in solids],
+    }
+    values = {
+        TETRAHEDRA: np.array([len(one.solid.mesh.tetrahedra) for one in solids]),
+        MASS: np.array([one.kg for one in solids]),
+        Quantity("tip_compliance", "um/kN", 1e9, "tip"): np.array([tips[one.name] for one in solids]),
+    }
+    extra = {
+        "rings": [_rings_json(one.solid.rings) for one in solids],
+        "changes": [list(one.solid.report) for one in solids],
+    }
+    return Table("solids", "Solids", labels, values, {}, {SIZE: np.array([one.solid.size for one in solids])}, extra)
+
+
+def _how_sure(shells: Sequence[MadeShell]) -> str:
+    """To what factor the links' compliance is known."""
+    if not shells:
+        return "The compliance of a solid is as accurate as its modulus and its seats: a few per cent."
+    bases = {one.basis.basis for one in shells}
+    if bases == {"given"}:
+        known = "The compliance of the links is as accurate as the wall thicknesses that you gave."
+    elif bases <= {"mass", "given"}:
+        known = "With wall thicknesses from masses, the compliance of a link is known to within a factor of about 1.5."
+    else:
+        known = "Without its mass, the compliance of a link is known to within a factor of about 3; with it, about 1.5."
+    return f"{known} CAD files of the links (STEP) would reduce this to a few per cent."
+
+
+def warnings_of(made: MadeShell, compliance: TipCompliance) -> list[str]:
+    """All warnings of one link: departure first, then what the gate says, then shell against beam."""
+    said = [line for line in made.link.report if line.startswith("WARNING")]
+    soft = compliance.warning()
+    return [*said, *made.verdict.warnings, *([soft] if soft else [])]
 
 
 def as_description(result: RobotImport, folder: Path) -> ModelDescription:
@@ -189,126 +415,3 @@ def check_shells(description: ModelDescription) -> None:
     for link in description.link:
         if link.surface is not None:
             link_shell_mesh(link, link_beam_mesh(description, robot, link))
-
-
-def payload(result: RobotImport, description: ModelDescription, found: Mapping[str, TipCompliance]) -> dict[str, Any]:
-    """What import.json holds of a robot."""
-    return {
-        "schema": "stiffarm-import/1",
-        "robot": result.urdf.description.name,
-        "material": result.material,
-        "links": [_payload_of(part, found[part.name]) for part in result.parts],
-        "solids": [solids.payload(made) for made in result.solids],
-        "rigid": result.rigid,
-        "notes": list(description.notes),
-    }
-
-
-def _payload_of(part: ImportedPart, found: TipCompliance) -> dict[str, Any]:
-    section = part.section.section
-    return {
-        "link": part.name,
-        "body": part.body,
-        "files": list(part.sources),
-        "meshes": part.kind,
-        "meshes_turned_down": part.turned_down or None,
-        "walls_mm_at_25_percent_less_and_more_mass": None if part.walls_25 is None else [_mm(w) for w in part.walls_25],
-        "span_mm": _mm(part.span),
-        "casing_mass_kg": round(part.casing_kg, 3),
-        "urdf_mass_kg": None if part.declared is None else part.declared.si,
-        "beam_section_mm": {key: _mm(quantity.si) for key, quantity in section if isinstance(quantity, PositiveLength)}
-        | {"kind": section.kind},
-        "cover": round(part.section.cover, 3),
-        **link_payload(part, found),
-    }
-
-
-def link_payload(shell: MadeShell, found: TipCompliance) -> dict[str, Any]:
-    """Figures of one imported shell for JSON."""
-    figures = shell.link.figures
-    return {
-        "wall_mm": _mm(shell.wall),
-        "wall_basis": shell.basis.basis,
-        "wall_words": shell.basis.words,
-        "verdict": shell.verdict.kind,
-        "half_energy_share": round(shell.verdict.trust.half_energy_share, 5),
-        "wall_exponent": round(shell.verdict.trust.wall_exponent, 3),
-        "size_mm": _mm(figures.size_m),
-        "bodies": figures.bodies,
-        "open_edges": figures.open_edges,
-        "wrapped": figures.wrapped,
-        "triangles": figures.triangles,
-        "minimum_angle_deg": round(figures.minimum_angle_deg, 2),
-        "quality": quality_words(figures.minimum_angle_deg),
-        "mid_surface_area_m2": round(figures.area_m2, 6),
-        "departure_mm": [None if math.isnan(v) else _mm(v) for v in figures.departure_m],
-        "rings": {
-            name: {"nodes": int(ring.nodes.size), "radius_mm": _mm(ring.radius), "chosen": ring.words}
-            for name, ring in figures.rings.items()
-        },
-        "tip_compliance_um_per_kN": {"shell": _um_per_kn(found.shell), "beam": _um_per_kn(found.beam)},
-        "tip_compliance_shell_over_beam": round(found.ratio, 3) if math.isfinite(found.ratio) else None,
-        "warnings": warnings_of(shell, found),
-        "changes": list(shell.link.report),
-    }
-
-
-def _um_per_kn(value: float) -> float:
-    return float(f"{1e9 * value:.6g}")
-
-
-def _mm(value: float) -> float:
-    return round(1e3 * value, 3)
-
-
-def show(result: RobotImport, content: Mapping[str, Any]) -> None:
-    """Tables of the links for people, then what stays rigid and the remarks."""
-    show_table(
-        f"Imported: {result.urdf.description.title}",
-        ["link", "bodies", "open edges", "surface", "triangles", "size (mm)", "least angle (deg)"],
-        [_mesh_row(part) for part in result.parts],
-    )
-    show_table(
-        "The links",
-        ["link", "wall (mm)", "rings (mm)", "verdict", "off by (mm)", "casing (kg)", "URDF (kg)", "shell / beam"],
-        [_link_row(part, link) for part, link in zip(result.parts, content["links"], strict=True)],
-    )
-    say("off by: 95 % of the visible original surface is closer than this to the shell's outer side")
-    say("verdict: whether the link's stiffness as a shell can be trusted, judged by where its strain energy is")
-    say("shell / beam: tip compliance as a shell divided by that as a beam")
-    for part in result.parts:
-        words = quality_words(part.link.figures.minimum_angle_deg)
-        if words != GOOD:
-            say(f"quality of {part.name}: {words}")
-    for note in content["notes"]:
-        if ": WARNING: " in note:
-            say(note)
-        else:
-            say_notes([note])
-
-
-def _mesh_row(part: ImportedPart) -> list[str]:
-    figures = part.link.figures
-    return [
-        part.name,
-        f"{figures.bodies}",
-        f"{figures.open_edges}",
-        "wrapped" if figures.wrapped else "as it is",
-        f"{figures.triangles}",
-        f"{1e3 * figures.size_m:.3g}",
-        f"{figures.minimum_angle_deg:.0f}{'' if quality_words(figures.minimum_angle_deg) == GOOD else ' POOR'}",
-    ]
-
-
-def _link_row(part: ImportedPart, link: Mapping[str, Any]) -> list[str]:
-    off = part.link.figures.departure_m[0]
-    return [
-        part.name,
-        f"{1e3 * part.wall:.3g}",
-        ", ".join(f"{1e3 * ring.radius:.0f}" for ring in part.link.figures.rings.values()),
-        part.verdict.kind,
-        "-" if math.isnan(off) else f"{1e3 * off:.3g}",
-        f"{part.casing_kg:.3g}",
-        "-" if part.declared is None else f"{part.declared.si:.4g}",
-        "-" if link["tip_compliance_shell_over_beam"] is None else f"{link['tip_compliance_shell_over_beam']:.3g}",
-    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,11 +16,21 @@ from meshes.surfaces.checks import census, mean_wall
 from meshes.surfaces.reading import SPAN_RATIO
 from meshes.surfaces.rings import Interface
 from robots import InputError, ModelDescription
-from robots.arrays import Array
+from robots.arrays import Array, Integers
 from robots.library.surface_files import surface_file_name
 from robots.schema.description import Material, Solid
 from robots.schema.quantities import PositiveLength
-from stiffarm.commands.importing.pieces import Piece
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What is drawn of a link: nodes (n, 3) m, outward triangles (m, 3), nodes of each interface, its points (i, 3)."""
+
+    name: str
+    nodes: Array
+    triangles: Integers
+    interfaces: Mapping[str, Integers]
+    points: Array
 
 
 @dataclass(frozen=True)
@@ -104,25 +113,3 @@ def _written(made: MadeSolid, folder: Path, source: str) -> Solid:
     path = unnamed.replace(folder / surface_file_name(f"{made.name}-solid", sha256))
     size = PositiveLength(value=round(1e3 * made.solid.size, 3), unit="mm", source="derived")
     return Solid(file=str(path.resolve()), sha256=sha256, size=size, source=source, changes=made.solid.report)
-
-
-def payload(made: MadeSolid) -> dict[str, Any]:
-    """Figures of a solid for JSON."""
-    return {
-        "link": made.name,
-        "file": made.source,
-        "tetrahedra": len(made.solid.mesh.tetrahedra),
-        "size_mm": round(1e3 * made.solid.size, 3),
-        "mass_kg": round(made.kg, 3),
-        "rings": {
-            name: {"nodes": int(ring.nodes.size), "radius_mm": round(1e3 * ring.radius, 3), "chosen": ring.words}
-            for name, ring in made.solid.rings.items()
-        },
-        "changes": list(made.solid.report),
-    }
-
-
-def facts(made: MadeSolid) -> list[str]:
-    """What stands under the picture of a solid."""
-    rings = ", ".join(f"{key} {1e3 * ring.radius:.0f} mm" for key, ring in made.solid.rings.items())
-    return [f"{len(made.solid.mesh.tetrahedra):,} tetrahedra, {made.kg:.3g} kg", f"seats: {rings}"]

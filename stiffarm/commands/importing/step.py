@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -39,9 +39,8 @@ from robots.schema.quantities import Mass
 from robots.urdf.reading import UrdfRobot
 from stiffarm.commands.importing.bodies import SPAN_RATIO, Bodies, bodies_of, expected_span
 from stiffarm.commands.importing.gate import Verdict, judged
-from stiffarm.commands.importing.options import ImportOptions, material_of
-from stiffarm.commands.importing.pieces import Piece
-from stiffarm.commands.importing.solids import MadeSolid, from_file, of_material, solid_settings
+from stiffarm.commands.importing.request import ImportRequest
+from stiffarm.commands.importing.solids import MadeSolid, Piece, from_file, of_material, solid_settings
 
 
 @dataclass(frozen=True)
@@ -97,9 +96,9 @@ class RobotImport:
     parts: tuple[ImportedPart, ...]
     rigid: dict[str, str]
     notes: tuple[str, ...]
-    material: str = "steel"
-    figures: Material = field(default_factory=lambda: material_of("steel", None, None, None))
-    solids: tuple[MadeSolid, ...] = ()
+    material: str
+    figures: Material
+    solids: tuple[MadeSolid, ...]
 
 
 @dataclass(frozen=True)
@@ -141,22 +140,22 @@ class _Draft:
         return Casing(areas, None if self.declared is None else self.declared.si, self.tube, self.hull)
 
 
-def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | None = None) -> RobotImport:
+def import_robot(urdf: UrdfRobot, asked: ImportRequest, progress: Progress | None = None) -> RobotImport:
     """Make a shell of every body of a URDF robot that has shapes and a way between its joints.
 
     Raises
     ------
     InputError
-        Names in the options that no link has; all links that could not be imported, at once.
+        Names in the request that no link has; all links that could not be imported, at once.
     """
     robot = robot_from(urdf.description)
-    bodies = bodies_of(urdf, robot, options)
+    bodies = bodies_of(urdf, robot, asked)
     faults = list(bodies.lost)
     drafts: list[_Draft] = []
     for i, body in enumerate(bodies.links):
         report_progress(progress, i, len(bodies.links))
         try:
-            drafts.append(_draft(urdf, robot, bodies, body, options))
+            drafts.append(_draft(urdf, robot, bodies, body, asked))
         except InputErrors as error:
             faults += error.errors
         except InputError as error:
@@ -170,36 +169,38 @@ def import_robot(urdf: UrdfRobot, options: ImportOptions, progress: Progress | N
             f"import of {urdf.description.name}: no link became a shell",
             code="L010",
             value="; ".join(f"{bodies.names[body]}: {why}" for body, why in bodies.rigid.items()),
-            remedy=f"look for {options.meshes} meshes in the file, or choose the other kind with --meshes",
+            remedy=f"look for {asked.meshes} meshes in the file, or choose the other kind with --meshes",
         )
     drafts = _with_one_bearing(drafts)
-    material, figures, walls, said = _walls(drafts, options)
-    parts = tuple(_part(draft, walls[draft.name], figures, options) for draft in drafts)
-    solids, more = _solids(robot, drafts, figures, options)
-    lost = options.meshes if options.meshes != "auto" else "visual"
+    material, figures, walls, said = _walls(drafts, asked)
+    parts = tuple(_part(draft, walls[draft.name], figures, asked) for draft in drafts)
+    solids, more = _solids(robot, drafts, figures, asked)
+    lost = asked.meshes if asked.meshes != "auto" else "visual"
     notes = [*urdf.notes, *(note for _, note in urdf.missing.get(lost, ())), *said, *more]
     rigid = {bodies.names[body]: why for body, why in bodies.rigid.items()}
     return RobotImport(urdf, parts, rigid, tuple(notes), material, figures, solids)
 
 
 def _solids(
-    robot: Robot, drafts: Sequence[_Draft], figures: Material, options: ImportOptions
+    robot: Robot, drafts: Sequence[_Draft], figures: Material, asked: ImportRequest
 ) -> tuple[tuple[MadeSolid, ...], list[str]]:
     """Solids of the links that have a file for it, or meshes of the material itself; and what is to be said."""
-    made, said, faults = [], [], []
+    made, said, faults, files = [], [], [], dict(asked.step or {})
     for draft in drafts:
         # Seats are whole faces, unless they are given: not the larger rings that mend shells.
         interfaces = {
-            key: replace(one, radius=_radius(options, draft.name, draft.body, key))
+            key: replace(
+                one, radius=asked.radius_of(f"{draft.name}.{key}", f"{draft.body}.{key}", draft.name, draft.body)
+            )
             for key, one in draft.interfaces.items()
         }
-        settings = solid_settings(figures, options.size, expected_span(robot, draft.body), SPAN_RATIO)
-        file = options.solids.get(draft.name, options.solids.get(draft.body))
+        settings = solid_settings(figures, asked.size, expected_span(robot, draft.body), SPAN_RATIO)
+        file = files.get(draft.name, files.get(draft.body))
         try:
             if file is None:
                 solid, words = of_material(draft.name, draft.own, interfaces, figures, settings)
             else:
-                solid, words = from_file(draft.name, file, interfaces, figures, settings), None
+                solid, words = from_file(draft.name, Path(file), interfaces, figures, settings), None
         except InputError as error:
             faults.append(error)
             continue
@@ -211,7 +212,7 @@ def _solids(
             )
     if faults:
         raise InputErrors("solids of links", faults)
-    lost = set(options.solids) - {name for draft in drafts for name in (draft.name, draft.body)}
+    lost = set(files) - {name for draft in drafts for name in (draft.name, draft.body)}
     if lost:
         names = ", ".join(draft.name for draft in drafts)
         raise InputError(
@@ -220,18 +221,18 @@ def _solids(
     return tuple(made), said
 
 
-def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, options: ImportOptions) -> _Draft:
+def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, asked: ImportRequest) -> _Draft:
     """Mid-surface and rings of a body, from the first kind of its meshes that gives a casing."""
     index, name = body_index(robot, body), bodies.names[body]
     neighbours = (bodies.seen(index - 1), bodies.seen(index + 1))
     before, after = (None if one is None else surface_samples(one) for one in neighbours)
     interfaces = {
-        key: replace(one, radius=_radius(options, name, body, key))
+        key: replace(one, radius=asked.radius_of(f"{name}.{key}", f"{body}.{key}", name, body))
         for key, one in link_interfaces(robot, index, before, after).items()
     }
     points = np.stack([one.point for one in interfaces.values()])
-    wall = options.walls.get(name, options.walls.get(body, options.wall or USUAL_WALL))
-    settings = _settings(options, wall, material_of("steel", None, None, None), expected_span(robot, body))
+    wall = asked.wall_of(name, body) or USUAL_WALL
+    settings = _settings(asked, wall, asked.figures("steel"), expected_span(robot, body))
     errors = list(bodies.faults[body])
     for kind, own in bodies.surfaces[body].items():
         try:
@@ -245,25 +246,18 @@ def _draft(urdf: UrdfRobot, robot: Robot, bodies: Bodies, body: str, options: Im
     raise InputErrors(f"link {name}", errors) if len(errors) > 1 else errors[0]
 
 
-def _radius(options: ImportOptions, name: str, body: str, key: str) -> float | None:
-    for asked in (f"{name}.{key}", f"{body}.{key}", name, body):
-        if asked in options.radius:
-            return options.radius[asked]
-    return None
-
-
-def _settings(options: ImportOptions, wall: float, figures: Material, span: float | None) -> ImportSettings:
+def _settings(asked: ImportRequest, wall: float, figures: Material, span: float | None) -> ImportSettings:
     return ImportSettings(
         wall,
         figures.youngs_modulus.si,
         figures.poissons_ratio.si,
-        options.size,
-        options.repair,
-        options.opening,
-        options.wrap,
+        asked.size,
+        asked.repair,
+        None if asked.close_mm is None else 1e-3 * asked.close_mm,
+        asked.wrap,
         expected_span=span,
         span_ratio=SPAN_RATIO,
-        boss=BOSS if options.boss is None else options.boss,
+        boss=BOSS if asked.boss is None else asked.boss,
     )
 
 
@@ -290,32 +284,32 @@ def _with_one_bearing(drafts: list[_Draft]) -> list[_Draft]:
     return out
 
 
-def _walls(drafts: list[_Draft], options: ImportOptions) -> tuple[str, Material, dict[str, Wall], list[str]]:
+def _walls(drafts: list[_Draft], asked: ImportRequest) -> tuple[str, Material, dict[str, Wall], list[str]]:
     """Material and wall of each link, and what is to be said of both."""
-    casings = {draft.name: draft.casing(options.boss) for draft in drafts}
-    asked = options.material.name
-    lightest = options.material.figures(asked or "aluminium").density.si
+    casings = {draft.name: draft.casing(asked.boss) for draft in drafts}
+    lightest = asked.figures(asked.material or "aluminium").density.si
     fault = masses_at_fault(casings, lightest)
     said: list[str] = []
     if fault is not None:
         said.append(Remark(f"WARNING: masses of the URDF not used: {fault}", code="W026"))
-    name = asked or ("steel" if fault else material_by_mass(casings, options.material.figures("steel").density.si))
-    figures = options.material.figures(name)
-    given = {draft.name: options.walls.get(draft.name, options.walls.get(draft.body, options.wall)) for draft in drafts}
+    by_mass = "steel" if fault else material_by_mass(casings, asked.figures("steel").density.si)
+    name = asked.material or by_mass
+    figures = asked.figures(name)
+    given = {draft.name: asked.wall_of(draft.name, draft.body) for draft in drafts}
     walls = walls_of(
         casings,
         {key: value for key, value in given.items() if value is not None},
         figures.density.si,
-        options.robot_kg,
+        asked.mass_kg,
         fault is None,
     )
-    if asked is None and name == "aluminium":
+    if asked.material is None and name == "aluminium":
         said.append("material: aluminium, because walls of steel would be thinner than 3 mm by the links' masses")
     return name, figures, walls, said
 
 
-def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) -> ImportedPart:
-    settings = replace(_settings(options, wall.metres, figures, None), boss=draft.boss(options.boss))
+def _part(draft: _Draft, wall: Wall, figures: Material, asked: ImportRequest) -> ImportedPart:
+    settings = replace(_settings(asked, wall.metres, figures, None), boss=draft.boss(asked.boss))
     points = np.stack([one.point for one in draft.interfaces.values()])
 
     def shell(interfaces: Mapping[str, Interface], rings: Rings) -> ImportedLink:
@@ -325,7 +319,7 @@ def _part(draft: _Draft, wall: Wall, figures: Material, options: ImportOptions) 
     mesh = link.mesh
     first, last = (_beam_end(draft, link, key) for key in ("root", "tip"))
     section = equivalent_section(draft.name, mesh.nodes, mesh.triangles, wall.metres, first, last, mesh.thickness)
-    casing = draft.casing(options.boss)
+    casing = draft.casing(asked.boss)
     density = figures.density.si
     kg = casing.areas.kg(wall.metres, density)
     quarter = None
@@ -359,26 +353,17 @@ def _beam_end(draft: _Draft, link: ImportedLink, key: str) -> Array:
     return np.asarray(here.point + axis * float(axis @ (middle - here.point)))
 
 
-def import_into_model(
-    path: Path,
-    description: ModelDescription,
-    name: str,
-    options: ImportOptions,
-    scale: float | None = None,
-    wall: float | None = None,
-) -> MadeShell | MadeSolid:
+def import_into_model(description: ModelDescription, asked: ImportRequest) -> MadeShell | MadeSolid:
     """Shell of one link of a model from a file in the link's body frame, of the model's material.
 
     A solid where the file is STEP, or its surface that of the material itself.
-
-    ``scale``: metres for one unit of the file; None takes the file's own, else metres. ``wall`` m; None takes that
-    of the link's section.
 
     Raises
     ------
     InputError
         No such link, or what :func:`meshes.surfaces.link.prepare_link` refuses.
     """
+    path, name, wall = Path(asked.source), str(asked.link), asked.wall_of()
     found = [link for link in description.link if link.name == name]
     if not found:
         known = ", ".join(link.name for link in description.link) or "none: the model has rigid bodies only"
@@ -386,12 +371,12 @@ def import_into_model(
     link, robot = found[0], robot_from(description)
     material = description.materials[link.material]
     thickness = float(section_dimensions(link.section)[-1]) if wall is None else wall
-    settings = replace(_settings(options, thickness, material, None), span_ratio=ImportSettings.span_ratio)
+    settings = replace(_settings(asked, thickness, material, None), span_ratio=ImportSettings.span_ratio)
     interfaces = link_interfaces(robot, body_index(robot, link.body))
-    meshed = solid_settings(material, options.size)
+    meshed = solid_settings(material, asked.size)
     if path.suffix.lower() in STEP_SUFFIXES:
-        return from_file(name, path, interfaces, material, meshed, scale)
-    nodes, faces, notes = read_surface(path, scale)
+        return from_file(name, path, interfaces, material, meshed, asked.scale)
+    nodes, faces, notes = read_surface(path, asked.scale)
     solid, words = of_material(
         name, BodySurface(nodes, faces, (path.name,), tuple(notes)), interfaces, material, meshed
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,75 +14,81 @@ from robots import ModelDescription, Robot, forward_kinematics
 from robots.arrays import Array
 from robots.controller import shown_base, shown_tool
 from robots.frames import inverse
-from robots.quantities import rounded
+from robots.quantities import angle, rounded_all
 from robots.robot import robot_from
-from stiffarm.session.console import say, show_table
-from stiffarm.session.frame import Frame
-from stiffarm.session.parsing import parse_pose
+from stiffarm.result import Result, Table
+from stiffarm.session.outputs import OutputFolder
+
+# Quaternions and vectors of rotation are shown with so many decimals, angles in deg with fewer.
+DECIMALS = {"abb": 5, "ur": 5}
 
 
-def answer_pose(frame: Frame, description: ModelDescription, pose: str) -> None:
-    """Answer `robots NAME --pose ...`; with a folder, a picture of the arm too."""
-    robot = robot_from(description)
-    q = parse_pose(robot, pose)
-    content = pose_payload(description, robot, q)
-    with frame.folder_if() as folder:
-        if folder is not None:
-            from stiffarm.pages.pose_pictures import pose_pictures
-
-            folder.write_json("pose.json", content)
-            folder.path("pose.png").write_bytes(base64.b64decode(pose_pictures(description, robot, q[None], None)[0]))
-    frame.answer(content, lambda: _show(description, content))
-
-
-def pose_payload(description: ModelDescription, robot: Robot, q: Array) -> dict[str, Any]:
+def of_pose(description: ModelDescription, robot: Robot, q: Array) -> Result:
     """The tool frame at q (dof,) rad, in the controller's robot frame and in the model's base frame."""
     T = forward_kinematics(robot, q[None]).T_flange[0] @ shown_tool(robot)
     seen = inverse(shown_base(robot)) @ T
-    content: dict[str, Any] = {
+    point = "flange" if description.tool is None else "tool"
+    spoken = {one.code: one.orientation.write(seen[None, :3, :3])[0] for one in SPOKEN}
+    facts: dict[str, Any] = {
         "robot": description.name,
         "pose_deg": _named(robot.coordinates, np.degrees(q)),
-        "point": "flange" if description.tool is None else "tool",
-        "position_mm": _rounded(seen[:3, 3] * 1e3),
-        "base_position_mm": _rounded(T[:3, 3] * 1e3),
-        "orientation": {
-            spoken.code: dict(
-                zip(spoken.columns, _rounded(spoken.orientation.write(seen[None, :3, :3])[0], 6), strict=True)
-            )
-            for spoken in SPOKEN
-        },
+        "point": point,
+        "position_mm": rounded_all(_plain(1e3 * seen[:3, 3], 4), 12),
+        "base_position_mm": rounded_all(_plain(1e3 * T[:3, 3], 4), 12),
+        "orientation": {one.code: _named(one.columns, spoken[one.code]) for one in SPOKEN},
     }
+    remarks = []
     if robot.controller is not None and robot.controller.names != robot.coordinates:
-        shown = np.degrees(robot.controller.controller(q[None])[0])
-        content["controller_deg"] = _named(robot.controller.names, shown)
-    return content
+        shown = robot.controller.controller(q[None])[0]
+        facts["controller_deg"] = _named(robot.controller.names, np.degrees(shown))
+        remarks.append(f"on the controller: {_listed(robot.controller.names, shown)}")
+    rows = [("position, mm", "x y z", _figures(1e3 * seen[:3, 3], 3))]
+    if not np.allclose(T[:3, 3], seen[:3, 3], rtol=0.0, atol=1e-9):
+        rows.append(("position in the model's base frame, mm", "x y z", _figures(1e3 * T[:3, 3], 3)))
+    rows += [
+        (
+            one.words,
+            " ".join(c.partition("_")[0] for c in one.columns),
+            _figures(spoken[one.code], DECIMALS.get(one.code, 3)),
+        )
+        for one in SPOKEN
+    ]
+    labels = dict(zip(("what", "in_this_order", "values"), map(list, zip(*rows, strict=True)), strict=True))
+    return Result(
+        name="pose",
+        title=description.title,
+        question="where is the tool?",
+        answer=f"{description.title}: {point} at {_listed(robot.coordinates, q)}.",
+        facts=facts,
+        tables=(Table("frame", "In the controller's robot frame", labels, {}, is_extract=True),),
+        remarks=tuple(remarks),
+        caution="",
+        more=partial(_picture, description, q),
+    )
+
+
+def _picture(description: ModelDescription, q: Array, folder: OutputFolder) -> Mapping[str, Any]:
+    from stiffarm.pages.pose_pictures import pose_pictures
+
+    (text,) = pose_pictures(description, robot_from(description), q[None], None)
+    folder.path("pose.png").write_bytes(base64.b64decode(text))
+    return {}
+
+
+def _plain(values: Array, digits: int) -> list[float]:
+    plain: list[float] = (np.round(values, digits) + 0.0).tolist()
+    return plain
 
 
 def _named(names: tuple[str, ...], values: Array) -> dict[str, Any]:
-    return dict(zip(names, _rounded(values, 6), strict=True))
+    return dict(zip(names, rounded_all(_plain(values, 6), 12), strict=True))
 
 
-def _rounded(values: Array, digits: int = 4) -> list[Any]:
-    return [rounded(v, 12) for v in (np.round(values, digits) + 0.0).tolist()]
+def _listed(names: tuple[str, ...], q: Array) -> str:
+    shown = zip(names, q, strict=True)
+    return ", ".join(f"{name.removesuffix('_deg')} = {angle(name).text(v, unit=True)}" for name, v in shown)
 
 
-def _show(description: ModelDescription, content: dict[str, Any]) -> None:
-    say(f"{description.title}: {content['point']} at " + _listed(content["pose_deg"]))
-    if "controller_deg" in content:
-        say("on the controller: " + _listed(content["controller_deg"]))
-    rows = [["position (mm)", "x y z", _figures(content["position_mm"], 3)]]
-    if content["base_position_mm"] != content["position_mm"]:
-        rows.append(["position in the model's base frame (mm)", "x y z", _figures(content["base_position_mm"], 3)])
-    for spoken in SPOKEN:
-        values = content["orientation"][spoken.code]
-        names = " ".join(name.partition("_")[0] for name in values)
-        rows.append([spoken.words, names, _figures(list(values.values()), 5 if spoken.code in ("abb", "ur") else 3)])
-    show_table("In the controller's robot frame", ["what", "in this order", "values"], rows)
-
-
-def _listed(angles: dict[str, float]) -> str:
-    return ", ".join(f"{name.removesuffix('_deg')} = {value:g} deg" for name, value in angles.items())
-
-
-def _figures(values: list[float], digits: int) -> str:
-    return "  ".join(f"{value:.{digits}f}" for value in values)
+def _figures(values: Array, digits: int) -> str:
+    """Numbers to type in at a pendant: all decimals, and a minus sign that it knows."""
+    return "  ".join(f"{value:.{digits}f}" for value in _plain(values, digits))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from fem.arm import Arm
 from stiffarm.capability import capability
@@ -48,6 +48,13 @@ class RunRequest(Request):
         spelled=("--rehearse/--no-rehearse",),
     )
     seed: int = seed()
+
+    writes_itself: ClassVar[bool] = True
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the results."""
+        return self.out
 
 
 def answer(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:

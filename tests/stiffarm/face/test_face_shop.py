@@ -43,22 +43,15 @@ def test_tables_or_a_made_up_campaign_are_asked_for() -> None:
 @pytest.mark.slow
 def test_an_imported_arm_has_shells_and_its_folder(tmp_path: Path) -> None:
     urdf = MadeArm().write(tmp_path / "arm")
-    made = sa.import_arm(urdf, tmp_path / "out", size_mm=40, wall_mm={"upper_arm": 10.0}, material="aluminium")
+    made = sa.import_arm(urdf, size_mm=40, wall={"upper_arm": 10.0}, material="aluminium")
     frame = made.to_frame().set_index("link")
     assert list(frame.index) == ["column", "upper_arm", "forearm"]
     assert frame["wall_mm"]["upper_arm"] == 10.0
-    assert frame["wall_basis"]["upper_arm"] == "given"
+    assert made.as_json["links"][1]["wall_basis"] == "given"
     assert made.arm.model.link_kind == "shell"
-    assert made.plot().png == (tmp_path / "out" / "import.png").read_bytes()
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "model.toml",
-        "meshes",
-        "import.json",
-        "import.png",
-        "run.json",
-        "report.html",
-        "figures",
-    }
+    made.save(tmp_path / "out")
+    files = {"model.toml", "meshes", "import.json", "import.csv", "import.png", "tip_compliance.png", "report.html"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == files | {"run.json"}
 
 
 @pytest.mark.slow
@@ -69,25 +62,23 @@ def test_an_imported_link_is_that_of_the_command_line(tmp_path: Path) -> None:
     casing(0.24, 0.3, -0.15, 1.1).apply_transform(turn).export(file)
     arm = sa.load("tx200")
     (link,) = [one.name for one in arm.description.link if one.body == "j2"]
-    made = sa.import_link(arm, file, link, tmp_path / "out", size_mm=50)
+    made = sa.import_arm(file, model=arm, link=link, size_mm=50)
     asked = run_here("import", file, "--out", tmp_path / "asked", "--model", "tx200", "--link", link, "--size-mm", "50")
     assert asked.code == 0, asked.err
-    for name in ("model.toml", "import.json", "import.png"):
-        assert (made.folder / name).read_bytes() == (tmp_path / "asked" / name).read_bytes(), name
+    folder = made.save(tmp_path / "out")
+    for name in ("model.toml", "import.csv", "import.png"):
+        assert (folder / name).read_bytes() == (tmp_path / "asked" / name).read_bytes(), name
     assert list(made.to_frame()["link"]) == [link]
-    assert repr(made).startswith("Import of tx200: 1 shell link,")
     assert made.arm.model.link_kind == "shell"
-    assert made.plot().png == (made.folder / "import.png").read_bytes()
     assert not [one for one in arm.description.link if one.surface is not None], "the arm given is not changed"
     with pytest.raises(sa.InputError, match="link: got 'leg'"):
-        sa.import_link(arm, file, "leg", tmp_path / "other")
+        sa.import_arm(file, model=arm, link="leg")
 
 
 def test_a_length_that_is_none_is_refused(tmp_path: Path) -> None:
     urdf = MadeArm().write(tmp_path / "arm")
-    with pytest.raises(sa.InputError, match=r"wall_mm: upper_arm \(mm\): got 0"):
-        sa.import_arm(urdf, tmp_path / "out", wall_mm={"upper_arm": 0.0})
-    assert not (tmp_path / "out").exists()
+    with pytest.raises(sa.InputError, match=r"wall: upper_arm \(mm\): got 0"):
+        sa.import_arm(urdf, wall={"upper_arm": 0.0})
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from urdf_arms import Arm
 
 from fem import build_model
 from robots import load_description
-from stiffarm.commands.importing import results as import_results
-from stiffarm.commands.importing.checks import TipCompliance, tip_compliances, warnings_of
+from stiffarm.commands.importing.gate import TipCompliance, tip_compliances
+from stiffarm.commands.importing.results import warnings_of
 from stiffarm.commands.simulate import pose as simulation
 
 
@@ -46,17 +46,6 @@ def test_compliances_are_those_of_the_condensed_links_and_come_after_the_departu
     said = SimpleNamespace(link=link, verdict=SimpleNamespace(warnings=("WARNING: gate",)))
     assert warnings_of(said, TipCompliance(4.0, 1.0))[:2] == ["WARNING: off by 60 mm", "WARNING: gate"]
     assert len(warnings_of(said, TipCompliance(4.0, 1.0))) == 3
-
-
-def test_the_table_says_poor_beside_the_angle() -> None:
-    figures = {"bodies": 1, "open_edges": 0, "wrapped": False, "triangles": 100, "size_m": 0.01}
-    rows = [
-        import_results._mesh_row(
-            SimpleNamespace(name="rod", link=SimpleNamespace(figures=SimpleNamespace(minimum_angle_deg=a, **figures)))
-        )
-        for a in (7.0, 12.0)
-    ]
-    assert [row[-1] for row in rows] == ["7 POOR", "12"]
 
 
 def test_a_bare_urdf_is_said_to_have_no_links(cli: Command, tmp_path) -> None:

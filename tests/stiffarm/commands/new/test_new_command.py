@@ -96,7 +96,7 @@ def test_a_xacro_file_is_expanded(cli: Command, tmp_path: Path) -> None:
 
 
 def test_without_a_source_there_is_a_table_to_fill_in(cli: Command) -> None:
-    assert cli("new", "mine", "--json").json["table"] == "mine/dh.csv"
+    assert cli("new", "mine", "--json").json["table"] == "dh.csv"
     again = cli("new", "mine", "--mdh", "mine/dh.csv")
     assert again.code == 2
     assert again.err.count("dh.csv, row") == 1
@@ -166,8 +166,7 @@ def test_the_face_makes_the_same_files(cli: Command, tmp_path: Path) -> None:
     sa.new_arm("mine", mdh=lines, payload_kg=60.0).save("b")
     for name in ("mine.toml", "pendant.csv", "sheet.csv"):
         assert Path("a", name).read_text() == Path("b", name).read_text()
-    with pytest.raises(sa.InputError, match="mdh, dh, urdf or like"):
-        sa.new_arm("mine")
+    assert sa.new_arm("empty").save("c") == Path("c/dh.csv")
     with pytest.raises(sa.InputError, match="payload_kg"):
         sa.new_arm("mine", like="gp25", payload_kg=-1.0)
 

@@ -44,6 +44,22 @@ class Quantity:
     is_share: bool
     beyond: Bools | None
 
+    @property
+    def known(self) -> Bools:
+        """Points (n,) at which both have a value."""
+        return np.asarray(np.isfinite(self.a) & np.isfinite(self.b) & np.isfinite(self.change))
+
+    @property
+    def spread(self) -> Array:
+        """The change (3,) that 5, 50 and 95 % of the points stay below; NaN where none has a value."""
+        change = self.change[self.known]
+        return np.quantile(change, [0.05, 0.5, 0.95]) if len(change) else np.full(3, np.nan)
+
+    @property
+    def share_beyond(self) -> float:
+        """Share of the points at which the uncertainty does not explain the change; NaN where that is not known."""
+        return float(np.mean(self.beyond[self.known])) if self.beyond is not None and self.known.any() else np.nan
+
 
 @dataclass(frozen=True, eq=False)
 class MapPair:

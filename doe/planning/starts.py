@@ -58,14 +58,17 @@ def pendant_table(robot: Robot) -> str:
     return stream.getvalue()
 
 
-def write_sheet(path: Path, robot: Robot, description: ModelDescription) -> tuple[float, ...]:
-    """A first sheet to fill in: poses under weights at the tool, read along z. Returns its loads, N."""
-    q = start_poses(robot, SHEET_POSES)
+def first_loads(robot: Robot, description: ModelDescription) -> Array:
+    """Sizes (k,) of the weights of a first sheet, N: round shares of the payload."""
     full = usual_load(robot, description)
     digit = 10.0 ** np.floor(np.log10(full)) / 20.0
-    forces = np.unique(np.maximum(np.round(full * np.array(LOAD_SHARES) / digit) * digit, digit))
-    protocol = Protocol(forces=forces, directions=np.array([[0.0, 0.0, -1.0]]), repeats=2)
+    return np.unique(np.maximum(np.round(full * np.array(LOAD_SHARES) / digit) * digit, digit))
+
+
+def write_sheet(path: Path, robot: Robot, description: ModelDescription) -> None:
+    """A first sheet to fill in: poses under weights at the tool, read along z."""
+    q, direction = start_poses(robot, SHEET_POSES), np.array([[0.0, 0.0, -1.0]])
+    protocol = Protocol(forces=first_loads(robot, description), directions=direction, repeats=2)
     labels = tuple(f"S{i + 1}" for i in range(len(q)))
-    down = np.tile([0.0, 0.0, -1.0], (len(q), 1))
-    write_measurements(table_to_fill(path.name, q, down, labels, protocol), path, robot, to_fill=protocol.columns)
-    return tuple(forces.tolist())
+    table = table_to_fill(path.name, q, np.repeat(direction, len(q), axis=0), labels, protocol)
+    write_measurements(table, path, robot, to_fill=protocol.columns)
