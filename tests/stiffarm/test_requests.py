@@ -23,6 +23,7 @@ MADE = {
     "identify": "IdentifyRequest",
     "index": "IndexRequest",
     "plan": "PlanRequest",
+    "rehearse": "RehearseRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",
 }
