@@ -46,7 +46,8 @@ class Quantity:
 
     def column_of(self, what: str = "") -> str:
         """The key of something in its unit, as of an end of its interval: ``k_fs_low95_N_per_mm``."""
-        return "_".join(filter(None, (self.key, what, self.unit.replace("/", "_per_").replace(" ", ""))))
+        unit = self.unit.replace("/", "_per_").replace(" ", "").replace("%", "percent")
+        return "_".join(filter(None, (self.key, what, unit)))
 
     @property
     def name(self) -> str:
@@ -81,6 +82,18 @@ class Quantity:
     def between(self, low: float, high: float) -> str:
         """An interval with its unit: ``230 to 330 N/mm``; open above it is ``at least 230 N/mm``."""
         return ranged(float(low) * self.factor, float(high) * self.factor, self.unit)
+
+
+@dataclass(frozen=True)
+class Probability(Quantity):
+    """A probability in percent: never 0 or 100 for what is neither."""
+
+    unit: str = "%"
+    factor: float = 100.0
+
+    def text(self, value: float, *, unit: bool = False) -> str:
+        """As :func:`percent`."""
+        return percent(value) if unit else percent(value).removesuffix(" %")
 
 
 def angle(key: str, label: str = "") -> Quantity:

@@ -9,10 +9,15 @@ if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.arm import Arm
     from stiffarm.commands.compare.command import Comparison, compare
+    from stiffarm.commands.identify.command import identify
     from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
     from stiffarm.commands.new.command import NewArm, new_arm
+    from stiffarm.commands.plan.command import plan
+    from stiffarm.commands.plan.results import Plan
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
+    from stiffarm.commands.rehearse.command import rehearse
+    from stiffarm.commands.rehearse.results import Rehearsal
     from stiffarm.commands.robots.check import KinematicsCheck, check_kinematics
     from stiffarm.commands.robots.command import robots
     from stiffarm.commands.run.command import run
@@ -21,15 +26,11 @@ if TYPE_CHECKING:
     from stiffarm.face.arms import load
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.diagnoses import Diagnosis, diagnose
-    from stiffarm.face.identification import Identification, identify
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
-    from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
-    from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
-    from stiffarm.face.rehearsals import Rehearsal, rehearse
     from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
@@ -46,7 +47,6 @@ __all__ = [
     "Comparison",
     "ConvertedReadings",
     "Diagnosis",
-    "Identification",
     "InputError",
     "InputErrors",
     "KinematicsCheck",
@@ -57,7 +57,6 @@ __all__ = [
     "PositionCalibration",
     "PositionDiagnosis",
     "Posture",
-    "PowerAnalysis",
     "Program",
     "Readings",
     "Rehearsal",
@@ -86,7 +85,6 @@ __all__ = [
     "plan",
     "post",
     "posture",
-    "power",
     "read_readings",
     "rehearse",
     "robots",
@@ -100,6 +98,7 @@ __all__ = [
 _MOVED = {
     "import_link": "stiffarm.import_arm(file, model=arm, link=name)",
     "robots_bundled": 'stiffarm.robots().to_frame()["name"]',
+    "power": "stiffarm.rehearse(arm, sheet)",
     "replay": "stiffarm.simulate(arm, data=readings)",
 }
 

@@ -55,7 +55,7 @@ def capability(
         with called():
             given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
             asked = request(*args, **kwargs)
-            if not asked.writes_itself:
+            if not asked.writes_itself or asked.folder is None:
                 return answer(given, asked)
             from stiffarm.session.outputs import OutputFolder
 

@@ -463,20 +463,6 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
 NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
 
 
-def _loads(value: Any, name: str) -> tuple[float, ...]:
-    allowed = "'all', or force magnitudes greater than 0 N"
-    if isinstance(value, str) and value.strip() == "all":
-        return ()
-    row = _split(value, name, allowed, "150,650") if isinstance(value, str) else numbers_of(value, name, allowed)
-    if not all(0.0 < v <= LARGEST_LOAD for v in row):
-        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="write it as in 150,650")
-    return row
-
-
-# Sizes of loads in N, separated by commas; all of them is an empty tuple.
-LOADS: Final = Kind("N,...", lambda text, name: text, _loads, _joined)
-
-
 def _file(value: Any, name: str) -> Path:
     path = Path(value)
     if not path.is_file():
@@ -522,3 +508,46 @@ def united(some: Sequence[Mapping[str, Any]], name: str) -> dict[str, Any]:
 PAIR: Final = Kind("NAME=VALUE", _pair, text=lambda value: ",".join(f"{key}={one}" for key, one in value.items()))
 # What stays as it was typed: a text, or an arm that Python gives in place of a model's name or file.
 TEXT: Final = Kind(None, lambda text, name: text)
+
+
+def _loads(value: Any, name: str) -> tuple[float, ...]:
+    allowed = f"forces above 0 N, up to {LARGEST_LOAD:g} N" + (", or all" if name.startswith("-") else "")
+    loads = numbers_of(value, name, allowed) if np.size(value) else ()
+    if not all(0.0 < load <= LARGEST_LOAD for load in loads):
+        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="give them in N, as in 150,650")
+    return loads
+
+
+def _height(text: str, name: str) -> float | None:
+    return None if text.strip().lower() == "none" else _split(text, name, "a height in mm, or none", "0")[0]
+
+
+def _finite(value: Any, name: str) -> float:
+    return numbers_of(value, name, "a height in mm, or none")[0]
+
+
+def _box(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "two opposite corners x0,y0,z0,x1,y1,z1 of a box with a volume, in mm"
+    row = numbers_of(value, name, allowed)
+    if len(row) != 6 or any(a == b for a, b in zip(row[:3], row[3:], strict=True)):
+        raise InputError(
+            name, code="A004", value=value, allowed=allowed, remedy=f"as in {name} 500,-800,0:1500,800,900"
+        )
+    return row
+
+
+# Sizes of loads in N; no size: all loads.
+LOADS: Final = Kind(
+    "N,...",
+    lambda text, name: () if text.strip() == "all" else _split(text, name, "'all', or forces in N", "150,650"),
+    _loads,
+    _joined,
+)
+# A height in mm; None: there is no floor.
+HEIGHT: Final = Kind("MM", _height, _finite, lambda value: f"{value:g}")
+# A box in mm by two opposite corners, six numbers.
+BOX: Final = Kind(
+    "X0,Y0,Z0:X1,Y1,Z1",
+    lambda text, name: _split(text.replace(":", ","), name, "two corners in mm", "500,-800,0:1500,800,900"),
+    _box,
+)

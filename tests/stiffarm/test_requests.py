@@ -21,10 +21,13 @@ from stiffarm.request import Request, options_of, spelled
 
 MADE = {
     "compare": "CompareRequest",
+    "identify": "IdentifyRequest",
     "import": "ImportRequest",
     "index": "IndexRequest",
     "new": "NewRequest",
+    "plan": "PlanRequest",
     "readings": "ReadingsRequest",
+    "rehearse": "RehearseRequest",
     "robots check": "CheckRequest",
     "robots show": "RobotsRequest",
     "run": "RunRequest",
