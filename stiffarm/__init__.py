@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.arm import Arm
     from stiffarm.commands.compare.command import Comparison, compare
+    from stiffarm.commands.diagnose.command import diagnose
+    from stiffarm.commands.diagnose.result import Diagnosis
     from stiffarm.commands.identify.command import identify
     from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
@@ -25,9 +27,7 @@ if TYPE_CHECKING:
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.face.arms import load
     from stiffarm.face.calibrations import Calibration, calibrate
-    from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
-    from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
@@ -55,7 +55,6 @@ __all__ = [
     "Placement",
     "Plan",
     "PositionCalibration",
-    "PositionDiagnosis",
     "Posture",
     "Program",
     "Readings",
@@ -69,7 +68,6 @@ __all__ = [
     "compare",
     "convert_readings",
     "diagnose",
-    "diagnose_positions",
     "fit",
     "identify",
     "import_arm",
@@ -99,6 +97,7 @@ _MOVED = {
     "import_link": "stiffarm.import_arm(file, model=arm, link=name)",
     "robots_bundled": 'stiffarm.robots().to_frame()["name"]',
     "power": "stiffarm.rehearse(arm, sheet)",
+    "diagnose_positions": "stiffarm.diagnose(arm, positions)",
     "replay": "stiffarm.simulate(arm, data=readings)",
 }
 

@@ -21,6 +21,7 @@ from stiffarm.request import Request, options_of, spelled
 
 MADE = {
     "compare": "CompareRequest",
+    "diagnose": "DiagnoseRequest",
     "identify": "IdentifyRequest",
     "import": "ImportRequest",
     "index": "IndexRequest",

@@ -15,7 +15,6 @@ from machining.cell import Cell
 from machining.service import Session
 from robots import load_description
 from stiffarm.commands.calibrate import command as calibration
-from stiffarm.commands.diagnose import command as diagnosis
 from stiffarm.commands.run import command as chain
 from stiffarm.session.softness import FLAG
 
@@ -79,11 +78,10 @@ def test_all_that_read_tables_have_the_flag() -> None:
     commands = (
         calibration.calibrate,
         chain.run,
-        diagnosis.diagnose,
     )
     for command in commands:
         assert "confirm_units" in inspect.signature(command).parameters, command
-    for function in (sa.simulate, sa.sensitivity, sa.identify, sa.plan):
+    for function in (sa.simulate, sa.sensitivity, sa.identify, sa.plan, sa.diagnose):
         assert "confirm_units" in inspect.signature(function).parameters
 
 
