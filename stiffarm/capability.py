@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
@@ -21,6 +20,7 @@ from stiffarm.result import Result
 from stiffarm.session.console import kept_messages, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+from stiffarm.session.parsing import typed_again
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -157,8 +157,9 @@ def _command(
             frame.asked = asked.as_json()
             with frame.folder_if(getattr(asked, "seed", None)) as folder:
                 result = answer(arm, asked)
-                # To copy: what leads on names the model as it was typed.
-                what_next = result.what_next.replace("MODEL", shlex.quote(frame.named))
+                # To copy: what leads on names the model as it was typed, with what changes it.
+                typed = typed_again("", (frame.named,), {o: given.get(field) for o, field in _AS_TYPED.items()})
+                what_next = result.what_next.replace("MODEL", typed)
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None:
@@ -210,6 +211,8 @@ def _model_options(own_effects: bool) -> list[inspect.Parameter]:
     ]
 
 
+# What is typed of a model beside its name, by field.
+_AS_TYPED: Final = {"--links": "links", "--load-path": "load_path", "--set": "sets"}
 _COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))
 
 
@@ -229,6 +232,8 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
             info: Any = typer.Argument(metavar=metavar, help=how.help)
         else:
             names = how.spelled or (f"--{name.replace('_', '-')}",)
+            if default is True:
+                names = (f"{names[0]}/--no-{names[0].removeprefix('--')}", *names[1:])
             info = typer.Option(
                 *names,
                 metavar=metavar,
