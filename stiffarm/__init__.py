@@ -7,12 +7,13 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.arm import Arm
+    from stiffarm.commands.calibrate.command import calibrate
+    from stiffarm.commands.calibrate.results import Calibration
     from stiffarm.commands.index.command import index
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.arm import Arm
     from stiffarm.face.arms import load, robots_bundled
-    from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
     from stiffarm.face.conversions import ConvertedReadings, convert_readings
     from stiffarm.face.diagnoses import Diagnosis, diagnose
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
-    from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
@@ -52,7 +52,6 @@ __all__ = [
     "NewArm",
     "Placement",
     "Plan",
-    "PositionCalibration",
     "PositionDiagnosis",
     "Posture",
     "PowerAnalysis",
@@ -63,7 +62,6 @@ __all__ = [
     "Surrogate",
     "bundled",
     "calibrate",
-    "calibrate_positions",
     "check_kinematics",
     "compare",
     "convert_readings",
@@ -95,7 +93,11 @@ __all__ = [
 ]
 
 # What had another name in 0.1.
-_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
+_MOVED = {
+    "PositionCalibration": "stiffarm.Calibration",
+    "calibrate_positions": "stiffarm.calibrate(arm, table)",
+    "replay": "stiffarm.simulate(arm, data=readings)",
+}
 
 
 def __getattr__(name: str) -> object:

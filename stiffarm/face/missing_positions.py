@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from stiffarm.face.arms import Arm
 from stiffarm.face.calls import called
-from stiffarm.face.positions import read_positions
 from stiffarm.face.shown import Shown, frame
 from stiffarm.pages.picture import Picture
+from stiffarm.request import positions_asked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,7 +25,7 @@ class PositionDiagnosis(Shown):
 
     ``verdict``: none, named, ambiguous or unknown, and the ``reason``; ``effects``: codes that are sure;
     ``provisional``: codes that are not; ``left_out_rms_mm``: of readings left out, before and after; ``free``: what
-    ``calibrate_positions`` frees to have them in the model; ``found`` has all else.
+    ``calibrate`` frees to have them in the model; ``found`` has all else.
     """
 
     name: str
@@ -73,7 +73,7 @@ def diagnose_positions(
     Parameters
     ----------
     arm : the arm as described
-    source : as of :func:`calibrate_positions`
+    source : as of :func:`calibrate`
     holdout : a table that is only predicted, before and after
     seed : of the random parts that are left out
 
@@ -86,7 +86,8 @@ def diagnose_positions(
     from stiffarm.commands.diagnose.positions.payload import free
 
     with called():
-        table, kept = read_positions(source, holdout, arm)
+        table = positions_asked(arm, source)
+        kept = None if holdout is None else positions_asked(arm, [holdout])
         found = diagnosed(arm.model, table, holdout=kept, seed=seed)
     before, after = (1e3 * x for x in found.left_out_rms())
     names = free(found)

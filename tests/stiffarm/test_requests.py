@@ -19,7 +19,12 @@ from stiffarm import capability as capabilities
 from stiffarm.cli import COMMANDS, app, command_of
 from stiffarm.request import Request, options_of, spelled
 
-MADE = {"index": "IndexRequest", "sensitivity": "SensitivityRequest", "simulate": "SimulateRequest"}
+MADE = {
+    "calibrate": "CalibrateRequest",
+    "index": "IndexRequest",
+    "sensitivity": "SensitivityRequest",
+    "simulate": "SimulateRequest",
+}
 # What a command has beside its request: the model and how it is built, and what all commands have.
 MODEL = {"model", "links", "load_path", "sets", "effect"}
 ALL_HAVE = {"out", "as_json", "debug", "help"}

@@ -107,8 +107,7 @@ def _figures(s: Source) -> list[Figure]:
     if s.kind == "diagnosis":
         return [*_springs(s.content.get("springs", {})), *_effects(s.content)]
     if s.content:
-        stages = s.content.get("stages", [])
-        found = {n["name"]: _estimate(n) for one in stages for n in one.get("numbers", [])}
+        found = {n["name"]: _estimate(n) for n in s.content.get("parameters", [])}
         return list(found.values()) or _springs(s.content.get("springs", {}))
     u = _uncertainty(s)
     return [] if u is None else _described(u)
@@ -120,7 +119,7 @@ def _uncertainty(s: Source) -> CalibrationUncertainty | None:
 
 
 def _estimate(n: Mapping[str, Any]) -> Figure:
-    low, high = n["interval95"]
+    low, high = n["value_interval95"] or (None, None)
     sd = n.get("sd_of_variable")
     return Figure(
         n["name"],

@@ -9,7 +9,7 @@ from doe.absolute.missing.diagnose import FoundEffect, Look, Missing
 from doe.absolute.missing.evidence import NONE, UNKNOWN
 from fem.arm import Arm
 from robots.quantities import rounded
-from stiffarm.commands.calibrate.positions.payload import finding, predicted
+from stiffarm.commands.calibrate.positions import parameters_table, predicted
 
 SCHEMA = "stiffarm-positions-diagnosis/1"
 # Lines of each look that are written.
@@ -63,7 +63,7 @@ def effect(m: Missing, one: FoundEffect, *, sure: bool) -> dict[str, Any]:
         "log_evidence_gain": rounded(one.gain),
         "acts_rms_mm": rounded(1e3 * one.acts),
         "rivals": list(one.rivals),
-        "parameters": [finding(f) for f in told],
+        "parameters": parameters_table(told).rows(),
     }
 
 

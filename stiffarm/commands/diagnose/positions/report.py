@@ -8,7 +8,7 @@ from doe.absolute.identified import findings
 from doe.absolute.missing.diagnose import Missing
 from fem.arm import Arm
 from robots.quantities import percent
-from stiffarm.commands.calibrate.positions.tables import parameters_table
+from stiffarm.commands.calibrate.positions import parameters_table
 from stiffarm.commands.diagnose.positions import words
 from stiffarm.commands.diagnose.positions.payload import free
 from stiffarm.pages.blocks import Pictures
@@ -66,7 +66,7 @@ def _found(m: Missing, pictures: Pictures) -> Section:
         f for f in findings(m.after) if f.name in names and not f.name.split(".")[-1].startswith(("sin", "cos"))
     )
     if told:
-        blocks.append(parameters_table(told))
+        blocks.append(parameters_table(told).block())
     return Section("What is missing", tuple(blocks))
 
 
