@@ -72,7 +72,7 @@ def _new(_: Path) -> pd.DataFrame:
 
 def _positions(_: Path) -> pd.DataFrame:
     ur5 = EXAMPLES / "ur5"
-    return sa.calibrate_positions(sa.load(ur5 / "ur5.toml"), ur5 / "grid.csv", holdout=ur5 / "random.csv").to_frame()
+    return sa.calibrate(sa.load(ur5 / "ur5.toml"), ur5 / "grid.csv", holdout=ur5 / "random.csv").to_frame()
 
 
 FUNCTIONS: dict[str, Callable[[Path], object]] = {

@@ -12,14 +12,14 @@ import stiffarm as sa
 
 files = "docs/examples/ur5"
 arm = sa.load(f"{files}/ur5.toml")
-geometry = sa.calibrate_positions(arm, f"{files}/grid.csv", free=["geometry"])
-found = sa.calibrate_positions(arm, f"{files}/grid.csv", holdout=f"{files}/random.csv")
-print(geometry.title())
-print(found.title())
+geometry = sa.calibrate(arm, f"{files}/grid.csv", free=["geometry"])
+found = sa.calibrate(arm, f"{files}/grid.csv", holdout=f"{files}/random.csv")
+print(geometry.answer)
+print(found.answer)
 assert len(found.found.found.data) == 250
 assert len(found.found.holdout[1].error) == 20
 
-curve = found.curve("j1").dropna()
+curve = found.to_frame("curves").query("joint == 'j1'").dropna()
 low, high = (curve["error_mrad"] + sign * curve["half95_mrad"] for sign in (-1, 1))
 figure, ax = plt.subplots(layout="constrained")
 ax.fill_between(curve["angle_deg"], low, high, alpha=0.3, label="95 %")
@@ -30,7 +30,7 @@ ax.legend()
 # several times within half a milliradian.
 figure.savefig("how_accurate_is_it.png")
 
-held_out, before = found.holdout_rms_mm, found.before_rms_mm
+held_out, before = found.holdout_rms_mm, found["before_rms_mm"]
 print(f"Poses held out: {held_out:.3f} mm RMS; {before:.3f} mm by the data sheet")
 assert held_out < 0.75 * geometry.left_out_rms_mm < 0.2 * before
 assert not [p.name for p in found.parameters if "stiffness" in p.name and p.value]

@@ -22,7 +22,7 @@ models = {
 }
 rms_mm = []
 for free in models.values():
-    found = sa.calibrate_positions(arm, b, free=free, holdout=c)
+    found = sa.calibrate(arm, b, free=free, holdout=c)
     rms_mm.append([found.left_out_rms_mm, found.holdout_rms_mm])
 table = pd.DataFrame(rms_mm, index=list(models), columns=["folds in B", "series C"])
 print(table.round(3).to_string())

@@ -18,7 +18,7 @@ print(cal)
 
 # Picture: the 95 % intervals of four springs on a logarithmic axis. Those of joints 2
 # and 3 have two ends, those of joints 4 and 5 are open on the stiff side.
-cal.plot("which_springs.png")
+cal.plot(file="which_springs.png")
 
 j3 = cal["j3.stiffness"]
 half = 50 * (j3.interval95[1] - j3.interval95[0]) / j3.value

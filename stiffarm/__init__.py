@@ -8,6 +8,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.arm import Arm
+    from stiffarm.commands.calibrate.command import calibrate
+    from stiffarm.commands.calibrate.results import Calibration
     from stiffarm.commands.compare.command import Comparison, compare
     from stiffarm.commands.diagnose.command import diagnose
     from stiffarm.commands.diagnose.result import Diagnosis
@@ -26,9 +28,7 @@ if TYPE_CHECKING:
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.face.arms import load
-    from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
-    from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.shop import Placement, Posture, place, posture
@@ -54,7 +54,6 @@ __all__ = [
     "NewArm",
     "Placement",
     "Plan",
-    "PositionCalibration",
     "Posture",
     "Program",
     "Readings",
@@ -63,7 +62,6 @@ __all__ = [
     "Surrogate",
     "bundled",
     "calibrate",
-    "calibrate_positions",
     "check_kinematics",
     "compare",
     "convert_readings",
@@ -98,6 +96,8 @@ _MOVED = {
     "robots_bundled": 'stiffarm.robots().to_frame()["name"]',
     "power": "stiffarm.rehearse(arm, sheet)",
     "diagnose_positions": "stiffarm.diagnose(arm, positions)",
+    "PositionCalibration": "stiffarm.Calibration",
+    "calibrate_positions": "stiffarm.calibrate(arm, table)",
     "replay": "stiffarm.simulate(arm, data=readings)",
 }
 

@@ -15,7 +15,7 @@ from doe.certainty.combinations import groups
 from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 
-Status = Literal["determined", "one-sided", "not identified"]
+Status = Literal["determined", "one-sided", "at bound", "not identified"]
 # An unknown is identified where the readings leave less than this share of what was open before them.
 NARROWED = 0.3
 # A joint's error curve is, where they leave less than this share of its height open; so are unknowns whose size they

@@ -35,6 +35,8 @@ _WHAT: Final = (
     ("*run.json", "command, versions, hashes and timings"),
     ("*.json", "the figures, for other programs"),
     ("*next_readings.csv", "the sheet of set-ups to measure next"),
+    ("calibration.csv", "the parameters with their intervals"),
+    ("positions.csv", "the parameters with their intervals"),
     ("*parameters.csv", "the parameters with their intervals"),
     ("*.csv", "table"),
     ("*.xlsx", "table"),

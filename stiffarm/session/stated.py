@@ -153,5 +153,5 @@ def intervals_at(
 
 
 def interval_json(low: float, high: float) -> list[float | None] | None:
-    """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
-    return [rounded(low), rounded(high) if np.isfinite(high) else None] if np.isfinite(low) else None
+    """Ends for JSON: null where there is none, and for an interval of which nothing is known."""
+    return [rounded(low), rounded(high)] if np.isfinite(low) or np.isfinite(high) else None

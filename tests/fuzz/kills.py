@@ -38,7 +38,7 @@ SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGINT, signal
 # "{out}" is the folder of results, "{work}" one that stays between kills; a name's file must come out the same after
 # all the kills as without any.
 COMMANDS: dict[str, tuple[tuple[str, ...], str]] = {
-    "calibrate": (("calibrate", "xr701", "--scheme", "global", "--out", "{out}"), "parameters.csv"),
+    "calibrate": (("calibrate", "xr701", "--scheme", "global", "--out", "{out}"), "calibration.csv"),
     "map": (
         (
             "map",

@@ -38,7 +38,7 @@ RESULTS: tuple[dict[str, Any], ...] = (
         "effects": [{"code": "payload", "parameters": {"force": _NUMBER}}],
         "readings": 90,
     },
-    {"robot": "kr60-3", "scheme": "global", "rms_mm": 0.1, "stages": [{"numbers": [_FREE]}]},
+    {"robot": "kr60-3", "scheme": "global", "rms_mm": 0.1, "parameters": [_FREE]},
     {
         "schema": "stiffarm-placement/1",
         "robot": "tx200",

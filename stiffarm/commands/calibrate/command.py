@@ -1,197 +1,246 @@
-"""The command `calibrate`: the published scheme, or any numbers of the model."""
+"""The command `calibrate`: the published scheme, any parameters of the model, or a table of positions."""
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Literal, cast
 
-import typer
+import numpy as np
 
+from doe import Measurements
+from doe.estimation.campaign import Campaign, NoiseChoice, bundled_campaign, load_campaign
 from doe.tables.loaded import history_of
-from stiffarm.commands.calibrate import general as general_calibration
-from stiffarm.commands.calibrate import payload as calibration_payload
-from stiffarm.commands.calibrate import tables as calibration_tables
-from stiffarm.commands.calibrate.general import MOST_DRAWS, Options
-from stiffarm.session import inputs, parsing
-from stiffarm.session.console import say_notes
-from stiffarm.session.frame import command
-from stiffarm.session.options import (
-    ConfirmUnits,
-    Debug,
-    EffectFile,
-    Joints,
-    Json,
-    Links,
-    LoadPathOpt,
-    Loads,
-    ModelArg,
-    Out,
-    SchemeFile,
-    Seed,
-    Sets,
-    TablesArg,
+from fem.arm import Arm
+from meshes.array_cache import user_cache
+from robots import InputError, require_one_of
+from stiffarm.capability import capability
+from stiffarm.commands.calibrate import step
+from stiffarm.commands.calibrate.results import Calibration, of_deflections
+from stiffarm.commands.calibrate.step import springs_campaign
+from stiffarm.request import (
+    FILE,
+    LOADS,
+    NAMES,
+    READINGS,
+    Readings,
+    Request,
+    argument,
+    option,
+    readings_asked,
+    seed,
+    word,
 )
+from stiffarm.session import inputs, parsing, readings, steps
+from stiffarm.session.console import progress, say
 from stiffarm.session.reading_checks import history_notes
 from stiffarm.session.table_kinds import are_positions
+from stiffarm.session.words.loads import loads_words
 
-Free = Annotated[
-    str | None,
-    typer.Option(
-        "--free",
-        help="Parameters to identify, separated by commas, as in j2.stiffness,j3.rx,forearm.modulus; "
-        "replaces --joints.",
-    ),
-]
+MOST_DRAWS = 10_000
+# Options of one way to calibrate, which the others have no use for.
+OF_STAGED = ("spacing",)
+OF_GLOBAL = ("joints", "free", "campaign", "low", "high", "holdout", "bootstrap", "robust")
+NOT_OF_POSITIONS = ("spacing", "scheme", "joints", "campaign", "loads", "low", "high", "bootstrap", "scheme_file")
 
 
-def calibrate(
-    model: ModelArg,
-    data: TablesArg = None,
-    scheme: Annotated[
-        str | None,
-        typer.Option(
-            "--scheme",
-            help="Calibration scheme: staged (the published one) or global (all parameters at once). Default: "
-            "staged if a scheme is known for the robot.",
-        ),
-    ] = None,
-    joints: Joints = None,
-    free: Free = None,
-    campaign: Annotated[
-        Path | None,
-        typer.Option(
-            "--campaign", help="Campaign file (TOML): parameters to identify, their ranges, priors, laws and stages."
-        ),
-    ] = None,
-    effect: EffectFile = None,
-    loads: Loads = None,
-    spacing: Annotated[
-        str | None,
-        typer.Option(
-            "--spacing", help="Spacing of the factor levels in a staged calibration: log or linear. Default: log."
-        ),
-    ] = None,
-    low: Annotated[
-        float | None,
-        typer.Option(
-            help="Lower bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
-            "scheme's, otherwise that of arms of this size."
-        ),
-    ] = None,
-    high: Annotated[
-        float | None,
-        typer.Option(
-            help="Upper bound for joint stiffnesses in a global calibration, in N m/rad. Default: the "
-            "scheme's, otherwise that of arms of this size."
-        ),
-    ] = None,
-    holdout: Annotated[
-        Path | None,
-        typer.Option(
-            "--holdout",
-            help="Measurement table of other poses (CSV/XLSX), kept out of the calibration to test its prediction.",
-        ),
-    ] = None,
-    robust: Annotated[bool, typer.Option("--robust/--no-robust", help="Give outliers less weight.")] = True,
-    bootstrap: Annotated[
-        int,
-        typer.Option(
-            "--bootstrap",
-            help="Number of bootstrap samples of the poses (drawn with replacement); 0 for none.",
-            min=0,
-            max=MOST_DRAWS,
-        ),
-    ] = 0,
-    seed: Seed = 0,
-    confirm_units: ConfirmUnits = False,
-    scheme_file: SchemeFile = None,
-    links: Links = None,
-    load_path: LoadPathOpt = None,
-    sets: Sets = None,
-    out: Out = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CalibrateRequest(Request):
     """Identify parameters from measured deflections.
 
     Tables with x_mm, y_mm and z_mm hold absolute positions in a tracker's frame; --free then takes geometry, zeros,
     ratios, coupling, periodic, springs, tilts, base, rail, payload, or single parameters.
 
     Writes the calibrated model, the parameters with their intervals and a report into --out.
-    """
-    with command(out, as_json=as_json, debug=debug) as frame:
-        staged_only = {"--spacing": spacing}
-        global_only = {"--joints": joints, "--free": free, "--campaign": campaign, "--low": low, "--high": high}
-        global_only |= {"--holdout": holdout, "--bootstrap": bootstrap or None, "--no-robust": None if robust else ""}
-        parsing.parse_word("staged" if scheme is None else scheme, ("staged", "global"), "--scheme")
-        parsing.parse_word("log" if spacing is None else spacing, ("log", "linear"), "--spacing")
-        parsing.refuse_together({"--joints": joints, "--free": free, "--campaign": campaign})
-        parsing.refuse_together({"--campaign": campaign, "--low or --high": low or high})
-        chosen_loads = parsing.parse_loads(loads)
-        given = frame.model(model, links, load_path, effect=effect, sets=sets)
-        if are_positions(data):
-            from stiffarm.commands.calibrate.positions.run import calibrate_tables
 
-            refused = {
-                **staged_only,
-                "--scheme": scheme,
-                "--joints": joints,
-                "--campaign": campaign,
-                "--loads": loads,
-                "--low": low,
-                "--high": high,
-                "--bootstrap": bootstrap or None,
-                "--scheme-file": scheme_file,
-                "--effect": effect,
-            }
-            calibrate_tables(frame, given, data or (), refused, free=free, holdout=holdout, robust=robust, seed=seed)
-            return
-        table = frame.readings(given, data, confirm_units=confirm_units)
-        staged = general_calibration.is_staged(
-            scheme, given, scheme_file, named=free is not None or campaign is not None
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> cal = sa.calibrate("xr701", free=["j2.stiffness", "j3.stiffness"])
+    >>> cal["j2.stiffness"].status
+    'determined'
+    """
+
+    data: Sequence[Readings] = argument(
+        "One or more measurement tables (CSV/XLSX), combined. Pass a filled-in sheet together with the table it "
+        "extends. Default: the robot's bundled table, also available as `bundled`.",
+        READINGS,
+        metavar="DATA",
+        several=True,
+    )
+    scheme: Literal["staged", "global"] | None = option(
+        "Calibration scheme: staged (the published one) or global (all parameters at once). Default: staged if a "
+        "scheme is known for the robot.",
+        word(Literal["staged", "global"]),
+    )
+    joints: Sequence[str] | None = option(
+        "Joints, separated by commas, as in j2,j3. Default: the scheme's, otherwise all that matter.", NAMES
+    )
+    free: Sequence[str] | None = option(
+        "Parameters to identify, separated by commas, as in j2.stiffness,j3.rx,forearm.modulus; replaces --joints.",
+        NAMES,
+    )
+    campaign: Path | None = option(
+        "Campaign file (TOML): parameters to identify, their ranges, priors, laws and stages.", FILE
+    )
+    loads: Sequence[float] | float | None = option(
+        "Loads to use, in N, separated by commas, as in 150,650, or all. Default: the scheme's, otherwise all.", LOADS
+    )
+    spacing: Literal["log", "linear"] | None = option(
+        "Spacing of the factor levels in a staged calibration: log or linear. Default: log.",
+        word(Literal["log", "linear"]),
+    )
+    low: float | None = option(
+        "Lower bound for joint stiffnesses in a global calibration, in N m/rad. Default: the scheme's, otherwise that "
+        "of arms of this size."
+    )
+    high: float | None = option(
+        "Upper bound for joint stiffnesses in a global calibration, in N m/rad. Default: the scheme's, otherwise that "
+        "of arms of this size."
+    )
+    holdout: Readings | None = option(
+        "Measurement table of other poses (CSV/XLSX), kept out of the calibration to test its prediction.", READINGS
+    )
+    robust: bool = option("Give outliers less weight.", default=True)
+    bootstrap: int = option(
+        "Number of bootstrap samples of the poses (drawn with replacement); 0 for none.",
+        default=0,
+        least=0,
+        most=MOST_DRAWS,
+    )
+    seed: int = seed()
+    confirm_units: bool = option(
+        "Accept the table although its values look like other units; use it after checking them.", default=False
+    )
+    scheme_file: Path | None = option("Calibration scheme (TOML). Default: the robot's bundled scheme.", FILE)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        parsing.refuse_together({"--joints": self.joints, "--free": self.free, "--campaign": self.campaign})
+        parsing.refuse_together({"--campaign": self.campaign, "--low or --high": self.low or self.high})
+        if isinstance(self.holdout, Path) and not self.holdout.is_file():
+            raise InputError(
+                "--holdout",
+                code="A007",
+                value=str(self.holdout),
+                allowed="an existing file",
+                remedy="check the path",
+            )
+
+    def refuse(self, names: Sequence[str], what: str, remedy: str) -> None:
+        """Refuse those of these options that were given.
+
+        Raises
+        ------
+        InputError
+            One of them was.
+        """
+        if given := self.given(*names):
+            raise InputError(f"{', '.join(given)}: no option {what}", code="A002", remedy=remedy)
+
+
+def answer(given: Arm, asked: CalibrateRequest) -> Calibration:
+    """What the readings say of the parameters, and the calibrated arm."""
+    if are_positions(asked.data):
+        from stiffarm.commands.calibrate.positions import of_positions
+
+        asked.refuse(NOT_OF_POSITIONS, "for tables of positions", "leave it out")
+        return of_positions(given, asked.data, asked.free, asked.holdout, robust=asked.robust, seed=asked.seed)
+    table = readings_asked(given, asked.data, confirm_units=asked.confirm_units)
+    staged = is_staged(given, asked)
+    notes = list(table.notes)
+    if staged:
+        inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
+        asked.refuse(OF_GLOBAL, "of --scheme staged", "give --scheme global")
+    else:
+        asked.refuse(OF_STAGED, "of --scheme global", "give --scheme staged, or leave it out")
+        if given.description.effect:
+            notes.append(f"with effects: {', '.join(described.code for described in given.description.effect)}")
+            notes += history_notes(given.effects, history_of(table))
+    request = plan(given, table, asked, staged=staged)
+    held = None
+    if asked.holdout is not None:
+        held = readings_asked(given, asked.holdout, confirm_units=asked.confirm_units)
+        notes += [f"{held.source}: {note}" for note in held.notes]
+    say(f"loads used: {loads_words(request.loads or table.levels_N)}")
+    with progress("poses left out, draws") as bar:
+        found = step.calibrate(given, table, request, holdout=held, store=user_cache(), say=say, count=bar)
+    return of_deflections(given, found, notes, diagnose_command(asked))
+
+
+def diagnose_command(asked: CalibrateRequest) -> str:
+    """How to ask the same readings what is missing."""
+    files = [str(one) if isinstance(one, Path) else "DATA" for one in asked.data]
+    loads = ["--loads", ",".join(f"{v:g}" for v in cast("Sequence[float]", asked.loads))] if asked.loads else []
+    confirmed = ["--confirm-units"] if asked.confirm_units else []
+    return shlex.join(["stiffarm", "diagnose", "MODEL", *files, *loads, *confirmed])
+
+
+def is_staged(given: Arm, asked: CalibrateRequest) -> bool:
+    """The published scheme where one is known and nothing says otherwise."""
+    if asked.scheme is not None:
+        return asked.scheme == "staged"
+    if asked.free is not None or asked.campaign is not None or given.description.effect:
+        return False
+    return asked.scheme_file is not None or bundled_campaign(given.robot.name) is not None
+
+
+def plan(given: Arm, table: Measurements, asked: CalibrateRequest, *, staged: bool) -> step.Request:
+    """The campaign of a file, or of the parameters named; bounds and gauge are the scheme's where there is one.
+
+    The scheme is the one given, or the bundled one of the bundled readings.
+    """
+    scheme: Campaign | None = None
+    if staged or asked.scheme_file is not None:
+        scheme = readings.read_scheme(given.robot, asked.scheme_file)
+    elif steps.is_bundled(given.robot, table):
+        scheme = bundled_campaign(given.robot.name)
+    expected: tuple[float, float] | None = None
+    if staged and scheme is not None:
+        campaign, expected = scheme, scheme.springs.ends
+    elif asked.campaign is not None:
+        campaign = load_campaign(asked.campaign)
+    else:
+        campaign, expected = _at_once(given, table, scheme, asked)
+    if not asked.robust:
+        campaign = campaign.model_copy(update={"noise": campaign.noise.model_copy(update={"robust": False})})
+    loads = cast("tuple[float, ...] | None", asked.loads)
+    return step.Request(
+        campaign,
+        campaign.loads_N if loads is None else loads,
+        expected,
+        asked.bootstrap,
+        asked.seed,
+        asked.spacing or "log",
+    )
+
+
+def _at_once(
+    given: Arm, table: Measurements, scheme: Campaign | None, asked: CalibrateRequest
+) -> tuple[Campaign, tuple[float, float]]:
+    joints = tuple(asked.joints or ())
+    for joint in joints:
+        require_one_of("--joints", joint, given.robot.joint_names, code="A001", remedy="choose from these")
+    usual, gauge = steps.usual_springs(given, joints), steps.DEFAULT_GAUGE_mm
+    if scheme is not None:
+        usual, gauge = scheme.springs.ends, scheme.noise.gauge_mm
+        joints = joints or (scheme.compare.constant.joints if scheme.compare is not None else ())
+    low, high = usual[0] if asked.low is None else asked.low, usual[1] if asked.high is None else asked.high
+    if not (0.0 < low < high and np.isfinite(high)):
+        raise InputError(
+            "--low, --high",
+            code="M002",
+            value=f"{low:g}, {high:g}",
+            allowed="0 < low < high, finite, N m/rad",
+            remedy="give the range in which the springs are expected; it is widened where the data ask for it",
         )
-        if staged:
-            inputs.refuse_effects(given, "the staged scheme", "give --scheme global, which takes them in")
-        elif given.description.effect:
-            codes = ", ".join(described.code for described in given.description.effect)
-            say_notes((f"with effects: {codes}", *history_notes(given.effects, history_of(table))))
-        if staged:
-            parsing.refuse_given(global_only, "no option of --scheme staged", "give --scheme global")
-        else:
-            remedy = "give --scheme staged, or leave it out"
-            parsing.refuse_given(staged_only, "no option of --scheme global", remedy)
-        frame.reads(scheme_file=scheme_file, campaign=campaign)
-        names = parsing.parse_names(joints, given.robot.joint_names, "--joints")
-        plan = general_calibration.plan_of(given, table, scheme_file, staged=staged)
-        options = Options(
-            names,
-            parsing.parse_names(free, None, "--free"),
-            campaign,
-            chosen_loads,
-            low,
-            high,
-            staged,
-            spacing or "log",
-            robust,
-            bootstrap,
-            seed,
-            parsing.typed_again(
-                "stiffarm diagnose",
-                (model, *(data or ())),
-                {
-                    "--effect": effect,
-                    "--loads": loads,
-                    "--links": links,
-                    "--load-path": load_path,
-                    "--set": sets,
-                    "--confirm-units": confirm_units,
-                },
-            ),
-        )
-        kept = frame.held_out(given, holdout, confirm_units=confirm_units)
-        with frame.folder_if(seed if bootstrap else None) as folder:
-            found = general_calibration.run(given, table, plan, options, kept)
-            content = calibration_payload.calibration(found)
-            if folder is not None:
-                general_calibration.write(found, content, folder)
-        frame.answer(content, lambda: calibration_tables.show(found))
+    free = None if asked.free is None else tuple(asked.free)
+    seen = joints or (() if free else steps.springs_seen(given, table))
+    campaign = springs_campaign(given.robot.name, seen, free, (low, high), NoiseChoice(gauge_mm=gauge))
+    loads = () if scheme is None else scheme.loads_N
+    return campaign.model_copy(update={"loads_N": loads}), (low, high)
+
+
+calibrate = capability("calibrate", CalibrateRequest, answer, own_effects=True)

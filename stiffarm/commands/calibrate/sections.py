@@ -1,26 +1,25 @@
-"""The report's sections on studies pose by pose, and on a stage: its numbers, what is told, noise, residuals."""
+"""What the page of a calibration says besides its tables: what is identified, scatter, prediction, readings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from doe.calibration.laws import study_curves
 from doe.certainty.identifiability import correlations
 from doe.certainty.lack_of_fit import outliers
-from doe.tables.loaded import spring_parts
-from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
+from doe.tables.joined import files_of
+from doe.tables.loaded import rms_mm, spring_parts
+from robots.arrays import Array, Integers
+from robots.quantities import significant
+from stiffarm.commands.calibrate import tables, words
 from stiffarm.commands.calibrate.figures.laws import laws_figure
-from stiffarm.commands.calibrate.figures.residuals import checks_figure, residuals_figure
-from stiffarm.commands.calibrate.laws import curves, study_curves
-from stiffarm.commands.calibrate.payload import QUANTILES, bootstrap
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.commands.calibrate.tables import numbers_table, outlier_lines, studies_table
 from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Bullets, Fold, Note, Picture, Section, Table, Text
+from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.words.directions import direction_words
+from stiffarm.session.words.loads import loads_words
 from stiffarm.session.words.noise import scatter_name
 
 _BLIND = 1e-9
@@ -33,104 +32,46 @@ MOST_GROUPS = 12
 _AXES = ("X", "Y", "Z", "about X", "about Y", "about Z")
 
 
-def stage_section(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str) -> list[Section]:
-    """Sections of one stage; ``suffix`` keeps the pictures of stages apart."""
-    of = "" if not suffix else f", stage {s.result.stage.name}"
+def stage_sections(c: Calibrated, s: StageFindings) -> list[Section]:
+    """Sections of one stage."""
+    of = f", stage {s.result.stage.name}" if len(c.stages) > 1 else ""
+    r, told = s.result, told_blocks(c, s)
+    if (pairs := _moves_together(s)) is not None:
+        told.append(pairs)
+    if r.study is not None:
+        told.insert(0, Text(f"A parametric study: {r.study.runs} runs in {r.study.rounds} rounds of finer levels."))
+    scatter = scatter_name(r.estimate.problem)
     return [
-        _numbers(s, pictures, suffix, of),
-        _told(c, s, of),
-        _noise(c, s, of),
-        _residuals(c, s, pictures, suffix, of),
+        Section(f"What these readings can and cannot identify{of}", tuple(told)),
+        Section(f"{scatter[0].upper()}{scatter[1:]}, and whether the model holds{of}", tuple(_noise(c, s))),
+        Section(f"Outliers{of}", tuple(_outliers(c, s))),
     ]
 
 
 def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
     """Table, laws and remarks of the studies pose by pose of a calibration."""
-    path = c.model.load_path
-    caption = (
-        f"{path.capitalize()} load path: regression of each spring over its angles. Filled points were calibrated, "
-        "hollow ones mirrored, grey ones held at the start value during an earlier stage. Strokes and band: what would "
-        "match the readings as well, to within the gauge, with the other springs of the stage free; a law with a point "
-        "that nothing matches has no band."
-    )
     figure = laws_figure(study_curves(c.found.studies, c.model.robot))
-    blocks: list[Block] = [studies_table(c), pictures.add(figure, f"springs_against_angle_{path}", caption)]
+    picture = pictures.add(figure, f"springs_against_angle_{c.model.load_path}", words.STUDIES)
+    blocks: list[Block] = [tables.springs_at_poses(c).block(), picture]
     return [*blocks, Bullets(c.remarks)] if c.remarks else blocks
-
-
-def _numbers(s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
-    caption = "95 % intervals. A parameter without a marker stands at its bound: it has no value."
-    blocks: list[Block] = [
-        pictures.add(intervals_figure({"": s.result.certainty.estimates}), f"intervals{suffix}", caption),
-        _folded_if_long(numbers_table(s)),
-    ]
-    if s.result.study is not None:
-        study = s.result.study
-        blocks.insert(0, Text(f"A parametric study: {study.runs} runs in {study.rounds} rounds of finer levels."))
-    if s.result.laws:
-        blocks.append(_laws(s, pictures, suffix))
-    if s.drawn is not None:
-        blocks.append(_bootstrap(s))
-    return Section(f"What was found{of}", tuple(blocks))
-
-
-def _folded_if_long(table: Table) -> Table:
-    return replace(table, folded=len(table.rows) > MOST_GROUPS)
-
-
-def _laws(s: StageFindings, pictures: Pictures, suffix: str) -> Picture:
-    return pictures.add(
-        laws_figure(curves(s.result)),
-        f"laws{suffix}",
-        "Springs over their angles with pointwise 95 % bands; circles: angles read. Dashed: beyond them nothing was "
-        "read, and the law goes on as its kind and the prior that keeps it flat say.",
-    )
-
-
-def _bootstrap(s: StageFindings) -> Table:
-    drawn, rows = bootstrap(s), []
-    for e in s.result.certainty.estimates:
-        one, (factor, unit) = drawn[e.parameter.name], words.shown_unit(e.parameter)
-        cells = ["not identified"] * len(QUANTILES)
-        if one is not None:
-            cells = ["at a bound" if v is None else f"{v * factor:.3g}" for v in one["values"]]
-        rows.append((e.parameter.name, *cells, unit))
-    heads = tuple(f"{q * 100:g} %" for q in QUANTILES)
-    return Table(
-        f"Bootstrap: quantiles of {drawn['draws_that_tell']} draws of poses with replacement",
-        ("number", *heads, "unit"),
-        tuple(rows),
-        folded=True,
-    )
-
-
-def _told(c: Calibrated, s: StageFindings, of: str) -> Section:
-    pairs = _moves_together(s)
-    blocks = [*told_blocks(c, s), *([] if pairs is None else [pairs])]
-    return Section(f"What these readings can and cannot tell{of}", tuple(blocks))
 
 
 def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:
     """Which parameters the readings of a stage determine, which not, and what would help."""
     r = s.result
-    blocks: list[Block] = [Bullets((*words.told_and_untold(r.certainty.estimates), *_held(c)))]
+    blocks: list[Block] = [Bullets((*words.identified_text(r.certainty.estimates), *_held(c)))]
     if r.trade_offs:
-        first = r.trade_offs[:FEW_LINES] if sum(len(t.words) for t in r.trade_offs[:FEW_LINES]) < MOST_LETTERS else ()
-        blocks.append(Note(f"Some parameters are seen only together, in {len(r.trade_offs)} groups."))
-        blocks += _with_rest(
-            "Groups of parameters that are seen only together", [t.words for t in r.trade_offs], len(first)
-        )
+        texts = tuple(t.words for t in r.trade_offs)
+        blocks.append(Note(f"Some parameters are seen only together, in {len(texts)} groups."))
+        if sum(map(len, texts[:FEW_LINES])) < MOST_LETTERS:
+            blocks.append(Bullets(texts[:FEW_LINES]))
+        if len(texts) > FEW_LINES or len(blocks) < 3:
+            blocks.append(Fold("Groups of parameters that are seen only together", (Bullets(texts),)))
     if r.unseen:
         blocks.append(Text(f"No reading depends on {', '.join(r.unseen)}; other loads, directions or poses may."))
     if any(e.status != "determined" for e in r.certainty.estimates):
         blocks.append(Text("`stiffarm plan` chooses the poses, loads and directions that identify the rest best."))
     return blocks
-
-
-def _with_rest(title: str, lines: Sequence[str], few: int) -> list[Block]:
-    """The first few lines, and under a title all of them where there are more."""
-    shown: list[Block] = [Bullets(tuple(lines[:few]))] if few else []
-    return [*shown, Fold(title, (Bullets(tuple(lines)),))] if len(lines) > few else shown
 
 
 def _held(c: Calibrated) -> list[str]:
@@ -177,72 +118,27 @@ def _moves_together(s: StageFindings) -> Block | None:
     )
 
 
-def _noise(c: Calibrated, s: StageFindings, of: str) -> Section:
-    r = s.result
-    gauge = c.request.campaign.noise.gauge_mm
-    judged, why = words.verdict(r, gauge)
-    heading = {"refuted": "The model is refuted. ", "not refuted": "", "not testable": ""}[judged]
+def _noise(c: Calibrated, s: StageFindings) -> list[Block]:
+    r, test = s.result, s.result.lack_of_fit
+    judged, why = words.verdict(r, c.request.campaign.noise.gauge_mm)
+    parts = tuple(words.noise_parts(r.estimate.noise, r.estimate.problem))
     blocks: list[Block] = [
-        Table(
-            "Standard deviations found",
-            ("scatter of", "size"),
-            tuple(words.noise_parts(r.estimate.noise, r.estimate.problem)),
-            text_columns=(0,),
-        ),
+        Table("Standard deviations found", ("scatter of", "size"), parts, text_columns=(0,)),
         Text(words.setups_text(r, s.independent)),
-        Note(why) if heading else Text(why),
-        Text(_chi_square(s)),
+        Note(why) if judged == "refuted" else Text(why),
     ]
-    scatter = scatter_name(r.estimate.problem)
-    return Section(
-        f"{scatter[0].upper()}{scatter[1:]}, and whether the model holds{of}", tuple(b for b in blocks if not _empty(b))
-    )
+    if test.chi_dof > 0:
+        close = " (close to one another by construction, for it was estimated from the same residuals)"
+        blocks.append(
+            Text(
+                f"Chi-square of the residuals against this scatter: {significant(test.chi_square)} on {test.chi_dof} "
+                f"degrees of freedom{close if np.isnan(r.estimate.problem.sigma).any() else ''}."
+            )
+        )
+    return blocks
 
 
-def _empty(block: Block) -> bool:
-    return isinstance(block, Text) and not block.text
-
-
-def _chi_square(s: StageFindings) -> str:
-    test = s.result.lack_of_fit
-    if test.chi_dof <= 0:
-        return ""
-    free = np.isnan(s.result.estimate.problem.sigma).any()
-    return (
-        f"Chi-square of the residuals against this scatter: {test.chi_square:.3g} on {test.chi_dof} degrees of freedom"
-        + (" (close to one another by construction, for it was estimated from the same residuals)." if free else ".")
-    )
-
-
-def _residuals(c: Calibrated, s: StageFindings, pictures: Pictures, suffix: str, of: str) -> Section:
-    e = s.result.estimate
-    p = e.problem
-    flagged = np.zeros(len(p), dtype=np.bool_)
-    flagged[outliers(e)] = True
-    sd = e.noise.spread(p, e.prediction)
-    blocks: list[Block] = []
-    checks: list[Block] = []
-    for kind, unit, name in ((False, "mm", ""), (True, "mrad", "_rotations")):
-        mine = (p.component >= 3) == kind
-        if not mine.any():
-            continue
-        groups = {n: [labels[k] for k in np.flatnonzero(mine)] for n, labels in _groups(s).items()}
-        groups = {n: labels for n, labels in groups.items() if n == "pose" or len(set(labels)) > 1}
-        loads = s.loads_N[mine] if "load" not in groups and np.ptp(s.loads_N[mine]) > 0.0 else None
-        figure = residuals_figure(e.residual[mine] * 1e3, unit, groups, flagged[mine], sd[mine] * 1e3, loads)
-        caption = "Residuals; the band is twice their standard deviation, black bars are means, diamonds outliers "
-        caption += "(triangles: beyond the axis). "
-        caption += "A pattern over poses, loads or directions is something the model lacks."
-        blocks.append(pictures.add(figure, f"residuals{name}{suffix}", caption))
-        measured, predicted = p.value[mine] * 1e3, e.prediction[mine] * 1e3
-        figure = checks_figure(predicted, measured, e.own[mine], unit, flagged[mine])
-        caption = "Measured against predicted; residuals against predicted; standardised residuals on a normal law."
-        checks.append(pictures.add(figure, f"checks{name}{suffix}", caption))
-    more = Fold("Measured against predicted, and the distribution of residuals", tuple(checks))
-    return Section(f"Residuals and outliers{of}", (*_outliers(c, s), *blocks, more))
-
-
-def _groups(s: StageFindings) -> dict[str, list[str]]:
+def residual_groups(s: StageFindings) -> dict[str, list[str]]:
     """Labels of each component read, by what it may depend on."""
     p = s.result.estimate.problem
     force = p.free.at.wrench[p.row, :3]
@@ -261,17 +157,96 @@ def _groups(s: StageFindings) -> dict[str, list[str]]:
 
 
 def _outliers(c: Calibrated, s: StageFindings) -> list[Block]:
-    lines = outlier_lines(s)
     e = s.result.estimate
-    lost = int(np.sum(e.weight < 1.0))
+    count, lost = len(outliers(e)), int(np.sum(e.weight < 1.0))
     if not c.request.campaign.noise.robust:
-        return [Text("Outliers kept full weight, as asked."), Bullets(tuple(lines))] if lines else []
-    if not lines:
+        return [Text("Outliers kept full weight, as asked.")] if count else []
+    if not count:
         some = f" {lost} of {len(e.problem)} lost some weight." if lost else ""
         return [Text(f"No reading stands out by more than 4 of its standard deviations.{some}")]
-    out: list[Block] = [
-        Note(f"{len(lines)} of {len(e.problem)} readings stand out and lost weight. Look at them at the robot:"),
-        *_with_rest("All readings that stand out", lines, FEW_LINES),
-    ]
     moved = words.full_weight_text(s.result, s.full_weight)
-    return [*out, Text(moved)] if moved else out
+    return [Note(f"{count} of {len(e.problem)} readings stand out and lost weight. {moved}".rstrip())]
+
+
+def last_sections(c: Calibrated) -> list[Section]:
+    """How well it predicts, what was read, and how it was done."""
+    return [_predictions(c), _readings(c), _ORIGIN]
+
+
+def _predictions(c: Calibrated) -> Section:
+    blocks: list[Block] = [
+        Text(
+            f"Each pose predicted by a calibration that has not seen it: RMS {words.mm(c.left_out_rms_mm)}, "
+            f"against {words.mm(c.found.rms_mm)} in the fit."
+        )
+    ]
+    if c.coverage.readings:
+        blocks.append(Text(words.INTERVAL))
+    h = c.holdout
+    if h is not None:
+        scatter = scatter_name(c.found.stages[-1].estimate.problem) if c.found.stages else "scatter"
+        expected = float(np.sqrt(np.mean(h.expected[h.system.component < 3] ** 2))) * 1e3
+        blocks.append(
+            Text(
+                f"{len(h.system)} readings of {h.data.source}, none of whose poses was used: RMS {words.mm(h.rms_mm)}. "
+                f"The scatter found ({scatter}) would give {words.mm(expected)} by itself."
+            )
+        )
+    reasons = [f"pose {label}, left out: {why}" for label, why in c.skipped.items()]
+    reasons += [f"pose {label}, held out: {why}" for label, why in (h.blind if h is not None else {}).items()]
+    if reasons:
+        text = "Some poses are not predicted, for the rest of the readings cannot tell:"
+        blocks += [Note(text), Bullets(tuple(reasons))]
+    return Section("Prediction", tuple(blocks))
+
+
+def errors_by_pose(c: Calibrated) -> dict[str, dict[str, float]]:
+    """RMS errors in mm by pose: fitted, left out and held out."""
+    system = c.found.overall
+    errors = {"fitted": _by_pose(c.found.residual, system.pose, system.component, system.poses)}
+    if np.isfinite(c.left_out_rms_mm):
+        errors["left out"] = _by_pose(c.left_out, system.pose, system.component, system.poses)
+    if c.holdout is not None:
+        h = c.holdout
+        # Labels of the two tables may be the same for different poses.
+        labels = [f"{label} (held out)" for label in h.system.poses]
+        errors["held out"] = _by_pose(h.error, h.system.pose, h.system.component, labels)
+    return errors
+
+
+def _by_pose(error: Array, pose: Integers, component: Integers, labels: Sequence[str]) -> dict[str, float]:
+    known = ~np.isnan(error)
+    return {label: rms_mm(error[(pose == k) & known], component[(pose == k) & known]) for k, label in enumerate(labels)}
+
+
+def _readings(c: Calibrated) -> Section:
+    data = c.data
+    names = np.array(["X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z"])
+    read = ", ".join(names[data.used.any(axis=0)])
+    repeats = len(c.found.overall) - len(np.unique(c.found.overall.replicate))
+    text = (
+        f"{data.n} readings at {len(data.pose_groups())} poses under {loads_words(data.levels_N)}; read were {read}. "
+        f"{repeats if repeats else 'None'} of the {len(c.found.overall)} numbers read "
+        f"{'is a repeat' if repeats == 1 else 'are repeats'} of another."
+    )
+    blocks: list[Block] = [Text(text)]
+    files = files_of(data)
+    if files is not None:
+        poses = {name: {p for p, file in zip(data.pose, files, strict=True) if file == name} for name in files}
+        rows = [(name, str(files.count(name)), ", ".join(sorted(poses[name]))) for name in dict.fromkeys(files)]
+        blocks.append(Table("Tables, as one", ("table", "readings", "poses"), tuple(rows), text_columns=(0, 2)))
+    return Section("The readings", tuple(blocks))
+
+
+_ORIGIN = Section(
+    "How it was done",
+    (
+        Text(
+            "Compliances enter deflections linearly, so for given noise the optimum over stiffnesses is global. "
+            "Intervals are those of the profile likelihood where the parabola would not do; the scatter is estimated "
+            "by restricted likelihood, and without repeats it is what the model leaves, noise or not. The calibrated "
+            "model is model.toml; every number there says where it came from."
+        ),
+    ),
+    folded=True,
+)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from doe import Measurements, select_loads
+from doe.calibration.prediction import Holdout, held_out, left_out
 from doe.calibration.run import (
     Calibration,
     StageResult,
@@ -38,7 +39,6 @@ from robots import InputError, ModelDescription
 from robots.arrays import Array
 from robots.progress import Progress
 from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.prediction import Holdout, held_out, left_out
 from stiffarm.session.reading_checks import reading_doubts, refuse_useless
 
 
@@ -47,8 +47,7 @@ class Request:
     """What is asked of a calibration.
 
     ``loads`` N, empty for all; ``expected`` N m/rad: where joint springs are expected, to be said when they are
-    not; ``bootstrap``: how often to draw poses with replacement; ``spacing`` of the levels of studies pose by pose;
-    ``diagnose``: how to ask what is missing, the same table and model given.
+    not; ``bootstrap``: how often to draw poses with replacement; ``spacing`` of the levels of studies pose by pose.
     """
 
     campaign: Campaign
@@ -57,7 +56,6 @@ class Request:
     bootstrap: int = 0
     seed: int = 0
     spacing: str = "log"
-    diagnose: str = "stiffarm diagnose"
 
 
 @dataclass(frozen=True)
@@ -261,10 +259,10 @@ def _doubts(stage: StageResult, used: Measurements, history: History, place: str
     by_rows = not np.isfinite(then.clock).all()
     moved = drift(e, (order_of_rows(read.q) if by_rows else then.clock)[e.problem.row], floor)
     if moved is None or moved.p_value >= LEVEL:
-        said = words.unexplained_doubts(unexplained(e, down, floor[0]), request.diagnose)
+        said = words.unexplained_doubts(unexplained(e, down, floor[0]))
     else:
         left = unexplained(e, down, floor[0], moved.size)
-        said = [words.drift_doubt(stage, moved, by_rows), *words.unexplained_doubts(left, request.diagnose)]
+        said = [words.drift_doubt(stage, moved, by_rows), *words.unexplained_doubts(left)]
     return [replace(one, words=place + one.words) for one in said]
 
 

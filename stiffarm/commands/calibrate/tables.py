@@ -1,143 +1,232 @@
-"""Tables of a calibration, for its page and for the screen, and what `calibrate` shows there."""
+"""Tables of a calibration: its parameters, readings, outliers, and springs at single poses."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
 import numpy as np
 
-from doe.certainty.doubts import CODES
-from doe.certainty.lack_of_fit import FLAGGED, outliers
-from doe.published.parametric import PoseFit
-from doe.published.pose_studies import IDENTIFIED_WITHIN
-from doe.tables.columns import COMPONENTS
+from doe.calibration.prediction import Holdout
+from doe.certainty.lack_of_fit import outliers
+from doe.certainty.uncertainty import ParameterEstimate
+from doe.estimation.estimate import Estimate
+from doe.tables.columns import DISPLACEMENTS
 from doe.tables.joined import files_of
 from doe.tables.loaded import rms_mm
+from robots.arrays import Array
+from robots.quantities import Quantity, length, rounded
 from stiffarm.commands.calibrate import words
-from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.pages.report import Table
-from stiffarm.session.console import say, say_notes
-from stiffarm.session.words.noise import scatter_name
-from stiffarm.session.words.springs import mega
+from stiffarm.result import Number, Table
+from stiffarm.session.console import say
+
+VALUE, BEFORE = Quantity("value", label="value", digits=3), Quantity("before", label="the model had", digits=3)
+SPRING: Final = Quantity("stiffness", "N m/rad", digits=3)
+ERROR: Final = length("error")
+LOAD: Final = Quantity("load", "N")
+# Of translations in mm, of rotations in mrad.
+MEASURED, PREDICTED, LEFT_OUT, HALF = (
+    Quantity(key, "", 1e3, label, 3)
+    for key, label in (
+        ("measured", "measured, mm or mrad"),
+        ("simulated", "simulated"),
+        ("left_out_error", "error where its pose is left out"),
+        ("left_out_half_width95", "half width of its 95 % interval"),
+    )
+)
+QUANTILES: Final = {Quantity("low95"): 0.025, Quantity("median"): 0.5, Quantity("high95"): 0.975}
+AT_BOUND: Final = Quantity("share_at_bound", "", 1.0, "share at a bound", 3, 3)
+RMS, EXPECTED = length("rms", "RMS"), length("noise", "the scatter alone")
+POSES_OUT: Final = length("left_one_pose_out_rms", "RMS at poses left out")
+RESIDUAL: Final = length("residual_sd", "standard deviation of a residual")
+# A value this close to an end of its range (relative) stands there.
+_AT_END: Final = 1e-3
 
 
-def show(c: Calibrated) -> None:
-    """Parameters of each stage, noise, outliers, remarks and how good the result predicts."""
-    say_doubts(c)
-    if c.found.studies:
-        studies_table(c).show()
-    for s in c.stages:
-        numbers_table(s).show()
-        for name, size in words.noise_parts(s.result.estimate.noise, s.result.estimate.problem):
-            say(f"{scatter_name(s.result.estimate.problem)}, {name}: {size}")
-        for text in outlier_lines(s):
-            say(f"outlier: {text}")
-    say_notes(c.remarks[len(c.doubts) :])
-    say_errors(c)
-    if c.holdout is not None:
-        _show_holdout(c.holdout, c)
+def tables_of(c: Calibrated) -> tuple[Table, ...]:
+    """All of them, those that are not empty."""
+    return (
+        *([parameters(c)] if c.found.stages else []),
+        *([springs_at_poses(c)] if c.found.studies else []),
+        *(bootstrap(s) for s in c.stages if s.drawn is not None),
+        *outlier_tables(c),
+        *([held_out(c.holdout)] if c.holdout is not None else []),
+        readings(c),
+    )
+
+
+def numbers_of(c: Calibrated) -> dict[Quantity, Number]:
+    """Its single numbers."""
+    out = {RMS: Number(1e-3 * c.found.rms_mm), POSES_OUT: Number(1e-3 * c.left_out_rms_mm)}
+    return out | ({RESIDUAL: Number(c.found.stages[-1].estimate.noise.white[0])} if c.found.stages else {})
+
+
+def parameters(c: Calibrated) -> Table:
+    """Every parameter with its interval; no value where it stands at a bound or is not identified."""
+    every = [(s.stage.name, e) for s in c.found.stages for e in s.certainty.estimates]
+    some = [e for _, e in every]
+    ends = np.array([e.interval for e in some]).reshape(-1, 2)
+    return Table(
+        "parameters",
+        f"{len(some)} parameters on {len(c.found.overall)} readings",
+        {
+            **({"stage": [name for name, _ in every]} if len(c.found.stages) > 1 else {}),
+            "name": [e.parameter.name for e in some],
+            "unit": [e.parameter.unit for e in some],
+            "status": [e.status for e in some],
+            "bound": [words.bound_of(e) or "" for e in some],
+        },
+        {VALUE: np.array([e.value if words.known(e) else np.nan for e in some])},
+        {VALUE: (ends[:, 0], ends[:, 1])},
+        {BEFORE: np.array([e.parameter.value for e in some])},
+        {key: [extra[key] for extra in map(_extra, some)] for key in _extra(some[0])} if some else {},
+    )
+
+
+def _extra(e: ParameterEstimate) -> dict[str, Any]:
+    p = e.parameter
+    return {
+        "variable": {"compliance": "1/value", "log": "ln value", "linear": "value"}[p.scale],
+        "sd_of_variable": rounded(e.sd),
+        "degrees_of_freedom": rounded(e.degrees_of_freedom),
+        "range": [rounded(p.lower), rounded(p.upper)],
+        "prior": None if p.prior is None else {"mean": rounded(p.prior[0]), "sd": rounded(p.prior[1])},
+    }
+
+
+def springs_at_poses(c: Calibrated) -> Table:
+    """Springs that were found pose by pose, and what would match the readings as well."""
+    every = [
+        (s.stage.name, fit, joint, k, ends)
+        for s in c.found.studies
+        for fit in s.fits
+        for joint, k, ends in zip(fit.joints, fit.stiffness, fit.equivalent, strict=True)
+    ]
+    ends = np.array([one[4] for one in every])
+    fits = [one[1] for one in every]
+    return Table(
+        "studies",
+        "Springs at single poses; in brackets what would match the readings as well",
+        {
+            "stage": [one[0] for one in every],
+            "pose": [fit.pose for fit in fits],
+            "joint": [one[2] for one in every],
+            "matched": [fit.matched for fit in fits],
+        },
+        {
+            SPRING: np.array([one[3] for one in every]),
+            ERROR: 1e-3 * np.array([fit.error_mm for fit in fits]),
+        },
+        {SPRING: (ends[:, 0], ends[:, 1])},
+        {Quantity(what): np.array([getattr(fit, what) for fit in fits], dtype=float) for what in ("runs", "rounds")},
+    )
+
+
+def _where(c: Calibrated, s: StageFindings | None, rows: Sequence[int]) -> dict[str, list[str | bool]]:
+    """Stage, file, line, pose and component of components read."""
+    read = c.data if s is None else s.read
+    p, files = (c.found.overall if s is None else s.result.estimate.problem), files_of(read)
+    stage = {"stage": [s.result.stage.name] * len(rows)} if s is not None and len(c.stages) > 1 else {}
+    file = {} if files is None else {"file": [files[p.row[k]] for k in rows]}
+    return {
+        **stage,
+        **file,
+        "line": [str(read.row_numbers[p.row[k]]) for k in rows],
+        "pose": [p.poses[p.pose[k]] for k in rows],
+        "component": [DISPLACEMENTS[p.component[k]] for k in rows],
+    }
+
+
+def readings(c: Calibrated) -> Table:
+    """Every component read, as simulated, and by a calibration that has not seen its pose."""
+    p = c.found.overall
+    return Table(
+        "poses",
+        "Every reading",
+        _where(c, None, range(len(p))),
+        {
+            MEASURED: p.value,
+            PREDICTED: p.value - c.found.residual,
+            # Simulated minus measured, as in the staged scheme.
+            LEFT_OUT: -c.left_out,
+            HALF: c.left_out_half95,
+        },
+        folded=True,
+    )
+
+
+def outlier_tables(c: Calibrated) -> list[Table]:
+    """Readings that stand out in each stage, farthest first; none or one table."""
+    several = [(s, s.result.estimate, outliers(s.result.estimate)) for s in c.stages]
+    several = [one for one in several if len(one[2])]
+    if not several:
+        return []
+    labels = [_where(c, s, list(rows)) for s, _, rows in several]
+
+    def joined(of: Callable[[StageFindings, Estimate], Array]) -> Array:
+        return np.concatenate([of(s, e)[rows] for s, e, rows in several])
+
+    return [
+        Table(
+            "outliers",
+            "Readings that stand out; look at them at the robot",
+            {key: [text for one in labels for text in one[key]] for key in labels[0]},
+            {
+                LOAD: joined(lambda s, _: s.loads_N),
+                MEASURED: joined(lambda _, e: e.problem.value),
+                Quantity("predicted", "", 1e3, "predicted", 3): joined(lambda _, e: e.prediction),
+                Quantity("own_standard_deviations", label="standard deviations off", digits=3, stored=3): joined(
+                    lambda _, e: e.own
+                ),
+                Quantity("weight", digits=2, stored=3): joined(lambda _, e: e.weight),
+            },
+        )
+    ]
+
+
+def bootstrap(s: StageFindings) -> Table:
+    """Quantiles over poses drawn with replacement; none where they stand at an end of the range."""
+    assert s.drawn is not None  # noqa: S101 - only called with draws
+    known = ~np.isnan(s.drawn).any(axis=1)
+    some = s.result.certainty.estimates
+    rows = np.array([_quantiles(e, s.drawn[known, k]) for k, e in enumerate(some)])
+    return Table(
+        "bootstrap",
+        f"Quantiles of {int(known.sum())} draws of poses with replacement, of {len(s.drawn)}",
+        {"name": [e.parameter.name for e in some], "unit": [e.parameter.unit for e in some]},
+        dict(zip((*QUANTILES, AT_BOUND), rows.T, strict=True)),
+        folded=True,
+    )
+
+
+def _quantiles(e: ParameterEstimate, values: Array) -> list[float]:
+    p = e.parameter
+    if not values.size or e.status == "not identified":
+        return [math.nan] * (len(QUANTILES) + 1)
+    span = p.upper - p.lower if p.scale == "linear" else 0.0
+    low, high = p.lower + _AT_END * (span or p.lower), p.upper - _AT_END * (span or p.upper)
+    # Nearest draw, not between two: half way to a rigid joint is no stiffness.
+    found = np.quantile(values, list(QUANTILES.values()), method="nearest")
+    share = float(((values <= low) | (values >= high)).mean())
+    return [*np.where((found > low) & (found < high), found, np.nan).tolist(), share]
+
+
+def held_out(h: Holdout) -> Table:
+    """RMS error at each pose held out, and what the scatter found would give by itself."""
+    p = h.system
+    of = [(p.pose == k) & (p.component < 3) for k in range(len(p.poses))]
+    rms = [rms_mm(h.error[m & ~np.isnan(h.error)], p.component[m & ~np.isnan(h.error)]) for m in of]
+    expected = [float(np.sqrt(np.mean(h.expected[m] ** 2))) if m.any() else np.nan for m in of]
+    values = {RMS: 1e-3 * np.array(rms), EXPECTED: np.array(expected)}
+    return Table("held_out", f"Poses held out ({h.data.source})", {"pose": list(p.poses)}, values)
 
 
 def show_answer(c: Calibrated) -> None:
-    """Parameters of each stage, and how good the result fits and predicts: what every command says of it."""
-    for s in c.stages:
-        numbers_table(s).show()
-    say_errors(c)
-
-
-def say_doubts(c: Calibrated) -> None:
-    """What the readings say against a calibration, or against themselves."""
-    for doubt in c.doubts:
-        say(f"warning: {doubt.words}", code=CODES[doubt.code])
-
-
-def say_errors(c: Calibrated) -> None:
-    """How good a calibration fits, and predicts poses that it has not seen."""
-    missed = f" ({len(c.skipped)} not predicted)" if c.skipped else ""
-    error = c.left_out_rms_mm
-    predicted = f"to {error:.3f} mm RMS{missed}" if np.isfinite(error) else f"not at all{missed}"
-    say(
-        f"RMS {c.found.rms_mm:.3f} mm on {len(c.found.overall)} readings with {c.found.count}; "
-        f"poses left out one at a time are predicted {predicted}"
-    )
+    """Parameters, and how good the result fits and predicts: what other commands say of it."""
+    if c.found.stages:
+        parameters(c).show()
+    say(words.errors_text(c))
     if c.coverage.readings:
         say(words.coverage_text(c.coverage, "poses left out"))
-
-
-def studies_table(c: Calibrated) -> Table:
-    """The springs of every pose that was studied by itself."""
-    return Table(
-        f"Level studies pose by pose, {c.model.load_path} load path: {c.found.count}, RMS {c.found.rms_mm:.3f} mm",
-        ("stage", "pose", "spring", "value (1e6 N m/rad)", "would match as well", "identified", "error (mm)", "runs"),
-        tuple(row for s in c.found.studies for fit in s.fits for row in _study_rows(s.stage.name, fit)),
-        text_columns=(0, 2, 4, 5),
-    )
-
-
-def _study_rows(stage: str, fit: PoseFit) -> list[tuple[str, ...]]:
-    """A row for each spring: its value at this pose, what would match as well, and whether that identifies it."""
-    rows: list[tuple[str, ...]] = []
-    for joint, k, (low, high) in zip(fit.joints, fit.stiffness, fit.equivalent, strict=True):
-        matching = f"{mega(low)} to {mega(high)}" if np.isfinite(low) else "nothing matches"
-        known = "yes" if high < IDENTIFIED_WITHIN * low else "no"
-        rows.append((stage, fit.pose, joint, mega(k), matching, known, f"{fit.error_mm:+.3f}", str(fit.runs)))
-    return rows
-
-
-def numbers_table(s: StageFindings) -> Table:
-    """The parameters of a stage: what was found, how sure, and what was known before."""
-    estimates = s.result.certainty.estimates
-    return Table(
-        f"Stage {s.result.stage.name}: {len(estimates)} parameters on {len(s.result.estimate.problem)} readings",
-        ("parameter", "value", "95 % interval", "unit", "status", "model had", "prior"),
-        tuple(
-            (
-                e.parameter.name,
-                words.value_text(e),
-                words.interval_text(e),
-                words.shown_unit(e.parameter)[1],
-                e.status,
-                words.before_text(e.parameter),
-                words.prior_text(e.parameter),
-            )
-            for e in estimates
-        ),
-        text_columns=(0, 1, 4, 6),
-    )
-
-
-def outlier_lines(s: StageFindings) -> list[str]:
-    """Each outlier by the line of the table it stands in, with the table's name where there are several."""
-    e, files, out = s.result.estimate, files_of(s.read), []
-    p = e.problem
-    for k in outliers(e):
-        row, own = p.row[k], abs(e.own[k])
-        line = f"{s.read.row_numbers[row]}" + ("" if files is None else f" of {files[row]}")
-        size = f"{own:.3g} of its standard deviations" if own < 1e3 else "over 1000 of its standard deviations"
-        residual = f"{e.residual[k] * 1e3:+.3g} {'mm' if p.component[k] < 3 else 'mrad'}"
-        what = f"pose {p.poses[p.pose[k]]}, {COMPONENTS[p.component[k]]} at {s.loads_N[k]:g} N"
-        out.append(f"line {line}: {what} is off by {residual}, {size} (beyond {FLAGGED:g})")
-    return out
-
-
-def _show_holdout(h: Holdout, c: Calibrated) -> None:
-    holdout_table(h, scatter_name(c.found.stages[-1].estimate.problem)).show()
-    for label, reason in h.blind.items():
-        say(f"note: pose {label} held out is not predicted: {reason}")
-    if np.isfinite(h.rms_mm):
-        say(f"held out: RMS {h.rms_mm:.3f} mm, against {c.found.rms_mm:.3f} mm in the fit")
-    if h.coverage.readings:
-        say(words.coverage_text(h.coverage, "poses held out"))
-
-
-def holdout_table(h: Holdout, scatter: str) -> Table:
-    """RMS error at each pose held out, and what the scatter found, by its name, would give."""
-    rows = []
-    for k, label in enumerate(h.system.poses):
-        mine = (h.system.pose == k) & (h.system.component < 3)
-        if not mine.any():
-            continue
-        error = rms_mm(h.error[mine], h.system.component[mine])
-        expected = float(np.sqrt(np.mean(h.expected[mine] ** 2))) * 1e3
-        rows.append((label, f"{error:.3f}" if np.isfinite(error) else "not predicted", f"{expected:.3f}"))
-    heads = ("pose", "RMS (mm)", f"expected from {scatter} (mm)")
-    return Table(f"Poses held out ({h.data.source})", heads, tuple(rows))

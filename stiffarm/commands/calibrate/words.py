@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,11 @@ from doe.published.pose_studies import PoseStudies
 from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
+from robots.quantities import significant
 from stiffarm.session.words.springs import bound_remark
+
+if TYPE_CHECKING:
+    from stiffarm.commands.calibrate.step import Calibrated
 
 # Below this probability a test's outcome is no chance.
 REFUTED = 0.01
@@ -50,6 +55,31 @@ INTERVAL = (
     "An interval combines the parameters' covariance, the readings' noise and the lack of fit, from a calibration "
     "without the pose, with Student's t because few readings determine the noise."
 )
+
+
+# What the picture of springs studied pose by pose shows.
+STUDIES = (
+    "Regression of each spring over its angles. Filled points were calibrated, hollow ones mirrored, grey ones held at "
+    "the start value during an earlier stage. Strokes and band: what would match the readings as well, to within the "
+    "gauge, with the other springs of the stage free; a law with a point that nothing matches has no band."
+)
+
+
+def mm(value: float) -> str:
+    """A length in mm, or that it is not known."""
+    return f"{significant(value)} mm" if np.isfinite(value) else "not known"
+
+
+def errors_text(c: Calibrated) -> str:
+    """How good a calibration fits, and predicts poses that it has not seen."""
+    missed = f" ({len(c.skipped)} not predicted)" if c.skipped else ""
+    error = c.left_out_rms_mm
+    predicted = f"to {mm(error)} RMS{missed}" if np.isfinite(error) else f"not at all{missed}"
+    text = (
+        f"RMS {mm(c.found.rms_mm)} on {len(c.found.overall)} readings with {c.found.count}; "
+        f"poses left out one at a time are predicted {predicted}"
+    )
+    return text if c.holdout is None else f"{text}, poses held out to {mm(c.holdout.rms_mm)}"
 
 
 def coverage_text(c: Coverage, where: str) -> str:
@@ -176,9 +206,9 @@ def doubt_sentences(doubts: Sequence[Doubt]) -> tuple[str, ...]:
     return tuple(f"{d.words[:1].upper()}{d.words[1:]}." for d in doubts)
 
 
-def unexplained_doubts(left: Unexplained, diagnose: str) -> list[Doubt]:
+def unexplained_doubts(left: Unexplained) -> list[Doubt]:
     """That springs alone do not explain the readings, with what says so and how to ask what is missing."""
-    ask = f"ask what is missing: `{diagnose}`"
+    ask = "ask what is missing: `stiffarm diagnose`"
     out = []
     if left.zero_p < 0.5 * LEVEL:
         out.append(
@@ -265,7 +295,7 @@ def _range(p: Parameter) -> str:
     return f"{p.lower * factor:.3g} to {p.upper * factor:.3g} {unit}"
 
 
-def told_and_untold(estimates: Sequence[ParameterEstimate]) -> list[str]:
+def identified_text(estimates: Sequence[ParameterEstimate]) -> list[str]:
     """Sentences: which numbers the readings determine, which only to one side, which not at all."""
     names = {
         s: [e.parameter.name for e in estimates if e.status == s]
@@ -418,22 +448,6 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
             "scatter, not from the gauge."
         )
     return "not testable", text
-
-
-def prior_text(p: Parameter) -> str:
-    """A prior in words: its middle and one standard deviation."""
-    if p.prior is None:
-        return "-"
-    mean, sd = p.prior
-    factor, unit = spoken_unit(p)
-    if p.scale == "linear":
-        return f"{mean * factor:.3g} +- {sd * factor:.2g} {unit}"
-    return f"{math.exp(mean) * factor:.3g} {unit} within a factor {math.exp(sd):.3g}"
-
-
-def before_text(p: Parameter) -> str:
-    """What the model had before, in the shown unit."""
-    return "-" if not math.isfinite(p.value) else f"{p.value * shown_unit(p)[0]:.3g}"
 
 
 def full_weight_text(robust: StageResult, full: StageResult | None) -> str:

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from doe import Measurements, PoseEffects
+from doe.calibration.prediction import Holdout
 from doe.estimation.campaign import Campaign
 from doe.tables.notes import ReadingNotes, bundled_notes
 from fem import ArmModel
 from fem.arm import Arm
 from robots import ModelDescription, Remark
 from robots.arrays import Array
-from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.run import held_out
 from stiffarm.commands.run.link_models import LinkCalibrations, LinkModels

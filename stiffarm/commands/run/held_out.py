@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from doe.calibration.prediction import Holdout
 from robots.quantities import rounded
-from stiffarm.commands.calibrate.prediction import Holdout
 from stiffarm.commands.calibrate.step import Calibrated
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robots.quantities import rounded
-from stiffarm.commands.calibrate.payload import poses as pose_rows
+from stiffarm.commands.calibrate import tables as calibration_tables
 from stiffarm.commands.run.link_models import LinkModels, Pair
 from stiffarm.session.steps import FactorialRuns, RigidJoints
 from stiffarm.session.words.springs import at_widest_bound
@@ -48,7 +48,7 @@ def _link_pair(pair: Pair, compared: LinkModels) -> dict[str, Any]:
                 "rms_mm": rounded(one.found.rms_mm),
                 "left_one_pose_out_rms_mm": rounded(one.left_out_rms_mm),
                 "links_bar_and_crank_share": [rounded(float(v)) for v in side.share[one.name]],
-                "poses": pose_rows(one),
+                "poses": calibration_tables.readings(one).rows(),
             }
             for side, one in ((compared.own, pair.own), (compared.other, pair.other))
         },

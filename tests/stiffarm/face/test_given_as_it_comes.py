@@ -43,16 +43,16 @@ def test_files_and_data_frames_are_readings(arm: sa.Arm) -> None:
     for given in (file, str(file), table, table.sample(frac=1.0, random_state=1)):
         found = sa.calibrate(arm, given, free="j2.stiffness, j3.stiffness")
         # The bundled readings in any form and order: the published loads, and the same springs.
-        assert found.loads_N == wanted.loads_N == (650.0,)
+        assert found.loads == wanted.loads == (650.0,)
         assert found["j2.stiffness"].value == pytest.approx(wanted["j2.stiffness"].value, rel=1e-6)
     assert sa.simulate(arm, data=table).as_json == sa.simulate(arm, data=file).as_json
 
 
 def test_loads_may_be_one_number_and_names_must_be_names(arm: sa.Arm) -> None:
-    one = sa.calibrate(arm, sa.bundled("xr701"), free=["j2.stiffness"], loads_N=375)
-    assert one.loads_N == (375.0,)
+    one = sa.calibrate(arm, sa.bundled("xr701"), free=["j2.stiffness"], loads=375)
+    assert one.loads == (375.0,)
     for wrong in (3, [3], {"j2.stiffness": 1}):
         with pytest.raises(InputError, match="free"):
             sa.calibrate(arm, sa.bundled("xr701"), free=wrong)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="loads_N"):
-        sa.calibrate(arm, sa.bundled("xr701"), free=["j2.stiffness"], loads_N="many")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="loads"):
+        sa.calibrate(arm, sa.bundled("xr701"), free=["j2.stiffness"], loads="many")  # type: ignore[arg-type]

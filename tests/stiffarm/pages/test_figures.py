@@ -18,6 +18,7 @@ from mpl_toolkits.mplot3d import Axes3D
 
 import robots
 from doe import Measurements, PoseEffects, SpringPoints, bundled_data, fit_law, read_measurements
+from doe.calibration.laws import study_curves
 from doe.estimation.campaign import Stage
 from doe.published.parametric import PoseFit
 from doe.published.pose_studies import PoseStudies
@@ -25,7 +26,6 @@ from doe.tables.notes import DoubtfulReadings
 from robots import InputError
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from stiffarm.commands.calibrate.figures.laws import laws_figure
-from stiffarm.commands.calibrate.laws import study_curves
 from stiffarm.commands.fit.figures import effects as figures_surrogate
 from stiffarm.commands.fit.figures.effects import HeldOut
 from stiffarm.commands.run import figures as figures_readings

@@ -177,7 +177,7 @@ def test_figures_survive_any_arm(site: Site) -> None:
 
 def test_parameters_that_are_not_identified_share_a_line(site: Site) -> None:
     found: dict[str, Any] = json.loads((site.root / "many" / "calibration.json").read_text(encoding="utf-8"))
-    assert found["parameters"]["free"] == 36
+    assert found["count"]["free"] == 36
     page = (site.root / "many" / "report.html").read_text(encoding="utf-8")
     assert "determination" not in page
     assert "Estimates that move together most" in page

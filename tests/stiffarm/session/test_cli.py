@@ -108,7 +108,7 @@ def test_global_calibration_reaches_its_rms(
     result = outcome.json
     assert result["rms_mm"] == pytest.approx(rms_mm, abs=half_a_digit)
     assert (result["load_path"], result["links"], result["scheme"]) == (load_path, links, "global")
-    assert (result["readings"], result["parameters"]["free"]) == (9, 4)
+    assert (result["readings"], result["count"]["free"]) == (9, 4)
     residuals = [p["measured"] - p["simulated"] for p in result["poses"]]
     # Six significant digits in the file: 5e-6 mm on readings of up to 2 mm.
     assert np.sqrt(np.mean(np.square(residuals))) == pytest.approx(result["rms_mm"], abs=1e-5)
@@ -118,9 +118,9 @@ def test_global_calibration_reaches_its_rms(
 
 def test_no_number_is_given_for_a_spring_the_data_do_not_determine(cli: Command, data_file: Path) -> None:
     result = cli("calibrate", "xr701", data_file, "--scheme", "global", "--joints", "j1,j2,j3", "--json").json
-    assert result["k1_Nm_per_rad"] is None, "a vertical load does not turn joint 1"
+    assert result["springs"]["j1"]["k_Nm_per_rad"] is None, "a vertical load does not turn joint 1"
     assert result["springs"]["j1"]["status"] == "not identified"
-    assert result["k3_Nm_per_rad"] > 0.0
+    assert result["springs"]["j3"]["k_Nm_per_rad"] > 0.0
 
 
 @pytest.mark.slow
@@ -128,9 +128,9 @@ def test_staged_calibration_in_a_process_of_its_own(data_file: Path) -> None:
     outcome = run_apart("calibrate", "xr701", data_file, "--scheme", "staged", "--json")
     assert outcome.code == 0
     result = outcome.json
-    assert set(result["studies"]) == {"step 1", "step 2", "step 3"}
+    assert {one["stage"] for one in result["studies"]} == {"step 1", "step 2", "step 3"}
     assert set(result["laws"]) == {"j2", "j3", "j4", "j5"}
-    assert result["parameters"]["free"] == 12
+    assert result["count"]["free"] == 12
     # Twelve parameters on nine readings must beat the four constants of the same load path.
     assert result["rms_mm"] < 0.0535
     assert result["left_one_pose_out_rms_mm"] > result["rms_mm"]
@@ -138,8 +138,8 @@ def test_staged_calibration_in_a_process_of_its_own(data_file: Path) -> None:
 
 
 def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_file: Path) -> None:
-    results = {"model.toml", "calibration.json", "parameters.csv", "report.html", "run.json"}
-    assert {name for name in tree(calibrated) if not name.startswith("figures")} == results
+    results = {"model.toml", "calibration.json", "calibration.csv", "poses.csv", "report.html", "run.json"}
+    assert {name for name in tree(calibrated) if not name.endswith(".png")} == results
     run = json.loads((calibrated / "run.json").read_text(encoding="utf-8"))
     assert run["schema"] == "stiffarm-run/1"
     assert run["inputs_sha256"]["data"] == hashlib.sha256(data_file.read_bytes()).hexdigest()

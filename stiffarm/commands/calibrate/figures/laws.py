@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from doe.calibration.laws import READ, LawCurve
 from doe.certainty.uncertainty import LawBand
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.commands.calibrate.laws import READ, LawCurve
 from stiffarm.pages.figure_parts import angle_label, log_ticks, panels
 from stiffarm.pages.style import INK, OKABE_ITO
 

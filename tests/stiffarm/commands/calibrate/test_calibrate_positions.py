@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_runs import ROOT, Outcome, run_here
 
@@ -71,16 +72,16 @@ def test_no_value_is_given_for_what_is_not_identified(found: Outcome) -> None:
 def test_files_are_written(found: Outcome, folder: Path) -> None:
     out = folder / "out"
     assert json.loads((out / "positions.json").read_text(encoding="utf-8")) == found.json
-    names = ("report.html", "parameters.csv", "errors.csv", "figures/accuracy.png", "run.json", "model.toml")
-    for name in (*names, "calibrated.urdf", "controller.json", "regions.csv", "figures/regions.png"):
+    names = ("report.html", "positions.csv", "errors.csv", "accuracy.png", "run.json", "model.toml")
+    for name in (*names, "calibrated.urdf", "controller.json", "regions.csv", "regions.png"):
         assert (out / name).is_file(), name
     assert len((out / "errors.csv").read_text(encoding="utf-8").splitlines()) == 64
 
 
 def test_regions_of_the_workspace_are_told(found: Outcome, folder: Path) -> None:
-    regions = found.json["regions"]["regions"]
+    regions = found.json["regions"]
     assert sum(r["readings"] for r in regions) == 62  # all but the wrong one
-    assert {"before", "after", "left_out", "low_mm", "high_mm", "verdict"} <= set(regions[0])
+    assert {"before_rms_mm", "after_rms_mm", "left_out_rms_mm", "x_low_mm", "z_high_mm", "verdict"} <= set(regions[0])
     rows = (folder / "out" / "regions.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == len(regions) + 1
 
@@ -142,10 +143,13 @@ def test_a_held_out_table_without_positions_is_refused(folder: Path) -> None:
 
 def test_the_python_face_gives_the_same_answer(found: Outcome, folder: Path) -> None:
     arm = sa.load(UR5 / "ur5.toml")
-    there = sa.calibrate_positions(arm, folder / "some.csv", free=["geometry", "springs"], holdout=UR5 / "random.csv")
+    there = sa.calibrate(arm, folder / "some.csv", free=["geometry", "springs"], holdout=UR5 / "random.csv")
     assert there.left_out_rms_mm == pytest.approx(found.json["left_out"]["rms_mm"], rel=1e-5)  # JSON has six digits
     assert there.holdout_rms_mm == pytest.approx(found.json["holdout"]["rms_mm"], rel=1e-5)  # JSON has six digits
     assert there["j4.stiffness"].value is None
     assert len(there.to_frame()) == len(found.json["parameters"])
-    with pytest.raises(sa.InputError, match="periodic"):
-        there.curve("j1")
+    assert there.interval("j4.stiffness")[1] == np.inf or np.isnan(there.interval("j4.stiffness")[1])
+    with pytest.raises(sa.InputError, match="curves"):
+        there.to_frame("curves")
+    with pytest.raises(AttributeError, match=r"stiffarm\.calibrate"):
+        sa.calibrate_positions  # type: ignore[attr-defined]  # noqa: B018

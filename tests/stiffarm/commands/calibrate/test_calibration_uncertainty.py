@@ -24,7 +24,7 @@ def loaded(file: Path) -> tuple[ModelDescription, ArmModel, ParameterUncertainty
 
 
 def test_the_written_covariance_is_the_calibration_s(calibrated: Path) -> None:
-    results = json.loads((calibrated / "calibration.json").read_text(encoding="utf-8"))["stages"][0]["numbers"]
+    results = json.loads((calibrated / "calibration.json").read_text(encoding="utf-8"))["parameters"]
     _, _, u = loaded(calibrated / "model.toml")
     numbers = {n["name"]: n for n in results}
     assert set(u.names) == {name for name, n in numbers.items() if n["status"] != "at bound"}
@@ -36,7 +36,7 @@ def test_the_written_covariance_is_the_calibration_s(calibrated: Path) -> None:
     np.testing.assert_allclose(u.degrees_of_freedom, [n["degrees_of_freedom"] for n in told], rtol=1e-5)
     assert list(u.status) == [n["status"] for n in told]
     for one in u.undetermined:
-        assert one.low == pytest.approx(numbers[one.name]["interval95"][0], rel=1e-5)
+        assert one.low == pytest.approx(numbers[one.name]["value_interval95"][0], rel=1e-5)
 
 
 def test_the_loaded_model_propagates_it(calibrated: Path) -> None:

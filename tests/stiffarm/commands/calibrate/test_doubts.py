@@ -77,10 +77,11 @@ def test_readings_of_springs_alone_raise_no_doubt(folder: Path) -> None:
 )
 def test_play_and_friction_are_no_springs(folder: Path, campaign: Campaign, code: str) -> None:
     table = _table(folder, campaign)
-    doubts = _doubts(_calibrated(folder, table))
+    outcome = _calibrated(folder, table)
+    doubts = _doubts(outcome)
     assert code in doubts
     assert doubts[code]["p_value"] < 1e-4
-    assert f"`stiffarm diagnose {folder / 'arm' / 'mine.toml'} {table}`" in doubts[code]["words"]
+    assert f"`stiffarm diagnose {folder / 'arm' / 'mine.toml'} {table}`" in outcome.json["what_next"]
 
 
 def test_the_warning_stands_first_on_screen_on_the_page_and_in_the_model(folder: Path) -> None:
@@ -96,8 +97,9 @@ def test_the_warning_stands_first_on_screen_on_the_page_and_in_the_model(folder:
 
 def test_the_command_that_is_named_runs(folder: Path) -> None:
     table = _table(folder, replace(PLAY, poses=8))
-    (doubt,) = _doubts(_calibrated(folder, table, "--loads", "100,300")).values()
-    command = doubt["words"].split("`")[1].split()
+    outcome = _calibrated(folder, table, "--loads", "100,300")
+    assert len(_doubts(outcome)) == 1
+    command = outcome.json["what_next"].split("`")[1].split()
     assert command[-2:] == ["--loads", "100,300"]
     done = run_here(*command[1:], "--folds", "0", "--next", "0", "--json")
     assert done.code == 0, done.err
@@ -254,10 +256,10 @@ def test_bundled_readings_are_of_their_class(robot: str) -> None:
     arm = sa.load(robot)
     readings = sa.read_readings(sa.bundled(robot), arm)
     joints = ["j2.stiffness", "j3.stiffness"]
-    assert "class" not in {one.code for one in sa.calibrate(arm, readings, free=joints).doubts}
+    assert "class" not in {one.code for one in sa.calibrate(arm, readings, free=joints).found.doubts}
     softer = replace(readings, table=replace(readings.table, displacement=4.448 * readings.table.displacement))
     found = sa.calibrate(arm, softer, free=joints)
-    assert any(text.startswith("soft for its class by a factor of") for text in found.remarks)
+    assert any(text.startswith("soft for its class by a factor of") for text in found.warnings)
 
 
 def test_springs_that_the_model_states_are_a_narrower_class() -> None:

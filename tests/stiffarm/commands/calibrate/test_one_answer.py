@@ -12,7 +12,7 @@ from doe import bundled_data
 
 JOINTS = ("j2", "j3", "j4", "j5")
 FREE = ",".join(f"{joint}.stiffness" for joint in JOINTS)
-SAME = ("springs", "rms_mm", "left_one_pose_out_rms_mm", "readings", "parameters")
+SAME = ("springs", "rms_mm", "left_one_pose_out_rms_mm", "readings", "count", "parameters")
 
 
 @pytest.fixture
@@ -39,7 +39,6 @@ def test_calibrate_diagnose_and_plan_agree(cli: Command, nine: str, path: str) -
     planned = cli("plan", *arm, "--free", FREE, "--poses", "1", "--candidates", "20").json["calibration"]
     assert _said(diagnosed) == _said(calibrated)
     assert _said(planned) == _said(calibrated)
-    assert planned["numbers"] == diagnosed["numbers"] == calibrated["stages"][0]["numbers"]
     if path == "parallelogram":
         # Nothing is missing there: the springs of the diagnosed model are the same.
         assert not [*found["effects"], *found["provisional"]]
@@ -61,5 +60,7 @@ def test_the_whole_chain_says_what_calibrate_says(cli: Command, nine: str) -> No
         arm = ("xr701", nine, "--links", "rigid", "--load-path", path, "--json")
         assert _said(ran[f"constant, {path}"]) == _said(cli("calibrate", *arm, "--free", FREE).json)
         staged = cli("calibrate", *arm, "--scheme", "staged").json
-        assert _said({"springs": {}, **ran[f"staged, {path}"]}) == _said({"springs": {}, **staged})
+        assert _said({"springs": {}, "parameters": [], **ran[f"staged, {path}"]}) == _said(
+            {"springs": {}, "parameters": [], **staged}
+        )
         assert ran[f"staged, {path}"]["laws"] == staged["laws"]

@@ -144,10 +144,10 @@ def test_calibration_finds_an_effects_number_and_writes_it_back(
     )
     assert outcome.code == 0, outcome.err
     assert "with effects: friction:j3, base-tilt" in outcome.err
-    numbers = {n["name"]: n for n in outcome.json["stages"][0]["numbers"]}
+    numbers = {n["name"]: n for n in outcome.json["parameters"]}
     assert numbers["friction:j3.friction"]["value"] == pytest.approx(110.0, rel=0.01)
     assert numbers["j3.stiffness"]["value"] == pytest.approx(SPRINGS["j3"], rel=0.01)
-    low, high = numbers["friction:j3.friction"]["interval95"]
+    low, high = numbers["friction:j3.friction"]["value_interval95"]
     assert low < 110.0 < high
     written = load_description(tmp_path / "out" / "model.toml")
     assert [e.code for e in written.effect] == ["friction:j3", "base-tilt"]
@@ -270,9 +270,9 @@ def test_the_example_of_the_page(
         "--json",
     )
     assert outcome.code == 0, outcome.err
-    numbers = {n["name"]: n for n in outcome.json["stages"][0]["numbers"]}
+    numbers = {n["name"]: n for n in outcome.json["parameters"]}
     # 2 um of noise on fifty readings of some 25 um.
-    low, high = numbers["flange-settling.settling"]["interval95"]
+    low, high = numbers["flange-settling.settling"]["value_interval95"]
     assert low < 30e-6 < high
     assert numbers["flange-settling.settling"]["value"] == pytest.approx(30e-6, rel=0.1)
     without = cli("simulate", file, table)

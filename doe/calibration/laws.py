@@ -1,11 +1,10 @@
-"""Laws for the report and the results: springs over their own angles, where they were read or calibrated."""
+"""Laws of a calibration: springs over their own angles, where they were read or calibrated."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from fem.free.parameters import FreeLaw
 from fem.springs import FourierBasis, PolynomialBasis, TableBasis, spring_from
 from robots import Robot
 from robots.arrays import Array
-from robots.quantities import rounded
 from robots.schema.description import LogPolynomialLaw
 
 # Points of a grid along each of one, or of two angles.
@@ -126,21 +124,3 @@ def _inputs(law: FreeLaw) -> tuple[list[int], str]:
         return [basis.column], f"Fourier series of order {basis.order}"
     assert isinstance(basis, TableBasis)  # noqa: S101 - the only other one
     return [basis.column], f"table of {basis.size} nodes"
-
-
-def payload(curve: LawCurve) -> dict[str, Any]:
-    """A law as JSON: the spring at the angles read, null where it is not determined."""
-    rows = zip(curve.read_deg[:, 0], curve.read.stiffness, curve.read.low, curve.read.high, strict=True)
-    return {
-        "joint": curve.joint,
-        "law": curve.kind,
-        "inputs": list(curve.inputs),
-        "at_the_angles_read": [
-            {
-                f"{curve.inputs[0].removesuffix('_deg')}_deg": rounded(float(a)),
-                "k_Nm_per_rad": rounded(float(k)),
-                "interval95": [rounded(float(low)), rounded(float(high))],
-            }
-            for a, k, low, high in rows
-        ],
-    }

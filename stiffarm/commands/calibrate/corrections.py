@@ -16,7 +16,7 @@ from robots.frames import framed
 from robots.quantities import rounded
 from robots.robot import robot_from
 from robots.urdf.writing import urdf_text
-from stiffarm.pages.report import Bullets, Section, Table, Text
+from stiffarm.pages.report import Section, Table, Text
 from stiffarm.session.outputs import OutputFolder
 
 MODEL, URDF, CONTROLLER = "model.toml", "calibrated.urdf", "controller.json"
@@ -34,11 +34,11 @@ def offsets(c: Positions, w: Written) -> tuple[ControllerOffsets, ...]:
     }
     at = flange_targets(w.fit.layout, w.fit.u)
     targets = {name: at[k] for k, name in enumerate(c.found.data.target.names)}
-    told = np.array([_is_told(c, joint.name, joint.zero_error is not None) for joint in w.description.joint])
-    return controller_offsets(robot_from(w.description), sessions, targets, told)
+    known = np.array([_is_known(c, joint.name, joint.zero_error is not None) for joint in w.description.joint])
+    return controller_offsets(robot_from(w.description), sessions, targets, known)
 
 
-def _is_told(c: Positions, joint: str, described: bool) -> bool:
+def _is_known(c: Positions, joint: str, described: bool) -> bool:
     """Whether a joint's zero is known: identified, or not asked for and in the model already."""
     free = next((f for f in c.findings if f.name == f"{joint}.zero"), None)
     return described if free is None else free.value is not None
@@ -97,7 +97,7 @@ def controller(one: ControllerOffsets) -> dict[str, Any]:
     }
 
 
-def write(c: Positions, w: Written, found: tuple[ControllerOffsets, ...], folder: OutputFolder) -> None:
+def write(c: Positions, w: Written, found: tuple[ControllerOffsets, ...], folder: OutputFolder) -> dict[str, Any]:
     """model.toml, calibrated.urdf, controller.json."""
     save_description(w.description, folder.path(MODEL))
     at = flange_targets(w.fit.layout, w.fit.u)
@@ -114,6 +114,7 @@ def write(c: Positions, w: Written, found: tuple[ControllerOffsets, ...], folder
             "controllers": [controller(one) for one in found],
         },
     )
+    return {}
 
 
 def _link_names(targets: tuple[str, ...]) -> list[str]:
@@ -143,4 +144,4 @@ def section(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> S
         "of joint frames, ratios, couplings and curves cannot be entered in a controller: `stiffarm post --compensate` "
         f"with this model corrects them in programs. {ZERO_WORDS}"
     )
-    return Section("Corrections", (Text(text), *tables, Bullets(tuple(f"{r}." for r in remarks(c, w)))))
+    return Section("Corrections", (Text(text), *tables))

@@ -1,1 +1,0 @@
-"""`calibrate` on tables of absolute positions."""
