@@ -18,7 +18,7 @@ from robots import InputError, InputErrors
 from robots.files.reading import recording
 from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
-from stiffarm.session.console import kept_messages, say_notes
+from stiffarm.session.console import kept_messages, say, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 
@@ -31,13 +31,19 @@ COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 
 
 def capability(
-    name: str, request: Callable[P, Request], answer: Callable[[Any, Any], R], *, own_effects: bool = False
+    name: str,
+    request: Callable[P, Request],
+    answer: Callable[[Any, Any], R],
+    *,
+    own_effects: bool = False,
+    is_built: bool = True,
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
     """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
     :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of; ``own_effects``:
-    the command takes files of a user's own effects, as :func:`stiffarm.load` does.
+    the command takes files of a user's own effects, as :func:`stiffarm.load` does; ``is_built`` False: links and load
+    path do not matter to it, so it does not ask for them.
     """
     arm = {"arm": "the arm, or the name or file of a model"}
 
@@ -46,7 +52,7 @@ def capability(
             given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
             return answer(given, request(*args, **kwargs))
 
-    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects))
+    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects, is_built))
     _describe(call, name, _class(request), answer, arm)
     return call
 
@@ -149,8 +155,8 @@ def _command(
             if model:
                 arm = frame.model(
                     given["model"],
-                    asked.links(given["model"], given["links"]),
-                    given["load_path"],
+                    asked.links(given["model"], given["links"]) if "links" in given else "rigid",
+                    given.get("load_path"),
                     effect=given.get("effect"),
                     sets=given["sets"],
                 )
@@ -166,6 +172,9 @@ def _command(
                         content = result.write(folder)
             frame.answer(content, result.show)
             say_notes(result.remarks)
+            if result.exit_code:
+                say(f"stiffarm: {result.answer}")
+                raise typer.Exit(result.exit_code)
 
     command.__name__ = name.rpartition(" ")[2]
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
@@ -200,14 +209,13 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
-def _model_options(own_effects: bool) -> list[inspect.Parameter]:
+def _model_options(own_effects: bool, is_built: bool) -> list[inspect.Parameter]:
     """Which model, then how it is built."""
     out = [_parameter("model", ModelArg, inspect.Parameter.empty)]
     if own_effects:
         out.append(_parameter("effect", EffectFile, None))
-    return out + [
-        _parameter(name, kind, None) for name, kind in (("links", Links), ("load_path", LoadPathOpt), ("sets", Sets))
-    ]
+    how = (("links", Links), ("load_path", LoadPathOpt)) if is_built else ()
+    return out + [_parameter(name, kind, None) for name, kind in (*how, ("sets", Sets))]
 
 
 _COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))
