@@ -17,8 +17,11 @@ if TYPE_CHECKING:
     from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
     from stiffarm.commands.new.command import NewArm, new_arm
+    from stiffarm.commands.place.command import place
     from stiffarm.commands.plan.command import plan
     from stiffarm.commands.plan.results import Plan
+    from stiffarm.commands.post.command import post
+    from stiffarm.commands.posture.command import posture
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
     from stiffarm.commands.rehearse.command import rehearse
     from stiffarm.commands.rehearse.results import Rehearsal
@@ -27,11 +30,10 @@ if TYPE_CHECKING:
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
+    from stiffarm.commands.verify.command import verify
     from stiffarm.face.arms import load
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
-    from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
-    from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
 
@@ -43,7 +45,6 @@ _PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal
 __all__ = [
     "Arm",
     "Calibration",
-    "Checked",
     "Comparison",
     "ConvertedReadings",
     "Diagnosis",
@@ -52,10 +53,7 @@ __all__ = [
     "KinematicsCheck",
     "Map",
     "NewArm",
-    "Placement",
     "Plan",
-    "Posture",
-    "Program",
     "Readings",
     "Rehearsal",
     "Result",

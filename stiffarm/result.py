@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -47,7 +47,8 @@ class Table:
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
     row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it; ``shown``: rows that people see.
+    no file has it; ``only_in``: where people do not see it: "files", or "csv" where JSON would be too long with it;
+    ``shown``: rows that people see.
     """
 
     name: str
@@ -58,9 +59,9 @@ class Table:
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
-    csv_only: bool = False
     is_extract: bool = False
     shown: int = SHOWN
+    only_in: Literal["", "files", "csv"] = ""
 
     def __len__(self) -> int:
         return len(next(iter(self.labels.values())))
@@ -86,6 +87,10 @@ class Table:
                 flat |= {quantity.column_of("low95"): low, quantity.column_of("high95"): high}
             out.append(flat)
         return out
+
+    def text(self) -> str:
+        """The rows as the text of a CSV file."""
+        return records_text(self.records())
 
     def frame(self) -> pd.DataFrame:
         """All rows as a data frame, numbers in shown units."""
@@ -174,7 +179,8 @@ class Result:
     that out, where tables and pictures stand that stand nowhere else; ``warnings``: what makes the figures wrong, said
     before them; ``remarks``: what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and
     pictures warn of, where that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes
-    further files into the folder and returns facts about them; ``made_of``: which readings a page was made of.
+    further files into the folder and returns facts about them; ``made_of``: which readings a page was made of;
+    ``exit_code``: what the command ends with, other than 0 where the answer is one that a script must not run past.
     """
 
     name: str
@@ -196,6 +202,7 @@ class Result:
     found: Any = None
     more: Callable[[OutputFolder], Mapping[str, Any]] | None = None
     made_of: str = ""
+    exit_code: int = 0
 
     @cached_property
     def as_json(self) -> dict[str, Any]:
@@ -212,7 +219,7 @@ class Result:
                 if one.low is not None
             },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
-            **{table.name: table.rows() for table in self.tables if not (table.is_extract or table.csv_only)},
+            **{t.name: t.rows() for t in self.tables if not t.is_extract and t.only_in != "csv"},
         }
 
     @cached_property
@@ -331,7 +338,7 @@ class Result:
             if text:
                 say(text)
         for table in self.tables:
-            if not (table.folded or table.csv_only):
+            if not table.folded and not table.only_in:
                 table.show()
 
     def write(self, folder: OutputFolder) -> dict[str, Any]:
@@ -344,7 +351,7 @@ class Result:
         content = {**self.as_json, **further}
         folder.write_json(f"{self.name}.json", content)
         for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
+            folder.write_text(f"{table.name if i else self.name}.csv", table.text())
         shown = []
         for drawing in self.drawings:
             path = folder.path(f"{drawing.name}.png")
@@ -354,7 +361,8 @@ class Result:
         first = next(iter(self.pictures), None)
         lead = shown[0] if shown else None if first is None else first.placed(pictures)
         there = [block for section in self.story for block in within(section.blocks)]
-        tables = sorted((t for t in self.tables if not t.csv_only and t not in there), key=lambda table: table.folded)
+        own = (table for table in self.tables if len(table) and not table.only_in and table not in there)
+        tables = sorted(own, key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(shown[1:])))
         if self.remarks and (remarks := page.Bullets(self.remarks)) not in there:

@@ -281,7 +281,7 @@ def _curves(curves: Sequence[Curve]) -> Table:
             Quantity("error", "mrad", 1e3): np.where(known, error, np.nan),
             Quantity("half95", "mrad", 1e3): np.where(known, half, np.nan),
         },
-        csv_only=True,
+        only_in="csv",
     )
 
 
@@ -302,7 +302,7 @@ def _errors(c: Positions) -> Table:
             length("left_out"): c.left_out.distance,
             Quantity("weight"): np.minimum(c.found.weight, 1.0),
         },
-        csv_only=True,
+        only_in="csv",
     )
 
 

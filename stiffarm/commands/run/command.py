@@ -64,4 +64,4 @@ def answer(given: Arm, asked: RunRequest, folder: OutputFolder) -> Result:
     return run_all(given, asked, folder)
 
 
-run = capability("run", RunRequest, answer, load_path=False, model="xr701")
+run = capability("run", RunRequest, answer, built=("links",), model="xr701")
