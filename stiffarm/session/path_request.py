@@ -21,7 +21,7 @@ from machining.setup import Setup
 from machining.toolpaths import ReadOptions
 from robots import InputError, ModelDescription, Robot
 from robots.arrays import Array
-from stiffarm.request import DIRECTION, FILE, FRAME, Kind, Request, argument, numbers_of, option, row, word
+from stiffarm.request import ANY_PATH, DIRECTION, FRAME, Kind, Request, argument, numbers_of, option, row, word
 from stiffarm.session.parsing import parse_numbers
 from stiffarm.session.stated import at_load, stated_words
 from stiffarm.session.table_kinds import PATH, expect
@@ -94,7 +94,7 @@ class CellRequest(Request):
     """An arm in its cell."""
 
     cell: Path | str | None = option(
-        "Cell file (TOML): tool, part, fixtures, floor, linear axes and joint speeds.", FILE, metavar="CELL.toml"
+        "Cell file (TOML): tool, part, fixtures, floor, linear axes and joint speeds.", ANY_PATH, metavar="CELL.toml"
     )
     beam_radius: float | None = option(
         "Radius of the capsules that stand for bodies whose shape is not known, in mm; 0 for none. Default: the "
@@ -163,7 +163,7 @@ class PathRequest(CellRequest):
 
     path: Path | str = argument(
         "Tool path: APT, CLS, G-code, or CSV with the columns x_mm,y_mm,z_mm,nx,ny,nz.",
-        FILE,
+        ANY_PATH,
         metavar="PATH",
         required=True,
     )
@@ -175,7 +175,7 @@ class PathRequest(CellRequest):
         "Axes of --force: base, part, or process (feed, cross-feed, tool axis).", word(Axes), default="base"
     )
     milling: Path | str | None = option(
-        "Milling file (TOML) with end mill, cut and coefficients; replaces --force.", FILE, metavar="MILLING.toml"
+        "Milling file (TOML) with end mill, cut and coefficients; replaces --force.", ANY_PATH, metavar="MILLING.toml"
     )
     speed: float | Sequence[float] | None = option(
         "Maximum joint speeds in deg/s: one for all joints, or one per joint separated by commas. Default: the cell's.",

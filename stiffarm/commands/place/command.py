@@ -22,7 +22,7 @@ from machining.tooling import require_tools
 from robots import InputError
 from stiffarm.capability import capability
 from stiffarm.commands.place.result import result
-from stiffarm.request import FILE, Kind, numbers_of, option, word
+from stiffarm.request import ANY_PATH, Kind, numbers_of, option, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.parsing import parse_numbers
@@ -85,7 +85,7 @@ class PlaceRequest(PathRequest):
 
     cell: Path | str = option(
         "Cell file (TOML): linear axes, turntable, part, tool and surroundings.",
-        FILE,
+        ANY_PATH,
         metavar="CELL.toml",
         required=True,
     )

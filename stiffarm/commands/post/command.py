@@ -31,7 +31,7 @@ from robots.arrays import Array
 from robots.quantities import angle, length
 from stiffarm.capability import capability
 from stiffarm.commands.post.result import result
-from stiffarm.request import FILE, NAMES, numbers_of, option, row, seed, word
+from stiffarm.request import ANY_PATH, NAMES, numbers_of, option, row, seed, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.parsing import payload_of
@@ -74,7 +74,7 @@ class PostRequest(CourseRequest):
         metavar="DEG|FROM:TO:STEP",
     )
     placement: Path | str | None = option(
-        "Result of `stiffarm place` (placement.json): use its linear axes, turntable and gamma.", FILE
+        "Result of `stiffarm place` (placement.json): use its linear axes, turntable and gamma.", ANY_PATH
     )
     travel: Sequence[float] | None = option(
         "Positions of the linear axes, in mm, separated by commas. Default: 0.", NUMBERS, metavar="MM,..."
@@ -124,8 +124,8 @@ class PostRequest(CourseRequest):
         metavar="N",
         least=0.0,
     )
-    options: Path | str | None = option("Options of the program formats (TOML or JSON).", FILE)
-    template: Path | str | None = option("Folder with your own program templates.", FILE)
+    options: Path | str | None = option("Options of the program formats (TOML or JSON).", ANY_PATH)
+    template: Path | str | None = option("Folder with your own program templates.", ANY_PATH)
     seed: int = seed()
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from machining.verification import Demands, Interpolation
 from machining.verification import verify as verified
 from stiffarm.capability import capability
 from stiffarm.commands.verify.result import result
-from stiffarm.request import FILE, argument, option, word
+from stiffarm.request import ANY_PATH, argument, option, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.path_request import FramesRequest, bodies_of
@@ -32,7 +32,7 @@ class VerifyRequest(FramesRequest):
 
     program: Path | str = argument(
         "Program written by `stiffarm post`: JSON or CSV, or the main file of a controller's.",
-        FILE,
+        ANY_PATH,
         metavar="PROGRAM",
         required=True,
     )
@@ -55,10 +55,12 @@ class VerifyRequest(FramesRequest):
     against: Path | str | None = option(
         "The neutral program of the same run, which a controller's program must agree with. Default: that in the "
         "folder json beside the program's folder.",
-        FILE,
+        ANY_PATH,
         metavar="JSON",
     )
-    options: Path | str | None = option("Options that a controller's program was written with (TOML or JSON).", FILE)
+    options: Path | str | None = option(
+        "Options that a controller's program was written with (TOML or JSON).", ANY_PATH
+    )
 
 
 def answer(given: Arm, asked: VerifyRequest) -> Result:
