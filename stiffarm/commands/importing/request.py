@@ -137,7 +137,8 @@ class ImportRequest(Request):
             raise InputError(
                 "SOURCE", code="A007", value=str(path), allowed="an existing file", remedy="check the path"
             )
-        for name in ("wall_mm", "size_mm", "close_mm", "scale", "boss", "mass_kg"):
+        require_positive("--mass-kg", self.mass_kg, code="L011")
+        for name in ("wall_mm", "size_mm", "close_mm", "scale", "boss"):
             require_positive(f"--{name.replace('_', '-')}", getattr(self, name), code="L011")
         self.figures(self.material or "steel")
         why = "leave it out: " + (
