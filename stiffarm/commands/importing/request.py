@@ -22,8 +22,10 @@ MATERIALS = {"steel": (210.0, 0.3, 7850.0), "aluminium": (70.0, 0.33, 2700.0), "
 LIMITS = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
 URDF = ".urdf"
 OF_ONE_LINK = ("model", "link", "scale")
-OF_ALL = ("tip", "base", "rigid", "wall", "mass_kg", "step", "radius", "material", "youngs_modulus_GPa")
-OF_ALL += ("poissons_ratio", "density")
+OF_ALL = (
+    *("tip", "base", "rigid", "wall", "mass_kg", "step", "radius"),
+    *("material", "youngs_modulus_GPa", "poissons_ratio", "density"),
+)
 
 
 def _lengths(value: Any, name: str) -> dict[str, float]:

@@ -21,7 +21,6 @@ WITHOUT = {
     "place",
     "post",
     "posture",
-    "robots_bundled",
     "verify",
 }
 
