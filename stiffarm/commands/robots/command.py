@@ -104,7 +104,7 @@ def answer(asked: RobotsRequest) -> Result:
 def _list() -> Result:
     found = [load_description(name) for name in bundled_names()]
     library = library_table()
-    bundled = {
+    bundled: dict[str, Sequence[str | bool]] = {
         "name": [d.name for d in found],
         "title": [d.title for d in found],
         "load_path": [d.load_path for d in found],
