@@ -38,7 +38,6 @@ ELSEWHERE = {
     "stiffarm/pages/report.py data": "a picture just drawn",
     "stiffarm/pages/report.py _size": "a picture just drawn",
     "surrogate/portable/javascript.py evaluator_script": "bundled with the package",
-    "stiffarm/face/imports.py plot": "a picture just drawn",
     "stiffarm/pages/style.py": "bundled with the package, or a picture just drawn",
     "meshes/array_cache.py get": "fuzzed as `array cache`: what cannot be read is built again",
     "surrogate/maps/store.py": "fuzzed as `map work`",

@@ -90,14 +90,20 @@ class CompareRequest(Request):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1 <= len(self.others) < MOST:  # type: ignore[arg-type]
+        if not 2 <= len(self.paths) <= MOST:
             raise InputError(
                 "results to compare",
                 code="A012",
-                value=1 + len(self.others),  # type: ignore[arg-type]
+                value=len(self.paths),
                 allowed=f"2 to {MOST}",
                 remedy="name the first one, then those to compare with it",
             )
+
+    @property
+    def paths(self) -> list[Path]:
+        """All of them, the first one first."""
+        others = (self.others,) if isinstance(self.others, Path | str) else self.others
+        return [Path(one) for one in (self.first, *others)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +159,7 @@ def answer(asked: CompareRequest) -> Comparison:
     InputError
         Nothing that can be compared, or things of different kinds, robots, quantities or units.
     """
-    paths = [Path(one) for one in (asked.first, *asked.others)]  # type: ignore[list-item]
-    some = [read_source(path, number) for number, path in enumerate(paths, start=1)]
+    some = [read_source(path, number) for number, path in enumerate(asked.paths, start=1)]
     check_alike(some)
     first, *others = some
     if is_map := first.kind == "map":
@@ -367,7 +372,7 @@ def _of_maps(found: Sequence[Compared]) -> tuple[Table, ...]:
         "beyond_the_noise": ["–" if math.isnan(v) else f"{percent(v)} of the points" for v in beyond],
     }
     more = dict(zip(SPREAD, spreads.T, strict=True)) | {BEYOND: beyond}
-    extra = {
+    extra: dict[str, Sequence[Any]] = {
         "name": [q.name for q in rows],
         "change_is_share": [q.is_share for q in rows],
         "points": [int(q.known.sum()) for q in rows],

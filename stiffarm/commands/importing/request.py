@@ -22,8 +22,10 @@ MATERIALS = {"steel": (210.0, 0.3, 7850.0), "aluminium": (70.0, 0.33, 2700.0), "
 LIMITS = (("--youngs-modulus-GPa", 1.0, 1000.0), ("--poissons-ratio", 0.0, 0.49), ("--density", 100.0, 25000.0))
 URDF = ".urdf"
 OF_ONE_LINK = ("model", "link", "scale")
-OF_ALL = ("tip", "base", "rigid", "wall", "mass_kg", "step", "radius", "material", "youngs_modulus_GPa")
-OF_ALL += ("poissons_ratio", "density")
+OF_ALL = (
+    *("tip", "base", "rigid", "wall", "mass_kg", "step", "radius"),
+    *("material", "youngs_modulus_GPa", "poissons_ratio", "density"),
+)
 
 
 def _lengths(value: Any, name: str) -> dict[str, float]:
@@ -137,7 +139,8 @@ class ImportRequest(Request):
             raise InputError(
                 "SOURCE", code="A007", value=str(path), allowed="an existing file", remedy="check the path"
             )
-        for name in ("wall_mm", "size_mm", "close_mm", "scale", "boss", "mass_kg"):
+        require_positive("--mass-kg", self.mass_kg, code="L011")
+        for name in ("wall_mm", "size_mm", "close_mm", "scale", "boss"):
             require_positive(f"--{name.replace('_', '-')}", getattr(self, name), code="L011")
         self.figures(self.material or "steel")
         why = "leave it out: " + (

@@ -15,6 +15,7 @@ import fem.arm
 from meshes import link_beam_mesh, link_shell_mesh, save_shell
 from meshes.surfaces.link import quality_words
 from robots import ModelDescription, Remark, save_description
+from robots.arrays import Array
 from robots.library.surface_files import surface_file_name
 from robots.quantities import Quantity, length, rounded
 from robots.robot import robot_from
@@ -203,7 +204,7 @@ def _sheet(
         ]
         for one in solids
     ]
-    return contact_sheet([one.piece for one in (*shells, *solids)], facts, title)
+    return contact_sheet([*(one.piece for one in shells), *(one.piece for one in solids)], facts, title)
 
 
 def _rings(rings: Mapping[str, Any]) -> str:
@@ -223,10 +224,10 @@ def _links(
     figures = [one.link.figures for one in shells]
     found = [tips[one.name] for one in shells]
 
-    def numbers(values: Sequence[float | None]) -> Any:
+    def numbers(values: Sequence[float | None]) -> Array:
         return np.array([np.nan if v is None else v for v in values], dtype=float)
 
-    values = {
+    values: dict[Quantity, Sequence[float | None]] = {
         WALL: [one.wall for one in shells],
         OFF: [one.departure_m[0] for one in figures],
         TRIANGLES: [one.triangles for one in figures],
@@ -235,7 +236,7 @@ def _links(
         RATIO: [one.ratio for one in found],
     }
     trust = [one.verdict.trust for one in shells]
-    more = {
+    more: dict[Quantity, Sequence[float | None]] = {
         SIZE: [one.size_m for one in figures],
         BEAM_TIP: [one.beam for one in found],
         Quantity("half_energy_share"): [one.half_energy_share for one in trust],
@@ -313,7 +314,7 @@ def _solids(solids: Sequence[MadeSolid], arm: fem.arm.Arm) -> Table:
         MASS: np.array([one.kg for one in solids]),
         Quantity("tip_compliance", "um/kN", 1e9, "tip"): np.array([tips[one.name] for one in solids]),
     }
-    extra = {
+    extra: dict[str, Sequence[Any]] = {
         "rings": [_rings_json(one.solid.rings) for one in solids],
         "changes": [list(one.solid.report) for one in solids],
     }

@@ -119,15 +119,22 @@ class NewRequest(Request):
 
 def _check_name(name: str) -> None:
     """Refuse a name that files and tables cannot bear, or that an arm has."""
-    allowed, remedy = "", ""
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name) or name.endswith("."):
-        allowed = "up to 61 letters, digits, - _ . beginning with a letter or digit"
-        remedy = "give a short name, as in my-arm"
-    elif name in (*bundled_names(), *library_names()):
-        allowed = "a name that no arm of `stiffarm robots` has"
-        remedy = f"call it my-{name}, say: commands would take the one for the other"
-    if allowed:
-        raise InputError("NAME", code="R006", value=name, allowed=allowed, remedy=remedy)
+        raise InputError(
+            "NAME",
+            code="R006",
+            value=name,
+            allowed="up to 61 letters, digits, - _ . beginning with a letter or digit",
+            remedy="give a short name, as in my-arm",
+        )
+    if name in (*bundled_names(), *library_names()):
+        raise InputError(
+            "NAME",
+            code="R006",
+            value=name,
+            allowed="a name that no arm of `stiffarm robots` has",
+            remedy=f"call it my-{name}, say: commands would take the one for the other",
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -236,14 +236,14 @@ def answer(asked: ReadingsRequest) -> ConvertedReadings:
         "why": [c.why for c in made.columns],
         "range_in_the_table": [_range(c) for c in made.columns],
     }
-    more = {
+    more: dict[str, Sequence[Any]] = {
         "file": [c.file for c in made.columns],
         "meaning": [str(c.meaning) for c in made.columns],
         "empty": [c.empty for c in made.columns],
         "lowest": [rounded(c.lowest) for c in made.columns],
         "highest": [rounded(c.highest) for c in made.columns],
     }
-    ends = {
+    ends: dict[str, Sequence[Any]] = {
         end: [ranges.get(name, (None, None))[i] for name in made.header] for i, end in enumerate(("lowest", "highest"))
     }
     return ConvertedReadings(

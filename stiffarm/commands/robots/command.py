@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -103,13 +104,13 @@ def answer(asked: RobotsRequest) -> Result:
 def _list() -> Result:
     found = [load_description(name) for name in bundled_names()]
     library = library_table()
-    bundled = {
+    bundled: dict[str, Sequence[str | bool]] = {
         "name": [d.name for d in found],
         "title": [d.title for d in found],
         "load_path": [d.load_path for d in found],
         "measured_readings": [_readings(d.name) for d in found],
     }
-    others = {
+    others: dict[str, Sequence[str | bool]] = {
         "name": [a["name"] for a in library],
         "title": [a["title"] for a in library],
         "programs": [", ".join(a["formats"]) for a in library],
@@ -213,6 +214,7 @@ def _couplings(description: ModelDescription) -> list[str]:
 def _masses(description: ModelDescription, robot: Robot) -> tuple[tuple[Table, ...], tuple[str, ...]]:
     """Masses of casings and what the file declares, up to the robot's own mass; and what cannot be."""
     masses = robot_masses(description, robot)
+    rows: list[tuple[str, float | None, float | None, float | None]]
     rows = [(link.name, link.casing.kg, link.rest_kg, link.declared_kg) for link in masses.links]
     if masses.crank is not None:  # they declare none: they weigh what their sections do
         rows += [(name, kg, None, kg) for name, kg in (("bar", masses.bar_kg), ("crank", masses.crank.kg))]

@@ -20,7 +20,6 @@ WITHOUT = {
     "place",
     "post",
     "posture",
-    "robots_bundled",
     "verify",
 }
 
