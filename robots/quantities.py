@@ -46,7 +46,8 @@ class Quantity:
 
     def column_of(self, what: str = "") -> str:
         """The key of something in its unit, as of an end of its interval: ``k_fs_low95_N_per_mm``."""
-        return "_".join(filter(None, (self.key, what, self.unit.replace("/", "_per_").replace(" ", ""))))
+        unit = self.unit.replace("/", "_per_").replace(" ", "").replace("%", "percent")
+        return "_".join(filter(None, (self.key, what, unit)))
 
     @property
     def name(self) -> str:
