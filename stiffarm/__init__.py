@@ -7,6 +7,7 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.commands.identify.command import identify
     from stiffarm.commands.index.command import index
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from stiffarm.face.comparisons import Comparison, compare
     from stiffarm.face.conversions import ConvertedReadings, convert_readings
     from stiffarm.face.diagnoses import Diagnosis, diagnose
-    from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
@@ -43,7 +43,6 @@ __all__ = [
     "Comparison",
     "ConvertedReadings",
     "Diagnosis",
-    "Identification",
     "Imported",
     "InputError",
     "InputErrors",

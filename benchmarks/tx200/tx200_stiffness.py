@@ -335,7 +335,7 @@ def main() -> int:
 
         arguments.write.write_text(text, encoding="utf-8")
         w = stiffness_window(model, compliances_of(first(model)))
-        save_png(window_figure(w, "tx200", " (synthetic data)"), arguments.write.with_name("tx200_map.png"))
+        save_png(window_figure(w, "tx200 (synthetic data)"), arguments.write.with_name("tx200_map.png"))
     elif not arguments.json:
         sys.stdout.write(text)
     return 0

@@ -77,7 +77,7 @@ def held_constant(found: Identified) -> tuple[str, ...]:
     which = f"all {len(varying)} across the axes" if len(varying) > 8 else ", ".join(varying)
     return (
         "model.toml holds these directions as constants, at their mean compliance over the angles measured, where "
-        f"identification.json has laws over the angle: {which}",
+        f"identify.json has laws over the angle: {which}",
     )
 
 

@@ -32,7 +32,7 @@ _WORDS: Final = {
 }
 
 
-def loops_figure(found: Identified, made_up: str = "") -> Figure:
+def loops_figure(found: Identified) -> Figure:
     """Hysteresis: twist about the gear axis over the torque, up and down, of each joint's most loaded cycle.
 
     Raises
@@ -44,7 +44,7 @@ def loops_figure(found: Identified, made_up: str = "") -> Figure:
     shown = [(j, name) for j, name in enumerate(found.names) if _most_loaded(found, j) is not None]
     if not shown:
         raise InputError("loops figure: no gear was loaded", code="B002")
-    heading = f"Hysteresis about the gear axes, most loaded cycle of each joint{made_up}"
+    heading = "Hysteresis about the gear axes, most loaded cycle of each joint"
     with panels(heading, len(shown), 3, 10.5, 3.0, 0.9) as (figure, axes):
         for ax, (j, name) in zip(axes, shown, strict=True):
             cycle = _most_loaded(found, j)
@@ -70,11 +70,11 @@ def _most_loaded(found: Identified, j: int) -> int | None:
     return int(mine[np.argmax(np.abs(c.carried[mine, 5]))]) if mine.size else None
 
 
-def laws_figure(found: Identified, made_up: str = "") -> Figure:
+def laws_figure(found: Identified) -> Figure:
     """Stiffness over the joint's angle with 95 % bands, six directions (columns) of every joint (rows)."""
     dof = len(found.names)
     high = 0.8 + 2.3 * dof
-    with drawing(f"Six stiffnesses of every joint over its angle{made_up}", (12.0, high), 0) as (figure, _):
+    with drawing("Six stiffnesses of every joint over its angle", (12.0, high), 0) as (figure, _):
         axes = figure.subplots(dof, 6, squeeze=False).ravel()
         for k, d in enumerate(found.directions.values()):
             ax = axes[k]
@@ -146,9 +146,9 @@ def _law_panel(ax: Axes, d: Direction) -> None:
         note(ax, "rigid is possible", (0.97, 0.9), xycoords="axes fraction", ha="right", color="#666666")
 
 
-def compliances_figure(found: Identified, made_up: str = "") -> Figure:
+def compliances_figure(found: Identified) -> Figure:
     """Six compliances of every joint: mean over the angles measured, with 95 % intervals, log axes."""
-    heading = f"Six compliances of every joint, means over the angles with 95 % intervals{made_up}"
+    heading = "Six compliances of every joint, means over the angles with 95 % intervals"
     with drawing(heading, (11.0, 4.6), 1, 2) as (figure, axes):
         for ax, rows, factor, unit in (
             (axes[0], ROWS[:3], 1e9, "nm/N"),
@@ -203,7 +203,7 @@ def _bars(ax: Axes, found: Identified, rows: Sequence[str], factor: float) -> li
     return list(handles.values())
 
 
-def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Figure:
+def usual_models_figure(same: Errors, refitted: Errors) -> Figure:
     """How wrong models of the gears alone are: mean, 95th percentile and worst, by flange axis, log axis."""
     # A logarithmic axis has no place for a model that is right to the last digit.
     percent = {
@@ -218,14 +218,14 @@ def usual_models_figure(same: Errors, refitted: Errors, made_up: str = "") -> Fi
             ("worst", attrgetter("worst")),
         )
     }
-    heading = f"Gears alone against six stiffnesses a joint, random reachable poses{made_up}"
+    heading = "Gears alone against six stiffnesses a joint, random reachable poses"
     below = "flange axis; gears with the same torsional stiffness, or refitted to flange deflections"
     return bars_figure(heading, percent, "error of directional stiffness (%)", below, log=True)
 
 
-def window_figure(w: Window, robot: str, made_up: str = "") -> Figure:
+def window_figure(w: Window, robot: str) -> Figure:
     """The map: mean of the directional stiffnesses in flange X, Y, Z over the window; grey is not reached."""
-    with drawing(f"Stiffness map of {robot}{made_up}", (7.2, 5.6), 1, 1) as (figure, (ax,)):
+    with drawing(f"Stiffness map of {robot}", (7.2, 5.6), 1, 1) as (figure, (ax,)):
         mean = np.ma.masked_invalid(1e-3 * w.mean)
         ax.set_facecolor("#D9DBDE")
         mesh = ax.pcolormesh(1e3 * w.x, 1e3 * w.z, mean, cmap=STIFFNESS_COLOURS, shading="gouraud")

@@ -95,8 +95,8 @@ def test_identify_names_what_calibrate_can_set_free() -> None:
     assert outcome.code == 2
     line = outcome.err.split("`")[1]
     words = shlex.split(line)  # a folder whose name has a space in it is quoted
-    assert words[:-1] == ["stiffarm", "calibrate", "xr701", str(table), "--free"]
-    again = run_here(*words[1:], "--links", "rigid", "--json")
+    assert words[:-1] == ["stiffarm", "calibrate", "MODEL", str(table), "--free"]
+    again = run_here("calibrate", "xr701", *words[3:], "--links", "rigid", "--json")
     assert again.code == 0, again.err
     names = words[-1].split(",")
     assert 2 <= len(names) < 9

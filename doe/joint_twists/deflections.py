@@ -1,23 +1,21 @@
-"""Tool deflections given to `identify`: what `calibrate` can set free with them."""
+"""Tool deflections in place of joint twists: which stiffnesses of joints they can determine together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
-from doe import Measurements, read_measurements
 from doe.estimation.problem import Problem, problem
-from doe.tables.measurements import largest_rows, load_size
+from doe.tables.measurements import Measurements, largest_rows, load_size
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from robots import InputError
 from robots.arm_class import arm_class
 from robots.arrays import Array
 
-# A stiffness is named where readings tell it to so large a share (standard deviation).
-TOLD = 0.5
+# A stiffness is named where readings determine it to so large a share (standard deviation).
+KNOWN_TO = 0.5
 # What a reading is worth: 3 % of the deflection, and 3 um or 3 urad.
 PERCENT, FLOOR = 0.03, 3e-6
 # Gears tilt so many times stiffer than they twist (catalogues of RV gears: 5 to 9).
@@ -25,24 +23,10 @@ TILT = 6.0
 ROWS = ("rz", "rx", "ry")
 
 
-def calibrate_command(given: Arm, tables: Sequence[Path]) -> str | None:
-    """The command line with all turning stiffnesses that these tables tell together; None where that is none."""
-    try:
-        data = [read_measurements(table, given.robot) for table in tables]
-        names = told_together(given, data)
-    except InputError:
-        return None
-    if not names:
-        return None
-    # All tables in one go: the first one is FILE.
-    more = "".join(f" {table}" for table in tables[1:])
-    return f"`stiffarm calibrate MODEL FILE{more} --free {','.join(names)}`"
+def determined_together(given: Arm, data: Sequence[Measurements]) -> list[str]:
+    """Names of stiffnesses about the joints' axes and across them, in the order of joints, that readings determine.
 
-
-def told_together(given: Arm, data: Sequence[Measurements]) -> list[str]:
-    """Names of stiffnesses about the joints' axes and across them, in the order of joints, that readings tell.
-
-    At each pose its largest load counts: more loads tell no other directions.
+    At each pose its largest load counts: more loads show no other directions.
     """
     free = list(_parameters(given))
     rows = [_rows(given, one, free) for one in data]
@@ -52,7 +36,7 @@ def told_together(given: Arm, data: Sequence[Measurements]) -> list[str]:
     while len(chosen) < min(len(S) - 1, len(free)):
         size = np.sum(left**2, axis=0)
         k = int(np.argmax(size))
-        if size[k] <= TOLD**-2 or not _told(S[:, [*chosen, k]]):
+        if size[k] <= KNOWN_TO**-2 or not _is_determined(S[:, [*chosen, k]]):
             break
         chosen.append(k)
         unit = left[:, k] / np.sqrt(size[k])
@@ -61,9 +45,9 @@ def told_together(given: Arm, data: Sequence[Measurements]) -> list[str]:
     return [free[k][0].name for k in sorted(chosen)]
 
 
-def _told(S: Array) -> bool:
+def _is_determined(S: Array) -> bool:
     G = S.T @ S
-    return bool(np.linalg.cond(G) < 1e12 and np.sqrt(np.diag(np.linalg.inv(G))).max() < TOLD)
+    return bool(np.linalg.cond(G) < 1e12 and np.sqrt(np.diag(np.linalg.inv(G))).max() < KNOWN_TO)
 
 
 def _parameters(given: Arm) -> Iterator[tuple[Parameter, float]]:
