@@ -122,6 +122,16 @@ class Request:
         """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
         return given
 
+    def given(self, *names: str) -> list[str]:
+        """Those of these fields that do not have their default, as the command line spells them."""
+        defaults = {f.name: f.default for f in dataclasses.fields(self)}
+        options, out = options_of(type(self)), []
+        for name in names:
+            value, usual = getattr(self, name), defaults[name]
+            if value is not usual and (usual is None or value != usual):
+                out.append(spelled(name, options[name]))
+        return out
+
     @property
     def writes_by(self) -> str | None:
         """The option that was given and writes files, so that the command needs a folder."""
@@ -446,3 +456,46 @@ TABLE: Final = READINGS
 # Checked against the arm's names, by `pose_of`.
 POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
 WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)
+
+
+def _loads(value: Any, name: str) -> tuple[float, ...]:
+    allowed = f"forces above 0 N, up to {LARGEST_LOAD:g} N" + (", or all" if name.startswith("-") else "")
+    loads = numbers_of(value, name, allowed) if np.size(value) else ()
+    if not all(0.0 < load <= LARGEST_LOAD for load in loads):
+        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="give them in N, as in 150,650")
+    return loads
+
+
+def _height(text: str, name: str) -> float | None:
+    return None if text.strip().lower() == "none" else _split(text, name, "a height in mm, or none", "0")[0]
+
+
+def _finite(value: Any, name: str) -> float:
+    return numbers_of(value, name, "a height in mm, or none")[0]
+
+
+def _box(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "two opposite corners x0,y0,z0,x1,y1,z1 of a box with a volume, in mm"
+    row = numbers_of(value, name, allowed)
+    if len(row) != 6 or any(a == b for a, b in zip(row[:3], row[3:], strict=True)):
+        raise InputError(
+            name, code="A004", value=value, allowed=allowed, remedy=f"as in {name} 500,-800,0:1500,800,900"
+        )
+    return row
+
+
+# Sizes of loads in N; no size: all loads.
+LOADS: Final = Kind(
+    "N,...",
+    lambda text, name: () if text.strip() == "all" else _split(text, name, "'all', or forces in N", "150,650"),
+    _loads,
+    _joined,
+)
+# A height in mm; None: there is no floor.
+HEIGHT: Final = Kind("MM", _height, _finite, lambda value: f"{value:g}")
+# A box in mm by two opposite corners, six numbers.
+BOX: Final = Kind(
+    "X0,Y0,Z0:X1,Y1,Z1",
+    lambda text, name: _split(text.replace(":", ","), name, "two corners in mm", "500,-800,0:1500,800,900"),
+    _box,
+)
