@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.commands.identify.command import identify
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.plan.command import plan
+    from stiffarm.commands.plan.results import Plan
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
-    from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify

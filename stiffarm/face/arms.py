@@ -99,7 +99,7 @@ class Arm(fem.arm.Arm):
             A name that this robot does not have, an angle that is no finite number, or a pose it cannot take.
         """
         if q_deg is None:
-            from stiffarm.commands.plan.options import resting_pose
+            from stiffarm.commands.plan.request import resting_pose
 
             return resting_pose(self.robot, {})
         return pose_of(self.robot, q_deg, "q_deg")

@@ -22,6 +22,7 @@ from stiffarm.request import Request, options_of, spelled
 MADE = {
     "identify": "IdentifyRequest",
     "index": "IndexRequest",
+    "plan": "PlanRequest",
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",

@@ -15,7 +15,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.plan import Foresight, MeasurementPlan
 from robots.constants import NORMAL_95
-from stiffarm.commands.plan.words import factor95, is_open, plain, quantity
+from robots.quantities import significant
+from stiffarm.commands.plan.words import factor95, is_open, quantity
 from stiffarm.pages.figure_parts import above, drawing, log_ticks, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
@@ -57,7 +58,7 @@ def _intervals(ax: Axes, rows: Sequence[Row]) -> None:
         before, after = _before(f, found), _ends(f, f.promised)
         _bar(ax, y - 0.17, *before, _BEFORE)
         _bar(ax, y + 0.17, *after, _AFTER if f.seen else _BEFORE)
-        text = f"÷ {plain(f.promised_shrink, 2)}" if f.promised_shrink >= 1.05 else "perhaps no narrower"
+        text = f"÷ {significant(f.promised_shrink, 2)}" if f.promised_shrink >= 1.05 else "perhaps no narrower"
         right, gap = (after[1], 5) if after[1] < _WIDEST else (_WIDEST, 11)
         note(
             ax,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from doe.estimation.estimate import unaided
 from doe.estimation.noise import Noise
 from doe.estimation.problem import problem
 from doe.planning.forecast import Forecast, forecast
-from doe.planning.optimal_choice import Criterion
 from doe.planning.outset import Outset, check_plannable, first_outset, helped_outset, outset
 from doe.planning.plan import (
     Foresight,
@@ -25,53 +25,32 @@ from doe.planning.plan import (
     plan,
     seen_by,
 )
-from doe.planning.pose_designs import Method, pose_design, short_tour
+from doe.planning.pose_designs import pose_design, short_tour
 from doe.planning.protocol import Protocol, new_labels, usual_directions, usual_point
 from doe.planning.zones import Zone
 from fem.arm import Arm
 from fem.free.parameters import Parameter, parameter
 from fem.springs import ConstantSpring
-from robots import InputError, Robot
+from robots import InputError, Robot, require_one_of
 from robots.arm_class import arm_class
 from robots.arrays import Array
 from robots.progress import Progress
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.plan import words
-from stiffarm.commands.plan.options import resting_pose, usual_components, usual_loads
+from stiffarm.commands.plan.request import (
+    PlanRequest,
+    components_of,
+    directions_of,
+    resting_pose,
+    usual_components,
+    usual_loads,
+)
 from stiffarm.session import steps
 from stiffarm.session.reading_checks import refuse_useless
 
 # Poses in which a coordinate is moved to see whether it matters.
 PROBES = 40
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked of a plan; None: the usual (see :mod:`stiffarm.commands.plan.options`).
-
-    ``poses``: set-ups to choose, or poses of a plain design if ``plain``; ``forces`` N; ``directions`` (d, 3);
-    ``vary``: coordinates that vary; ``hold_deg``: where others stand; ``gauge``: resolution, m and rad.
-    """
-
-    poses: int
-    plain: bool = False
-    free: tuple[str, ...] | None = None
-    criterion: Criterion = "D"
-    forces: tuple[float, ...] | None = None
-    directions: Array | None = None
-    components: tuple[int, ...] | None = None
-    repeats: int = 3
-    unloading: bool = False
-    candidates: int = 1500
-    design: Method = "sobol"
-    levels: int = 3
-    vary: tuple[str, ...] | None = None
-    hold_deg: dict[str, float] = field(default_factory=dict)
-    zone: Zone = Zone()  # noqa: RUF009 - frozen
-    random_order: bool = False
-    gauge: tuple[float, float] = (1e-5, 1e-5)
-    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,7 +62,7 @@ class Planned:
     ``calibrated``: what the readings so far say, as `calibrate` finds it, None where they are too few.
     """
 
-    request: Request
+    request: PlanRequest
     start: Outset
     made: MeasurementPlan
     forecast: Forecast
@@ -108,10 +87,10 @@ class Planned:
     def sentences(self) -> list[str]:
         """What the plan will tell."""
         out = [words.told(f, found) for f, found in self.rows]
-        return out if self.request.plain else [*out, words.against_chance(self.made)]
+        return out if self.request.is_plain else [*out, words.against_chance(self.made)]
 
 
-def make_plan(given: Arm, data: Measurements | None, request: Request, progress: Progress | None = None) -> Planned:
+def make_plan(given: Arm, data: Measurements | None, request: PlanRequest, progress: Progress | None = None) -> Planned:
     """Estimate what the data say, choose the set-ups that tell most beyond it, and order them.
 
     Raises
@@ -120,7 +99,7 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         Unknown parameters or coordinates, no pose that can be taken, more set-ups than candidates, loads that
         nothing tells, readings that tell nothing, or that move with none of the parameters.
     """
-    robot = given.robot
+    robot, zone = given.robot, request.zone(given)
     rng = np.random.default_rng(request.seed)
     protocol = _protocol(given, data, request)
     probes = pose_design(robot, PROBES, fixed=resting_pose(robot, {}), rng=np.random.default_rng(request.seed))
@@ -133,12 +112,12 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
             remedy="load in other --directions, or --read more components",
         )
     vary, held, remarks = _coordinates(start, protocol, probes, request, rng)
-    poses = _candidates(robot, request, vary, held, rng)
-    if request.plain:
+    poses = _candidates(robot, request, zone, vary, held, rng)
+    if request.is_plain:
         made = foresee(start, poses, protocol, request.criterion)
     else:
         _check_size(request, len(poses) * len(protocol.directions))
-        made = plan(start, poses, request.poses, protocol, request.criterion, rng=rng, progress=progress)
+        made = plan(start, poses, request.count, protocol, request.criterion, rng=rng, progress=progress)
     made = _ordered(made, request, rng)
     # Numbers of its own: what is promised moves no choice.
     promise = forecast(start, made, np.random.default_rng([request.seed, 1]))
@@ -155,16 +134,16 @@ def make_plan(given: Arm, data: Measurements | None, request: Request, progress:
         len(poses),
         expected(start, made.q, made.direction * protocol.forces.max(), protocol),
         held_deg,
-        (*notes, *remarks, words.rests_on(start, promise), *_remarks(start, request, data)),
+        (*notes, *remarks, *_remarks(start, request, zone, data)),
         calibrated,
     )
 
 
-def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protocol:
-    forces = usual_loads(given.description, data) if request.forces is None else np.array(sorted(set(request.forces)))
+def _protocol(given: Arm, data: Measurements | None, request: PlanRequest) -> Protocol:
+    forces = usual_loads(given.description, data) if not request.loads else np.array(sorted(set(request.loads)))
     read = np.zeros((0, 3)) if data is None else data.wrench[:, :3]
-    directions = usual_directions(read) if request.directions is None else request.directions
-    components = usual_components(data) if request.components is None else request.components
+    directions = usual_directions(read) if request.directions is None else directions_of(request.directions)
+    components = usual_components(data) if request.read is None else components_of(request.read)
     # A table leaves the point empty where it is the model's tool point.
     tool = given.robot.T_flange_tool[:3, 3] - given.model.load_point
     point = None if data is None else usual_point(data.point, tool)
@@ -172,10 +151,10 @@ def _protocol(given: Arm, data: Measurements | None, request: Request) -> Protoc
 
 
 def _free(
-    given: Arm, data: Measurements | None, request: Request, protocol: Protocol, probes: Array
+    given: Arm, data: Measurements | None, request: PlanRequest, protocol: Protocol, probes: Array
 ) -> tuple[list[Parameter], list[str]]:
     """Parameters to be told: those named, else the springs that the data or the new readings move with."""
-    names = request.free
+    names = None if request.free is None else tuple(request.free)
     notes = []
     if names is None:
         joints = given.robot.joint_names
@@ -225,31 +204,38 @@ def _outset(
 
 
 def _coordinates(
-    start: Outset, protocol: Protocol, probes: Array, request: Request, rng: np.random.Generator
+    start: Outset, protocol: Protocol, probes: Array, request: PlanRequest, rng: np.random.Generator
 ) -> tuple[tuple[str, ...], Array, list[str]]:
     """Coordinates that vary, where the others stand (dof,) rad, and why."""
     robot = start.free.model.robot
-    held = resting_pose(robot, request.hold_deg)
+    hold = request.hold or {}
+    if not isinstance(hold, Mapping):
+        raise InputError("--hold", code="A004", value=hold, allowed="angles in deg by name, as in q1_deg=30")
+    held = resting_pose(robot, hold)
     if request.vary is not None:
-        if clash := [name for name in request.hold_deg if name in request.vary]:
+        for name in request.vary:
+            require_one_of("--vary", name, robot.coordinates, code="A001", remedy="choose from these")
+        if clash := [name for name in hold if name in request.vary]:
             raise InputError(f"{', '.join(clash)}: both in --vary and in --hold", code="A002", allowed="one of them")
-        return request.vary, held, []
+        return tuple(request.vary), held, []
     idle = idle_coordinates(start, protocol, probes, rng)
-    vary = tuple(n for n in robot.coordinates if n not in idle and n not in request.hold_deg)
+    vary = tuple(n for n in robot.coordinates if n not in idle and n not in hold)
     if not vary:
         raise InputError("every coordinate stands still", code="C005", remedy="name those that vary with --vary")
-    free_idle = [n for n in idle if n not in request.hold_deg]
+    free_idle = [n for n in idle if n not in hold]
     if not free_idle:
         return vary, held, []
     stand = ", ".join(f"{n} = {np.degrees(held[robot.coordinate_index(n)]):g}" for n in free_idle)
     return vary, held, [f"{stand}: makes no difference to what is read, so it stands still (--vary overrides)"]
 
 
-def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Array, rng: np.random.Generator) -> Array:
+def _candidates(
+    robot: Robot, request: PlanRequest, zone: Zone, vary: tuple[str, ...], held: Array, rng: np.random.Generator
+) -> Array:
     """Poses (N, dof) rad to choose from, in whole degrees where they are drawn: a sheet is set by hand."""
-    n = request.poses if request.plain else request.candidates
+    n = request.count if request.is_plain else request.candidates
     poses = pose_design(
-        robot, n, request.design, coordinates=vary, fixed=held, levels=request.levels, zone=request.zone, rng=rng
+        robot, n, request.design, coordinates=vary, fixed=held, levels=request.levels, zone=zone, rng=rng
     )
     if not len(poses):
         raise InputError(
@@ -258,11 +244,11 @@ def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Arr
             remedy="let more coordinates vary, move the floor or the boxes, or take --design sobol",
         )
     if request.design in ("factorial", "fractional"):
-        if request.plain and len(poses) > request.poses:
+        if request.is_plain and len(poses) > request.count:
             raise InputError(
                 f"--design-only with --design {request.design}: it has {len(poses)} poses",
                 code="C005",
-                value=request.poses,
+                value=request.count,
                 allowed=f"{len(poses)} or more",
                 remedy="give that number, fewer --levels, or fewer coordinates with --vary",
             )
@@ -270,7 +256,7 @@ def _candidates(robot: Robot, request: Request, vary: tuple[str, ...], held: Arr
     poses = _wrapped(robot, poses)
     whole = np.radians(np.round(np.degrees(poses)))
     fits = robot.reachable(whole)
-    fits[fits] = request.zone.free(robot, whole[fits])
+    fits[fits] = zone.free(robot, whole[fits])
     poses = np.where(fits[:, None], whole, poses)
     return poses[np.sort(np.unique(np.round(poses, 9), axis=0, return_index=True)[1])]
 
@@ -284,23 +270,23 @@ def _wrapped(robot: Robot, q: Array) -> Array:
     return np.where(inside & ~np.broadcast_to(coupled, q.shape), turned, q)
 
 
-def _check_size(request: Request, candidates: int) -> None:
-    if not 1 <= request.poses <= candidates:
+def _check_size(request: PlanRequest, candidates: int) -> None:
+    if not 1 <= request.count <= candidates:
         raise InputError(
             "--poses",
             code="C005",
-            value=request.poses,
+            value=request.count,
             allowed=f"1 to {candidates}, the number of candidate set-ups",
             remedy="ask for fewer, or give more --candidates",
         )
 
 
-def _ordered(made: MeasurementPlan, request: Request, rng: np.random.Generator) -> MeasurementPlan:
+def _ordered(made: MeasurementPlan, request: PlanRequest, rng: np.random.Generator) -> MeasurementPlan:
     order = rng.permutation(len(made.q)) if request.random_order else short_tour(made.q)
     return replace(made, q=made.q[order], direction=made.direction[order])
 
 
-def _remarks(start: Outset, request: Request, data: Measurements | None) -> list[str]:
+def _remarks(start: Outset, request: PlanRequest, zone: Zone, data: Measurements | None) -> list[str]:
     out = []
     if data is None:
         out.append(
@@ -309,7 +295,6 @@ def _remarks(start: Outset, request: Request, data: Measurements | None) -> list
         )
     elif not start.found:
         out.append(f"{start.readings} reading(s) are fewer than the parameters: a vague prior stands in for the rest")
-    zone = request.zone
     kept = [] if zone.floor is None else [f"above z = {1e3 * zone.floor:g} mm"]
     kept += [f"out of {len(zone.boxes)} box(es)"] if zone.boxes else []
     kept += [f"wrist and tool {1e3 * zone.own:.0f} mm from the lines of base and upper arm"] if zone.own else []

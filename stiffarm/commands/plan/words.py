@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from typing import Final
 
 from doe.certainty.uncertainty import ParameterEstimate
 from doe.planning.forecast import KEPT, Forecast
@@ -12,6 +11,7 @@ from doe.planning.outset import Outset
 from doe.planning.plan import Foresight, MeasurementPlan
 from fem.free.parameters import Parameter
 from robots.constants import NORMAL_95
+from robots.quantities import Quantity, angle, length, percent, relative, significant
 
 # Beyond this factor to either side a parameter is not called known.
 POORLY = 3.0
@@ -19,24 +19,24 @@ POORLY = 3.0
 HARDLY = 30.0
 
 
-def plain(value: float, digits: int) -> str:
-    """A number with so many significant digits, without an exponent where it can be read without."""
-    if not 1e-4 <= abs(value) < 1e6:
-        return f"{value:.{digits}g}"
-    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
+SHOWN: Final = {
+    "N m/rad": Quantity("", "10⁶ N m/rad", 1e-6),
+    "N/m": Quantity("", "N/µm", 1e-6),
+    "Pa": Quantity("", "GPa", 1e-9),
+    "rad": angle(""),
+    "m": length(""),
+}
 
 
 def quantity(value: float, unit: str, digits: int = 3) -> str:
     """A number with its unit; stiffnesses in 10⁶ N m/rad and N/µm, angles in deg, lengths in mm."""
-    factor, shown = {
-        "N m/rad": (1e-6, "10⁶ N m/rad"),
-        "N/m": (1e-6, "N/µm"),
-        "Pa": (1e-9, "GPa"),
-        "rad": (180.0 / math.pi, "deg"),
-        "m": (1e3, "mm"),
-    }.get(unit, (1.0, unit))
-    text = plain(value * factor, digits)
-    return f"{text}·{shown}" if shown.startswith("10") else f"{text} {shown}"
+    shown = SHOWN.get(unit, Quantity("", unit))
+    return f"{_number(value, unit, digits)}{'·' if shown.unit.startswith('10') else ' '}{shown.unit}"
+
+
+def _number(value: float, unit: str, digits: int) -> str:
+    """The same without the unit."""
+    return significant(SHOWN.get(unit, Quantity("", unit)).factor * value, digits)
 
 
 def known_so_far(found: ParameterEstimate | None, p: Parameter) -> str:
@@ -53,12 +53,7 @@ def known_so_far(found: ParameterEstimate | None, p: Parameter) -> str:
         return f"only ≥ {quantity(low, p.unit, 2)}"
     if low in nowhere:
         return f"only ≤ {quantity(high, p.unit, 2)}"
-    return f"{_bare(low, p.unit)} to {quantity(high, p.unit, 2)}"
-
-
-def _bare(value: float, unit: str) -> str:
-    text = quantity(value, unit, 2)
-    return text.split("·")[0] if "·" in text else text.split(" ")[0]
+    return f"{_number(low, p.unit, 2)} to {quantity(high, p.unit, 2)}"
 
 
 def is_open(found: ParameterEstimate | None) -> bool:
@@ -108,26 +103,28 @@ def told(f: Foresight, found: ParameterEstimate | None) -> str:
 
 def rests_on(start: Outset, found: Forecast) -> str:
     """What the predicted intervals rest on, and how often such ones came true."""
-    low, middle, high = (f"{plain(100.0 * share, 2)} %" for share in found.lack)
+    low, middle, high = map(relative, found.lack)
     source = f"as the {start.readings} readings so far suggest" if found.seen else "as it usually is"
-    least, most = (round(100.0 * share) for share in KEPT)
+    least, most = map(percent, KEPT)
     return (
         f"predicted intervals include the model's lack of fit, {source}: about {middle} of the deflection in every "
         f"set-up ({low} to {high}), which repeats do not average away. In simulated campaigns with a hidden effect "
-        f"{least} to {most} % of the intervals came out no wider than predicted"
+        f"{least} to {most} of the intervals came out no wider than predicted"
     )
 
 
 def _within(factor: float) -> str:
     if factor < 1.1:
-        return f"to ± {100.0 * (factor - 1.0):.1g} %"
-    return f"within a factor {factor:.3g}" if factor < POORLY else f"only within a factor {factor:.2g}"
+        return f"to ± {significant(100.0 * (factor - 1.0), 1)} %"
+    if factor < POORLY:
+        return f"within a factor {significant(factor)}"
+    return f"only within a factor {significant(factor, 2)}"
 
 
 def _times(shrink: float) -> str:
     if shrink < 1.05:
         return "perhaps no narrower"
-    return f"{shrink:.2g} times narrower" if shrink < 9.95 else f"{shrink:.0f} times narrower"
+    return f"{significant(shrink, 2)} times narrower"
 
 
 def against_chance(made: MeasurementPlan) -> str:
@@ -144,6 +141,6 @@ def against_chance(made: MeasurementPlan) -> str:
         "I": "standard deviations of predicted deflections (root mean square)",
     }[made.criterion]
     return (
-        f"a random choice of {n} leaves {what} {ratio:.2f} times as large; it takes {needed} set-ups chosen at random "
-        "for the same (medians of many random choices)"
+        f"a random choice of {n} leaves {what} {significant(ratio)} times as large; it takes {needed} set-ups chosen at "
+        "random for the same (medians of many random choices)"
     )
