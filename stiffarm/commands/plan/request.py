@@ -117,7 +117,7 @@ def _positive(value: Any, name: str) -> float:
     (number, *more) = numbers_of(value, name, "a number")
     if more or not 0.0 < number <= 1e3:
         allowed = "more than 0, at most 1000"
-        raise InputError(name, code="C006", value=value, allowed=allowed, remedy="give the gauge's resolution")
+        raise InputError(name, code="C006", value=number, allowed=allowed, remedy="give the gauge's resolution")
     return number
 
 

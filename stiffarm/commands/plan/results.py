@@ -136,7 +136,6 @@ def result(given: Arm, data: Measurements | None, asked_of: Path | None, planned
         ),
         remarks=(
             *(() if data is None else data.notes),
-            *(() if data is None else data.notes),
             *(() if planned.request.is_plain else (words.against_chance(made),)),
             *planned.notes,
             *((f"not in the plan: {', '.join(effects)}",) if effects else ()),

@@ -141,6 +141,6 @@ def against_chance(made: MeasurementPlan) -> str:
         "I": "standard deviations of predicted deflections (root mean square)",
     }[made.criterion]
     return (
-        f"a random choice of {n} leaves {what} {significant(ratio)} times as large; it takes {needed} set-ups chosen at "
-        "random for the same (medians of many random choices)"
+        f"a random choice of {n} leaves {what} {significant(ratio)} times as large; it takes {needed} set-ups chosen "
+        "at random for the same (medians of many random choices)"
     )

@@ -16,7 +16,6 @@ from machining.service import Session
 from robots import load_description
 from stiffarm.commands.calibrate import command as calibration
 from stiffarm.commands.diagnose import command as diagnosis
-from stiffarm.commands.plan import command as planning
 from stiffarm.commands.run import command as chain
 from stiffarm.session.softness import FLAG
 
@@ -81,11 +80,10 @@ def test_all_that_read_tables_have_the_flag() -> None:
         calibration.calibrate,
         chain.run,
         diagnosis.diagnose,
-        planning.plan,
     )
     for command in commands:
         assert "confirm_units" in inspect.signature(command).parameters, command
-    for function in (sa.simulate, sa.sensitivity, sa.identify):
+    for function in (sa.simulate, sa.sensitivity, sa.identify, sa.plan):
         assert "confirm_units" in inspect.signature(function).parameters
 
 
