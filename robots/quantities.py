@@ -82,6 +82,18 @@ class Quantity:
         return ranged(float(low) * self.factor, float(high) * self.factor, self.unit)
 
 
+@dataclass(frozen=True)
+class Probability(Quantity):
+    """A probability in percent: never 0 or 100 for what is neither."""
+
+    unit: str = "%"
+    factor: float = 100.0
+
+    def text(self, value: float, *, unit: bool = False) -> str:
+        """As :func:`percent`."""
+        return percent(value) if unit else percent(value).removesuffix(" %")
+
+
 def angle(key: str, label: str = "") -> Quantity:
     """An angle, rad, shown in degrees and stored with digits that give it back."""
     return Quantity(key.removesuffix("_deg"), "deg", _DEGREES, label, stored=9)
