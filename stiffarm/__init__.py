@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from stiffarm.commands.index.command import index
     from stiffarm.commands.plan.command import plan
     from stiffarm.commands.plan.results import Plan
+    from stiffarm.commands.rehearse.command import rehearse
+    from stiffarm.commands.rehearse.results import Rehearsal
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
@@ -24,10 +26,8 @@ if TYPE_CHECKING:
     from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
-    from stiffarm.face.power import PowerAnalysis, power
     from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
-    from stiffarm.face.rehearsals import Rehearsal, rehearse
     from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
@@ -55,7 +55,6 @@ __all__ = [
     "PositionCalibration",
     "PositionDiagnosis",
     "Posture",
-    "PowerAnalysis",
     "Program",
     "Readings",
     "Rehearsal",
@@ -85,7 +84,6 @@ __all__ = [
     "plan",
     "post",
     "posture",
-    "power",
     "read_readings",
     "rehearse",
     "robots_bundled",
@@ -96,7 +94,7 @@ __all__ = [
 ]
 
 # What had another name in 0.1.
-_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
+_MOVED = {"power": "stiffarm.rehearse(arm, sheet)", "replay": "stiffarm.simulate(arm, data=readings)"}
 
 
 def __getattr__(name: str) -> object:

@@ -23,6 +23,7 @@ MADE = {
     "identify": "IdentifyRequest",
     "index": "IndexRequest",
     "plan": "PlanRequest",
+    "rehearse": "RehearseRequest",
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",

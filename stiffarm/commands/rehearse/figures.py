@@ -13,11 +13,9 @@ from stiffarm.pages.figure_parts import above, drawing, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 
-def numbers_figure(numbers: Sequence[Number]) -> Figure | None:
-    """Draw each number found over its true value, with its 95 % interval; None where none was found."""
+def numbers_figure(numbers: Sequence[Number]) -> Figure:
+    """Draw each number found over its true value, with its 95 % interval."""
     drawn = [n for n in numbers if n.found is not None and n.true != 0.0]
-    if not drawn:
-        return None
     with drawing("What was found over what was hidden, with 95 % intervals", (10.0, 1.6 + 0.5 * len(drawn))) as (
         figure,
         (ax,),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import nnls
@@ -20,11 +21,16 @@ from rehearsal.readings import in_cycles
 from robots import InputError
 from robots.arm_class import usual_load
 from robots.arrays import Array, Bools, Indices
+from robots.quantities import Quantity, relative, rounded
+
+if TYPE_CHECKING:
+    from stiffarm.commands.rehearse.command import RehearseRequest
 
 AXES = "xyz"
 # What a gauge does where neither the sheet nor an option says it: 3 % of the deflection and 3 um, read to 1 um, and
 # set-ups that differ by half a percent.
 PERCENT, FLOOR_UM, RESOLUTION_UM, SETUP_PERCENT = 3.0, 3.0, 1.0, 0.5
+UM = Quantity("", "um", 1e6, digits=2)
 # Readings that repeats must have over their means for their scatter to tell the noise.
 ENOUGH = 8
 # A campaign of our own: poses, repeats, and loads as shares of the largest.
@@ -54,16 +60,6 @@ class SetUps:
         return replace(self.table, displacement=out)
 
 
-@dataclass(frozen=True)
-class Gauge:
-    """What the user says of axes and noise; None: as the sheet has it. ``reads``: of a campaign of our own."""
-
-    percent: float | None = None
-    floor_um: float | None = None
-    setup_percent: float = SETUP_PERCENT
-    reads: str | None = None
-
-
 def bundled_sheet(robot: str) -> Path | None:
     """The table that is bundled with a robot, if there is one."""
     try:
@@ -72,7 +68,7 @@ def bundled_sheet(robot: str) -> Path | None:
         return None
 
 
-def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
+def of_sheet(given: Arm, path: Path, asked: RehearseRequest) -> SetUps:
     """The set-ups of a measurement table or of a sheet to fill in.
 
     Raises
@@ -80,11 +76,11 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
     InputError
         A table that does not fit the robot, or in which no displacement along an axis is read.
     """
-    if gauge.reads is not None:
+    if asked.reads is not None:
         raise InputError(
             "--reads",
             code="A002",
-            value=gauge.reads,
+            value=asked.reads,
             allowed="nothing where a SHEET says what is read",
             remedy="leave it out, or give --poses for a campaign without a sheet",
         )
@@ -102,7 +98,7 @@ def of_sheet(given: Arm, path: Path, gauge: Gauge) -> SetUps:
         )
     kept = np.asarray(read.any(axis=1), dtype=np.bool_)
     table, read = table.select(kept), read[kept]
-    noise, words = _noise_of(table, gauge)
+    noise, words = _noise_of(table, asked)
     blank = replace(table, displacement=np.full((table.n, 6), np.nan), sigma=np.full(table.n, np.nan), extra={})
     return arranged(f"the set-ups of {table.source}", blank, read, noise, words)
 
@@ -115,20 +111,20 @@ def arranged(source: str, table: Measurements, read: Bools, noise: Noise, words:
     return SetUps(source, table, _readings(table, row), row, read[row], noise, words)
 
 
-def campaign(given: Arm, world: World, gauge: Gauge, poses: int, rng: np.random.Generator) -> SetUps:
+def campaign(given: Arm, world: World, asked: RehearseRequest, poses: int, rng: np.random.Generator) -> SetUps:
     """A campaign of our own: poses that fill the space, three loads up and down, three repeats.
 
     The largest load is half of the payload's weight, or half of what arms of this reach bear.
     """
-    reads = AXES if gauge.reads is None else _axes(gauge.reads)
-    top = float(f"{0.5 * usual_load(given.robot, given.description):.2g}")
-    sizes = [float(f"{top * share:.2g}") for share in SHARES]
+    reads = AXES if asked.reads is None else _axes(asked.reads)
+    top = rounded(0.5 * usual_load(given.robot, given.description), 2) or 0.0
+    sizes = [rounded(top * share, 2) or 0.0 for share in SHARES]
     r = repeated(poses_of(world, poses, rng), [up_and_down(sizes, np.array([0.0, 0.0, -1.0]))], REPEATS)
-    noise = _stated(gauge)
+    noise = _stated(asked)
     read = np.tile([axis in reads for axis in AXES], (len(r), 1))
     loads = ", ".join(f"{size:g}" for size in sizes)
     source = f"{poses} poses that fill the space, {loads} N up and down, {REPEATS} repeats, reading {', '.join(reads)}"
-    return SetUps(source, _table_of(r), r, np.arange(len(r)), read, noise, _words(gauge))
+    return SetUps(source, _table_of(r), r, np.arange(len(r)), read, noise, _words(asked))
 
 
 def _axes(text: str) -> str:
@@ -187,30 +183,32 @@ def _readings(m: Measurements, row: Indices) -> Readings:
     return Readings(q, wrench[:, :3], setup, cycle, down, repeat, np.linspace(0.0, 1.0, m.n), peak, moment, point)
 
 
-def _stated(gauge: Gauge) -> Noise:
-    percent = PERCENT if gauge.percent is None else gauge.percent
-    floor = FLOOR_UM if gauge.floor_um is None else gauge.floor_um
-    return Noise(0.01 * percent, 1e-6 * floor, 1e-6 * RESOLUTION_UM, 0.01 * gauge.setup_percent)
+def _stated(asked: RehearseRequest) -> Noise:
+    percent = PERCENT if asked.noise_percent is None else asked.noise_percent
+    floor = FLOOR_UM if asked.noise_um is None else asked.noise_um
+    return Noise(0.01 * percent, 1e-6 * floor, 1e-6 * RESOLUTION_UM, 0.01 * asked.setup_percent)
 
 
-def _words(gauge: Gauge) -> str:
-    n = _stated(gauge)
-    said = "assumed" if gauge.percent is None and gauge.floor_um is None else "as asked"
-    return f"{100 * n.share:g} % of the deflection and {1e6 * np.max(n.floor_m):g} um a reading, {said}"
+def _words(asked: RehearseRequest) -> str:
+    n = _stated(asked)
+    said = "assumed" if asked.noise_percent is None and asked.noise_um is None else "as asked"
+    return f"{relative(n.share)} of the deflection and {UM.text(float(np.max(n.floor_m)), unit=True)} a reading, {said}"
 
 
-def _noise_of(m: Measurements, gauge: Gauge) -> tuple[Noise, str]:
+def _noise_of(m: Measurements, asked: RehearseRequest) -> tuple[Noise, str]:
     """Noise as asked; else by the column sigma_mm, in the table's order; else by the repeats' scatter; else assumed."""
-    stated = _stated(gauge)
-    if gauge.percent is not None or gauge.floor_um is not None:
-        return stated, _words(gauge)
+    stated = _stated(asked)
+    if asked.noise_percent is not None or asked.noise_um is not None:
+        return stated, _words(asked)
     if np.isfinite(m.sigma).all():
         return replace(stated, share=0.0, floor_m=m.sigma[:, None]), "the standard deviations of column sigma_mm"
     scatter = _scatter(m)
     if scatter is None:
-        return stated, _words(gauge)
+        return stated, _words(asked)
     share, floor = scatter
-    words = f"{100 * share:.2g} % of the deflection and {1e6 * floor:.2g} um a reading, by the scatter of the repeats"
+    words = (
+        f"{relative(share)} of the deflection and {UM.text(floor, unit=True)} a reading, by the scatter of the repeats"
+    )
     return replace(stated, share=share, floor_m=floor), words
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
@@ -29,27 +28,14 @@ from robots.schema.units import factor
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose.effect_numbers import numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.commands.rehearse.sheet import Gauge, SetUps, bundled_sheet, campaign, distinct_loads, held_out, of_sheet
+from stiffarm.commands.rehearse.sheet import SetUps, bundled_sheet, campaign, distinct_loads, held_out, of_sheet
 from stiffarm.session.inputs import refuse_effects
+
+if TYPE_CHECKING:
+    from stiffarm.commands.rehearse.command import RehearseRequest
 
 # Poses held out, within the angles that are read.
 UNSEEN = 40
-MOST_DRAWS = 1000
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked.
-
-    ``code``: what to hide, "none" for nothing; None: drawn and kept secret; ``poses``: of a campaign of our own, in
-    place of a bundled table.
-    """
-
-    code: str | None = None
-    draws: int = 1
-    seed: int = 0
-    poses: int | None = None
-    gauge: Gauge = Gauge()  # noqa: RUF009 - frozen
 
 
 @dataclass(frozen=True)
@@ -119,17 +105,18 @@ def possible(given: Arm, world: WorldArm) -> list[str]:
     return [code for code in codes(world, given.model.link_kind) if code in known]
 
 
-def set_ups_of(given: Arm, world: WorldArm, sheet: Path | None, request: Request, draw: int = 0) -> SetUps:
+def set_ups_of(given: Arm, world: WorldArm, asked: RehearseRequest, draw: int = 0) -> SetUps:
     """What is measured: a sheet's set-ups, a bundled table's, or a campaign (a new one in each draw)."""
-    if sheet is not None and request.poses is not None:
+    sheet = None if asked.sheet is None else Path(asked.sheet)
+    if sheet is not None and asked.poses is not None:
         raise InputError(
-            "--poses", code="A002", value=request.poses, allowed="no SHEET beside it", remedy="leave one of them out"
+            "--poses", code="A002", value=asked.poses, allowed="no SHEET beside it", remedy="leave one of them out"
         )
-    own = bundled_sheet(given.robot.name) if request.poses is None and request.gauge.reads is None else None
+    own = bundled_sheet(given.robot.name) if asked.poses is None and asked.reads is None else None
     if sheet is None and own is None:
-        poses = 27 if request.poses is None else request.poses
-        return campaign(given, world, request.gauge, poses, _rng(given, request.seed, draw, 1))
-    return of_sheet(given, sheet or own or Path(), request.gauge)
+        poses = 27 if asked.poses is None else asked.poses
+        return campaign(given, world, asked, poses, _rng(given, asked.seed, draw, 1))
+    return of_sheet(given, sheet or own or Path(), asked)
 
 
 def _rng(given: Arm, seed: int, draw: int, part: int) -> np.random.Generator:
@@ -137,12 +124,12 @@ def _rng(given: Arm, seed: int, draw: int, part: int) -> np.random.Generator:
     return np.random.default_rng([seed, draw, part, crc32(given.robot.name.encode())])
 
 
-def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: int) -> World:
+def made(given: Arm, world: WorldArm, set_ups: SetUps, asked: RehearseRequest, draw: int) -> World:
     """The world of one draw; which code is in it nobody has been told."""
     kind = given.model.link_kind
-    code = request.code
+    code = asked.code
     if code is None:
-        rng = _rng(given, request.seed, draw, 2)
+        rng = _rng(given, asked.seed, draw, 2)
         known = possible(given, world)
         kinds = list(dict.fromkeys(c.partition(":")[0] for c in known))
         mine = kinds[int(rng.integers(len(kinds)))]
@@ -151,7 +138,7 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
     else:
         code = checked(code, world, kind)
     size = arm_class(given.description, given.robot)
-    seed = int(_rng(given, request.seed, draw, 3).integers(2**31))
+    seed = int(_rng(given, asked.seed, draw, 3).integers(2**31))
     return hide(
         world,
         code,
@@ -164,43 +151,28 @@ def made(given: Arm, world: WorldArm, set_ups: SetUps, request: Request, draw: i
     )
 
 
-@contextmanager
-def places(draws: int, root: Path | None = None) -> Iterator[list[Path]]:
-    """A folder for the readings of each draw: ``root`` itself for one, folders in it for several; None: for a while."""
-    with ExitStack() as stack:
-        root = Path(stack.enter_context(TemporaryDirectory())) if root is None else root
-        digits = len(str(draws))
-        each = [root] if draws == 1 else [root / f"draw_{k:0{digits}d}" for k in range(1, draws + 1)]
-        for place in each:
-            place.mkdir(exist_ok=True)
-        yield each
-
-
 def rehearsals(
-    given: Arm,
-    sheet: Path | None,
-    request: Request,
-    places: Sequence[Path],
-    *,
-    say: Callable[[str], None] = lambda _: None,
-) -> list[Rehearsed]:
-    """One rehearsal in each folder of ``places``, which gets its readings.csv.
+    given: Arm, asked: RehearseRequest, *, say: Callable[[str], None] = lambda _: None
+) -> list[tuple[Rehearsed, bytes]]:
+    """Rehearsals, each with the table of its readings.
 
     Raises
     ------
     InputError
         A model with effects or shell links, a code that the arm cannot have, or a sheet that does not fit.
     """
-    world, done = prepared(given), list[Rehearsed]()
-    for k, place in enumerate(places):
-        set_ups = set_ups_of(given, world, sheet, request, k)
+    world, done, count = prepared(given), list[tuple[Rehearsed, bytes]](), asked.draws or 1
+    for k in range(count):
+        set_ups = set_ups_of(given, world, asked, k)
         if k == 0:
             say(f"{set_ups.source}; noise {set_ups.words}")
-        if len(places) > 1:
-            say(f"draw {k + 1} of {len(places)}")
-        one = made(given, world, set_ups, request, k)
-        quiet = say if len(places) == 1 else lambda _: None
-        done.append(rehearse(given, one, set_ups, place / "readings.csv", seed=request.seed, say=quiet))
+        if count > 1:
+            say(f"draw {k + 1} of {count}")
+        one = made(given, world, set_ups, asked, k)
+        with TemporaryDirectory() as folder:
+            table = Path(folder) / "readings.csv"
+            quiet = say if count == 1 else lambda _: None
+            done.append((rehearse(given, one, set_ups, table, seed=asked.seed, say=quiet), table.read_bytes()))
     return done
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -23,9 +22,13 @@ from robots.schema.units import factor
 from stiffarm.commands.rehearse.power.changes import by_catalogue, by_world, has_springs, planned
 from stiffarm.commands.rehearse.power.more import one_more
 from stiffarm.commands.rehearse.sheet import SetUps
-from stiffarm.commands.rehearse.step import Request, possible, prepared, set_ups_of
+from stiffarm.commands.rehearse.step import possible, prepared, set_ups_of
+
+if TYPE_CHECKING:
+    from stiffarm.commands.rehearse.command import RehearseRequest
 
 # Usual sizes drawn of each effect, and where sheets are compared.
+DRAWN: Final = 24
 COMPARED: Final = 8
 # Chi-square below which an effect of usual size moves no reading.
 NOTHING: Final = 1e-3
@@ -121,17 +124,11 @@ class Power:
 
 def power(
     given: Arm,
-    sheet: Path | None,
-    request: Request,
+    asked: RehearseRequest,
     *,
-    codes: Sequence[str] | None = None,
-    compare: bool = True,
     progress: Progress | None = None,
 ) -> Power:
     """What a sheet would show: a table's set-ups, the bundled table's, or a campaign.
-
-    ``request.draws``: usual sizes of each effect; ``codes``: effects to judge, all by default; ``compare``: with one
-    more set-up, load and repeat as well.
 
     Raises
     ------
@@ -139,18 +136,18 @@ def power(
         A model with effects or shell links, a sheet that does not fit or has one pose only, or fewer readings than
         springs.
     """
-    world = prepared(given)
-    set_ups = set_ups_of(given, world, sheet, request)
+    world, draws = prepared(given), asked.draws or DRAWN
+    set_ups = set_ups_of(given, world, asked)
     _refuse_few(set_ups)
-    sheets = one_more(world, set_ups, request.seed) if compare else {}
+    sheets = one_more(world, set_ups, asked.seed) if asked.one_more else {}
     steps = 3 + len(sheets)
     report_progress(progress, 0, steps)
-    whole = _prospects(given, world, set_ups, request.draws, request.seed, codes)
+    whole = _prospects(given, world, set_ups, draws, asked.seed, asked.effects)
     report_progress(progress, 3, steps)
     p, prospects, base = whole
     additions = []
     for k, (what, more) in enumerate(sheets.items(), start=4):
-        after = _prospects(given, world, more, min(COMPARED, request.draws), request.seed, codes)[2]
+        after = _prospects(given, world, more, min(COMPARED, draws), asked.seed, asked.effects)[2]
         additions.append(_addition(what, more, base, after))
         report_progress(progress, k, steps)
     judged = [one for one in prospects if one.why_not is None]
@@ -159,9 +156,7 @@ def power(
     )
     springs = tuple(_springs(p))
     assumed = () if has_springs(world) else tuple(s.joint for s in springs)
-    return Power(
-        given, set_ups, request.draws, tuple(prospects), springs, tuple(additions), (mean[0], mean[1]), assumed
-    )
+    return Power(given, set_ups, draws, tuple(prospects), springs, tuple(additions), (mean[0], mean[1]), assumed)
 
 
 def _refuse_few(set_ups: SetUps) -> None:
