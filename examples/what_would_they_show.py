@@ -10,15 +10,15 @@ import stiffarm as sa
 arm = sa.load("kr60-3", links="rigid")
 suspects = ["tool-compliance", "joint-tilt:j3", "payload"]
 suspects += ["backlash:j2", "friction:j2", "gauge-scale"]
-seen = sa.power(arm, poses=8, effects=suspects, one_more=False, draws=8)
-table = seen.to_frame()[["effect", "found", "named", "twin"]]
-print(table.round(2).to_string(index=False))
+seen = sa.rehearse(arm, poses=8, effects=suspects, one_more=False, draws=8)
+table = seen.to_frame()[["effect", "found_percent", "named_percent", "twin"]]
+print(table.round(0).to_string(index=False))
 
 # Picture: of six effects the chance to be found and the chance to be named, with
 # intervals. The scale error of the gauge is found in hardly any draw.
-seen.plot("what_would_they_show.png")
+seen.plot(file="what_would_they_show.png")
 
-certain = [code for code, chance in seen.found.items() if chance > 0.8]
+certain = list(table["effect"][table["found_percent"] > 80.0])
 print(f"{len(certain)} of {len(suspects)} effects would be found with more than 80 %")
 assert "gauge-scale" not in certain
 assert len(certain) == len(suspects) - 1

@@ -10,11 +10,11 @@ import stiffarm as sa
 
 arm = sa.load("kr60-3", links="rigid")
 rehearsal = sa.rehearse(arm, poses=12, hide="joint-tilt:j3")
-print(rehearsal.title())
+print(rehearsal.answer)
 
 # Picture: errors before and after the diagnosis, of the readings and of poses held out.
 # After it, both are near the noise.
-rehearsal.plot("would_we_find_it.png")
+rehearsal.plot(file="would_we_find_it.png")
 
 before, after = (1e3 * gap_mm for gap_mm in rehearsal.gaps_mm[0])
 print(f"Named; error at unseen poses {before:.0f} um before, {after:.1f} um after")

@@ -33,10 +33,11 @@ from fem.arm import Arm
 from fem.free.parameters import parameter
 from rehearsal import World
 from stiffarm import load
+from stiffarm.commands.plan.request import PlanRequest
 from stiffarm.commands.plan.step import Planned, make_plan
-from stiffarm.commands.plan.step import Request as PlanRequest
-from stiffarm.commands.rehearse.sheet import Gauge, SetUps, of_sheet
-from stiffarm.commands.rehearse.step import Request, made, prepared, set_ups_of
+from stiffarm.commands.rehearse.command import RehearseRequest
+from stiffarm.commands.rehearse.sheet import SetUps, of_sheet
+from stiffarm.commands.rehearse.step import made, prepared, set_ups_of
 
 ROBOTS = ("xr701", "kr60-3", "tx200", "fanuc-r2000ic")
 # Those by which nothing was set, and the seed of their worlds.
@@ -97,19 +98,19 @@ def campaigns(given: Arm, code: str | None, draws: int) -> Iterator[tuple[SetUps
     """Campaigns of 15 poses, each with something else hidden (or ``code``)."""
     arm = prepared(given)
     for k in range(draws):
-        request = Request(code, seed=17, poses=15, gauge=Gauge(reads="xyz"))
-        set_ups = set_ups_of(given, arm, None, request, k)
+        request = RehearseRequest(hide=code or "any", seed=17, poses=15, reads="xyz")
+        set_ups = set_ups_of(given, arm, request, k)
         yield set_ups, made(given, arm, set_ups, request, k)
 
 
 def planned_campaign(given: Arm, start: Measurements | None, n: int, seed: int, folder: Path) -> tuple[Planned, SetUps]:
     """A plan, and its sheet as set-ups for the world; with the ones before, which are measured first."""
-    request = PlanRequest(n, directions=DIRECTIONS, components=(0, 1, 2), candidates=200, seed=seed)
+    request = PlanRequest(poses=n, directions=DIRECTIONS, read="xyz", candidates=200, seed=seed)
     plan = make_plan(given, start, request)
     sheet = table_to_fill("sheet", plan.made.q, plan.made.direction, plan.labels, plan.made.protocol)
     path = folder / f"sheet_{n}_{seed}.csv"
     write_measurements(sheet, path, given.robot, to_fill=plan.made.protocol.columns)
-    return plan, of_sheet(given, path, Gauge())
+    return plan, of_sheet(given, path, RehearseRequest())
 
 
 def left_out(given: Arm, draws: int) -> dict[str, Tally]:
@@ -128,7 +129,7 @@ def plans(given: Arm, draws: int, seed: int) -> dict[str, Tally]:
         plan, set_ups = planned_campaign(given, None, SET_UPS, 0, Path(folder))
         _, few = planned_campaign(given, None, FIRST, 1, Path(folder))
         for k in range(draws):
-            request = Request(seed=seed)
+            request = RehearseRequest(hide="any", seed=seed)
             world = made(given, arm, set_ups, request, k)
             out["first"].add_plan(given, plan, set_ups.filled(world.measured()), world)
             begun = made(given, arm, few, request, k)

@@ -38,9 +38,10 @@ from doe import write_measurements  # noqa: E402
 from doe.power.chances import CEILING, FREEDOM, LEFT, SPREAD, Chance  # noqa: E402
 from rehearsal import family, hide  # noqa: E402
 from robots.arm_class import arm_class  # noqa: E402
+from stiffarm.commands.rehearse.command import RehearseRequest  # noqa: E402
 from stiffarm.commands.rehearse.power.step import power  # noqa: E402
-from stiffarm.commands.rehearse.sheet import Gauge, SetUps  # noqa: E402
-from stiffarm.commands.rehearse.step import Request, prepared, set_ups_of  # noqa: E402
+from stiffarm.commands.rehearse.sheet import SetUps  # noqa: E402
+from stiffarm.commands.rehearse.step import prepared, set_ups_of  # noqa: E402
 from stiffarm.session.inputs import read_model  # noqa: E402
 
 DRAWS = 60
@@ -90,10 +91,10 @@ class Cell:
         return stated.low <= getattr(self, which) / max(self.sets, 1) <= stated.high
 
 
-def request(plan: Plan, robot: str) -> Request:
+def request(plan: Plan, robot: str) -> RehearseRequest:
     """The sheet of a robot."""
     poses, reads = plan.sheets[robot]
-    return Request(None, DRAWS, plan.seed, poses, Gauge(reads=reads))
+    return RehearseRequest(draws=DRAWS, seed=plan.seed, poses=poses, reads=reads, effects=plan.effects, one_more=False)
 
 
 def make(folder: Path, plan: Plan, seed: int, each: int) -> None:
@@ -102,8 +103,8 @@ def make(folder: Path, plan: Plan, seed: int, each: int) -> None:
     for robot in plan.sheets:
         given = read_model(robot, "rigid", None)
         world = prepared(given)
-        sheet = set_ups_of(given, world, None, request(plan, robot))
-        found = power(given, None, request(plan, robot), codes=plan.effects, compare=False)
+        sheet = set_ups_of(given, world, request(plan, robot))
+        found = power(given, request(plan, robot))
         by_code = {p.code: p for p in found.prospects}
         stated[robot] = {
             code: {

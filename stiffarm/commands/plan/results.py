@@ -105,7 +105,7 @@ def result(given: Arm, data: Measurements | None, asked_of: Path | None, planned
         what_next="Print measurement_sheet.html, measure in its order, fill in measurement_sheet.csv, and run "
         f"`{reads_it}`.",
         facts=_facts(given, data, planned),
-        tables=(_set_ups(planned), _told(planned), _parameters(planned)),
+        tables=(_set_ups(planned), _parameters(planned)),
         drawings=(
             *(
                 (
@@ -135,8 +135,8 @@ def result(given: Arm, data: Measurements | None, asked_of: Path | None, planned
             ),
         ),
         remarks=(
+            *planned.sentences,
             *(() if data is None else data.notes),
-            *(() if planned.request.is_plain else (words.against_chance(made),)),
             *planned.notes,
             *((f"not in the plan: {', '.join(effects)}",) if effects else ()),
         ),
@@ -215,14 +215,6 @@ def _set_ups(planned: Planned) -> Table:
         dict(zip(map(angle, coordinates), made.q.T, strict=True)),
         in_files=in_files,
     )
-
-
-def _told(planned: Planned) -> Table:
-    """For people: a sentence on each parameter."""
-    told = [words.told(f, found) for f, found in planned.rows]
-    names = [f.parameter.name for f, _ in planned.rows]
-    rest = [text.removeprefix(f"{name}: ") for name, text in zip(names, told, strict=True)]
-    return Table("told", "What they will tell (95 %)", {"parameter": names, "known": rest}, {}, is_extract=True)
 
 
 def _parameters(planned: Planned) -> Table:

@@ -109,8 +109,7 @@ def _effects(name: str, caption: str, some: Sequence[Prospect]) -> Table:
         name,
         caption,
         labels,
-        found
-        | ({} if is_short else {Quantity("size_half_width95", "%", 100.0, "size known to", 2, 3): column(_accuracy)}),
+        found | ({} if is_short else {ACCURACY: column(lambda p: p.accuracy95)}),
         ends,
         in_files={
             Quantity("smallest", stored=3): column(lambda p: p.smallest),

@@ -13,10 +13,11 @@ from small_robot import write_readings, write_urdf
 
 import stiffarm as sa
 from rehearsal.readings import in_cycles
+from stiffarm.commands.rehearse.command import RehearseRequest
 from stiffarm.commands.rehearse.power.figures import chances_figure
 from stiffarm.commands.rehearse.power.more import one_more
-from stiffarm.commands.rehearse.sheet import Gauge, SetUps
-from stiffarm.commands.rehearse.step import Request, prepared, set_ups_of
+from stiffarm.commands.rehearse.sheet import SetUps
+from stiffarm.commands.rehearse.step import prepared, set_ups_of
 
 FAMILIES = ("backlash", "gauge-scale", "joint-tilt", "payload")
 
@@ -35,27 +36,28 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.slow
 def test_every_effect_has_its_chances_or_the_reason_why_not(made: Path) -> None:
-    result = json.loads((made / "out" / "power.json").read_text(encoding="utf-8"))
-    assert result["schema"] == "stiffarm-power/1"
+    result = json.loads((made / "out" / "rehearse.json").read_text(encoding="utf-8"))
+    assert (result["schema"], result["kind"]) == ("stiffarm-rehearse/2", "power")
     assert (result["readings"], result["poses"]) == (32, 4)
-    effects = result["effects"]
+    effects = {e["effect"]: e for e in result["effects"]}
     assert {code.partition(":")[0] for code in effects} == set(FAMILIES)
-    judged = {code: e for code, e in effects.items() if e["why_not"] is None}
-    for e in judged.values():
-        for chance in (e["found"], e["named"]):
-            low, high = chance["interval95"]
-            assert 0.0 <= low <= chance["chance"] <= high <= 1.0
-        assert e["named"]["chance"] <= e["found"]["chance"]
+    for e in effects.values():
+        if e["why_not"] is not None:
+            assert e["found_percent"] is None
+            continue
+        for chance in ("found", "named"):
+            low, high = e[f"{chance}_interval95_percent"]
+            assert 0.0 <= low <= e[f"{chance}_percent"] <= high <= 100.0
+        assert e["named_percent"] <= e["found_percent"]
     # A scale is all springs at once.
-    assert effects["payload"]["found"]["chance"] > 0.3
-    assert 0.0 < effects["payload"]["smallest_found"] < effects["payload"]["usual"][1]
-    assert effects["gauge-scale"]["found"]["chance"] < 0.2
-    assert set(result["one_more"]) == {"setup", "load", "repeat"}
-    assert result["one_more"]["repeat"]["readings"] == 48
-    assert all(
-        low < k for k, (low, _) in ((s["k_Nm_per_rad"], s["interval95_Nm_per_rad"]) for s in result["springs"].values())
-    )
-    assert {p.name for p in (made / "out").iterdir()} == {"figures", "power.json", "report.html", "run.json"}
+    assert effects["payload"]["found_percent"] > 30.0
+    assert 0.0 < effects["payload"]["smallest"] < effects["payload"]["usual"][1]
+    assert effects["gauge-scale"]["found_percent"] < 20.0
+    assert [(one["with"], one["readings"]) for one in result["one_more"] if one["with"] == "repeat"] == [("repeat", 48)]
+    assert len(result["one_more"]) == 3
+    assert all(s["stiffness_interval95_Nm_per_rad"][0] < s["stiffness_Nm_per_rad"] for s in result["springs"])
+    files = {"rehearse.csv", "springs.csv", "one_more.csv", "chances.png", "one_more.png"}
+    assert {p.name for p in (made / "out").iterdir()} == files | {"rehearse.json", "report.html", "run.json"}
 
 
 @pytest.mark.slow
@@ -63,21 +65,21 @@ def test_better_gauges_find_more() -> None:
     arm = sa.load("kr60-3", links="rigid")
     with quick_diagnosis("payload", "joint-tilt"):
         good, poor = (
-            sa.power(arm, poses=4, draws=3, one_more=False, noise_percent=percent, noise_um=um, effects=["payload"])
+            sa.rehearse(arm, poses=4, draws=3, one_more=False, noise_percent=percent, noise_um=um, effects=["payload"])
             for percent, um in ((1.0, 1.0), (10.0, 30.0))
         )
-    assert good.found["payload"] > poor.found["payload"]
-    assert (good.smallest["payload"] or 0.0) < 0.5 * (poor.smallest["payload"] or np.inf)
+    assert good["found"][0] > poor["found"][0]
+    assert good["smallest"][0] < 0.5 * np.nan_to_num(poor["smallest"], nan=np.inf)[0]
     assert list(good.to_frame()["effect"]) == ["payload"]
-    assert "payload" in chances_figure(good.analysis).axes[0].get_yticklabels()[0].get_text()
+    assert "payload" in chances_figure(good.found).axes[0].get_yticklabels()[0].get_text()
     with pytest.raises(sa.InputError, match="payload"):
-        sa.power(arm, poses=4, draws=1, one_more=False, effects=["paylod"])
+        sa.rehearse(arm, poses=4, draws=1, one_more=False, effects=["paylod"])
 
 
 def campaign(poses: int = 3) -> tuple[object, SetUps]:
     arm = sa.load("kr60-3", links="rigid")
     world = prepared(arm)
-    return world, set_ups_of(arm, world, None, Request(poses=poses, gauge=Gauge(reads="xz")))
+    return world, set_ups_of(arm, world, RehearseRequest(poses=poses, reads="xz"))
 
 
 def test_one_more_is_taken_where_it_belongs() -> None:

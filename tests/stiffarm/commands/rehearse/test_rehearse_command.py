@@ -16,7 +16,8 @@ import stiffarm as sa
 from doe import read_measurements
 from robots import load_robot
 from stiffarm.commands.rehearse import step as rehearsing
-from stiffarm.commands.rehearse.sheet import Gauge, of_sheet
+from stiffarm.commands.rehearse.command import RehearseRequest
+from stiffarm.commands.rehearse.sheet import of_sheet
 
 pytestmark = pytest.mark.usefixtures("blank", "quick_diagnoses")
 
@@ -49,11 +50,11 @@ def rewritten(source: Path, target: Path, change: object) -> Path:
 
 
 def test_a_hidden_payload_is_named_and_the_gap_shrinks(hidden_payload: Path) -> None:
-    result = json.loads((hidden_payload / "rehearsal.json").read_text(encoding="utf-8"))
+    result = json.loads((hidden_payload / "rehearse.json").read_text(encoding="utf-8"))
     (draw,) = result["draws"]
     assert (draw["hidden"], draw["outcome"], draw["visible"]) == ("payload", "named", True)
-    assert draw["gap"]["after_mm"] < 0.7 * draw["gap"]["before_mm"]
-    force = draw["parameters"]["force"]
+    assert draw["after_mm"] < 0.7 * draw["before_mm"]
+    (force,) = result["parameters"]
     assert force["found"] == pytest.approx(force["true"], rel=0.3)
     truth = json.loads((hidden_payload / "truth.json").read_text(encoding="utf-8"))
     assert truth["effects"][0]["weight_N"] == pytest.approx(force["true"], rel=1e-5)
@@ -96,21 +97,21 @@ def test_the_same_seed_hides_the_same(tmp_path: Path) -> None:
     arm = sa.load("kr60-3", links="rigid")
     world = rehearsing.prepared(arm)
     for seed in (0, 1):
-        request = rehearsing.Request(seed=seed, poses=4)
+        request = RehearseRequest(hide="any", seed=seed, poses=4)
         first, again = (
-            rehearsing.made(arm, world, rehearsing.set_ups_of(arm, world, None, request, 0), request, 0) for _ in "ab"
+            rehearsing.made(arm, world, rehearsing.set_ups_of(arm, world, request, 0), request, 0) for _ in "ab"
         )
         assert first.code == again.code
         np.testing.assert_array_equal(first.measured(), again.measured())
-        other = rehearsing.made(arm, world, rehearsing.set_ups_of(arm, world, None, request, 1), request, 1)
+        other = rehearsing.made(arm, world, rehearsing.set_ups_of(arm, world, request, 1), request, 1)
         assert not np.array_equal(other.measured(), first.measured())
 
 
 def test_secret_codes_are_spread_over_all_kinds() -> None:
     arm = sa.load("xr701")
     world = rehearsing.prepared(arm)
-    set_ups = rehearsing.set_ups_of(arm, world, None, rehearsing.Request(poses=3))
-    request = rehearsing.Request()
+    set_ups = rehearsing.set_ups_of(arm, world, RehearseRequest(poses=3))
+    request = RehearseRequest(hide="any")
     kinds = {rehearsing.made(arm, world, set_ups, request, k).code.partition(":")[0] for k in range(40)}
     every = {code.partition(":")[0] for code in rehearsing.possible(arm, world)}
     # Of 22 kinds 40 even draws show 18.6 on average, with a standard deviation of 1.4.
@@ -123,7 +124,7 @@ def test_secret_codes_are_spread_over_all_kinds() -> None:
 def test_several_draws_are_tallied(tmp_path: Path) -> None:
     outcome = run_here("rehearse", *QUICK, "--hide", "none", "--draws", "2", "--out", tmp_path / "out")
     assert outcome.code == 0
-    result = json.loads((tmp_path / "out" / "rehearsal.json").read_text(encoding="utf-8"))
+    result = json.loads((tmp_path / "out" / "rehearse.json").read_text(encoding="utf-8"))
     assert result["right_family"]["of"] == 2
     assert [draw["hidden"] for draw in result["draws"]] == ["none", "none"]
     assert {p.name for p in (tmp_path / "out").iterdir()} >= {"draw_1", "draw_2", "report.html"}
@@ -142,9 +143,9 @@ def test_a_urdf_without_springs_and_links_is_rehearsed_on_its_own_sheet(urdf: Pa
     typical = np.hypot(float(np.max(scatter.floor_m)), scatter.share * 1e-4)
     assert 1e-6 < typical < 4e-6
     assert found.gaps_mm[0] is not None
-    assert "base-vertical" in found.title()
+    assert "base-vertical" in found.answer
     assert len(found.to_frame()) == 1
-    assert found.plot(tmp_path / "gap.png").png[:4] == b"\x89PNG"
+    assert found.plot(file=tmp_path / "gap.png").png[:4] == b"\x89PNG"
 
 
 def test_an_empty_sheet_gives_poses_loads_and_axes(urdf: Path, tmp_path: Path) -> None:
@@ -157,7 +158,7 @@ def test_an_empty_sheet_gives_poses_loads_and_axes(urdf: Path, tmp_path: Path) -
 
     sheet = rewritten(full, tmp_path / "empty.csv", emptied)
     given = sa.load(urdf)
-    set_ups = of_sheet(given, sheet, Gauge())
+    set_ups = of_sheet(given, sheet, RehearseRequest())
     assert set_ups.table.n == 24
     assert set_ups.read.tolist() == [[True, False, True]] * 24
     assert "assumed" in set_ups.words
@@ -174,7 +175,7 @@ def test_the_order_of_steps_is_the_order_of_time(urdf: Path, tmp_path: Path) -> 
         for k, row in enumerate(rows):
             row.update(step=str(len(rows) - k), sigma_mm="0.01", phase="loading")
 
-    set_ups = of_sheet(sa.load(urdf), rewritten(full, tmp_path / "steps.csv", numbered), Gauge())
+    set_ups = of_sheet(sa.load(urdf), rewritten(full, tmp_path / "steps.csv", numbered), RehearseRequest())
     assert set_ups.row.tolist() == list(range(23, -1, -1))
     assert "sigma_mm" in set_ups.words
     np.testing.assert_allclose(set_ups.noise.floor_m, 1e-5)
@@ -249,7 +250,7 @@ def test_a_model_that_has_effects_is_refused(cli: Command, tmp_path: Path) -> No
 def test_the_readings_of_the_bundled_table_are_its_set_ups() -> None:
     arm = sa.load("xr701")
     world = rehearsing.prepared(arm)
-    set_ups = rehearsing.set_ups_of(arm, world, None, rehearsing.Request())
+    set_ups = rehearsing.set_ups_of(arm, world, RehearseRequest())
     table = read_measurements(sa.bundled("xr701"), load_robot("xr701"))
     np.testing.assert_allclose(set_ups.table.wrench, table.wrench)
     assert set_ups.read[:, 2].all()
