@@ -37,7 +37,7 @@ def rehearse(
     # One table of all that was read: its own readings only tell the noise.
     sheet = folder.path(f"{FOLDER}/sheet.csv")
     write_measurements(table, sheet, f.given.robot)
-    asked = RehearseRequest(sheet, hide=ANY, seed=f.seed)
+    asked = RehearseRequest(sheet=sheet, hide=ANY, seed=f.seed)
     try:
         world = step.prepared(arm)
         set_ups = step.set_ups_of(arm, world, asked)
