@@ -82,8 +82,8 @@ class IdentifyRequest(Request):
     """Identify six stiffnesses per joint from joint twists.
 
     Joint twists are relative displacements and rotations of the two links of a joint. The links are taken as rigid:
-    what they give way by is in the joints' stiffnesses, each of which may vary with the joint angle. Writes the model
-    with six springs per joint, tables, a map and a report into --out.
+    their deflection is in the joints' stiffnesses, each of which may vary with the joint angle. Writes the model with
+    six springs per joint, tables, a map and a report into --out.
 
     Examples
     --------
