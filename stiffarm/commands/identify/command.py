@@ -82,8 +82,8 @@ class IdentifyRequest(Request):
     """Identify six stiffnesses per joint from joint twists.
 
     Joint twists are relative displacements and rotations of the two links of a joint. The links are taken as rigid:
-    what they give way by is in the joints' stiffnesses, each of which may vary with the joint angle. Writes the model
-    with six springs per joint, tables, a map and a report into --out.
+    their deflection is in the joints' stiffnesses, each of which may vary with the joint angle. Writes the model with
+    six springs per joint, tables, a map and a report into --out.
 
     Examples
     --------
@@ -134,13 +134,15 @@ class IdentifyRequest(Request):
 
 def answer(given: Arm, asked: IdentifyRequest) -> Result:
     """Identify, check, compare with models of the gears alone."""
-    if asked.synthetic == bool(asked.tables):
+    if asked.synthetic and asked.tables:
+        raise InputError("--synthetic and TABLE: one of them at a time", code="A002", remedy="leave one out")
+    if not asked.synthetic and not asked.tables:
         raise InputError(
-            "TABLE and --synthetic",
-            code="A002" if asked.synthetic else "A003",
-            value="both" if asked.synthetic else "none",
-            allowed="one or more tables of joint twists (CSV or XLSX), or --synthetic, which simulates them",
-            remedy="give one of the two",
+            "TABLE",
+            code="A003",
+            value="none",
+            allowed="one or more tables of joint twists, CSV or XLSX",
+            remedy="give your readings, or try --synthetic, which simulates some",
         )
     given = given if given.model.link_kind == "rigid" else with_links(given, "rigid")
     refuse_effects(given, "identification", "remove the [[effect]] tables: joints are identified anew")

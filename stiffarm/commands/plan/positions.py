@@ -123,6 +123,7 @@ def plan_positions(given: Arm, wanted: Wanted) -> Result:
             ),
         ),
         remarks=(*NOTES, APPROACH) if p.approach.size else NOTES,
+        caution="",
         found=p,
         more=more,
     )

@@ -140,6 +140,7 @@ def result(given: Arm, data: Measurements | None, asked_of: Path | None, planned
             *planned.notes,
             *((f"not in the plan: {', '.join(effects)}",) if effects else ()),
         ),
+        caution="",
         found=planned,
         more=more,
         made_of="no readings yet" if data is None else data_words(data),

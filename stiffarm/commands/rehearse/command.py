@@ -62,7 +62,11 @@ class RehearseRequest(Request):
     effects: Sequence[str] | None = option(
         "Without --hide: effects to judge, as in friction:j2,payload. Default: all that the arm can have.", NAMES
     )
-    one_more: bool = option("Without --hide: what one more set-up, load or repeat adds, too.", default=True)
+    one_more: bool = option(
+        "Without --hide: what one more set-up, load or repeat adds, too.",
+        default=True,
+        spelled=("--one-more/--no-one-more",),
+    )
     poses: int | None = option(
         "Number of poses of a campaign that fills the workspace, in place of a SHEET or a bundled table.",
         least=2,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from doe.power.chances import POWER
+from robots.arrays import Array
 from robots.quantities import Probability, Quantity, percent, rounded, rounded_all, significant
 from stiffarm.commands.rehearse.power.step import Power, Prospect
 from stiffarm.pages.report import Bullets, KeyFigure, Section
@@ -28,7 +29,7 @@ SPRING: Final = Quantity("stiffness", "N m/rad", digits=3)
 def result(r: Power, seed: int) -> Result:
     """Everything that a planned sheet would show."""
     given, set_ups = r.given, r.set_ups
-    assumed = ()
+    assumed: tuple[str, ...] = ()
     if r.assumed:
         assumed = (
             f"No spring in the model for {', '.join(r.assumed)}: the middle of the range for arms of this size is "
@@ -88,7 +89,7 @@ def _effects(name: str, caption: str, some: Sequence[Prospect]) -> Table:
     """Effects with their chances; a size that is found is, of a stiffness, the stiffest."""
     is_short = name != "effects"
 
-    def column(value: Callable[[Prospect], float | None]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    def column(value: Callable[[Prospect], float | None]) -> Array:
         found = (None if p.why_not is not None else value(p) for p in some)
         return np.array([np.nan if v is None else v for v in found])
 
@@ -100,8 +101,8 @@ def _effects(name: str, caption: str, some: Sequence[Prospect]) -> Table:
             "unit": [p.unit for p in some],
             "twin": [p.twin for p in some],
         }
-    found = {q: column(lambda p, q=q: getattr(p, q.key).value) for q in CHANCES}  # type: ignore[misc]
-    ends = {
+    found: dict[Quantity, Array] = {q: column(lambda p, q=q: getattr(p, q.key).value) for q in CHANCES}  # type: ignore[misc]
+    ends: dict[Quantity, tuple[Array, Array]] = {
         q: (column(lambda p, q=q: getattr(p, q.key).low), column(lambda p, q=q: getattr(p, q.key).high))  # type: ignore[misc]
         for q in CHANCES
     }

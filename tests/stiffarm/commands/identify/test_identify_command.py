@@ -153,9 +153,9 @@ def test_flange_deflections_judge_the_prediction(made_up: Path, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("tx200",), "TABLE and --synthetic: got 'none'"),
+        (("tx200",), "TABLE: got 'none'"),
         (("tx200", "nothing.csv"), "TABLE: got 'nothing.csv'; allowed: an existing .csv or .xlsx"),
-        (("tx200", "a.csv", "--synthetic"), "TABLE and --synthetic: got 'both'"),
+        (("tx200", "a.csv", "--synthetic"), "--synthetic and TABLE"),
         (("tx200", "a.csv", "--links", "beam"), "--links: got 'beam'; allowed: rigid"),
         (("tx200", "a.csv", "--law", "cubic"), "--law: got 'cubic'; allowed: constant, fourier-1, fourier-2, table"),
         (("tx200", "a.csv", "--branches", "both"), "--branches: got 'both'; allowed: mean, loading"),
