@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.face.arms import Arm, load, robots_bundled
+    from stiffarm.arm import Arm
+    from stiffarm.face.arms import load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
     from stiffarm.face.conversions import ConvertedReadings, convert_readings

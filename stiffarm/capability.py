@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import os
 import re
-import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
@@ -22,6 +21,7 @@ from stiffarm.result import Result
 from stiffarm.session.console import kept_messages, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+from stiffarm.session.parsing import typed_again
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
@@ -186,8 +186,9 @@ def _command(
             writes, seed = "out" in options, getattr(asked, "seed", None)
             with frame.folder(seed) if writes else frame.folder_if(seed) as folder:
                 result = answer(arm, asked, folder) if writes else answer(arm, asked)
-                # To copy: what leads on names the model as it was typed.
-                what_next = result.what_next.replace("MODEL", shlex.quote(frame.named))
+                # To copy: what leads on names the model as it was typed, with what changes it.
+                typed = typed_again("", (frame.named,), {o: given.get(field) for o, field in _AS_TYPED.items()})
+                what_next = result.what_next.replace("MODEL", typed)
                 result = replace(result, what_next=what_next, arm=result.arm or arm)
                 content = result.as_json
                 if folder is not None and not writes:
@@ -242,6 +243,8 @@ def _model_options(own_effects: bool, load_path: bool, model: str | None) -> lis
     return [which, *(_parameter(name, kind, None) for name, kind in kinds.items() if kind is not None)]
 
 
+# What is typed of a model beside its name, by field.
+_AS_TYPED: Final = {"--links": "links", "--load-path": "load_path", "--set": "sets"}
 _COMMON: Final = (_parameter("out", Out, None), _parameter("as_json", Json, False), _parameter("debug", Debug, False))
 
 
@@ -261,6 +264,8 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
             info: Any = typer.Argument(metavar=metavar, help=how.help)
         else:
             names = how.spelled or (f"--{name.replace('_', '-')}",)
+            if default is True:
+                names = (f"{names[0]}/--no-{names[0].removeprefix('--')}", *names[1:])
             info = typer.Option(
                 *names,
                 metavar=metavar,

@@ -122,6 +122,16 @@ class Request:
         """The kind of links that the command builds the model with, where ``--links`` is ``given``."""
         return given
 
+    def given(self, *names: str) -> list[str]:
+        """Those of these fields that do not have their default, as the command line spells them."""
+        defaults = {f.name: f.default for f in dataclasses.fields(self)}
+        options, out = options_of(type(self)), []
+        for name in names:
+            value, usual = getattr(self, name), defaults[name]
+            if value is not usual and (usual is None or value != usual):
+                out.append(spelled(name, options[name]))
+        return out
+
     @property
     def writes_by(self) -> str | None:
         """The option that was given and writes files, so that the command needs a folder."""
@@ -438,6 +448,30 @@ def _names(value: Any, name: str) -> tuple[str, ...]:
 
 # Names in one value, separated by commas; what they may be, the arm or the readings say.
 NAMES: Final = Kind("NAME,...", lambda text, name: text, _names, ",".join)
+
+
+def _loads(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "'all', or force magnitudes greater than 0 N"
+    if isinstance(value, str) and value.strip() == "all":
+        return ()
+    row = _split(value, name, allowed, "150,650") if isinstance(value, str) else numbers_of(value, name, allowed)
+    if not all(0.0 < v <= LARGEST_LOAD for v in row):
+        raise InputError(name, code="A006", value=value, allowed=allowed, remedy="write it as in 150,650")
+    return row
+
+
+# Sizes of loads in N, separated by commas; all of them is an empty tuple.
+LOADS: Final = Kind("N,...", lambda text, name: text, _loads, _joined)
+
+
+def _file(value: Any, name: str) -> Path:
+    path = Path(value)
+    if not path.is_file():
+        raise InputError(name, code="A007", value=str(path), allowed="an existing file", remedy="check the path")
+    return path
+
+
+FILE: Final = Kind("FILE", lambda text, name: Path(text), _file)
 # Files of tables, or what Python has in their place.
 READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value

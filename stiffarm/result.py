@@ -57,6 +57,7 @@ class Table:
     in_files: Mapping[Quantity, Array] = field(default_factory=dict)
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
+    csv_only: bool = False
     is_extract: bool = False
 
     def __len__(self) -> int:
@@ -160,10 +161,11 @@ class Result:
     """What a capability found.
 
     ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key;
-    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``remarks``:
-    what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and pictures warn of, where
-    that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes further files into the
-    folder and returns facts about them; ``made_of``: which readings a page was made of.
+    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``warnings``:
+    what makes the figures wrong, said before them; ``remarks``: what the reader must know; ``arm``: the arm that it is
+    about, ``caution``: what pages and pictures warn of, where that is not what the arm says; ``found``: the arrays and
+    objects behind it; ``more``: writes further files into the folder and returns facts about them; ``made_of``: which
+    readings a page was made of.
     """
 
     name: str
@@ -178,6 +180,7 @@ class Result:
     drawings: tuple[Drawing, ...] = ()
     key: tuple[page.KeyFigure, ...] = ()
     sections: tuple[page.Section, ...] = ()
+    warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     arm: Arm | None = None
     caution: str | None = None
@@ -200,7 +203,7 @@ class Result:
                 if one.low is not None
             },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
-            **{table.name: table.rows() for table in self.tables if not table.is_extract},
+            **{table.name: table.rows() for table in self.tables if not (table.is_extract or table.csv_only)},
         }
 
     def to_frame(self, table: str | None = None) -> pd.DataFrame:
@@ -299,12 +302,14 @@ class Result:
 
     def show(self) -> None:
         """The result on the screen: the answer, the first table, remarks."""
+        for text in self.warnings:
+            say(f"warning: {text}", code=getattr(text, "code", ""))
         say(self.answer)
         for text in (self.how_sure, self.what_next):
             if text:
                 say(text)
         for table in self.tables:
-            if not table.folded:
+            if not (table.folded or table.csv_only):
                 table.show()
 
     def write(self, folder: OutputFolder) -> dict[str, Any]:
@@ -322,12 +327,13 @@ class Result:
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        tables = sorted(self.tables, key=lambda table: table.folded)
+        tables = sorted((t for t in self.tables if not t.csv_only), key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(pictures[1:])))
         if self.remarks:
             sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))
-        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None)
+        warnings = tuple(f"{text[:1].upper()}{text[1:]}." for text in self.warnings)
+        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None, warnings)
         page.write_page(
             folder,
             self.title,
