@@ -7,7 +7,7 @@ Python function returns; the command line shows the same object and writes it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from fem.arm import Arm
     from stiffarm.pages import report as page
+    from stiffarm.pages.blocks import Pictures
     from stiffarm.pages.picture import Picture
     from stiffarm.session.outputs import OutputFolder
 
@@ -128,6 +129,10 @@ class Table:
         texts = tuple(range(len(self.labels))) if names[0] else (0,)
         return page.Table("", tuple(names), tuple(map(tuple, cells)), texts)
 
+    def placed(self, pictures: Pictures) -> page.Table:
+        """The table where a section has it, with its caption."""
+        return replace(self.block(), caption=self.caption, folded=self.folded)
+
 
 @dataclass(frozen=True)
 class Number:
@@ -155,17 +160,21 @@ class Drawing:
     alt: str
     draw: Callable[[], Figure]
 
+    def placed(self, pictures: Pictures) -> page.Picture:
+        """The picture where a section has it."""
+        return pictures.add(self.draw(), self.name, self.caption, self.alt)
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Result:
     """What a capability found.
 
     ``answer``, ``how_sure``, ``what_next``: a sentence each; ``facts``: what holds for all of it, by key;
-    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``warnings``:
-    what makes the figures wrong, said before them; ``remarks``: what the reader must know; ``arm``: the arm that it is
-    about, ``caution``: what pages and pictures warn of, where that is not what the arm says; ``found``: the arrays and
-    objects behind it; ``more``: writes further files into the folder and returns facts about them; ``made_of``: which
-    readings a page was made of.
+    ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides, or what works
+    that out, where tables and pictures stand that stand nowhere else; ``warnings``: what makes the figures wrong, said
+    before them; ``remarks``: what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and
+    pictures warn of, where that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes
+    further files into the folder and returns facts about them; ``made_of``: which readings a page was made of.
     """
 
     name: str
@@ -179,7 +188,7 @@ class Result:
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     key: tuple[page.KeyFigure, ...] = ()
-    sections: tuple[page.Section, ...] = ()
+    sections: tuple[page.Section, ...] | Callable[[], Sequence[page.Section]] = ()
     warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     arm: Arm | None = None
@@ -205,6 +214,19 @@ class Result:
             **({"remarks": list(self.remarks)} if self.remarks else {}),
             **{table.name: table.rows() for table in self.tables if not (table.is_extract or table.csv_only)},
         }
+
+    @cached_property
+    def story(self) -> tuple[page.Section, ...]:
+        """What a page says besides, worked out when it is asked for."""
+        return tuple(self.sections() if callable(self.sections) else self.sections)
+
+    @property
+    def pictures(self) -> list[Drawing]:
+        """All its pictures, those of its sections last."""
+        from stiffarm.pages.blocks import within
+
+        own = (block for section in self.story for block in within(section.blocks) if isinstance(block, Drawing))
+        return list(dict.fromkeys((*self.drawings, *own)))
 
     def to_frame(self, table: str | None = None) -> pd.DataFrame:
         """A table as a data frame, units in the names of its columns; by default the first.
@@ -261,14 +283,14 @@ class Result:
         """
         from stiffarm.pages.picture import Picture
 
-        names = [one.name for one in self.drawings]
+        names = [one.name for one in self.pictures]
         if not names:
             raise InputError(
                 f"picture of {self.name}", code="B003", value=name, allowed="none: this result has no picture"
             )
         if name is not None:
             require_one_of("picture", name, names, code="B003")
-        return Picture.of(self.drawings[0 if name is None else names.index(name)].draw()).kept(file)
+        return Picture.of(self.pictures[0 if name is None else names.index(name)].draw()).kept(file)
 
     @property
     def warning(self) -> str:
@@ -315,6 +337,7 @@ class Result:
     def write(self, folder: OutputFolder) -> dict[str, Any]:
         """JSON, CSV, pictures and the page into a folder; returns the JSON, with facts about further files."""
         from stiffarm.pages import report as page
+        from stiffarm.pages.blocks import Pictures, placed, within
         from stiffarm.pages.style import save_png
 
         further = {} if self.more is None else self.more(folder)
@@ -322,28 +345,24 @@ class Result:
         folder.write_json(f"{self.name}.json", content)
         for i, table in enumerate(table for table in self.tables if not table.is_extract):
             folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
-        pictures = []
+        shown = []
         for drawing in self.drawings:
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
-            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        tables = sorted((t for t in self.tables if not t.csv_only), key=lambda table: table.folded)
+            shown.append(page.Picture(path, drawing.caption, drawing.alt))
+        pictures = Pictures(folder)
+        first = next(iter(self.pictures), None)
+        lead = shown[0] if shown else None if first is None else first.placed(pictures)
+        there = [block for section in self.story for block in within(section.blocks)]
+        tables = sorted((t for t in self.tables if not t.csv_only and t not in there), key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
-        sections.append(page.Section("Pictures", tuple(pictures[1:])))
+        sections.append(page.Section("Pictures", tuple(shown[1:])))
         if self.remarks:
             sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))
-        warnings = tuple(f"{text[:1].upper()}{text[1:]}." for text in self.warnings)
-        answer = page.Answer(self.how_sure, self.what_next, pictures[0] if pictures else None, warnings)
-        page.write_page(
-            folder,
-            self.title,
-            self.answer,
-            self.key,
-            (*sections, *self.sections),
-            self.question,
-            self.made_of,
-            answer,
-        )
+        sections += [replace(s, blocks=placed(s.blocks, pictures, first)) for s in self.story]
+        warnings = tuple(f"{text[:1].upper()}{text[1:].removesuffix('.')}." for text in self.warnings)
+        answer = page.Answer(self.how_sure, self.what_next, lead, warnings)
+        page.write_page(folder, self.title, self.answer, self.key, sections, self.question, self.made_of, answer)
         return content
 
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
 from matplotlib.figure import Figure
 
-from stiffarm.pages.report import Picture
+from stiffarm.pages.report import Block, Fold, Later, Picture
 from stiffarm.pages.style import save_png
 from stiffarm.session.outputs import OutputFolder
 
@@ -15,8 +18,27 @@ class Pictures:
     def __init__(self, folder: OutputFolder, before: str = "") -> None:
         self.folder, self.before = folder, before
 
-    def add(self, figure: Figure, name: str, caption: str) -> Picture:
-        """Save a figure under ``figures/`` and return it with its caption."""
+    def add(self, figure: Figure, name: str, caption: str, alt: str = "") -> Picture:
+        """Save a figure under ``figures/`` and return it with its caption; ``alt``: what it is, else its name."""
         path = self.folder.path(f"figures/{self.before}{name}.png")
         save_png(figure, path)
-        return Picture(path, caption, name.replace("_", " "))
+        return Picture(path, caption, alt or name.replace("_", " "))
+
+
+def within(blocks: Sequence[Block]) -> Iterator[Block]:
+    """Blocks and those folded into them."""
+    for block in blocks:
+        yield block
+        if isinstance(block, Fold):
+            yield from within(block.blocks)
+
+
+def placed(blocks: Sequence[Block], pictures: Pictures, without: object = None) -> tuple[Block, ...]:
+    """Blocks with the tables and pictures of a result as a page shows them, all but the one ``without``."""
+    out: list[Block] = []
+    for block in blocks:
+        if isinstance(block, Fold):
+            out.append(replace(block, blocks=placed(block.blocks, pictures, without)))
+        elif block is not without:
+            out.append(block.placed(pictures) if isinstance(block, Later) else block)
+    return tuple(out)

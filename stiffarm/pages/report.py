@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 from stiffarm import __version__
 from stiffarm.pages.files import LAST
@@ -19,6 +19,7 @@ from stiffarm.session.outputs import OutputFolder
 if TYPE_CHECKING:
     from doe import Measurements
     from doe.joint_twists.readings import TwistReadings
+    from stiffarm.pages.blocks import Pictures
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,15 @@ class Fold:
     kind: str = "fold"
 
 
-Block = Text | Note | Bullets | Picture | Table | Fold
+@runtime_checkable
+class Later(Protocol):
+    """What becomes a block when the page is written: a table or a picture of a result."""
+
+    def placed(self, pictures: Pictures) -> Block:
+        """The block; ``pictures`` keeps those that are drawn."""
+
+
+Block = Text | Note | Bullets | Picture | Table | Fold | Later
 
 
 @dataclass(frozen=True)
