@@ -480,3 +480,31 @@ TABLE: Final = READINGS
 # Checked against the arm's names, by `pose_of`.
 POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
 WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)
+
+
+def _height(text: str, name: str) -> float | None:
+    return None if text.strip().lower() == "none" else _split(text, name, "a height in mm, or none", "0")[0]
+
+
+def _finite(value: Any, name: str) -> float:
+    return numbers_of(value, name, "a height in mm, or none")[0]
+
+
+def _box(value: Any, name: str) -> tuple[float, ...]:
+    allowed = "two opposite corners x0,y0,z0,x1,y1,z1 of a box with a volume, in mm"
+    row = numbers_of(value, name, allowed)
+    if len(row) != 6 or any(a == b for a, b in zip(row[:3], row[3:], strict=True)):
+        raise InputError(
+            name, code="A004", value=value, allowed=allowed, remedy=f"as in {name} 500,-800,0:1500,800,900"
+        )
+    return row
+
+
+# A height in mm; None: there is no floor.
+HEIGHT: Final = Kind("MM", _height, _finite, lambda value: f"{value:g}")
+# A box in mm by two opposite corners, six numbers.
+BOX: Final = Kind(
+    "X0,Y0,Z0:X1,Y1,Z1",
+    lambda text, name: _split(text.replace(":", ","), name, "two corners in mm", "500,-800,0:1500,800,900"),
+    _box,
+)

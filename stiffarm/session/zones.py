@@ -35,6 +35,22 @@ def parse_zone(description: ModelDescription, floor: str, boxes: Sequence[str], 
     return Zone(height[0] * 1e-3 if height else None, tuple(_box(text) for text in boxes), own)
 
 
+def zone_of(
+    description: ModelDescription,
+    floor_mm: float | None,
+    boxes_mm: Sequence[Sequence[float]],
+    clearance_mm: float | None,
+) -> Zone:
+    """Where the arm must not be: below a floor, inside boxes by two corners each, its wrist too near its own base.
+
+    None: no floor; a clearance that the casings and a margin need.
+    """
+    own = usual_clearance(description) if clearance_mm is None else 1e-3 * clearance_mm
+    corners = [np.sort(1e-3 * np.reshape(box, (2, 3)), axis=0).tolist() for box in boxes_mm]
+    floor = None if floor_mm is None else 1e-3 * floor_mm
+    return Zone(floor, tuple((tuple(low), tuple(high)) for low, high in corners), own)
+
+
 def usual_clearance(description: ModelDescription) -> float:
     """Distance (m) of the wrist's line from that of base and upper arm: half of both casings and a margin."""
     bodies = ["base", *[joint.name for joint in description.joint]]
