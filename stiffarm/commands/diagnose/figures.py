@@ -1,4 +1,4 @@
-"""Figures of a diagnosis: read against simulated, residuals and the gap, before and after; what explains it."""
+"""Figures of a diagnosis: residuals and the gap, before and after; candidates, laws, and traces in the readings."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from doe.diagnosis.findings.laws import LawCurve
+from doe.diagnosis.findings.traces import Row, Trace, Traces
 from robots import InputError
 from robots.arrays import Array
 from robots.quantities import percent, significant
 from stiffarm.pages.dumbbells import dumbbells_figure
-from stiffarm.pages.figure_parts import drawing, named_columns, named_rows, note
+from stiffarm.pages.figure_parts import above, drawing, named_columns, named_rows, note
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO
 
 BEFORE: Final = OKABE_ITO["vermillion"]
 AFTER: Final = OKABE_ITO["blue"]
-_MANY_BARS, _NUMBERED = 12, 3
 _MANY_POINTS: Final = 250
 UNKNOWN: Final = OKABE_ITO["orange"]
 # Looks of candidates by kind: they differ by lightness or hatching, not by hue alone.
@@ -30,7 +32,17 @@ _KINDS: Final[dict[str, dict[str, Any]]] = {
     "none": {"facecolor": "#D5D8DC", "edgecolor": "#6F757D", "linewidth": 0.8},
     "unknown": {"facecolor": UNKNOWN, "edgecolor": "white", "hatch": "////"},
 }
-_MOST_TWINS: Final = 18
+_UP: Final = OKABE_ITO["blue"]
+_DOWN: Final = OKABE_ITO["vermillion"]
+_MANY: Final = 200
+# Single readings at small torques may imply wild turns; the axis keeps to these quantiles of them.
+_KEPT: Final = (1.0, 99.0)
+_LEFT: Final[dict[str, Any]] = {"color": INK, "linestyle": "none", "marker": "o", "markersize": 2.4, "alpha": 0.55}
+_OWN: Final[dict[str, Any]] = {"color": OKABE_ITO["vermillion"], "linewidth": 1.7}
+_TWIN: Final[dict[str, Any]] = {"color": OKABE_ITO["blue"], "linewidth": 1.4, "linestyle": (0, (4, 1.2))}
+_MOST_NAMES: Final = 12
+# From this many readings on lines are thin.
+_MANY_READINGS: Final = 120
 
 
 @dataclass(frozen=True)
@@ -61,49 +73,6 @@ class Fit:
         return float(np.sqrt(np.mean(self.residual**2)))
 
 
-def match_figure(fits: Sequence[Fit]) -> Figure:
-    """Draw what was read against what each model says, with the gap to the line where both are equal.
-
-    Raises
-    ------
-    InputError
-        No model, or no readings.
-    """
-    if not fits or not len(fits[0].read):
-        raise InputError("match figure", code="B002", allowed="at least one model and one reading")
-    values = np.concatenate([v for f in fits for v in (f.read, f.simulated)])
-    low, high = float(values.min()), float(values.max())
-    room = 0.05 * max(high - low, 1e-9)
-    ends = np.array([low - room, high + room])
-    heading = "Read against simulated; vertical strokes are the gap, the band is two standard deviations"
-    with drawing(heading, (10.0, 5.9), 1, len(fits), sharey=True) as (figure, axes):
-        for ax, f, colour in zip(axes, fits, _colours(len(fits)), strict=True):
-            ax.fill_between(ends, ends - 2.0 * f.noise, ends + 2.0 * f.noise, color=FAINT, alpha=0.35, linewidth=0)
-            ax.plot(ends, ends, color=INK, linewidth=0.9)
-            ax.vlines(f.simulated, f.simulated, f.read, color=colour, alpha=0.45, linewidth=0.9)
-            _points(ax, f.simulated, f.read, f.phase, colour)
-            ax.set(xlim=ends, ylim=ends, xlabel=f"simulated ({f.unit})")
-            ax.set_box_aspect(1.0)
-            ax.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
-        axes[0].set_ylabel(f"read ({fits[0].unit})")
-    return figure
-
-
-def _colours(count: int) -> tuple[str, ...]:
-    return (BEFORE, AFTER)[:count]
-
-
-def _points(ax: Axes, x: Array, y: Array, phase: Sequence[str], colour: str) -> None:
-    look: dict[str, Any] = {"color": colour, "linewidths": 0, "alpha": 0.75, "zorder": 2}
-    size = 10 if len(x) > _MANY_POINTS else 22
-    down = np.array([p == "unloading" for p in phase])
-    ax.scatter(x[~down], y[~down], s=size, marker="o", label="loading", **look)
-    if down.any():
-        ax.scatter(x[down], y[down], s=1.3 * size, marker="v", label="unloading", **look)
-        handles, labels = ax.get_legend_handles_labels()
-        ax.legend(handles, labels, loc="upper left")
-
-
 def residuals_figure(fits: Sequence[Fit]) -> Figure:
     """Draw residuals over poses and over loads, a row for each model, all on one scale.
 
@@ -117,11 +86,11 @@ def residuals_figure(fits: Sequence[Fit]) -> Figure:
     heading = "Residuals over poses and loads; black: mean of a group, band: two standard deviations"
     size = (10.0, 1.0 + 2.9 * len(fits))
     with drawing(heading, size, len(fits), 2, sharey=True, width_ratios=[2.3, 1.0]) as (figure, axes):
-        for k, (f, colour) in enumerate(zip(fits, _colours(len(fits)), strict=True)):
+        for k, (f, colour) in enumerate(zip(fits, (BEFORE, AFTER), strict=False)):
             left, right = axes[2 * k], axes[2 * k + 1]
             _strip(left, f, f.pose, colour)
             _strip(right, f, f.load, colour)
-            left.set_title(f"{f.name}: RMS {f.rms:.3f} {f.unit}", loc="left")
+            left.set_title(f"{f.name}: RMS {significant(f.rms)} {f.unit}", loc="left")
             left.set_ylabel(f"read − simulated ({f.unit})")
             if k == len(fits) - 1:
                 left.set_xlabel("pose")
@@ -185,67 +154,6 @@ class Bar:
     kind: str
 
 
-def where_figure(groups: Mapping[str, Sequence[tuple[str, float, float, float]]]) -> Figure:
-    """Draw where the disagreement lies: for each kind of group (label, share, mean square of standardised residuals).
-
-    The fourth is the share's standard deviation, NaN where it is not known. Poses have a row of their own; a
-    kind of which all readings are of one group is left out. Shares are NaN where nothing is beyond the noise; then mean
-    squares are drawn.
-
-    Raises
-    ------
-    InputError
-        No groups.
-    """
-    if not groups or not all(groups.values()):
-        raise InputError("where figure: no groups to draw", code="B002")
-    small = [kind for kind, some in groups.items() if kind != "pose" and len(some) > 1]
-    rows = [["pose"], small] if small else [["pose"]]
-    known = bool(np.isfinite([g[1] for g in groups["pose"]]).all())
-    shares = "Where simulation and measurement disagree: shares of what is beyond the noise"
-    heading = shares if known else "Mean squares of the residuals over the noise; 1 is noise alone"
-    with drawing(heading, (10.0, 6.2 if small else 3.6), 0) as (figure, _):
-        figure.set_layout_engine("constrained")
-        for number, (part, kinds) in enumerate(
-            zip(figure.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True)
-        ):
-            axes = part.subplots(1, len(kinds), squeeze=False)[0]
-            for ax, kind in zip(axes, kinds, strict=True):
-                _share_bars(ax, kind, groups[kind], values=number > 0, part=len(kinds))
-    return figure
-
-
-def _share_bars(
-    ax: Axes, kind: str, groups: Sequence[tuple[str, float, float, float]], *, values: bool, part: int
-) -> None:
-    labels = [g[0] for g in groups]
-    share = 100.0 * np.array([g[1] for g in groups])
-    known = bool(np.isfinite(share).all())
-    heights = share if known else np.array([g[2] for g in groups])
-    x = np.arange(len(groups))
-    ax.bar(x, heights, 0.7, color=OKABE_ITO["vermillion"] if known else FAINT)
-    sd = 100.0 * np.nan_to_num([g[3] if known else 0.0 for g in groups])
-    if sd.any():
-        ax.errorbar(x, heights, [np.minimum(sd, heights), sd], fmt="none", ecolor=INK, elinewidth=0.9, capsize=2.0)
-    ax.axhline(100.0 / len(groups) if known else 1.0, color=INK, linewidth=0.9, linestyle="--")
-    if values:
-        # Many bars leave no room for all their numbers.
-        named = np.argsort(-heights)[:_NUMBERED] if len(groups) > _MANY_BARS else range(len(groups))
-        for k in named:
-            v = heights[k]
-            note(ax, _with_sd(v, sd[k]) if known else f"{v:.2f}", (k, v + sd[k]), (0, 2), va="bottom")
-        ax.margins(y=0.16)
-    named_columns(ax, labels, part)
-    ax.set(
-        ylabel="share (%)" if known else "mean square",
-        xlabel=f"by {kind}" + (" (dashed: all alike)" if known and not values else ""),
-    )
-
-
-def _with_sd(value: float, sd: float) -> str:
-    return f"{value:.0f} ± {sd:.0f} %" if sd >= 0.5 else f"{value:.0f} %"
-
-
 def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
     """Draw how probable the candidates are.
 
@@ -277,35 +185,121 @@ def ranking_figure(bars: Sequence[Bar], heading: str) -> Figure:
     return figure
 
 
-def twins_figure(twins: Mapping[str, Sequence[str]]) -> Figure:
-    """Draw which candidates (rows) these readings could not tell from which others (columns).
+def law_figure(curve: LawCurve, heading: str) -> Figure:
+    """Draw a joint's law with its 95 % band, the spring without it, and what single readings imply.
 
-    Raises
-    ------
-    InputError
-        No candidate has a twin.
+    Over the torque: the turn; for friction the loop of loading and unloading. Over the angle: the compliance.
     """
-    count: dict[str, int] = {}
-    for others in twins.values():
-        for code in others:
-            count[code] = count.get(code, 0) + 1
-    if not count:
-        raise InputError("twins figure: no twins to draw", code="B002")
-    rows = list(twins)
-    columns = [code for code in rows if code in count]
-    columns += sorted((c for c in count if c not in columns), key=lambda c: -count[c])
-    columns, more = columns[:_MOST_TWINS], len(columns) - _MOST_TWINS
-    heading = "Dots: these readings could not tell the two apart"
-    with drawing(heading, (10.0, 2.6 + 0.32 * len(rows))) as (figure, (ax,)):
-        for i, row in enumerate(rows):
-            for k, column in enumerate(columns):
-                if row == column:
-                    ax.scatter(k, i, s=60, marker="s", color=FAINT, linewidths=0)
-                elif column in twins[row]:
-                    ax.scatter(k, i, s=90, marker="o", color=UNKNOWN, linewidths=0)
-        ax.set_xticks(range(len(columns)), columns, rotation=55, ha="right", rotation_mode="anchor")
-        ax.set_yticks(range(len(rows)), rows)
-        ax.set(xlim=(-0.6, max(len(columns), 12) - 0.4), ylim=(len(rows) - 0.4, -0.6))
-        if more > 0:
-            ax.set_xlabel(f"and {more} more")
+    with drawing(heading, (8.4, 5.0)) as (figure, (ax,)):
+        names = ("loading", "unloading") if len(curve.branches) > 1 else ("law found",)
+        for (x, y, low, high), colour, name in zip(curve.branches, (_UP, _DOWN), names, strict=False):
+            ax.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
+            ax.plot(x, y, color=colour, linewidth=2.4, label=name)
+        ax.plot(curve.branches[0][0], curve.plain, color=INK, linestyle="--", linewidth=1.2, label="its spring alone")
+        size = 8 if len(curve.read_x) > _MANY else 20
+        look: dict[str, Any] = {"s": size, "alpha": 0.45, "linewidths": 0, "zorder": 1.5}
+        for side, colour, name in (
+            (~curve.unloading, _UP, "readings"),
+            (curve.unloading, _DOWN, "readings, unloading"),
+        ):
+            if side.any():
+                ax.scatter(curve.read_x[side], curve.read_y[side], color=colour, label=name, **look)
+        _limits(ax, curve)
+        if curve.axis == "torque":
+            ax.set(xlabel=f"torque about {curve.joint} under the load (N m)", ylabel=f"turn of {curve.joint} (mrad)")
+        else:
+            ax.set(xlabel=f"angle of {curve.joint} (deg)", ylabel=f"compliance of {curve.joint} (µrad/(N m))")
+        above(ax, ax.get_legend_handles_labels()[0], 5)
     return figure
+
+
+def _limits(ax: Axes, curve: LawCurve) -> None:
+    values = [np.concatenate([low, high]) for _, _, low, high in curve.branches]
+    ends = [curve.plain, *values]
+    if curve.read_y.size:
+        ends.append(np.percentile(curve.read_y, _KEPT))
+    flat = np.concatenate(ends)
+    low, high = float(np.nanmin(flat)), float(np.nanmax(flat))
+    if curve.axis == "angle":
+        low = min(low, 0.0) if low < 0.3 * high else low
+    room = 0.06 * max(high - low, 1e-9)
+    ax.set_ylim(low - room, high + room)
+
+
+def traces_figure(of: Traces) -> Figure:
+    """Draw a row for each effect: what springs leave of the readings, its trace, and those of its twins beside it."""
+    columns = 1 + max(len(row.twins) for row in of.rows)
+    heading = "The trace of each credible effect over the readings" + ", its twins beside it" * (columns > 1)
+    size = (10.0, 1.1 + 2.2 * len(of.rows))
+    with drawing(heading, size, len(of.rows), columns, sharex=True, sharey="row") as (figure, axes):
+        for k, row in enumerate(of.rows):
+            mine = axes[columns * k : columns * (k + 1)]
+            for ax in mine[1 + len(row.twins) :]:
+                ax.set_axis_off()
+            _panel(mine[0], of, row, row.own, f"{row.own.code}\n{percent(row.probability)} before its checks")
+            for ax, twin in zip(mine[1:], row.twins, strict=False):
+                _panel(ax, of, row, twin, f"twin {twin.code}\noff by {significant(twin.off, 2)} {of.unit}")
+            mine[0].set_ylabel(f"change ({of.unit})")
+            _trace_limits(mine[0], row)
+        handles = [
+            Line2D(
+                [],
+                [],
+                label="left over by springs" + " and what was found before" * any(r.given for r in of.rows),
+                **{**_LEFT, "markersize": 5.0},
+            ),
+            Line2D([], [], label="trace of the effect", **_OWN),
+        ]
+        if columns > 1:
+            handles.append(Line2D([], [], label="trace of a twin, as like as it can be made", **_TWIN))
+        figure.legend(handles=handles, loc="outside lower left", ncols=3)
+    return figure
+
+
+def _panel(ax: Axes, of: Traces, row: Row, drawn: Trace, name: str) -> None:
+    x = np.arange(len(of.pose))
+    for k in _breaks(of.read):
+        ax.axvline(k - 0.5, color=INK, linewidth=0.8)
+    for k in _breaks(of.pose):
+        ax.axvline(k - 0.5, color=FAINT, linewidth=0.4)
+    ax.plot(x, row.left, zorder=1.5, **_LEFT)
+    look = _OWN if drawn is row.own else _TWIN
+    thin = {"linewidth": 1.0} if len(x) > _MANY_READINGS else {}
+    ax.step(x, drawn.values, where="mid", zorder=2, **{**look, **thin})
+    ax.axhline(0.0, color=FAINT, linewidth=0.8, zorder=0.8)
+    ax.set_title(name, loc="left", size=9.5)
+    ax.grid(visible=False, axis="x")
+    ax.set_xlim(-0.6, len(x) - 0.4)
+    starts = [0, *_breaks(of.pose)]
+    several = len(set(of.read)) > 1
+    if several or len(starts) > _MOST_NAMES:
+        # Which component each block is says more than the names of very many poses.
+        blocks = [0, *_breaks(of.read)]
+        ends = [*blocks[1:], len(x)]
+        ax.set_xticks(
+            [0.5 * (a + b - 1) for a, b in zip(blocks, ends, strict=True)], [f"{of.read[a]}, by pose" for a in blocks]
+        )
+    else:
+        ends = [*starts[1:], len(x)]
+        ax.set_xticks([0.5 * (a + b - 1) for a, b in zip(starts, ends, strict=True)], [of.pose[a] for a in starts])
+        ax.set_xlabel("pose" if ax.get_subplotspec() is not None and _last(ax) else "")
+    ax.tick_params(axis="x", length=0)
+
+
+def _last(ax: Axes) -> bool:
+    spec = ax.get_subplotspec()
+    return spec is not None and spec.is_last_row()
+
+
+def _breaks(labels: tuple[str, ...]) -> list[int]:
+    """Where a label differs from the one before."""
+    return [k for k in range(1, len(labels)) if labels[k] != labels[k - 1]]
+
+
+def _trace_limits(ax: Axes, row: Row) -> None:
+    """Limits that hold the traces and all but the farthest readings."""
+    values: list[Array] = [row.own.values, *(t.values for t in row.twins), np.percentile(row.left, [1.0, 99.0])]
+    flat = np.concatenate(values)
+    low, high = float(flat.min()), float(flat.max())
+    room = 0.08 * max(high - low, 1e-12)
+    ax.set_ylim(low - room, high + room)

@@ -2,44 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from doe.calibration.written import calibration_table
-from doe.certainty.uncertainty import ParameterEstimate, Status
+from doe.certainty.uncertainty import ParameterEstimate
 from doe.diagnosis.diagnose import State
-from doe.diagnosis.known import free_numbers
+from doe.diagnosis.findings.numbers import fitted_springs, numbers_of, uncertainty_of
 from doe.model_file.applied import note_of
-from doe.model_file.uncertainty_table import FoundNumber, carried_on, uncertainty_table
+from fem.arm import Arm
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
-from fem.free.parameters import TURN, parameter
 from robots import ModelDescription
-from robots.constants import NORMAL_95
+from robots.quantities import significant
 from robots.schema.description import Calibration as Origin
 from robots.schema.description import CalibrationUncertainty
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import bound_of
-from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of
 from stiffarm.commands.diagnose.step import Diagnosed
 
 SPRING_SOURCE, EFFECT_SOURCE = "calibrated", "diagnosed"
-
-
-def fitted_springs(state: State) -> tuple[ParameterEstimate, ...]:
-    """Springs of a state with their intervals, from the compliances', which are normal; rigid ones at their bound."""
-    s, out = state.setting, []
-    sd = np.sqrt(np.diag(state.refit.inverse))
-    for joint, c, spread in zip(s.free, s.springs.tolist(), sd.tolist(), strict=False):
-        half = NORMAL_95 * spread
-        interval = 1.0 / (c + half), 1.0 / (c - half) if c > half else math.inf
-        rigid = c * TURN[1] <= 1.0
-        status: Status = "at bound" if rigid else "one-sided" if math.isinf(interval[1]) else "determined"
-        value = TURN[1] if rigid else 1.0 / c
-        out.append(ParameterEstimate(parameter(s.arm, f"{joint}.stiffness"), value, interval, spread, status, math.inf))
-    return tuple(out)
 
 
 def springs_of(d: Diagnosed) -> tuple[ParameterEstimate, ...]:
@@ -57,6 +38,11 @@ def _as_calibrated(d: Diagnosed) -> Calibrated | None:
         return None
     open_ = [s for s in d.calibrated.springs if s.status == "not identified" or bound_of(s) == "soft"]
     return None if open_ else d.calibrated
+
+
+def new_arm(d: Diagnosed) -> Arm:
+    """The arm with the new model; as given where the readings tell nothing."""
+    return type(d.given).of(described(d), d.given.model.link_kind, None, d.given.own) if d.tells else d.given
 
 
 def described(d: Diagnosed) -> ModelDescription:
@@ -114,20 +100,15 @@ def _with_springs(d: Diagnosed, after: State) -> ModelDescription:
 def _notes(d: Diagnosed, placed: list[PlacedEffect]) -> Mapping[str, str]:
     """By CODE.NAME: how sure, and whether the effect is provisional."""
     provisional = {f.code for f in d.found.provisional}
-    numbers = {n.code_and_name: n for n in numbers_of(d.found.after)}
+    codes = {e.effect.code for e in placed}
     out = {}
-    for e in placed:
-        for p in e.effect.parameters:
-            name = f"{e.effect.code}.{p.name}"
-            head = "provisional; " if e.effect.code in provisional else ""
-            out[name] = head + _sure(numbers[name])
+    for n in numbers_of(d.found.after):
+        if n.code in codes:
+            sure = "the best of the values tried"
+            if n.sd is not None:
+                sure = f"standard deviation {n.sd:.2g} {n.unit}".removesuffix(" 1")
+            out[n.code_and_name] = ("provisional; " if n.code in provisional else "") + sure
     return out
-
-
-def _sure(n: Number) -> str:
-    if n.sd is None:
-        return "the best of the values tried"
-    return f"standard deviation {n.sd:.2g} {n.unit}".removesuffix(" 1")
 
 
 def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
@@ -136,7 +117,7 @@ def _origin_notes(d: Diagnosed) -> tuple[str, ...]:
     if codes:
         out.append(f"provisional, these readings do not settle it: {codes}")
     out += [
-        f"spring {s.parameter.place}: rigid fits best, at least {s.interval[0]:.3g} N m/rad"
+        f"spring {s.parameter.place}: rigid fits best, at least {significant(s.interval[0])} N m/rad"
         for s in springs_of(d)
         if bound_of(s)
     ]
@@ -147,37 +128,3 @@ def _uncertainty(d: Diagnosed) -> CalibrationUncertainty | None:
     """The covariance that belongs to the springs of the new model."""
     calibrated = _as_calibrated(d)
     return uncertainty_of(d.found.after) if calibrated is None else calibration_table(calibrated.found)
-
-
-def uncertainty_of(state: State) -> CalibrationUncertainty | None:
-    """Covariance of springs and effects' numbers as the file has them; errors that every model has are averaged over.
-
-    A spring that is rigid in the file keeps its variance around a compliance of zero. Shapes of effects that were
-    chosen from a grid have none.
-    """
-    s = state.setting
-    model = s.arm
-    free = [(placed, *number) for placed in s.accepted for number in free_numbers(placed)]
-    columns = [*range(len(s.free)), *(k for number in range(len(s.accepted)) for k in state.refit.columns(number))]
-    numbers, slopes = [], [1.0] * len(s.free)
-    for spring in fitted_springs(state):
-        at = 0.0 if bound_of(spring) else 1.0 / float(f"{spring.value:.9g}")
-        known: Status = "determined" if spring.status == "determined" else "one-sided"
-        numbers.append(
-            FoundNumber(
-                spring.parameter.name, "N m/rad", "compliance", at, spring.interval, known, math.inf, has_variance=True
-            )
-        )
-    for placed, index, own in free:
-        code = f"{placed.effect.code}.{own.name}"
-        p, value = parameter(model, code, (placed,)), float(placed.values[index])
-        log = p.scale == "log"
-        here = math.log(value) if log else value
-        numbers.append(
-            FoundNumber(code, p.unit, p.scale, here, (math.nan, math.nan), "determined", math.inf, has_variance=True)
-        )
-        slopes.append(1.0 / value if log else 1.0)
-    V = state.refit.inverse[np.ix_(columns, columns)] * np.outer(slopes, slopes)
-    note = "diagnosis: posterior covariance at the noise found, with its broad priors on springs and effects"
-    before = carried_on(s.description, model, [n.name for n in numbers], s.accepted)
-    return uncertainty_table(numbers, V, np.zeros((0, len(numbers))), note, before)

@@ -2,56 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from doe.diagnosis.space import Gaps, cost_of_leaving_out, gaps
+from doe.diagnosis.space import cost_of_leaving_out, gaps
 from fem.arm import Arm
 from fem.statics.loads import LoadedPoses
 from robots import ModelDescription, content_hash
 from robots.arrays import Array
 from robots.constants import DOWN, M_TO_MM
-from robots.quantities import rounded
+from robots.quantities import rounded, significant
 from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.blocks import Pictures
-from stiffarm.pages.report import Block, Picture, Text
+from stiffarm.pages.report import Block, Text
+from stiffarm.result import Drawing
 from stiffarm.session.outputs import OutputFolder
 from surrogate.maps.blocks import sweep_engine
 from surrogate.maps.data import Figures, MapData, figures
 from surrogate.maps.mesh import described, point_cloud, save_mesh, write_map
 from surrogate.maps.quantities import Kind, Poses, Quantities, Quantity
 
-GAP_FILE, COST_STEM = "gap.vtp", "missing_effect"
+COST_STEM = "missing_effect"
 COST_ARRAY = "error_without_effect_mm"
 # Values of each swept coordinate: a map that a page shows, in a second or two.
 POINTS = 15
 
 
-@dataclass(frozen=True, eq=False)
-class CostMap:
-    """What leaving the effects out would cost over the workspace, under ``load_N`` straight down."""
-
-    data: MapData
-    load_N: float  # noqa: N815 - the unit's letter
-
-    @property
-    def figures(self) -> Figures:
-        """Least, median and greatest, in mm."""
-        found = figures(self.data.fields[COST_ARRAY].values)
-        assert found is not None  # noqa: S101 - some pose was reached, else there is no map
-        return found
-
-    @property
-    def worst_pose_deg(self) -> dict[str, float]:
-        """The pose that suffers most, deg by coordinate."""
-        q = np.degrees(self.data.q[self.figures.row_of_greatest])
-        return dict(zip(self.data.coordinates, q.tolist(), strict=True))
-
-
-def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
-    """Write gap.vtp: at each measured pose what was read, and what the model leaves of it without and with effects."""
+def write_gap(d: Diagnosed, folder: OutputFolder, name: str) -> None:
+    """Write the file for ParaView: at each measured pose what was read, and what the model leaves of it without and with effects."""
     found = gaps(d.found)
     named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
     # An arrow of which a component is NaN is not drawn: 0 there, and was_read tells these from those that were read.
@@ -68,10 +47,9 @@ def write_gap(d: Diagnosed, folder: OutputFolder, name: str = GAP_FILE) -> Gaps:
         "effects": [f.code for f in d.in_model],
     }
     save_mesh(described(point_cloud(M_TO_MM * found.point), arrays, texts), folder.path(name))
-    return found
 
 
-def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
+def cost_map(d: Diagnosed, new: ModelDescription) -> MapData:
     """The displacement that the model without the effects misses, over the sweep of the workspace.
 
     ``new``: the model with them.
@@ -96,72 +74,61 @@ def cost_map(d: Diagnosed, new: ModelDescription) -> CostMap:
     metadata = {
         "robot": model.robot.name,
         "model_hash": content_hash(new),
-        "load": f"{load:.4g} N straight down, without {codes}",
+        "load": f"{significant(load, 4)} N straight down, without {codes}",
+        "load_N": repr(load),
         "effects": codes,
     }
     made = sweep_engine(Quantities(model, np.array(DOWN), (row,), point=point), POINTS).computed(metadata)
     made.require_reached("check the limits and couplings of the model file")
-    return CostMap(made, load)
+    return made
 
 
-def payload(made: CostMap) -> dict[str, Any]:
-    """What leaving the effects out costs, as JSON."""
-    of = made.figures
+def _figures(made: MapData) -> Figures:
+    """Least, median and greatest error, mm."""
+    found = figures(made.fields[COST_ARRAY].values)
+    assert found is not None  # noqa: S101 - some pose was reached, else there is no map
+    return found
+
+
+def _worst(made: MapData) -> dict[str, float]:
+    """The pose that suffers most, deg by coordinate."""
+    return dict(zip(made.coordinates, np.degrees(made.q[_figures(made).row_of_greatest]).tolist(), strict=True))
+
+
+def cost_facts(made: MapData) -> dict[str, Any]:
+    """What leaving the effects out costs, for JSON."""
+    of = _figures(made)
     return {
-        "load_N": rounded(made.load_N),
+        "load_N": rounded(float(made.metadata["load_N"])),
         "poses": of.count,
         "error_mm": {"min": rounded(of.least), "median": rounded(of.median), "max": rounded(of.greatest)},
-        "worst_pose": {name: rounded(v) for name, v in made.worst_pose_deg.items()},
+        "worst_pose": {name: rounded(v) for name, v in _worst(made).items()},
     }
 
 
-def write_cost(made: CostMap, d: Diagnosed, new: Arm, folder: OutputFolder, before: str = "") -> None:
+def write_cost(made: MapData, d: Diagnosed, new: Arm, folder: OutputFolder, before: str = "") -> None:
     """Write the map for ParaView and as a page to turn and pick in; ``before``: what file names begin with."""
     from stiffarm.commands.maps.viewer import viewer_page
 
-    write_map(made.data, folder.path(f"{before}{COST_STEM}.vtu"))
-    title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.data.metadata['effects']} costs"
-    folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made.data, new.description, new.model, title=title))
+    write_map(made, folder.path(f"{before}{COST_STEM}.vtu"))
+    title = f"{d.given.description.title.split(' (')[0]}: what leaving out {made.metadata['effects']} costs"
+    folder.write_text(f"{before}{COST_STEM}.html", viewer_page(made, new.description, new.model, title=title))
 
 
-def campaign_picture(d: Diagnosed, found: Gaps, pictures: Pictures, before: str = "") -> Picture:
-    """The whole campaign in space: the gap at the measured poses, and the poses to measure next.
-
-    ``before``: what file names begin with, as of :func:`write_cost`.
-    """
-    from stiffarm.commands.diagnose.space_figure import space_figure
-
-    planned = None if d.proposal is None else d.proposal.q
-    next_ = "" if planned is None else " Diamonds with dashed arms: set-ups proposed to measure next."
-    return pictures.add(
-        space_figure(found, d.given, planned, changed=bool(d.in_model)),
-        "gap_in_space",
-        f"Arrows of measured minus simulated displacement.{next_} {before}{GAP_FILE} opens in ParaView with all loads.",
-    )
-
-
-def cost_blocks(d: Diagnosed, made: CostMap | None, pictures: Pictures, before: str = "") -> list[Block]:
-    """What leaving the effects out costs over the workspace; nothing where none was found.
-
-    ``before``: what file names begin with, as of :func:`write_cost`.
-    """
+def cost_blocks(made: MapData, given: Arm, before: str = "") -> tuple[Block, ...]:
+    """What leaving the effects out costs over the workspace; ``before``: as of :func:`write_cost`."""
     from stiffarm.commands.maps.figures.whole import one_figure
 
-    if made is None:
-        return []
-    of, worst = made.figures, made.worst_pose_deg
-    where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in worst.items() if value)
-    return [
-        Text(
-            f"Without {made.data.metadata['effects']} the model would be off by {of.median:.2f} mm under "
-            f"{made.load_N:.4g} N straight down (median of {of.count:,} poses over the joint limits), and by up to "
-            f"{of.greatest:.2f} mm at {where or 'all joints zero'} deg."
-        ),
-        pictures.add(
-            one_figure(made.data, COST_ARRAY, d.given),
-            COST_STEM,
-            f"What leaving it out would cost. {before}{COST_STEM}.html is the map to turn and pick in, "
-            f"{before}{COST_STEM}.vtu is for "
-            "ParaView. Far from the measured poses both models extrapolate.",
-        ),
-    ]
+    of = _figures(made)
+    where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in _worst(made).items() if value)
+    load = significant(float(made.metadata["load_N"]), 4)
+    text = (
+        f"Without {made.metadata['effects']} the model would be off by {significant(of.median, 2)} mm under {load} N "
+        f"straight down (median of {of.count:,} poses over the joint limits), and by up to "
+        f"{significant(of.greatest, 2)} mm at {where or 'all joints zero'} deg."
+    )
+    caption = (
+        f"What leaving it out would cost. {before}{COST_STEM}.html is the map to turn and pick in, "
+        f"{before}{COST_STEM}.vtu is for ParaView. Far from the measured poses both models extrapolate."
+    )
+    return Text(text), Drawing(COST_STEM, caption, "missing effect", partial(one_figure, made, COST_ARRAY, given))

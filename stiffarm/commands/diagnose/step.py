@@ -14,10 +14,10 @@ from doe.diagnosis.candidates import standing
 from doe.diagnosis.diagnose import Diagnosis, Found, without_harm
 from doe.diagnosis.diagnose import diagnose as find_missing
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Options
-from doe.diagnosis.nested import FOLDS, Nested, check_folds, nested, why_not_nested
+from doe.diagnosis.nested import Nested, check_folds, nested, why_not_nested
 from doe.diagnosis.proposals.next_readings import NextReadings, propose, ways_to_measure
 from doe.diagnosis.proposals.rivals import open_twins
-from doe.diagnosis.scatter import SETUP, NoisePrior
+from doe.diagnosis.scatter import NoisePrior
 from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
@@ -33,31 +33,13 @@ from robots.progress import Progress
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
+from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.session.reading_checks import reading_doubts
-from stiffarm.session.zones import FLOOR, parse_zone
+from stiffarm.session.zones import zone_of
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
 # Twins are looked for among the codes that a reader asks about, most probable first.
 ASKED = 6
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked.
-
-    ``loads`` N, empty for all; ``free``: joints whose springs are fitted, None for those that the readings see;
-    ``next_poses``: how many set-ups to propose where something is not settled; ``setup``: scatter between set-ups to
-    expect, as a share of the deflection; ``folds``: in which the whole diagnosis is made anew, 0 for none; ``zone``:
-    where the arm must not be in new set-ups, None for what is usual.
-    """
-
-    loads: tuple[float, ...] = ()
-    free: tuple[str, ...] | None = None
-    next_poses: int = 3
-    seed: int = 0
-    setup: float = SETUP
-    folds: int = FOLDS
-    zone: Zone | None = None
 
 
 @dataclass(frozen=True)
@@ -72,7 +54,7 @@ class Diagnosed:
     ``doubts``: what the readings say against themselves; their words are the first of ``remarks``.
     """
 
-    request: Request
+    asked: DiagnoseRequest
     given: Arm
     used: Measurements
     found: Diagnosis
@@ -123,12 +105,6 @@ class Diagnosed:
         return self.found.found
 
     @property
-    def in_model_in_order(self) -> tuple[Found, ...]:
-        """The same in the order in which the model has them."""
-        codes = [e.effect.code for e in self.found.after.setting.accepted]
-        return tuple(sorted(self.in_model, key=lambda f: codes.index(f.code)))
-
-    @property
     def credible(self) -> tuple[str, ...]:
         """Codes that together hold 95 % of the probability, of every look that found something."""
         if not self.tells:
@@ -147,7 +123,7 @@ class Diagnosed:
 def diagnose(
     given: Arm,
     table: Measurements,
-    request: Request,
+    asked: DiagnoseRequest,
     *,
     holdout: Measurements | None = None,
     say: Callable[[str], None] = lambda _: None,
@@ -163,33 +139,33 @@ def diagnose(
         Readings of one pose only, a gauge that stood still, poses held out that are in the table, or fewer readings
         than springs.
     """
-    check_folds(request.folds)
+    check_folds(asked.folds)
     if holdout is not None:
         refuse_seen(table, holdout)
-    refuse_cut_cycles(given.effects, table, request.loads, "--loads")
-    used = select_loads(table, request.loads)
+    refuse_cut_cycles(given.effects, table, asked.loads, "--loads")
+    used = select_loads(table, asked.loads)
     refuse_few_poses(used)
     refuse_frozen(given.model, table)
     doubts = reading_doubts(given, used)
-    remarks = (*(doubt.words for doubt in doubts), *_remarks(given, request))
-    s = _setting(given, used, request, history_of_part(table, lambda whole: select_loads(whole, request.loads)))
+    remarks = (*(doubt.words for doubt in doubts), *_remarks(given, asked))
+    s = _setting(given, used, asked, history_of_part(table, lambda whole: select_loads(whole, asked.loads)))
     if holdout is not None:
         s = replace(s, known=standing(s, problem(s.model, holdout, ()).free.at))
-    cut = bool(request.loads) and used.n < table.n and history_of(table).is_known
+    cut = bool(asked.loads) and used.n < table.n and history_of(table).is_known
     if cut:
         s = without_history(s)
-    options = Options(noise=NoisePrior(request.setup))
+    options = Options(noise=NoisePrior(asked.setup_percent / 100.0))
     found = find_missing(s, options, say, progress)
-    anew = _nested(s, used, request, options, found, say, progress)
+    anew = _nested(s, used, asked, options, found, say, progress)
     found = _without_harm(found, used, holdout, anew)
     hidden = dict(found.not_testable())
     if cut:
         hidden |= {code: CUT for code, effect in s.known.items() if effect.needs_history}
     twins = found.twins(_asked(found))
     still_open = open_twins(found, twins) if found.verdict == "named" else {}
-    proposal, nothing_next, other_way = _proposal(given, found, still_open, request, say, progress)
+    proposal, nothing_next, other_way = _proposal(given, found, still_open, asked, say, progress)
     return Diagnosed(
-        request,
+        asked,
         given,
         used,
         found,
@@ -199,7 +175,7 @@ def diagnose(
         None if holdout is None else hold_out(found, used, holdout),
         remarks,
         proposal,
-        _calibrated(given, table, request, found),
+        _calibrated(given, table, asked, found),
         anew,
         still_open,
         nothing_next,
@@ -221,7 +197,7 @@ def _without_harm(found: Diagnosis, used: Measurements, holdout: Measurements | 
 def _nested(
     s: Setting,
     used: Measurements,
-    request: Request,
+    asked: DiagnoseRequest,
     options: Options,
     found: Diagnosis,
     say: Callable[[str], None],
@@ -230,10 +206,10 @@ def _nested(
     """The whole diagnosis made anew in every fold; None where there is no such figure."""
     if found.verdict == "uninformative":
         return None
-    reason = why_not_nested(used, request.folds)
+    reason = why_not_nested(used, asked.folds)
     if reason is None:
         return nested(
-            s, used, options, folds=request.folds, seed=request.seed, counts=found.counts, progress=say, within=progress
+            s, used, options, folds=asked.folds, seed=asked.seed, counts=found.counts, progress=say, within=progress
         )
     say(f"note: how well the diagnosis predicts poses it has not seen is not known: {reason}")
     return None
@@ -254,7 +230,7 @@ def _proposal(
     given: Arm,
     found: Diagnosis,
     still_open: dict[str, tuple[str, ...]],
-    request: Request,
+    asked: DiagnoseRequest,
     say: Callable[[str], None],
     progress: Progress | None,
 ) -> tuple[NextReadings | None, str, str]:
@@ -263,20 +239,20 @@ def _proposal(
     Where set-ups like those so far would probably settle nothing, the best of other loads and other directions.
     """
     settled = found.verdict == "uninformative" or (found.verdict == "named" and not still_open)
-    if settled or request.next_poses == 0:
+    if settled or asked.next_poses == 0:
         return None, "", ""
-    zone = parse_zone(given.description, FLOOR, (), None) if request.zone is None else request.zone
+    zone = zone_of(given.description, asked.floor_mm, asked.keep_out, asked.clearance_mm)
     best: NextReadings | None = None
     hindrance, other_way = "", ""
-    say(f"choosing {request.next_poses} set-ups to tell the remaining candidates apart")
+    say(f"choosing {asked.next_poses} set-ups to tell the remaining candidates apart")
     for way, how in ways_to_measure(found.start).items():
-        rng = np.random.default_rng(request.seed)
+        rng = np.random.default_rng(asked.seed)
         try:
             n = propose(
                 found.start,
                 found,
                 still_open=still_open,
-                poses=request.next_poses,
+                poses=asked.next_poses,
                 zone=zone,
                 rng=rng,
                 progress=progress,
@@ -294,25 +270,25 @@ def _proposal(
     return best, hindrance if best is None else "", other_way
 
 
-def _calibrated(given: Arm, table: Measurements, request: Request, found: Diagnosis) -> Calibrated | None:
+def _calibrated(given: Arm, table: Measurements, asked: DiagnoseRequest, found: Diagnosis) -> Calibrated | None:
     """The model as it is with the same springs free, as `calibrate` finds them; None where readings tell nothing."""
     joints = found.before.setting.free
     if found.verdict == "uninformative" or not joints:
         return None
     campaign = campaign_of(given.robot.name, tuple(f"{joint}.stiffness" for joint in joints))
-    return calibrating.calibrate(given, table, calibrating.Request(campaign, request.loads))
+    return calibrating.calibrate(given, table, calibrating.Request(campaign, asked.loads))
 
 
-def _setting(given: Arm, used: Measurements, request: Request, history: History) -> Setting:
+def _setting(given: Arm, used: Measurements, asked: DiagnoseRequest, history: History) -> Setting:
     """Readings and arm; effects that the model has already are taken as there, their numbers free to follow."""
     description = given.description
     if not description.effect:
-        return setting_of(description, given.model, used, own=given.own, free=request.free, history=history)
+        return setting_of(description, given.model, used, own=given.own, free=asked.free, history=history)
     plain = build_plain(description, given.model.link_kind, given.model.load_path)
     has: list[PlacedEffect] = [
         e for e in described_effects(description, plain, given.own) if e.effect.code != LOAD_PATH
     ]
-    return setting_of(description, plain, used, accepted=has, own=given.own, free=request.free, history=history)
+    return setting_of(description, plain, used, accepted=has, own=given.own, free=asked.free, history=history)
 
 
 def refuse_few_poses(data: Measurements) -> None:
@@ -328,7 +304,7 @@ def refuse_few_poses(data: Measurements) -> None:
         )
 
 
-def _remarks(given: Arm, request: Request) -> tuple[str, ...]:
+def _remarks(given: Arm, asked: DiagnoseRequest) -> tuple[str, ...]:
     out = []
     has = [table.code for table in given.description.effect]
     if has:
@@ -338,7 +314,7 @@ def _remarks(given: Arm, request: Request) -> tuple[str, ...]:
         for joint in given.description.joint
         if joint.stiffness is not None
         and not isinstance(joint.stiffness, RotationalStiffness)
-        and (request.free is None or joint.name in request.free)
+        and (asked.free is None or joint.name in asked.free)
     ]
     if laws:
         out.append(f"Springs that depend on angles are replaced by constant ones: {', '.join(laws)}.")

@@ -1,22 +1,26 @@
-"""What a diagnosis says, in words for the shop floor."""
+"""What a diagnosis says, in words for the shop floor: the verdict, how sure it is, and what to do next."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
-from doe.diagnosis.checks import stated
-from doe.diagnosis.diagnose import Found
-from doe.diagnosis.hypotheses import NONE, UNKNOWN
+from doe.diagnosis.checks import Code, stated
+from doe.diagnosis.diagnose import Diagnosis, Found
+from doe.diagnosis.findings.numbers import Number
+from doe.diagnosis.hypotheses import NONE, UNKNOWN, Kind
 from doe.diagnosis.nested import Nested
+from doe.diagnosis.proposals.foresight import SETTLED, WORTH_MEASURING
+from doe.diagnosis.proposals.next_readings import NextReadings
+from doe.diagnosis.proposals.rivals import look_of
 from doe.diagnosis.where import Group, least_rms_mm, noise_floor_mm
 from doe.tables.loaded import rms_mm
 from fem.effects.base import Effect
 from fem.effects.learned import axes_of
+from robots.constants import M_TO_MM
 from robots.quantities import percent, significant
-from stiffarm.commands.diagnose.check_words import check_sentences
-from stiffarm.commands.diagnose.effect_numbers import Number, numbers_of, short
-from stiffarm.commands.diagnose.ladder import NAMES
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.words.noise import RESIDUAL, is_residual
 
@@ -44,6 +48,30 @@ VERDICTS = {
     "none": "nothing missing",
     "uninformative": "readings tell nothing",
 }
+NAMES: Final = {NONE: "nothing missing", UNKNOWN: "something unknown"}
+NEXT: dict[Kind, str] = {
+    "named": "Nothing is left to settle between candidates; readings in new poses would confirm the name.",
+    "none": "Nothing needs to be settled. What these readings cannot see would need other poses, loads or directions.",
+    "uninformative": "Check signs, the order of the rows, the columns, loads and joint angles; if these are "
+    "right, measure again with larger loads.",
+    "learned": "Look at the place named above: what could act there and vary in that way? The learned law is in "
+    "the new model and can be used as it is; try a law of your own with --effect FILE.py.",
+    "unknown": "Look at the poses named below first, for cables, stops, bolts or a sticking dial gauge. Try a law "
+    "of your own with --effect FILE.py.",
+}
+LITTLE = "Further readings would hardly settle it, not even with other loads or directions."
+SET_UP = "Check the set-up itself: mastering marks, play, the base's bolts, how loads and gauge are held."
+# What a check says where it fails.
+AGAINST: Final[dict[Code, str]] = {
+    "plausible-parameters": "its parameters are not plausible",
+    "predicts-left-out": "it does not predict poses left out",
+    "stable": "it depends on a few poses",
+    "nothing-left": "something is left",
+    "no-twin": "another effect fits as well",
+    "one-of-a-kind": "several joints have this fault",
+    "like-noise": "the remaining error does not look like noise",
+}
+RESULT: Final = {True: "passed", False: "failed", None: "not applicable"}
 
 
 def headline(d: Diagnosed) -> str:
@@ -265,45 +293,19 @@ def _place(kind: str, g: Group) -> str:
 
 
 def _sign(g: Group) -> str:
-    return f" (read minus simulated {1e3 * g.mean:+.3f} mm on average)".replace("+-", "±").replace("-", "−")
+    return f" (read minus simulated {significant(M_TO_MM * g.mean, 2)} mm on average)"
 
 
-def number_text(n: Number) -> str:
-    """``gap 0.84 ± 0.05 mrad``, or with its interval where that says more."""
-    unit = "" if n.unit == "1" else f" {n.unit}"
-    if not math.isfinite(n.value):
-        return f"{n.name}: no effect"
-    if n.sd is None or not math.isfinite(n.sd):
-        return f"{n.name} {short(n.value)}{unit}"
-    if n.low is not None and n.high is not None and (math.isinf(n.high) or n.sd > 0.3 * abs(n.value)):
-        high = "no upper limit" if math.isinf(n.high) else short(n.high)
-        return f"{n.name} {short(n.value)}{unit} (95 %: {short(n.low)} to {high})"
-    return f"{n.name} {short(n.value)} ± {short(n.sd, 2)}{unit}"
-
-
-def value_text(n: Number) -> str:
-    """``0.845`` with its unit."""
-    if not math.isfinite(n.value):
-        return "no effect"
-    return short(n.value) + ("" if n.unit == "1" else f" {n.unit}".replace(" ", "\u00a0"))
-
-
-def interval_text(n: Number) -> str:
-    """``0.8 to 0.9``, or that the number was chosen from those tried."""
-    if n.low is None or n.high is None:
-        return "best of those tried"
-    return f"{short(n.low)}\u00a0to\u00a0{'no upper limit' if math.isinf(n.high) else short(n.high)}"
-
-
-def plausible_text(n: Number) -> str:
-    """The range expected beforehand."""
-    return f"{'±' if n.signed else ''}{short(n.plausible[0])} to {short(n.plausible[1])}"
-
-
-def numbers_sentence(d: Diagnosed, f: Found) -> str:
-    """All numbers of an effect of the new model."""
-    mine = [n for n in numbers_of(d.found.after) if n.code == f.code]
-    return "; ".join(number_text(n) for n in mine) or "no parameter: it is present or not"
+def number_cells(n: Number) -> tuple[str, ...]:
+    """A parameter of an effect as cells of a table: name, value, 95 % interval, plausible range, what it is."""
+    unit = "" if n.unit == "1" else f"\u00a0{n.unit}".replace(" ", "\u00a0")
+    value = f"{significant(n.value)}{unit}" if math.isfinite(n.value) else "no effect"
+    interval = "best of those tried"
+    if n.low is not None and n.high is not None:
+        end = "no upper limit" if math.isinf(n.high) else significant(n.high)
+        interval = f"{significant(n.low)}\u00a0to\u00a0{end}"
+    low, high = (significant(v) for v in n.plausible)
+    return n.name, value, interval, f"{'±' if n.signed else ''}{low} to {high}", n.meaning
 
 
 def rivals_text(d: Diagnosed) -> str:
@@ -351,8 +353,138 @@ def sentence(text: str) -> str:
     return text if ":" in text.split()[0] or "-" in text.split()[0] else f"{text[0].upper()}{text[1:]}"
 
 
-def summary(d: Diagnosed) -> list[str]:
-    """The lines that a terminal shows."""
-    out = [headline(d), how_sure(d), *check_sentences(d.found), gap_sentence(d), *odd_sentences(d)]
-    out += [f"{f.code}: {numbers_sentence(d, f)}" for f in d.in_model]
-    return out
+def check_sentences(d: Diagnosis) -> tuple[str, ...]:
+    """A line for each check that failed; one line where none did; nothing where nothing was found."""
+    failed = [c for c in d.checks if c.passed is False]
+    if failed:
+        return tuple(f"Against {c.effect or _all(d)}: {AGAINST[c.code]} ({c.evidence})." for c in failed)
+    if not d.checks:
+        return ()
+    passed = sum(c.passed is True for c in d.checks)
+    other = len(d.checks) - passed
+    beside = f"; {other} of {len(d.checks)} do not apply" if other else ""
+    return (f"No check speaks against {_all(d)}: {passed} passed{beside}.",)
+
+
+def _all(d: Diagnosis) -> str:
+    return d.found[0].code if len(d.found) == 1 else f"all {len(d.found)} effects together"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to do next. ``chance``: that the set-ups proposed bring it, None without any; ``measure``: whether to."""
+
+    text: str
+    chance: float | None = None
+    measure: bool = False
+
+
+def advice(d: Diagnosed, sheet: str = "next_readings.csv") -> Advice:
+    """What to do next, with its chance; set-ups are advised only where they will probably tell something.
+
+    ``sheet``: the file with the set-ups, as the reader finds it.
+    """
+    n = d.proposal
+    if n is None:
+        return Advice(next_sentence(d))
+    if d.found.verdict == "none":
+        chance = sum(r.probability for r in n.rivals if r.hidden and r.against_none >= SETTLED)
+        said, little = f"chance {percent(chance)} that the arm has one of them", NEXT["none"]
+    else:
+        chance = n.expected.right
+        said, little = f"chance {percent(chance)} that they settle the right name", f"{_open(d)} {LITTLE}{_again(d)}"
+    if chance < WORTH_MEASURING:
+        return Advice(f"{little} The best set-ups tried are in {sheet}: {said}.", chance)
+    way = f", {d.other_way}" if d.other_way else ""
+    text = f"{next_sentence(d)} Measure the {len(n.labels)} set-ups of {sheet}{way}: {said}."
+    return Advice(text, chance, measure=True)
+
+
+def _open(d: Diagnosed) -> str:
+    """What readings have left open."""
+    if d.still_open:
+        return f"{_still_open(d)}. {SET_UP}"
+    if d.found.verdict == "unknown" or not d.rivals:
+        return NEXT["unknown"]
+    return f"Still possible: {rivals_text(d)}. {SET_UP}"
+
+
+def _again(d: Diagnosed) -> str:
+    """That outliers should be read again, where there are some."""
+    return f" Read the outliers again: {odd_places(d)}." if d.odd else ""
+
+
+def next_sentence(d: Diagnosed) -> str:
+    """What is left to settle."""
+    if d.found.verdict == "ambiguous" and d.found.same:
+        return (
+            f"In these readings {and_list([f.code for f in d.found.provisional] or ['it'])} cannot be separated "
+            f"from {' or '.join(d.found.same)}: check the set-up itself (mastering marks, the frame of forces and "
+            "readings measured against the robot's base, the tool point); further readings help only where they "
+            "differ."
+        )
+    if d.nothing_next and d.found.verdict != "unknown":
+        return f"No further set-up would settle it: {d.nothing_next}."
+    if d.found.verdict == "none" and d.proposal is not None:
+        return _hidden(d.proposal)
+    if d.found.verdict == "ambiguous":
+        if not d.rivals:
+            return NEXT["unknown"]
+        return f"Readings that differ between {rivals_text(d)} would settle it."
+    if d.still_open:
+        return f"{_still_open(d)}: readings that differ between them would settle it."
+    if d.found.verdict == "named" and any(d.twins.get(f.code) for f in d.found.effects):
+        return _beside_twins(d)
+    return NEXT[d.found.verdict]
+
+
+def _hidden(n: NextReadings) -> str:
+    """What set-ups would show of what these readings cannot see."""
+    hidden = [r for r in n.rivals if r.hidden]
+    seen = [r.code for r in hidden if r.against_none >= SETTLED]
+    if not seen:
+        return "Nothing needs to be settled, and no further set-up of this kind would show more."
+    some = f"{', '.join(seen[:NAMED])}{' and others' if len(seen) > NAMED else ''}"
+    return (
+        f"Of what these readings can show, nothing needs to be settled. {len(hidden)} effects are hidden from "
+        f"them; the set-ups of next_readings.csv would show {len(seen)} of these: {some}."
+    )
+
+
+def _still_open(d: Diagnosed) -> str:
+    """What a name could still be instead."""
+    parts = []
+    for code, others in d.still_open.items():
+        best = look_of(d.found, code)
+        some = ", ".join(f"{other} ({percent(best.of(other).probability)})" for other in others[:NAMED])
+        parts.append(f"{code} could still be {some}")
+    return and_list(parts)
+
+
+def _beside_twins(d: Diagnosed) -> str:
+    """Why nothing is left to settle of a name that others could imitate."""
+    parts = []
+    for f in d.found.effects:
+        if others := d.twins.get(f.code):
+            parts.append(
+                f"{and_list(others[:NAMED])}{' and others' if len(others) > NAMED else ''} could look like {f.code}"
+            )
+    return (
+        f"{and_list(parts)}, but each is less than a hundredth as probable. Readings in new poses would confirm the "
+        "name."
+    )
+
+
+def proposal_text(n: NextReadings) -> str:
+    """Loads, phases and repeats of a proposal."""
+    done = n.protocol
+    loads = ", ".join(f"{v:g}" for v in done.forces)
+    way = "put on one after the other and taken off again" if done.unloading else "put on one after the other"
+    read = ", ".join(
+        ("X", "Y", "Z", "rotation about X", "rotation about Y", "rotation about Z")[k] for k in done.components
+    )
+    return (
+        f"{len(n.labels)} set-ups, chosen so that the remaining candidates predict different readings: loads of "
+        f"{loads} N {way}, {done.repeats} times; read {read}. The sheet is next_readings.csv; fill it in and run "
+        "`stiffarm diagnose MODEL DATA next_readings.csv`."
+    )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from doe.diagnosis.candidates import MANY
+from doe.diagnosis.diagnose import Diagnosis
+from doe.diagnosis.findings.numbers import in_order
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.known import base_of, free_columns, refit
 from doe.diagnosis.setting import Setting
@@ -16,8 +18,6 @@ from doe.diagnosis.signatures import Signature, shape_count, signatures
 from doe.diagnosis.twins import likely_amplitude
 from doe.diagnosis.where import labels_of
 from robots.arrays import Array, Bools, Indices
-from stiffarm.commands.diagnose.step import Diagnosed
-from stiffarm.pages.numbers import naturally
 
 # So many effects have a row, with the likest of their twins beside them; of many twins so many are asked.
 MOST_ROWS, MOST_TWINS, ASKED = 4, 2, 8
@@ -63,21 +63,25 @@ class Traces:
     unit: str
 
 
-def traces_of(d: Diagnosed) -> Traces | None:
-    """Traces of the credible effects of each look that found something; None where there are none."""
-    if d.found.verdict in ("none", "uninformative"):
+def traces_of(d: Diagnosis, twins: Mapping[str, Sequence[str]], poses: Sequence[str]) -> Traces | None:
+    """Traces of the credible effects of each look that found something; None where there are none.
+
+    ``twins``: by code, those that these readings cannot separate from it; ``poses``: all of them in the order in which
+    they are to stand.
+    """
+    if d.verdict in ("none", "uninformative"):
         return None
-    order = _sorted(d)
-    p = d.found.before.setting.data
-    labels = labels_of(d.found.before.setting)
+    order = _sorted(d, poses)
+    p = d.before.setting.data
+    labels = labels_of(d.before.setting)
     rows: list[Row] = []
-    taken = [f.code for f in d.in_model_in_order]
-    for k, ranking in enumerate(d.found.rankings[: max(len(taken), 1)]):
+    taken = [f.code for f in in_order(d)]
+    for k, ranking in enumerate(d.rankings[: max(len(taken), 1)]):
         known = {h.code: h.probability for h in ranking.hypotheses if h.code not in (NONE, UNKNOWN)}
         codes = [c for c in taken[k : k + 1] if c in known] + [c for c in ranking.credible() if known.get(c, 0) > LEAST]
         for code in dict.fromkeys(codes):
             if len(rows) < MOST_ROWS and all(row.own.code != code for row in rows):
-                rows += _row(d, k, code, order, tuple(taken[:k]))
+                rows += _row(d, k, code, twins.get(code, ()), order, tuple(taken[:k]))
     if not rows:
         return None
     linear = bool((p.component < 3).any())
@@ -89,26 +93,25 @@ def traces_of(d: Diagnosed) -> Traces | None:
     )
 
 
-def _sorted(d: Diagnosed) -> Indices:
+def _sorted(d: Diagnosis, poses: Sequence[str]) -> Indices:
     """Readings that are drawn, in their order: translations, else rotations, of those that count."""
-    s = d.found.before.setting
+    s = d.before.setting
     p = s.data
     linear = p.component < 3
-    mine = np.flatnonzero((linear if linear.any() else ~linear) & d.found.counts)
+    mine = np.flatnonzero((linear if linear.any() else ~linear) & d.counts)
     load = np.linalg.norm(p.free.at.wrench[p.row, :3], axis=1)
     if len(mine) > MOST_READINGS:
         most = np.zeros(len(p.poses))
         np.maximum.at(most, p.pose[mine], load[mine])
         mine = mine[load[mine] > 0.99 * most[p.pose[mine]]]
-    names = naturally(p.poses)
-    place = np.array([names.index(name) for name in p.poses])[p.pose]
+    place = np.array([poses.index(name) for name in p.poses])[p.pose]
     down = s.unloading[p.row] if s.history.is_known else np.zeros(len(p), dtype=bool)
     return np.asarray(mine[np.lexsort((down[mine], load[mine], place[mine], p.component[mine]))], dtype=np.intp)
 
 
-def _row(d: Diagnosed, look: int, code: str, order: Indices, given: tuple[str, ...]) -> list[Row]:
+def _row(d: Diagnosis, look: int, code: str, twins: Sequence[str], order: Indices, given: tuple[str, ...]) -> list[Row]:
     """The row of an effect in a look; none where it changes no reading."""
-    r, counts = d.found.rankings[look], d.found.counts
+    r, counts = d.rankings[look], d.counts
     h = r.of(code)
     if h.signature is None:
         return []
@@ -118,8 +121,8 @@ def _row(d: Diagnosed, look: int, code: str, order: Indices, given: tuple[str, .
     change = _beside(_columns(h.signature) @ amplitude, follow, counts)
     if not change.any():
         return []
-    twins = [_twin(s, other, r, change, follow, counts) for other in d.twins.get(code, ())[:ASKED]]
-    likest = sorted((t for t in twins if t is not None), key=lambda t: t.off)[:MOST_TWINS]
+    some = [_twin(s, other, r, change, follow, counts) for other in twins[:ASKED]]
+    likest = sorted((t for t in some if t is not None), key=lambda t: t.off)[:MOST_TWINS]
     left = _beside(s.residual, follow, counts)
     return [
         Row(
@@ -132,13 +135,13 @@ def _row(d: Diagnosed, look: int, code: str, order: Indices, given: tuple[str, .
     ]
 
 
-def _setting(d: Diagnosed, look: int) -> Setting:
+def _setting(d: Diagnosis, look: int) -> Setting:
     """The setting of a look at its best: with what had been found by then."""
     if look == 0:
-        return d.found.before.setting
-    s, noise = d.found.after.setting, d.found.after.refit.noise
-    taken = s.accepted[: len(s.accepted) - len(d.in_model) + look]
-    return refit(s.moved(s.springs, taken), noise, d.found.weight).setting
+        return d.before.setting
+    s, noise = d.after.setting, d.after.refit.noise
+    taken = s.accepted[: len(s.accepted) - len(d.found) + look]
+    return refit(s.moved(s.springs, taken), noise, d.weight).setting
 
 
 def _twin(s: Setting, code: str, r: Ranking, change: Array, follow: Array, counts: Bools) -> Trace | None:
@@ -169,8 +172,3 @@ def _beside(values: Array, follow: Array, counts: Bools) -> Array:
     """Values (m,) or columns (m, k) without what springs and effects in the model (m, f) can follow of them."""
     A = follow / np.maximum(np.linalg.norm(follow, axis=0), 1e-300)
     return np.asarray(values - A @ np.linalg.lstsq(A[counts], values[counts], rcond=None)[0])
-
-
-def widest(rows: Sequence[Row]) -> int:
-    """Columns that the rows need."""
-    return 1 + max(len(row.twins) for row in rows)

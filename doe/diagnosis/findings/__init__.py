@@ -1,0 +1,1 @@
+"""What a diagnosis found, as it is shown: numbers with intervals, laws as curves, traces in the readings."""
