@@ -7,20 +7,20 @@ when they are first used: this file runs before the command line can heed Ctrl-C
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
+    from stiffarm.arm import Arm
+    from stiffarm.commands.diagnose.command import diagnose
+    from stiffarm.commands.diagnose.result import Diagnosis
     from stiffarm.commands.index.command import index
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
-    from stiffarm.arm import Arm
     from stiffarm.face.arms import load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
     from stiffarm.face.conversions import ConvertedReadings, convert_readings
-    from stiffarm.face.diagnoses import Diagnosis, diagnose
     from stiffarm.face.identification import Identification, identify
     from stiffarm.face.imports import Imported, import_arm, import_link
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
-    from stiffarm.face.missing_positions import PositionDiagnosis, diagnose_positions
     from stiffarm.face.new_arms import KinematicsCheck, NewArm, check_kinematics, new_arm
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
@@ -54,7 +54,6 @@ __all__ = [
     "Placement",
     "Plan",
     "PositionCalibration",
-    "PositionDiagnosis",
     "Posture",
     "PowerAnalysis",
     "Program",
@@ -69,7 +68,6 @@ __all__ = [
     "compare",
     "convert_readings",
     "diagnose",
-    "diagnose_positions",
     "fit",
     "identify",
     "import_arm",
@@ -97,7 +95,10 @@ __all__ = [
 ]
 
 # What had another name in 0.1.
-_MOVED = {"replay": "stiffarm.simulate(arm, data=readings)"}
+_MOVED = {
+    "diagnose_positions": "stiffarm.diagnose(arm, positions)",
+    "replay": "stiffarm.simulate(arm, data=readings)",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from doe import Measurements
+    from doe.absolute.readings import AbsoluteReadings
     from fem.arm import Arm
 
     Poses = Path | pd.DataFrame
@@ -384,6 +385,27 @@ def _read(given: Arm, data: Readings | None, number: int, confirm_units: bool) -
         )
     check_readings(given, found, confirm_units=confirm_units)
     return found
+
+
+def positions_asked(given: Arm, data: Readings | Sequence[Readings]) -> AbsoluteReadings:
+    """Absolute positions of targets from tables or data frames, as one.
+
+    Raises
+    ------
+    InputError
+        A table that cannot be read.
+    """
+    from doe.absolute.table import absolute_of, joined, read_absolute
+    from doe.tables.columns import table_of_frame
+
+    return joined(
+        [
+            read_absolute(one, given.robot)
+            if isinstance(one, str | Path)
+            else absolute_of(table_of_frame(cast("pd.DataFrame", one), f"data frame {k}"), given.robot)
+            for k, one in enumerate(data if isinstance(data, list | tuple) else [data], start=1)
+        ]
+    )
 
 
 def wrench_of(value: Any, name: str) -> Array:

@@ -194,34 +194,36 @@ def open_table(
     return read_table(path, words, row)
 
 
-def are_positions(data: Sequence[Path] | None) -> bool:
-    """Whether the tables hold positions of targets and not deflections.
+def are_positions(data: Sequence[object] | None) -> bool:
+    """Whether tables, files or data frames, hold positions of targets and not deflections.
 
     Raises
     ------
     InputError
         Some do, and some do not.
     """
-    found = [_is_absolute(file) for file in data or ()]
+    found = [_is_absolute(one) for one in data or ()]
     if any(found) and not all(found):
-        other = next(file for file, positions in zip(data or (), found, strict=True) if not positions)
+        other = next(one for one, positions in zip(data or (), found, strict=True) if not positions)
         raise InputError(
             "measurement tables",
             code="T008",
-            value=f"{other} has no positions (x_mm, y_mm, z_mm), others have",
+            value=f"{other if isinstance(other, Path) else 'a data frame'} has no positions (x_mm, y_mm, z_mm), "
+            "others have",
             allowed="tables of positions, or tables of deflections",
             remedy="calibrate them one after the other",
         )
     return any(found)
 
 
-def _is_absolute(file: Path) -> bool:
-    if kind_of(file) is not PENDANT:
+def _is_absolute(table: object) -> bool:
+    header: Sequence[str] = [str(name) for name in getattr(table, "columns", ())]
+    if (kind_of(table) if isinstance(table, Path) else of_header(header)) is not PENDANT:
         return False
     from doe.absolute.table import is_absolute
     from doe.tables.columns import read_table
 
-    return is_absolute(read_table(file).header)
+    return is_absolute(read_table(table).header if isinstance(table, Path) else header)
 
 
 def described(name: str) -> ModelDescription:

@@ -79,7 +79,8 @@ def arms_figure(some: Sequence[Stand], robot: Robot, heading: str, scale_by: Seq
         ax.set(xlim=(0.0, size[0] / inch), ylim=(-rows * (high + _TITLE_IN / inch), 0.0), autoscale_on=False)
         for k, one in enumerate(some):
             corner = np.array([k % columns * wide, -(k // columns) * (high + _TITLE_IN / inch)])
-            words = f"pose {one.pose}, {significant(one.load_N, 4)} N\n{significant(M_TO_MM * one.left_over_m, 2)} mm left over"
+            left = significant(M_TO_MM * one.left_over_m, 2)
+            words = f"pose {one.pose}, {significant(one.load_N, 4)} N\n{left} mm left over"
             for view, text in zip(views, (words, "\nfrom above"), strict=False):
                 place = corner - np.array([0.0, 0.75 * _TITLE_IN / inch])
                 ax.text(corner[0] + 0.02 * wide, corner[1], text, va="top", size=9.0, linespacing=1.25)

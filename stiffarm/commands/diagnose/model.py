@@ -9,7 +9,6 @@ from doe.certainty.uncertainty import ParameterEstimate
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.findings.numbers import fitted_springs, numbers_of, uncertainty_of
 from doe.model_file.applied import note_of
-from fem.arm import Arm
 from fem.effects import LOAD_PATH, PlacedEffect, with_effects, without_effect
 from robots import ModelDescription
 from robots.quantities import significant
@@ -38,11 +37,6 @@ def _as_calibrated(d: Diagnosed) -> Calibrated | None:
         return None
     open_ = [s for s in d.calibrated.springs if s.status == "not identified" or bound_of(s) == "soft"]
     return None if open_ else d.calibrated
-
-
-def new_arm(d: Diagnosed) -> Arm:
-    """The arm with the new model; as given where the readings tell nothing."""
-    return type(d.given).of(described(d), d.given.model.link_kind, None, d.given.own) if d.tells else d.given
 
 
 def described(d: Diagnosed) -> ModelDescription:

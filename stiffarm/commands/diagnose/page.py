@@ -130,7 +130,7 @@ class Story:
         )
         names = ["springs alone", *(f"+ {f.code}" for f in found)]
         errors = dict(zip(names, zip([error[0], *error[:-1]], [math.nan, *error[1:]], strict=True), strict=True))
-        caption = "The error at poses left out one at a time, with all effects known, before and after each was accepted."
+        caption = "The error at poses left out one at a time, all effects known, before and after each was accepted."
         heading = "Look by look: the error at poses left out"
         draw = partial(dumbbells_figure, heading, errors, "RMS error (mm)", lines=self._floor)
         drawn = _drawing("ladder", caption, draw)
@@ -147,9 +147,13 @@ class Story:
         if taken >= len(d.rankings):
             return "nobody looked further: three effects are as many as are looked for"
         last = d.rankings[taken]
-        open_ = f"{percent(1.0 - last.of(NONE).probability)} that {'something more' if taken else 'anything'} is missing"
+        open_ = (
+            f"{percent(1.0 - last.of(NONE).probability)} that {'something more' if taken else 'anything'} is missing"
+        )
         others = [h for h in last.hypotheses if h.code != NONE][: words.NAMED]
-        named = [f"{words.NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in others if h.probability >= LEAST]
+        named = [
+            f"{words.NAMES.get(h.code, h.code)} {percent(h.probability)}" for h in others if h.probability >= LEAST
+        ]
         doubts = [words.AGAINST[c.code] for c in d.checks if c.passed is False and not c.effect]
         doubts = [text for text in doubts if text != words.AGAINST["nothing-left"]]
         # A number keeps its unit on its line.

@@ -30,7 +30,7 @@ POINTS = 15
 
 
 def write_gap(d: Diagnosed, folder: OutputFolder, name: str) -> None:
-    """Write the file for ParaView: at each measured pose what was read, and what the model leaves of it without and with effects."""
+    """Write the gap for ParaView: at each pose what was read, and what the model leaves of it before and after."""
     found = gaps(d.found)
     named = {"measured": found.measured, "gap_before": found.before, "gap_after": found.after}
     # An arrow of which a component is NaN is not drawn: 0 there, and was_read tells these from those that were read.

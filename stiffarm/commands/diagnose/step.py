@@ -22,7 +22,6 @@ from doe.diagnosis.setting import Setting, setting_of
 from doe.diagnosis.where import Group, HeldOutReadings, hold_out, where, without_history
 from doe.estimation.campaign import campaign_of
 from doe.estimation.problem import problem
-from doe.planning.zones import Zone
 from doe.plausibility.passive_arm import refuse_frozen
 from doe.tables.checks import refuse_seen
 from doe.tables.loaded import history_of, history_of_part
@@ -54,7 +53,7 @@ class Diagnosed:
     ``doubts``: what the readings say against themselves; their words are the first of ``remarks``.
     """
 
-    asked: DiagnoseRequest
+    request: DiagnoseRequest
     given: Arm
     used: Measurements
     found: Diagnosis

@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from doe import read_measurements, write_measurements
+from doe.diagnosis.findings.numbers import numbers_of
 from fem.arm import Arm
 from fem.effects import catalogue
 from rehearsal import Arm as WorldArm
@@ -27,7 +28,7 @@ from robots.arm_class import arm_class
 from robots.arrays import Array
 from robots.schema.units import factor
 from stiffarm.commands.diagnose import step as diagnosing
-from stiffarm.commands.diagnose.effect_numbers import numbers_of
+from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.rehearse.sheet import Gauge, SetUps, bundled_sheet, campaign, distinct_loads, held_out, of_sheet
 from stiffarm.session.inputs import refuse_effects
@@ -223,9 +224,7 @@ def rehearse(
         axes = np.flatnonzero(world.read.any(axis=0))
         d[:, axes] = world.without_noise(unseen)[:, axes]
         truth = replace(truth, displacement=d)
-    found = diagnosing.diagnose(
-        given, table, diagnosing.Request(next_poses=0, seed=seed, folds=0), holdout=truth, say=say
-    )
+    found = diagnosing.diagnose(given, table, DiagnoseRequest(next_poses=0, seed=seed, folds=0), holdout=truth, say=say)
     verdict = verdict_of(found)
     known = world.code in found.found.start.known
     gap = None if found.held_out is None else found.unseen_rms_mm

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +11,10 @@ from doe.estimation.campaign import Campaign
 from fem.arm import Arm
 from robots.quantities import significant
 from stiffarm.commands.diagnose import step
-from stiffarm.commands.diagnose.files import Written, write_files
-from stiffarm.commands.diagnose.step import Diagnosed, Request
+from stiffarm.commands.diagnose.command import DiagnoseRequest
+from stiffarm.commands.diagnose.page import Story
+from stiffarm.commands.diagnose.result import made_arm, result_of
+from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.diagnose.words import VERDICTS
 from stiffarm.commands.run.doubts import Without, without_doubted
 from stiffarm.session import inputs
@@ -23,13 +25,15 @@ from stiffarm.session.outputs import OutputFolder
 class Look:
     """One diagnosis of a run. ``title``: what it was made with, in words; ``stem``: folder of its files.
 
-    ``without``: what it says without the readings in doubt, None where there are none.
+    ``story``: its files and sections; ``content``: its JSON; ``without``: what it says without the readings in doubt,
+    None where there are none.
     """
 
     title: str
     stem: str
     found: Diagnosed
-    written: Written
+    story: Story
+    content: Mapping[str, Any]
     without: Without | None = None
 
     @property
@@ -75,17 +79,28 @@ def looks(
     loads: whether the load path is missing there is what the readings have to say.
     """
     loads = scheme.loads_N
-    asked = [("All readings", "diagnosis", given, Request(seed=seed))]
+    asked = [("All readings", "diagnosis", given, DiagnoseRequest(seed=seed))]
     if given.model.load_path == "parallelogram":
         serial = inputs.with_load_path(given, "serial")
         at = f" at {', '.join(f'{v:g}' for v in loads)} N" if loads else ""
-        asked.insert(0, (f"The serial chain{at}", "diagnosis_serial", serial, Request(loads, next_poses=0, seed=seed)))
+        asked.insert(
+            0,
+            (
+                f"The serial chain{at}",
+                "diagnosis_serial",
+                serial,
+                DiagnoseRequest(loads=loads, next_poses=0, seed=seed),
+            ),
+        )
     out = []
     for title, stem, arm, request in asked:
         say(f"diagnosis: {title[0].lower()}{title[1:]}")
         found = step.diagnose(arm, table, request, holdout=kept, say=say)
         without = without_doubted(found, table)
-        out.append(Look(title, stem, found, write_files(found, folder, f"{stem}/"), without))
+        story = Story(found, made_arm(found), f"{stem}/")
+        content = {**result_of(found).as_json, **story.write(folder)}
+        folder.write_json(f"{stem}/diagnosis.json", content)
+        out.append(Look(title, stem, found, story, content, without))
     for look in headlines(out):
         say(f"{look.value}: {look.label}")
     return tuple(out)
@@ -105,7 +120,7 @@ def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:
             "verdict": look.found.found.verdict,
             "effects": [f.code for f in look.found.found.effects],
             "provisional": [f.code for f in look.found.found.provisional],
-            "gap": look.written.content["gap"],
+            "gap": look.content["gap"],
             "headline": {"value": look.value, "label": look.label} if look in headlines(found) else None,
             "without_readings_in_doubt": look.without
             and {
@@ -114,8 +129,8 @@ def payload(found: tuple[Look, ...]) -> list[dict[str, Any]]:
                 "likely": list(look.without.likely),
                 "left_out": look.without.readings,
             },
-            "next": look.written.content["next"],
-            "cost_of_leaving_out": look.written.content.get("cost_of_leaving_out"),
+            "next": look.content["next"],
+            "cost_of_leaving_out": look.content.get("cost_of_leaving_out"),
         }
         for look in found
     ]

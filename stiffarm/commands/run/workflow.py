@@ -178,7 +178,7 @@ def recommended(variants: Sequence[Calibrated], looks: Sequence[Look], used: Mea
     for look in looks:
         d = look.found
         if d.in_model and d.used.n == used.n:
-            arm, after = at_load(look.written.arm), d.found.after
+            arm, after = at_load(look.story.arm), d.found.after
             errors_mm = after.fit_rms_mm, d.left_out_rms_mm[1]
             held_mm = None if d.held_out is None else d.held_out.rms_after_mm
             count = len(after.setting.data)

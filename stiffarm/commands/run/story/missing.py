@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stiffarm.commands.diagnose import report, sections, words
-from stiffarm.commands.diagnose.next_words import advice
-from stiffarm.commands.diagnose.space import cost_blocks
+from stiffarm.commands.diagnose import words
 from stiffarm.commands.run.missing import Look
-from stiffarm.pages.blocks import Pictures
+from stiffarm.pages.blocks import Pictures, placed
 from stiffarm.pages.report import Block, Fold, Note, Picture, Section, Text
 
 
@@ -21,17 +19,18 @@ def missing_section(looks: Sequence[Look], pictures: Pictures) -> Section:
 
 
 def _look(look: Look, pictures: Pictures, *, last: bool) -> list[Block]:
-    d, before = look.found, f"{look.stem}/"
-    mine = Pictures(pictures.folder, f"{look.stem}_")
-    gaps = look.written.gaps
-    parts = [*sections.shrunk(d, mine).blocks]
+    d, story = look.found, look.story
+    told = [story.shrunk()]
     if d.tells:
-        parts = [*sections.ladder_section(d, mine).blocks, *sections.where(d, gaps, mine, before).blocks, *parts]
-        parts += sections.explained(d, mine).blocks
+        told = [story.ladder(), story.where(), *told, story.explained()]
     if d.in_model:
-        parts += [*sections.laws(d, mine).blocks, *cost_blocks(d, look.written.cost, mine, before)]
+        told.append(story.laws())
+    blocks = [block for section in told for block in section.blocks]
+    if d.in_model:
+        blocks += story.costs()
     if last and d.tells:
-        parts += [*report.next_readings(d).blocks, *report.not_told(d).blocks]
+        blocks += [*story.next_readings().blocks, *story.not_judged().blocks]
+    parts = placed(blocks, Pictures(pictures.folder, f"{look.stem}_"))
     seen: list[Block] = [
         Note(f"{look.title}: {words.headline(d)}"),
         Text(words.how_sure(d)),
@@ -48,4 +47,4 @@ def _look(look: Look, pictures: Pictures, *, last: bool) -> list[Block]:
 
 def next_words(look: Look) -> str:
     """What to measure next, with its chance."""
-    return advice(look.found, f"{look.stem}/next_readings.csv").text
+    return words.advice(look.found, f"{look.stem}/next_readings.csv").text

@@ -1,1 +1,0 @@
-"""What is missing by positions of targets: options, answer, words, page."""
