@@ -83,7 +83,7 @@ FUNCTIONS: dict[str, Callable[[Path], object]] = {
     "convert_readings": _converted,
     "calibrate": lambda _: _calibrated().to_frame(),
     "calibrate_positions": _positions,
-    "diagnose": lambda _: sa.diagnose(_xr701(), sa.bundled("xr701"), loads_N=650.0, folds=0).to_frame(),
+    "diagnose": lambda _: sa.diagnose(_xr701(), sa.bundled("xr701"), loads=650.0, folds=0).to_frame(),
     "identify": lambda _: sa.identify(sa.load("tx200"), synthetic=True).to_frame(),
     "plan": lambda _: sa.plan(_xr701(), sa.bundled("xr701")).to_frame(),
     "rehearse": lambda _: sa.rehearse(sa.load("kr60-3"), hide="friction:j2", poses=9).to_frame(),

@@ -40,7 +40,8 @@ from doe.diagnosis.proposals.next_readings import NextReadings, at_random
 from fem.arm import Arm
 from rehearsal.scoring import Share
 from robots import InputError
-from stiffarm.commands.diagnose.step import Diagnosed, Request, diagnose
+from stiffarm.commands.diagnose.command import DiagnoseRequest
+from stiffarm.commands.diagnose.step import Diagnosed, diagnose
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share
@@ -101,7 +102,7 @@ def diagnosed(given: Arm, tables: Sequence[Path], next_poses: int) -> Diagnosed:
     """The diagnosis of all tables together, nothing printed."""
     with kept_messages():
         table, _ = read_tables(given, tables)
-        return diagnose(given, table, Request(next_poses=next_poses, folds=0))
+        return diagnose(given, table, DiagnoseRequest(next_poses=next_poses, folds=0))
 
 
 def looped(one: StudySet, given: Arm, first: Diagnosed, way: str, steps: int, folder: Path) -> list[dict[str, Any]]:

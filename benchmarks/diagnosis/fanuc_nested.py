@@ -112,7 +112,7 @@ def summary(out: dict[str, Any], splits: int, folds: int) -> dict[str, Any]:
             for name, p in e["parameters"].items()
             if name[0] == "r"
         },
-        "looks": [{c["code"]: c["probability"] for c in look["candidates"][:4]} for look in all_readings["looks"]],
+        "looks": [{c["code"]: c["probability"] for c in look["candidates"][:4]} for look in all_readings["steps"]],
         "calibrate_mm": {key: springs[key] for key in ("rms_mm", "left_one_pose_out_rms_mm")},
     }
 

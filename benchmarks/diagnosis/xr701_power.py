@@ -33,8 +33,9 @@ from benchmarks.diagnosis.study.sets import StudySet, study_sets
 from benchmarks.diagnosis.study.step import row
 from fem.arm import Arm
 from rehearsal.scoring import Share
-from stiffarm.commands.diagnose import payload as diagnosis_payload
-from stiffarm.commands.diagnose.step import Diagnosed, Request, diagnose
+from stiffarm.commands.diagnose.command import DiagnoseRequest
+from stiffarm.commands.diagnose.result import result_of
+from stiffarm.commands.diagnose.step import Diagnosed, diagnose
 from stiffarm.session.console import kept_messages
 from stiffarm.session.inputs import read_model
 from stiffarm.session.json_text import share
@@ -48,13 +49,13 @@ def diagnosed(given: Arm, tables: Sequence[Path]) -> Diagnosed:
     """As `stiffarm diagnose` does by default, without what moves no verdict: further set-ups and folds."""
     with kept_messages():
         table, _ = read_tables(given, tables)
-        return diagnose(given, table, Request(next_poses=0, folds=0))
+        return diagnose(given, table, DiagnoseRequest(next_poses=0, folds=0))
 
 
 def told(d: Diagnosed) -> Outcome:
     """What a diagnosis says of the load path, of odd readings, and of what may be missing beside the path."""
-    content = diagnosis_payload.diagnosis(d)
-    looks = [{c["code"]: c["probability"] for c in look["candidates"]} for look in content["looks"]]
+    content = result_of(d).as_json
+    looks = [{c["code"]: c["probability"] for c in look["candidates"]} for look in content["steps"]]
     found = {e["code"]: e["probability"] for e in (*content["effects"], *content["provisional"])}
     last = looks[-1] if looks else {}
     return {
@@ -64,7 +65,7 @@ def told(d: Diagnosed) -> Outcome:
         "path_probability": max([found.get(PATH, 0.0), *(look.get(PATH, 0.0) for look in looks[:1])]),
         "path_in_set95": PATH in content["set95"],
         "beyond_path": sum(p for code, p in last.items() if code not in ("none", PATH)) if last else None,
-        "odd_lines": sorted(r["line"] for r in content["odd_readings"]),
+        "odd_lines": sorted(r["line"] for r in content["outliers"]),
         "noise": content["noise"],
     }
 

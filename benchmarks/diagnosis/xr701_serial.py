@@ -26,7 +26,7 @@ RUNS = {"650 N": ("--loads", "650"), "all loads": ()}
 def kept(content: dict[str, Any]) -> dict[str, Any]:
     """The figures that pages state, in their units; probabilities as shares."""
     named = [*content["effects"], *content["provisional"]]
-    last = {c["code"]: c["probability"] for c in content["looks"][-1]["candidates"]}
+    last = {c["code"]: c["probability"] for c in content["steps"][-1]["candidates"]}
     gap = content["gap"]
     return {
         "verdict": content["verdict"],
@@ -40,7 +40,7 @@ def kept(content: dict[str, Any]) -> dict[str, Any]:
             for when in ("before", "after")
         },
         "share_of_pose": {one["pose"]: one["share"] for one in content["where"]["pose"]},
-        "odd_readings": [{key: one[key] for key in ("line", "load_N", "weight")} for one in content["odd_readings"]],
+        "odd_readings": [{key: one[key] for key in ("line", "load_N", "weight")} for one in content["outliers"]],
         "law_over_the_load": [
             {name: one["value"] for name, one in effect["parameters"].items()}
             for effect in named

@@ -29,6 +29,7 @@ from robots import Robot
 from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.session.inputs import read_model
 from stiffarm.session.readings import read_scheme
 
@@ -94,7 +95,7 @@ def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answ
 
 def diagnosed(tables: list[Measurements]) -> Answer:
     """The verdict of a diagnosis, and what it found."""
-    found = diagnosing.diagnose(arm("xr701"), join(tables), diagnosing.Request(next_poses=0)).found
+    found = diagnosing.diagnose(arm("xr701"), join(tables), DiagnoseRequest(next_poses=0)).found
     # One more than a probability, so that a share of it is a share of all: pages show them in percent.
     probable = {h.code: 1.0 + h.probability for h in found.rankings[0].hypotheses}
     return Answer(probable, (found.verdict, *(e.code for e in found.effects)))

@@ -31,7 +31,7 @@ _FREE = {
 }
 RESULTS: tuple[dict[str, Any], ...] = (
     {
-        "schema": "stiffarm-diagnosis/1",
+        "schema": "stiffarm-diagnosis/2",
         "robot": "kr60-3",
         "verdict": "named",
         "springs": {"j2": _SPRING},

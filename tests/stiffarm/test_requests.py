@@ -20,6 +20,7 @@ from stiffarm.cli import COMMANDS, app, command_of
 from stiffarm.request import Request, options_of, spelled
 
 MADE = {
+    "diagnose": "DiagnoseRequest",
     "index": "IndexRequest",
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",

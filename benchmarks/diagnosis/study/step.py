@@ -17,6 +17,7 @@ from fem.effects.learned import axes_of, learned_place
 from robots import InputError
 from robots.progress import Progress, report_progress
 from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.session.inputs import read_model
 from stiffarm.session.reading_checks import check_readings
@@ -56,7 +57,7 @@ def diagnosed(one: StudySet, given: Arm) -> Diagnosed:
     unseen = None if one.unseen is None else read_data(given.robot, one.unseen)
     table = read_data(given.robot, one.readings)
     check_readings(given, table, confirm_units=False)
-    return diagnosing.diagnose(given, table, diagnosing.Request(next_poses=0, folds=0), holdout=unseen)
+    return diagnosing.diagnose(given, table, DiagnoseRequest(next_poses=0, folds=0), holdout=unseen)
 
 
 def row(one: StudySet, found: Diagnosed | None, first_joint: str, *, seconds: float, reason: str = "") -> Row:

@@ -92,7 +92,7 @@ class DiagnoseRequest(Request):
         most=20.0,
     )
     loads: Sequence[float] = option(
-        "Loads to use, in N, separated by commas, as in 150,650, or all.", LOADS, default=()
+        "Loads to use, in N, separated by commas, as in 150,650, or all. Default: all.", LOADS, default=()
     )
     confirm_units: bool = option(
         "Accept the table although its values look like other units; use it after checking them.", default=False

@@ -201,7 +201,7 @@ def _tables(m: Missing) -> list[Table]:
     sure = [one in m.effects for one in found]
     labels = {"effect": [x.candidate.code for x in found], "what": [x.candidate.words for x in found], "sure": sure}
     values = {PROBABILITY: [one.probability for one in found], ACTS: [one.acts for one in found]}
-    out = [Table("found", "What is missing", labels, {q: np.array(v) for q, v in values.items()})]
+    out = [Table("found", "What is missing", labels, {q: np.array(v) for q, v in values.items()}, is_extract=True)]
     names = {x.name for one in found for x in one.unknowns}
     rows = [
         (f.name, NO_VALUE if f.value is None else known_to(f.value, *f.interval95), _interval(f), f.unit, f.status)

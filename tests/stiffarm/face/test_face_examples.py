@@ -16,7 +16,6 @@ FUNCTIONS = [name for name in sa.__all__ if inspect.isfunction(getattr(sa, name)
 # Shown by scripts in examples/: they need files, as of a cell and a part.
 WITHOUT = {
     "calibrate_positions",
-    "diagnose_positions",
     "load_surrogate",
     "place",
     "post",

@@ -83,7 +83,7 @@ def test_a_diagnosis_of_readings_that_tell_nothing_says_so(cli: Command, changed
     found = outcome.json
     assert found["verdict"] == "uninformative"
     assert (found["effects"], found["provisional"], found["candidates"], found["set95"]) == ([], [], [], [])
-    assert (found["springs"], found["next_readings"], found["looks"]) == ({}, [], [])
+    assert (found["springs"], found["next_readings"], found["steps"]) == ({}, [], [])
     assert "tell nothing about the arm" in outcome.err
     assert "fit better" in found["reason"]
     assert "is left is noise" not in outcome.err

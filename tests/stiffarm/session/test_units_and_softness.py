@@ -15,7 +15,6 @@ from machining.cell import Cell
 from machining.service import Session
 from robots import load_description
 from stiffarm.commands.calibrate import command as calibration
-from stiffarm.commands.diagnose import command as diagnosis
 from stiffarm.commands.identify import command as identification
 from stiffarm.commands.plan import command as planning
 from stiffarm.commands.run import command as chain
@@ -81,13 +80,12 @@ def test_all_that_read_tables_have_the_flag() -> None:
     commands = (
         calibration.calibrate,
         chain.run,
-        diagnosis.diagnose,
         identification.identify,
         planning.plan,
     )
     for command in commands:
         assert "confirm_units" in inspect.signature(command).parameters, command
-    for function in (sa.simulate, sa.sensitivity):
+    for function in (sa.diagnose, sa.simulate, sa.sensitivity):
         assert "confirm_units" in inspect.signature(function).parameters
 
 

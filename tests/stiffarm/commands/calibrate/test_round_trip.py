@@ -22,6 +22,7 @@ from robots import ModelDescription, save_description
 from robots.robot import robot_from
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.diagnose import step as diagnosing
+from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.model import described
 from stiffarm.session import inputs
 
@@ -156,7 +157,7 @@ def test_so_does_the_model_that_a_diagnosis_writes(
     data = table(given.robot, poses=8)
     data = filled(data, simulate(plain, data, [known[code].placed(v) for code, v in truth.items()]))
     with quick_diagnosis(*(code.partition(":")[0] for code in truth)):
-        found = diagnosing.diagnose(given, data, diagnosing.Request(loads, next_poses=0, folds=0))
+        found = diagnosing.diagnose(given, data, DiagnoseRequest(loads=loads, next_poses=0, folds=0))
     save_description(described(found), tmp_path / "model.toml")
     back = inputs.read_model(str(tmp_path / "model.toml"), None, load_path)
     error = data.displacement - simulate(back.model, data, back.effects)

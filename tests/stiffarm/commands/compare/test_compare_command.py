@@ -239,7 +239,7 @@ def test_an_uncalibrated_model_is_refused(tmp_path: Path) -> None:
 def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     number = {"sd": 1.0, "unit": "N", "interval95": [28.0, 32.0], "plausible": [10, 80], "value": 30.0}
     content = {
-        "schema": "stiffarm-diagnosis/1",
+        "schema": "stiffarm-diagnosis/2",
         "robot": "kr60-3",
         "verdict": "named",
         "springs": {},

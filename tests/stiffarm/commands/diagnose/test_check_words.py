@@ -9,14 +9,14 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, get_args
 
+import pandas as pd
 import pytest
 from cli_runs import Command
 
 from doe.diagnosis.checks import FACTORS, Check, Code
 from doe.diagnosis.where import Group
 from robots.quantities import percent
-from stiffarm.commands.diagnose.check_words import AGAINST, check_sentences, check_table
-from stiffarm.commands.diagnose.words import share_text
+from stiffarm.commands.diagnose.words import AGAINST, check_sentences, share_text
 
 
 def checked(*made: Check, codes: tuple[str, ...] = ("backlash:j2",)) -> Any:
@@ -54,14 +54,6 @@ def test_nothing_found_says_nothing() -> None:
     assert check_sentences(checked()) == ()
 
 
-def test_the_table_has_all_of_them_folded() -> None:
-    table = check_table(checked(GOOD, IDLE, BAD, DOUBT))
-    assert table.folded
-    assert [row[2] for row in table.rows] == ["passed", "not applicable", "failed", "passed"]
-    assert [row[4] for row in table.rows] == ["1", "1", "0.3", "1"]
-    assert table.rows[-1][1] == "all"
-
-
 @pytest.mark.parametrize(
     ("share", "sd", "text"), [(0.31, 0.06, "31 ± 6 %"), (0.31, 0.004, "31 %"), (0.31, float("nan"), "31 %")]
 )
@@ -89,7 +81,10 @@ def test_a_diagnosis_shows_its_checks(cli: Command, tmp_path: Path) -> None:
     first = html.unescape(page[page.index("<main") : page.index("Poses with the largest error</h2>")])
     assert "Against load-path: another effect fits as well" in first
     assert re.search(r"<details.*All checks after the name", first, re.DOTALL)
-    # One ladder: the card, the sentence and the table say the same of the name.
+    # The card, the sentence, the table, JSON and the frame say the same of the name.
+    frame = pd.read_csv(tmp_path / "out/diagnosis.csv").set_index("code")
+    assert frame.loc["load-path", "probability"] == r["candidates"][0]["probability"] == r["stated_probability"]
+    assert frame.loc["load-path", "probability_before_checks"] == r["effects"][0]["probability"]
     now, then = percent(r["stated_probability"]), percent(r["effects"][0]["probability"])
     assert f"load-path {now} ({then} before)" in first.replace("\u00a0", " ")
     row = re.search(r"\+ load-path.*?</tr>", first, re.DOTALL)

@@ -19,6 +19,7 @@ from shortened import blank_pictures, quick_diagnosis
 from doe import read_measurements
 from doe.certainty.propagation import parameter_uncertainty, propagate
 from doe.diagnosis.candidates import impossible
+from doe.diagnosis.findings.laws import compliance_over, turn_on_bench
 from doe.diagnosis.setting import setting_of
 from doe.diagnosis.where import labels_of, load_labels, shares, without_history
 from fem.effects import build_arm, build_plain, catalogue
@@ -26,7 +27,6 @@ from robots import load_description
 from robots.robot import robot_from
 from robots.schema.quantities import RotationalStiffness
 from robots.schema.units import factor
-from stiffarm.commands.diagnose.laws import compliance_over, turn_on_bench
 
 SEED = 8
 BACKLASH = SetSpec(effects=("backlash:j2",), poses=9, design="paper", repeats=1, name="backlash")
@@ -130,7 +130,8 @@ def test_the_hidden_effect_is_named_with_its_numbers(found: Path) -> None:
 
 def test_candidates_are_ranked_with_nothing_and_unknown_among_them(found: Path) -> None:
     r = _results(found)
-    probabilities = [c["probability"] for c in r["candidates"]]
+    assert r["candidates"][0]["probability"] == r["stated_probability"]
+    probabilities = [c["probability_before_checks"] for c in r["candidates"]]
     assert probabilities == sorted(probabilities, reverse=True)
     assert sum(probabilities) == pytest.approx(1.0, abs=1e-4)
     kinds = {c["code"]: c["kind"] for c in r["candidates"]}
@@ -219,7 +220,7 @@ def test_the_folder_is_complete_and_the_report_stands_by_itself(found: Path) -> 
     page = (found / "report.html").read_text(encoding="utf-8")
     assert re.findall(r'(?:src|href)="(?!data:image/png;base64,|#|[\w-][\w./-]*")', page) == []
     pictures = {p.stem for p in (found / "figures").iterdir()}
-    assert {"where", "ranking", "law_1", "gap", "match", "residuals"} <= pictures
+    assert {"ladder", "poses", "ranking", "law_1", "gap", "residuals"} <= pictures
     run = json.loads((found / "run.json").read_text(encoding="utf-8"))
     assert {"model", "data", "holdout"} <= set(run["inputs_sha256"])
     assert "the gear of joint j2 has backlash" in page

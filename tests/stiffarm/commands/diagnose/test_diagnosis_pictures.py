@@ -1,52 +1,17 @@
-"""The ladder of a diagnosis, the arm where the model was wrong, and traces of effects."""
+"""Pictures of a diagnosis: the arm where the model was wrong, traces of effects, the gap."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from figure_texts import texts
 
 import robots
-from doe.diagnosis.checks import Check
-from doe.diagnosis.space import Gaps
-from stiffarm.commands.diagnose.arms import stands, tool_points
-from stiffarm.commands.diagnose.arms_figure import arms_figure
-from stiffarm.commands.diagnose.ladder import Ladder, Rung, ladder_table
-from stiffarm.commands.diagnose.ladder_figure import ladder_figure
-from stiffarm.commands.diagnose.traces import Row, Trace, Traces
-from stiffarm.commands.diagnose.traces_figure import traces_figure
+from doe.diagnosis.findings.traces import Row, Trace, Traces
+from doe.diagnosis.space import Gaps, stands
+from stiffarm.commands.diagnose.arms import arms_figure
+from stiffarm.commands.diagnose.figures import gap_figure, traces_figure
 
 ROBOT = robots.load_robot("xr701")
-AGAINST = Check("no-twin", "backlash:j2", passed=False, evidence="", factor=0.8)
-
-
-def ladder() -> Ladder:
-    last: Any = SimpleNamespace(
-        hypotheses=[SimpleNamespace(code="none", probability=0.6), SimpleNamespace(code="unknown", probability=0.4)],
-        of=lambda code: SimpleNamespace(code=code, probability=0.6),
-    )
-    rungs = (
-        Rung("backlash:j2", (0.2, 0.1), 0.99, 0.42, (AGAINST,), provisional=False),
-        Rung("payload", (0.1, 0.05), 0.54, 0.5, (), provisional=True),
-    )
-    return Ladder(rungs, 0.2, last)
-
-
-def test_a_row_for_each_step_says_what_it_left_and_how_sure_it_is() -> None:
-    start, first, second, last = ladder_table(ladder()).rows
-    assert start[1] == "0.200"
-    assert first[:4] == ("+ backlash:j2", "0.200 → 0.100", "99 %", "42 %")
-    assert second[0].endswith("(provisional)")
-    assert "40\u00a0% that something more" in last[4]
-    assert first[4] != second[4]
-
-
-def test_the_picture_shows_the_same_figures() -> None:
-    said = " ".join(one.text for one in texts(ladder_figure(ladder(), ("noise alone", 0.04))))
-    for text in ("0.200", "0.100", "0.0500", "99 %", "42 %", "54 % → 50 %", "40 %"):
-        assert text in said
 
 
 def gaps() -> Gaps:
@@ -57,7 +22,16 @@ def gaps() -> Gaps:
     before[:, 2] = np.array([1.0, 2.0, 1.0, 2.0, 5.0, 3.0, 7.0, 3.0]) * 1e-5
     measured = np.where(np.isnan(before), np.nan, -1e-3)
     nothing = np.zeros(8, dtype=bool)
-    return Gaps(("a",) * 4 + ("b",) * 4, q, tool_points(ROBOT, q), force, measured, before, 0.5 * before, nothing)
+    return Gaps(
+        ("a",) * 4 + ("b",) * 4,
+        q,
+        robots.tool_position(ROBOT, robots.forward_kinematics(ROBOT, q)),
+        force,
+        measured,
+        before,
+        0.5 * before,
+        nothing,
+    )
 
 
 def test_stands_are_the_worst_load_of_each_pose_the_worst_first() -> None:
@@ -86,3 +60,10 @@ def test_twins_stand_beside_their_effect() -> None:
     assert [ax.get_title(loc="left").split("\n")[0] for ax in figure.axes] == ["backlash:j2", "twin hardening:j2"]
     # They differ by dash, not by colour alone.
     assert len({str(ax.lines[-2].get_linestyle()) for ax in figure.axes}) == 2
+
+
+def test_the_lines_bear_their_names() -> None:
+    figure = gap_figure({"in the fit": (0.2, 0.1), "poses left out": (0.3, 0.15)}, 0.05, 0.12, "repeats")
+    (ax,) = figure.axes
+    labels = ax.get_legend_handles_labels()[1]
+    assert sorted(labels) == ["repeats: 0.0500", "springs alone, at best: 0.120"]

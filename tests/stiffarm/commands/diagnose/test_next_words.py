@@ -11,10 +11,10 @@ import pytest
 from doe.diagnosis.proposals.discrimination import Outcome
 from doe.diagnosis.proposals.foresight import Rival
 from doe.diagnosis.proposals.next_readings import NextReadings
-from doe.planning.zones import Zone
 from robots import InputError
 from stiffarm.commands.diagnose import step
-from stiffarm.commands.diagnose.next_words import advice, next_sentence
+from stiffarm.commands.diagnose.command import DiagnoseRequest
+from stiffarm.commands.diagnose.words import advice, next_sentence
 from stiffarm.session import console
 
 
@@ -124,10 +124,11 @@ def test_where_set_ups_would_hardly_settle_it_others_are_tried(
         return NextReadings(some, some, Any, ("next 1",), 0, tuple(rival), 0.0, 1.0, now, then, then, ())  # type: ignore[arg-type]
 
     monkeypatch.setattr(step, "propose", propose)
+    monkeypatch.setattr(step, "zone_of", lambda *_: None)
     monkeypatch.setattr(step, "ways_to_measure", lambda s: {way: {"way": way} for way in ("", "b", "c")})
     found: Any = SimpleNamespace(verdict="ambiguous", start=None)
-    request = step.Request(zone=Zone())
-    best, why, way = step._proposal(None, found, {}, request, lambda text: None, None)  # type: ignore[arg-type]
+    given: Any = SimpleNamespace(description=None)
+    best, why, way = step._proposal(given, found, {}, DiagnoseRequest(), lambda text: None, None)
     assert (way, len(asked), why) == (kept, tried, "")
     assert best is not None
     assert best.expected.right == max(c for c in chances[:tried] if c is not None)

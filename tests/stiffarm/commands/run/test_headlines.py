@@ -22,8 +22,8 @@ def look(
     found: Any = SimpleNamespace(
         found=SimpleNamespace(verdict=verdict, effects=effects), unseen_rms_mm=(0.134, 0.077), in_model=effects
     )
-    written: Any = None
-    return Look(title, "diagnosis", found, written, without)
+    story: Any = None
+    return Look(title, "diagnosis", found, story, {}, without)
 
 
 @pytest.mark.parametrize(

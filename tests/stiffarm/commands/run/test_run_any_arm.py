@@ -165,7 +165,7 @@ def test_what_the_page_says_of_swapped_pairs_is_what_a_diagnosis_says(cli: Comma
     found = json.loads(outcome.out)
     assert found["verdict"] == "none"
     (told,) = re.findall(r"with (\d+) %", bundled_notes("xr701").doubted)
-    assert round(100 * found["looks"][0]["candidates"][0]["probability"]) == int(told)
+    assert round(100 * found["steps"][0]["candidates"][0]["probability"]) == int(told)
 
 
 def test_a_scheme_without_stages_is_refused(cli: Command, tmp_path: Path) -> None:
