@@ -14,7 +14,7 @@ import stiffarm as sa
 arm = sa.load("fanuc-r2000ic")
 readings = sa.read_readings(sa.bundled("fanuc-r2000ic"), arm)
 why = sa.diagnose(arm, readings, next_poses=0, folds=0)
-print(why.title())
+print(why.answer)
 print(why.to_frame().head(6).to_string(index=False, float_format="{:.3g}".format))
 
 figure, ax = plt.subplots(layout="constrained")
@@ -31,7 +31,7 @@ ax.legend()
 # than a distance. The curve with the effects that were found rises earlier all the way.
 figure.savefig("what_else_gives_way.png")
 
-before, after = why.gap.held_out_before_mm, why.gap.held_out_after_mm
+before, after = why["unseen_rms_before_mm"], why["unseen_rms_after_mm"]
 print(f"Unseen poses: {before:.3f} mm RMS with six springs, {after:.3f} mm diagnosed")
 assert {"tool-compliance", "joint-tilt:j3"} <= set(why.effects)
 assert after < 0.7 * before

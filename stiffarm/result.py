@@ -357,8 +357,8 @@ class Result:
         tables = sorted((t for t in self.tables if not t.csv_only and t not in there), key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(shown[1:])))
-        if self.remarks:
-            sections.append(page.Section("Remarks", (page.Bullets(self.remarks),)))
+        if self.remarks and (remarks := page.Bullets(self.remarks)) not in there:
+            sections.append(page.Section("Remarks", (remarks,)))
         sections += [replace(s, blocks=placed(s.blocks, pictures, first)) for s in self.story]
         warnings = tuple(f"{text[:1].upper()}{text[1:].removesuffix('.')}." for text in self.warnings)
         answer = page.Answer(self.how_sure, self.what_next, lead, warnings)

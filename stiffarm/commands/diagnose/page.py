@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -15,7 +15,7 @@ from doe import write_measurements
 from doe.diagnosis.checks import stated
 from doe.diagnosis.diagnose import State
 from doe.diagnosis.findings.laws import curve_of
-from doe.diagnosis.findings.numbers import errors_mm, in_order, numbers_of
+from doe.diagnosis.findings.numbers import errors_mm, in_order
 from doe.diagnosis.findings.traces import traces_of
 from doe.diagnosis.hypotheses import NONE, UNKNOWN, Ranking
 from doe.diagnosis.space import gaps, pose_errors_mm, stands
@@ -41,6 +41,7 @@ from stiffarm.pages.dumbbells import dumbbells_figure
 from stiffarm.pages.numbers import naturally
 from stiffarm.pages.report import Block, Bullets, Fold, Section, Table, Text
 from stiffarm.result import Drawing
+from stiffarm.result import Table as Values
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.words.directions import set_up_rows
 from stiffarm.session.words.noise import floor_name, scatter_name
@@ -61,10 +62,14 @@ def _drawing(name: str, caption: str, draw: Callable[..., Figure], *given: Any) 
 
 
 class Story:
-    """A diagnosis as sections and files: ``arm`` with the new model; ``before``: what names of files begin with."""
+    """A diagnosis as sections and files.
 
-    def __init__(self, d: Diagnosed, arm: Arm, before: str = "") -> None:
+    ``arm``: with the new model; ``tables``: of its result, by name; ``before``: what names of files begin with.
+    """
+
+    def __init__(self, d: Diagnosed, arm: Arm, tables: Sequence[Values], before: str = "") -> None:
         self.d, self.arm, self.before = d, arm, before
+        self.tables = {table.name: table for table in tables}
 
     @cached_property
     def cost(self) -> MapData | None:
@@ -162,8 +167,7 @@ class Story:
     def _behind(self, taken: int) -> list[Block]:
         """What the ladder's rows rest on."""
         d = self.d
-        failed = words.check_sentences(d.found)
-        blocks: list[Block] = [Bullets(failed)] if failed else []
+        blocks: list[Block] = [Bullets(words.remarks(d))]
         if d.nested is not None and taken:
             blocks.append(Text(words.chosen_anew(d.nested)))
         if d.found.provisional:
@@ -171,13 +175,17 @@ class Story:
             blocks.append(Text(f"In the new model for the time being, marked as provisional: {codes}."))
         if d.found.checks:
             rows = tuple(
-                (c.code, c.effect or "all", words.RESULT[c.passed], c.evidence, significant(c.factor, 2))
+                (
+                    c.code,
+                    c.effect or "all",
+                    words.RESULT[c.passed],
+                    c.evidence,
+                    significant(c.factor, 2) if c.passed is False else "1",
+                )
                 for c in d.found.checks
             )
             heads = ("check", "of", "result", "evidence", "odds times")
             blocks.append(Table("All checks after the name", heads, rows, (0, 1, 2, 3), folded=True))
-        if d.remarks:
-            blocks.append(Bullets(d.remarks))
         return blocks
 
     def _arms(self) -> list[Block]:
@@ -209,7 +217,6 @@ class Story:
         """Where the disagreement lies: the arm in its poses, errors by pose before and after, shares by group."""
         d = self.d
         blocks = [*self._arms(), Bullets(words.where_sentences(d))]
-        blocks += [Text(text) for text in words.odd_sentences(d)]
         if (by_pose := pose_errors_mm(d.found)) and d.in_model:
             caption = "A pose that hardly moves is not explained by what was found."
             what, ends = "RMS error in the fit (mm)", ("springs alone", "with what was found")
@@ -219,6 +226,7 @@ class Story:
         rows = tuple(
             (kind, g.label, str(g.readings), words.share_text(g), significant(g.mean_square))
             for kind, groups in d.where.items()
+            if len(groups) > 1
             for g in groups
         )
         text = Text(
@@ -253,7 +261,7 @@ class Story:
             heading = f"And with {', '.join(taken[:k])} in the model" if k else "Candidates of the first look"
             caption = "Probability of each candidate in this look, before any check."
             rankings.append(_drawing(f"ranking_{k + 1}" if k else "ranking", caption, _ranking, r, taken, heading))
-        blocks.append(Fold("All candidates, look by look", tuple(rankings)))
+        blocks += [self.tables["most_probable"], Fold("All candidates, look by look", tuple(rankings))]
         if d.twins:
             text = Text("Twins, which these readings cannot separate:")
             blocks.append(Fold("What could imitate it", (text, Bullets(words.twin_sentences(d)))))
@@ -264,14 +272,10 @@ class Story:
         d, after = self.d, self.d.found.after
         first = len(after.setting.accepted) - len(d.in_model)
         provisional = {f.code for f in d.found.provisional}
-        blocks: list[Block] = []
+        blocks: list[Block] = [self.tables["parameters"]] if "parameters" in self.tables else []
         for k, f in enumerate(in_order(d.found)):
             said = f"{f.placed.effect.words[0].upper()}{f.placed.effect.words[1:]} ({f.code})"
             blocks.append(Text(f"{said}{' (provisional)' if f.code in provisional else ''}."))
-            rows = tuple(words.number_cells(n) for n in numbers_of(after) if n.code == f.code)
-            heads = ("parameter", "value", "95 % interval", "plausible", "what it is")
-            none = Text("No parameter: it is present or not.")
-            blocks.append(Table(f"Parameters of {f.code}", heads, rows, (0, 4)) if rows else none)
             if (curve := curve_of(after, first + k)) is not None:
                 remembers = f.placed.effect.needs_history
                 loop = "The way up differs from the way down by what the joint remembers. " if remembers else ""
@@ -297,7 +301,7 @@ class Story:
             rows["poses not seen, effects chosen anew"] = pair(n.rms_before_mm, n.rms_after_mm)
         if h is not None:
             rows["readings held out"] = pair(h.rms_before_mm, h.rms_after_mm)
-        blocks: list[Block] = [Text(words.gap_sentence(d))]
+        blocks: list[Block] = []
         # Without a second model there is nothing to compare: the sentence says it all.
         if d.in_model:
             caption = "RMS errors. What counts is the error at poses that the fit has not seen."
@@ -382,6 +386,7 @@ class Story:
                 springs,
                 (0, 4),
             ),
+            self.tables["candidates"],
         ]
         return Section("How it was done", tuple(blocks))
 

@@ -77,16 +77,14 @@ def made_arm(d: Diagnosed) -> Arm:
 
 def result_of(d: Diagnosed) -> Diagnosis:
     """The result of a diagnosis; its page is made when it is asked for."""
-    found, p, arm = d.found, d.found.before.setting.data, made_arm(d)
+    found, p, arm, tables = d.found, d.found.before.setting.data, made_arm(d), tables_of(d)
 
     @cache
     def story() -> Any:
         from stiffarm.commands.diagnose.page import Story
 
-        return Story(d, arm)
+        return Story(d, arm, tables)
 
-    doubts = tuple(doubt.words for doubt in d.doubts)
-    lines = [*words.check_sentences(found), words.gap_sentence(d), *words.odd_sentences(d)]
     return Diagnosis(
         name="diagnosis",
         title=d.given.description.title.split(" (")[0],
@@ -96,11 +94,11 @@ def result_of(d: Diagnosed) -> Diagnosis:
         what_next=words.advice(d).text,
         facts=facts(d),
         numbers={q: Number(1e-3 * value) for q, value in zip(UNSEEN, d.unseen_rms_mm, strict=True)},
-        tables=tuple(_tables(d)),
+        tables=tuple(tables),
         key=tuple(_key_figures(d)),
         sections=lambda: story().sections(),
-        warnings=(*doubts, *filter(None, (uncalibrated(arm) if d.tells else "",))),
-        remarks=(*lines, *(text for text in d.remarks if text not in doubts), *d.used.notes),
+        warnings=(*(doubt.words for doubt in d.doubts), *filter(None, (uncalibrated(arm) if d.tells else "",))),
+        remarks=words.remarks(d),
         arm=arm,
         caution="",
         found=d,
@@ -110,7 +108,7 @@ def result_of(d: Diagnosed) -> Diagnosis:
     )
 
 
-def _tables(d: Diagnosed) -> list[Table]:
+def tables_of(d: Diagnosed) -> list[Table]:
     """Every candidate: what was found first, with the probability that its checks leave; then the most probable."""
     found = d.found
     rows: dict[str, tuple[float, Hypothesis]] = {}

@@ -50,7 +50,7 @@ class Diagnosed:
     ``nested``: errors at poses that the whole diagnosis had not seen. ``still_open``: of each effect named, the rivals
     that these readings do not rule out; ``nothing_next``: why no set-ups are proposed although something is open;
     ``other_way``: in what they are other than the readings so far, for these would hardly settle it.
-    ``doubts``: what the readings say against themselves; their words are the first of ``remarks``.
+    ``doubts``: what the readings say against themselves.
     """
 
     request: DiagnoseRequest
@@ -146,7 +146,6 @@ def diagnose(
     refuse_few_poses(used)
     refuse_frozen(given.model, table)
     doubts = reading_doubts(given, used)
-    remarks = (*(doubt.words for doubt in doubts), *_remarks(given, asked))
     s = _setting(given, used, asked, history_of_part(table, lambda whole: select_loads(whole, asked.loads)))
     if holdout is not None:
         s = replace(s, known=standing(s, problem(s.model, holdout, ()).free.at))
@@ -172,7 +171,7 @@ def diagnose(
         hidden,
         twins,
         None if holdout is None else hold_out(found, used, holdout),
-        remarks,
+        _remarks(given, asked),
         proposal,
         _calibrated(given, table, asked, found),
         anew,

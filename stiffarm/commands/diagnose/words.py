@@ -242,6 +242,11 @@ def unseen_poses(d: Diagnosed) -> str:
     return f"poses it has not seen ({d.nested.folds} folds, effects chosen again in each)"
 
 
+def remarks(d: Diagnosed) -> tuple[str, ...]:
+    """What the reader must know: checks that failed, how the gap shrank, outliers, and what the input says."""
+    return (*check_sentences(d.found), gap_sentence(d), *odd_sentences(d), *d.remarks, *d.used.notes)
+
+
 def chosen_anew(n: Nested) -> str:
     """What the folds found and how far off they are: the error to rely on."""
     chosen = ", ".join(f"{code} in {count} of {n.folds}" for code, count in n.chosen.items())

@@ -13,7 +13,7 @@ from robots.quantities import significant
 from stiffarm.commands.diagnose import step
 from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.page import Story
-from stiffarm.commands.diagnose.result import made_arm, result_of
+from stiffarm.commands.diagnose.result import made_arm, result_of, tables_of
 from stiffarm.commands.diagnose.step import Diagnosed
 from stiffarm.commands.diagnose.words import VERDICTS
 from stiffarm.commands.run.doubts import Without, without_doubted
@@ -97,7 +97,7 @@ def looks(
         say(f"diagnosis: {title[0].lower()}{title[1:]}")
         found = step.diagnose(arm, table, request, holdout=kept, say=say)
         without = without_doubted(found, table)
-        story = Story(found, made_arm(found), f"{stem}/")
+        story = Story(found, made_arm(found), tables_of(found), f"{stem}/")
         content = {**result_of(found).as_json, **story.write(folder)}
         folder.write_json(f"{stem}/diagnosis.json", content)
         out.append(Look(title, stem, found, story, content, without))
