@@ -276,7 +276,7 @@ def _parameters(request: type[Request], options: dict[str, Option]) -> Iterator[
             info: Any = typer.Argument(metavar=metavar, help=how.help)
         else:
             names = how.spelled or (f"--{name.replace('_', '-')}",)
-            if default is True:
+            if default is True and "/" not in names[0]:
                 names = (f"{names[0]}/--no-{names[0].removeprefix('--')}", *names[1:])
             info = typer.Option(
                 *names,

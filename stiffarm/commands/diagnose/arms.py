@@ -80,7 +80,7 @@ def arms_figure(some: Sequence[Stand], robot: Robot, heading: str, scale_by: Seq
         for k, one in enumerate(some):
             corner = np.array([k % columns * wide, -(k // columns) * (high + _TITLE_IN / inch)])
             left = significant(M_TO_MM * one.left_over_m, 2)
-            words = f"pose {one.pose}, {significant(one.load_N, 4)} N\n{left} mm left over"
+            words = f"pose {one.pose}, {significant(one.load_N)} N\n{left} mm left over"
             for view, text in zip(views, (words, "\nfrom above"), strict=False):
                 place = corner - np.array([0.0, 0.75 * _TITLE_IN / inch])
                 ax.text(corner[0] + 0.02 * wide, corner[1], text, va="top", size=9.0, linespacing=1.25)

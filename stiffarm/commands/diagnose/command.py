@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from doe.diagnosis.nested import FOLDS
 from doe.diagnosis.scatter import SETUP
@@ -69,7 +70,7 @@ class DiagnoseRequest(Request):
     floor_mm: float | None = option(
         "Height of the floor in mm: no part of the arm may be below it; or none.", HEIGHT, default=0.0
     )
-    keep_out: Sequence[float] | Sequence[Sequence[float]] = option(
+    keep_out: Sequence[Sequence[float]] = option(
         "Box that the arm must keep out of, x0,y0,z0:x1,y1,z1, in mm. May be repeated.", BOX, several=True
     )
     clearance_mm: float | None = option(
@@ -91,7 +92,7 @@ class DiagnoseRequest(Request):
         least=0.05,
         most=20.0,
     )
-    loads: Sequence[float] = option(
+    loads: tuple[float, ...] = option(
         "Loads to use, in N, separated by commas, as in 150,650, or all. Default: all.", LOADS, default=()
     )
     confirm_units: bool = option(
@@ -102,10 +103,12 @@ class DiagnoseRequest(Request):
 
 def answer(given: Arm, asked: DiagnoseRequest) -> Result:
     """What is missing by these readings; the result's ``found`` has everything behind it."""
-    from stiffarm.commands.diagnose import positions, step
+    from stiffarm.commands.diagnose import step
     from stiffarm.commands.diagnose.result import result_of
 
-    if are_positions(asked.data):
+    if are_positions(cast("Sequence[Readings]", asked.data)):
+        from stiffarm.commands.diagnose import positions
+
         return positions.result_of(given, asked)
     for name in asked.free or ():
         remedy = "choose from these, separated by commas"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,15 +17,17 @@ from fem.arm import Arm
 from robots import InputError
 from robots.quantities import UNKNOWN as NO_VALUE
 from robots.quantities import known_to, length, percent, ranged, rounded
-from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.commands.diagnose.result import EVIDENCE, PROBABILITY, UNSEEN, Diagnosis
 from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Section, Text
 from stiffarm.pages.style import OKABE_ITO
-from stiffarm.request import positions_asked
+from stiffarm.request import Readings, positions_asked
 from stiffarm.result import Drawing, Number, Table
 from stiffarm.session.console import say
 from stiffarm.session.stated import interval_json
+
+if TYPE_CHECKING:
+    from stiffarm.commands.diagnose.command import DiagnoseRequest
 
 QUESTION = "what is the model missing, judged by positions?"
 # Lines of each step that JSON has.
@@ -44,7 +47,7 @@ def result_of(given: Arm, asked: DiagnoseRequest) -> Diagnosis:
     if names := [*asked.given("free", "loads", "keep_out", "clearance_mm"), *(["--effect"] if given.own else [])]:
         what = f"{', '.join(names)}: no option for tables of positions"
         raise InputError(what, code="A002", remedy="leave it out")
-    table = positions_asked(given, tuple(asked.data))
+    table = positions_asked(given, cast("Sequence[Readings]", asked.data))
     kept = None if asked.holdout is None else positions_asked(given, (asked.holdout,))
     m = diagnose_positions(given.model, table, holdout=kept, seed=asked.seed, progress=say)
     before, after = m.left_out_rms()
@@ -199,7 +202,11 @@ def _tables(m: Missing) -> list[Table]:
     """What was found with its parameters, and what else was asked, with all that was found in the model."""
     found, lines = m.found, m.looks[-1].lines
     sure = [one in m.effects for one in found]
-    labels = {"effect": [x.candidate.code for x in found], "what": [x.candidate.words for x in found], "sure": sure}
+    labels: dict[str, Sequence[str | bool]] = {
+        "effect": [x.candidate.code for x in found],
+        "what": [x.candidate.words for x in found],
+        "sure": sure,
+    }
     values = {PROBABILITY: [one.probability for one in found], ACTS: [one.acts for one in found]}
     out = [Table("found", "What is missing", labels, {q: np.array(v) for q, v in values.items()}, is_extract=True)]
     names = {x.name for one in found for x in one.unknowns}

@@ -109,7 +109,7 @@ def result_of(d: Diagnosed) -> Diagnosis:
 
 
 def tables_of(d: Diagnosed) -> list[Table]:
-    """Every candidate: what was found first, with the probability that its checks leave; then the most probable."""
+    """Every candidate, what was found after its checks; the most probable ones; parameters of what was found."""
     found = d.found
     rows: dict[str, tuple[float, Hypothesis]] = {}
     for f, r in zip(in_order(found), found.rankings, strict=False):
@@ -117,13 +117,14 @@ def tables_of(d: Diagnosed) -> list[Table]:
             rows[f.code] = stated(f, found.checks), own
     for h in found.ranking.hypotheses if d.tells else ():
         rows.setdefault(h.code, (h.probability, h))
+    rows = dict(sorted(rows.items(), key=lambda row: -row[1][0]))
     every = [h for _, h in rows.values()]
     now = np.array([p for p, _ in rows.values()])
     labels = {"code": list(rows), "kind": [_kind(h) for h in every]}
     values = {PROBABILITY: now, BEFORE_CHECKS: np.array([h.probability for h in every])}
     values |= {EVIDENCE: np.array([h.log_evidence for h in every]), BIC: np.array([h.bic for h in every])}
     values[LEFT_OUT_RMS] = 1e-3 * np.array([h.lopo_rms_mm for h in every])
-    out = [Table("candidates", "All candidates: what was found, then the others", labels, values, folded=True)]
+    out = [Table("candidates", "All candidates", labels, values, folded=True)]
     if not d.tells:
         return out
     shown = {
@@ -311,7 +312,8 @@ def _gap(d: Diagnosed) -> dict[str, Any]:
 
 def _next_readings(d: Diagnosed) -> list[dict[str, Any]]:
     """What to measure next, a set-up each; empty where nothing is left to be settled."""
-    n = d.proposal
+    if (n := d.proposal) is None:
+        return []
     return [
         {
             "pose": label,
@@ -322,7 +324,7 @@ def _next_readings(d: Diagnosed) -> list[dict[str, Any]]:
             "repeats": n.protocol.repeats,
             "read": list(n.protocol.columns),
         }
-        for label, q, way in (() if n is None else zip(n.labels, n.q, n.direction, strict=True))
+        for label, q, way in zip(n.labels, n.q, n.direction, strict=True)
     ]
 
 

@@ -74,7 +74,7 @@ def cost_map(d: Diagnosed, new: ModelDescription) -> MapData:
     metadata = {
         "robot": model.robot.name,
         "model_hash": content_hash(new),
-        "load": f"{significant(load, 4)} N straight down, without {codes}",
+        "load": f"{significant(load)} N straight down, without {codes}",
         "load_N": repr(load),
         "effects": codes,
     }
@@ -121,7 +121,7 @@ def cost_blocks(made: MapData, given: Arm, before: str = "") -> tuple[Block, ...
 
     of = _figures(made)
     where = ", ".join(f"{name.removesuffix('_deg')} {value:.0f}" for name, value in _worst(made).items() if value)
-    load = significant(float(made.metadata["load_N"]), 4)
+    load = significant(float(made.metadata["load_N"]))
     text = (
         f"Without {made.metadata['effects']} the model would be off by {significant(of.median, 2)} mm under {load} N "
         f"straight down (median of {of.count:,} poses over the joint limits), and by up to "

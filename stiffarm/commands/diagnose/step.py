@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,9 +33,11 @@ from robots.progress import Progress
 from robots.schema.quantities import RotationalStiffness
 from stiffarm.commands.calibrate import step as calibrating
 from stiffarm.commands.calibrate.step import Calibrated
-from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.session.reading_checks import reading_doubts
 from stiffarm.session.zones import zone_of
+
+if TYPE_CHECKING:
+    from stiffarm.commands.diagnose.command import DiagnoseRequest
 
 CUT = "--loads leaves out loads of its cycles, and friction remembers the largest: give all loads"
 # Twins are looked for among the codes that a reader asks about, most probable first.

@@ -97,13 +97,18 @@ def looks(
         say(f"diagnosis: {title[0].lower()}{title[1:]}")
         found = step.diagnose(arm, table, request, holdout=kept, say=say)
         without = without_doubted(found, table)
-        story = Story(found, made_arm(found), tables_of(found), f"{stem}/")
-        content = {**result_of(found).as_json, **story.write(folder)}
-        folder.write_json(f"{stem}/diagnosis.json", content)
-        out.append(Look(title, stem, found, story, content, without))
+        out.append(Look(title, stem, found, *written(found, f"{stem}/", folder), without))
     for look in headlines(out):
         say(f"{look.value}: {look.label}")
     return tuple(out)
+
+
+def written(d: Diagnosed, before: str, folder: OutputFolder) -> tuple[Story, Mapping[str, Any]]:
+    """All files of a diagnosis but its page; ``before``: what their names begin with."""
+    story = Story(d, made_arm(d), tables_of(d), before)
+    content = {**result_of(d).as_json, **story.write(folder)}
+    folder.write_json(f"{before}diagnosis.json", content)
+    return story, content
 
 
 def headlines(looks: Sequence[Look]) -> tuple[Look, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -283,60 +284,46 @@ def test_without_a_history_friction_is_not_testable(cli: Command, sets: Path) ->
 
 # --- refused ------------------------------------------------------------------------------------------------
 
-
-def _refused(cli: Command, *arguments: str | Path) -> str:
-    outcome = cli("diagnose", *arguments)
-    assert outcome.code == 2
-    assert outcome.out == ""
-    return outcome.err
-
-
-def test_a_single_pose_is_refused(cli: Command, sets: Path) -> None:
-    robot = robot_from(load_description("xr701"))
-    lines = (sets / "backlash/readings.csv").read_text(encoding="utf-8").splitlines()
-    label = lines[1].split(",")[0]
-    table = sets / "single.csv"
-    table.write_text("\n".join([lines[0], *(x for x in lines[1:] if x.startswith(f"{label},"))]), encoding="utf-8")
-    assert len(set(read_measurements(table, robot).pose)) == 1
-    text = _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid")
-    assert "poses: got 1" in text
+WRONG_UNIT = """
+from fem.effects import Effect, EffectParameter
+def effects(model):
+    p = EffectParameter('slip', 'length', 'deg', 1e-6, 1e-4, 'assumed')
+    return [Effect('slip', 'the flange slips', 'gauge', (p,), lambda d, s, v: d, 'slip')]
+"""
 
 
-def test_poses_held_out_that_are_in_the_data_are_named(cli: Command, sets: Path) -> None:
-    table = sets / "backlash/readings.csv"
-    text = _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid", "--holdout", table)
-    assert "P01" in text
-    assert "has not seen" in text
+def _one_pose(text: str) -> str:
+    head, *rows = text.splitlines()
+    return "\n".join([head, *(row for row in rows if row.split(",")[0] == rows[0].split(",")[0])])
 
 
-def test_readings_of_another_robot_are_refused(cli: Command, sets: Path) -> None:
-    text = _refused(cli, "kr60-3", sets / "backlash/readings.csv", "--links", "rigid")
-    assert "q3real_deg" in text
-
-
-def test_readings_without_a_load_are_refused(cli: Command, sets: Path) -> None:
-    table = sets / "unloaded.csv"
-    text = re.sub(r",-(150|375|650),", ",0,", (sets / "backlash/readings.csv").read_text(encoding="utf-8"))
-    table.write_text(text, encoding="utf-8")
-    assert "load is zero" in _refused(cli, sets / "backlash/model.toml", table, "--links", "rigid")
-
-
-def test_an_effect_file_with_a_wrong_unit_is_refused(cli: Command, sets: Path) -> None:
-    file = sets / "wrong_unit.py"
-    file.write_text(
-        "from fem.effects import Effect, EffectParameter\n"
-        "def effects(model):\n"
-        "    p = EffectParameter('slip', 'length', 'deg', 1e-6, 1e-4, 'assumed')\n"
-        "    return [Effect('slip', 'the flange slips', 'gauge', (p,), lambda d, s, v: d, 'slip')]\n",
-        encoding="utf-8",
-    )
-    text = _refused(
-        cli, sets / "backlash/model.toml", sets / "backlash/readings.csv", "--links", "rigid", "--effect", file
-    )
-    assert "unit 'deg' is not a unit of length" in text
-    assert "wrong_unit.py" in text
-
-
-def test_a_joint_to_free_that_is_none_is_refused(cli: Command, sets: Path) -> None:
-    table = sets / "backlash/readings.csv"
-    assert "--free" in _refused(cli, sets / "backlash/model.toml", table, "--free", "j9", "--links", "rigid")
+@pytest.mark.parametrize(
+    ("model", "change", "options", "said"),
+    [
+        ("backlash/model.toml", _one_pose, (), ("poses: got 1",)),
+        ("backlash/model.toml", lambda t: re.sub(r",-(150|375|650),", ",0,", t), (), ("load is zero",)),
+        ("backlash/model.toml", str, ("--holdout", "table.csv"), ("P01", "has not seen")),
+        ("backlash/model.toml", str, ("--free", "j9"), ("--free",)),
+        ("backlash/model.toml", str, ("--effect", "slip.py"), ("unit 'deg' is not a unit of length", "slip.py")),
+        ("backlash/model.toml", str, ("--keep-out", "0,0,0:1,1,0"), ("--keep-out", "volume")),
+        ("backlash/model.toml", str, ("--floor-mm", "low"), ("--floor-mm", "none")),
+        ("backlash/model.toml", str, ("--loads", "-5"), ("--loads", "greater than 0")),
+        ("kr60-3", str, (), ("q3real_deg",)),
+    ],
+    ids=["one pose", "no load", "held out twice", "no such joint", "unit", "flat box", "floor", "loads", "robot"],
+)
+def test_bad_input_is_refused(
+    cli: Command,
+    sets: Path,
+    tmp_path: Path,
+    model: str,
+    change: Callable[[str], str],
+    options: tuple[str, ...],
+    said: tuple[str, ...],
+) -> None:
+    (tmp_path / "table.csv").write_text(change((sets / "backlash/readings.csv").read_text(encoding="utf-8")))
+    (tmp_path / "slip.py").write_text(WRONG_UNIT, encoding="utf-8")
+    given = model if "/" not in model else sets / model
+    outcome = cli("diagnose", given, "table.csv", "--links", "rigid", *options)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert all(text in " ".join(outcome.err.split()) for text in said), outcome.err

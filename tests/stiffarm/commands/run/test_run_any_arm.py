@@ -104,7 +104,7 @@ def test_which_load_paths_are_diagnosed(path: str, monkeypatch: pytest.MonkeyPat
     assert scheme is not None
     asked: list[tuple[str, tuple[float, ...]]] = []
     monkeypatch.setattr(missing.step, "diagnose", lambda a, _, r, **__: asked.append((a.model.load_path, r.loads)))
-    monkeypatch.setattr(missing, "write_files", lambda *_: None)
+    monkeypatch.setattr(missing, "written", lambda *_: (None, {}))
     monkeypatch.setattr(missing, "without_doubted", lambda *_: None)
     monkeypatch.setattr(missing, "headlines", lambda _: ())
     with OutputFolder(tmp_path / "o", ["stiffarm"], {}, None) as folder:
