@@ -13,7 +13,7 @@ from doe.absolute.written import Written
 from machining.programs.controller_offsets import ControllerOffsets, controller_offsets, orientations
 from robots import save_description
 from robots.frames import framed
-from robots.quantities import rounded
+from robots.quantities import rounded, significant
 from robots.robot import robot_from
 from robots.urdf.writing import urdf_text
 from stiffarm.pages.report import Section, Table, Text
@@ -131,11 +131,9 @@ def section(c: Positions, w: Written, found: tuple[ControllerOffsets, ...]) -> S
     tables = []
     for one in found:
         who = f"for {', '.join(one.formats)}" if one.formats else "as tables of this model count the angles"
-        rows = tuple(
-            (name, "-" if np.isnan(v) else f"{v:+.4f}") for name, v in zip(one.axes, one.zeros_deg, strict=True)
-        )
+        rows = tuple((name, significant(v, 4)) for name, v in zip(one.axes, one.zeros_deg, strict=True))
         tables.append(Table(f"Joint zeros, {who}", ("axis", "actual minus shown (deg)"), rows, text_columns=(0,)))
-        tools = tuple((name, *(f"{1e3 * v:.3f}" for v in p)) for name, p in one.tools.items())
+        tools = tuple((name, *(significant(1e3 * v, 6) for v in p)) for name, p in one.tools.items())
         heads = ("target", "x (mm)", "y (mm)", "z (mm)")
         tables.append(Table(f"Targets in the flange frame, {who}", heads, tools, text_columns=(0,)))
     text = (

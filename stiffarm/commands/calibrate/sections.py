@@ -105,7 +105,7 @@ def _moves_together(s: StageFindings) -> Block | None:
     if not order:
         return None
     cells = tuple(
-        (f"{names[rows[k]]} and {names[columns[k]]}", f"{correlation[rows[k], columns[k]]:+.2f}") for k in order
+        (f"{names[rows[k]]} and {names[columns[k]]}", significant(correlation[rows[k], columns[k]], 2)) for k in order
     )
     more = int(np.count_nonzero(size >= TOGETHER)) - len(order)
     beside = f"; {more} more pairs above {TOGETHER:g}" if more else ""
@@ -147,7 +147,7 @@ def residual_groups(s: StageFindings) -> dict[str, list[str]]:
     pulls = [direction_words(d) if d.any() else "moment only" for d in np.round(unit, 2)]
     groups = {
         "pose": [p.poses[k] for k in p.pose],
-        "load": [f"{v:.3g} N" for v in s.loads_N],
+        "load": [f"{significant(v)} N" for v in s.loads_N],
         "direction of the load": pulls,
         "component read": [_AXES[k] for k in p.component],
         "phase": [s.read.phase[row] or "not said" for row in p.row],
