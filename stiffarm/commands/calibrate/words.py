@@ -404,7 +404,8 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     test: LackOfFit = s.lack_of_fit
     e = s.estimate
     if not math.isnan(test.p_value):
-        found = f"F = {significant(test.ratio)} on {test.fit_dof} and {test.pure_dof} degrees of freedom, {p_words(test.p_value)}"
+        freedom = f"{test.fit_dof} and {test.pure_dof} degrees of freedom"
+        found = f"F = {significant(test.ratio)} on {freedom}, {p_words(test.p_value)}"
         if not math.isnan(test.pure_error_m):
             found = f"Replicates scatter by {significant(test.pure_error_m * 1e3)} mm; {found}. "
         else:
@@ -461,9 +462,8 @@ def full_weight_text(robust: StageResult, full: StageResult | None) -> str:
         x, y, (low, high) = (np.log(v) if log else np.asarray(v) for v in (a.value, b.value, a.interval))
         if abs(float(y - x)) > 0.25 * float(high - low):
             factor, unit = spoken_unit(a.parameter)
-            moved.append(
-                f"{a.parameter.name} {significant(b.value * factor)} instead of {significant(a.value * factor)} {unit}"
-            )
+            values = f"{significant(b.value * factor)} instead of {significant(a.value * factor)}"
+            moved.append(f"{a.parameter.name} {values} {unit}")
     if not moved:
         return "With all readings at full weight no number would move by more than half of its interval's half width."
     return f"With all readings at full weight the estimate would be {', '.join(moved)}."
