@@ -17,7 +17,13 @@ from robots import InputError, Remark, require_one_of, save_description
 from robots.arrays import Array, Bools
 from stiffarm.arm import Arm, as_face
 from stiffarm.commands.calibrate import payload, tables, words
-from stiffarm.commands.calibrate.sections import errors_by_pose, last_sections, residual_groups, stage_sections
+from stiffarm.commands.calibrate.sections import (
+    errors_by_pose,
+    last_sections,
+    residual_groups,
+    stage_sections,
+    studies_figure,
+)
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.report import KeyFigure, Section, Text, data_words
 from stiffarm.result import Drawing, Result
@@ -203,7 +209,7 @@ def _drawings(c: Calibrated) -> list[Drawing]:
         out += _stage_drawings(c, s, "" if len(c.stages) == 1 else f"_{number + 1}")
     if c.found.studies:
         path = c.model.load_path
-        out.append(Drawing(f"springs_against_angle_{path}", words.STUDIES, "springs", partial(_studies_figure, c)))
+        out.append(Drawing(f"springs_against_angle_{path}", words.STUDIES, "springs", partial(studies_figure, c)))
     if any(np.isfinite(v) for one in errors_by_pose(c).values() for v in one.values()):
         caption = (
             "RMS error by pose. Bars of poses left out or held out that are far above the fitted ones: the fit has "
@@ -261,13 +267,6 @@ def _laws_figure(s: StageFindings) -> Figure:
     from stiffarm.commands.calibrate.figures.laws import laws_figure
 
     return laws_figure(curves(s.result))
-
-
-def _studies_figure(c: Calibrated) -> Figure:
-    from doe.calibration.laws import study_curves
-    from stiffarm.commands.calibrate.figures.laws import laws_figure
-
-    return laws_figure(study_curves(c.found.studies, c.model.robot))
 
 
 def _residuals_figure(s: StageFindings, of_rotations: bool) -> Figure:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from doe.calibration.laws import study_curves
 from doe.certainty.identifiability import correlations
 from doe.certainty.lack_of_fit import outliers
 from doe.tables.joined import files_of
@@ -14,13 +14,15 @@ from doe.tables.loaded import rms_mm, spring_parts
 from robots.arrays import Array, Integers
 from robots.quantities import significant
 from stiffarm.commands.calibrate import tables, words
-from stiffarm.commands.calibrate.figures.laws import laws_figure
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
 from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.words.directions import direction_words
 from stiffarm.session.words.loads import loads_words
 from stiffarm.session.words.noise import scatter_name
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BLIND = 1e-9
 # Correlations from this size on are worth a line, and so many of them.
@@ -50,10 +52,17 @@ def stage_sections(c: Calibrated, s: StageFindings) -> list[Section]:
 
 def study_blocks(c: Calibrated, pictures: Pictures) -> list[Block]:
     """Table, laws and remarks of the studies pose by pose of a calibration."""
-    figure = laws_figure(study_curves(c.found.studies, c.model.robot))
-    picture = pictures.add(figure, f"springs_against_angle_{c.model.load_path}", words.STUDIES)
+    picture = pictures.add(studies_figure(c), f"springs_against_angle_{c.model.load_path}", words.STUDIES)
     blocks: list[Block] = [tables.springs_at_poses(c).block(), picture]
     return [*blocks, Bullets(c.remarks)] if c.remarks else blocks
+
+
+def studies_figure(c: Calibrated) -> Figure:
+    """Springs studied pose by pose, and the laws through them."""
+    from doe.calibration.laws import study_curves
+    from stiffarm.commands.calibrate.figures.laws import laws_figure
+
+    return laws_figure(study_curves(c.found.studies, c.model.robot))
 
 
 def told_blocks(c: Calibrated, s: StageFindings) -> list[Block]:

@@ -286,7 +286,7 @@ def _unexplained(e: Estimate) -> list[str]:
         if left > NOISY * read:
             out.append(
                 f"{significant(1e3 * left)} of {significant(1e3 * read)} {unit} read (RMS) are left unexplained: "
-                "these parameters hardly explain the deflection; free others, or ask `stiffarm diagnose` what is missing"
+                "these parameters hardly explain the deflection; free others, or `stiffarm diagnose`"
             )
     return out
 
