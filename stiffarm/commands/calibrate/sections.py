@@ -15,7 +15,6 @@ from robots.arrays import Array, Integers
 from robots.quantities import significant
 from stiffarm.commands.calibrate import tables, words
 from stiffarm.commands.calibrate.step import Calibrated, StageFindings
-from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.report import Block, Bullets, Fold, Note, Section, Table, Text
 from stiffarm.session.words.directions import direction_words
 from stiffarm.session.words.loads import loads_words
@@ -23,6 +22,8 @@ from stiffarm.session.words.noise import scatter_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from stiffarm.pages.blocks import Pictures
 
 _BLIND = 1e-9
 # Correlations from this size on are worth a line, and so many of them.
