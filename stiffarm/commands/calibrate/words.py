@@ -180,10 +180,10 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
         ),
         key=lambda one: -one[0],
     )
-    told = []
+    moved = []
     for times, e, value in [one for one in moves if one[0] >= MOVED][:SHOWN]:
         factor, unit = spoken_unit(e.parameter)
-        told.append(
+        moved.append(
             f"{e.parameter.name} {significant(value * factor)} instead of {significant(e.value * factor)} {unit} "
             f"({significant(times, 2)} of its standard deviations)"
         )
@@ -194,8 +194,8 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
         f"{relative(LEVEL)} of steady campaigns give an alarm). "
     )
     text += (
-        f"With the drift free it would be {', '.join(told)}"
-        if told
+        f"With the drift free it would be {', '.join(moved)}"
+        if moved
         else ("No parameter would move by more than half of its standard deviation with the drift free")
     )
     return Doubt("drift", text, found.p_value, moves[0][0] if moves else 0.0)
@@ -264,11 +264,11 @@ def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list
         elif e.status == "at bound":
             out.append(f"{e.parameter.name}: stands at the {bound_of(e)} end of its range, {_range(e.parameter)}")
     out += [t.words for t in s.trade_offs]
-    told = {name for t in s.trade_offs for name in t.parameters} | set(s.unseen)
+    named = {name for t in s.trade_offs for name in t.parameters} | set(s.unseen)
     out += [
         f"{e.parameter.name}: any value in its range fits, its share is lost in the noise"
         for e in s.certainty.estimates
-        if e.status == "not identified" and e.parameter.name not in told
+        if e.status == "not identified" and e.parameter.name not in named
     ]
     out += _unexplained(s.estimate)
     if not s.estimate.settled:
