@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+import doe
 from doe import bundled_data, read_measurements
 from doe.certainty.uncertainty import certainty
 from doe.tables.joined import join
@@ -26,8 +27,8 @@ from doe.tables.measurements import Measurements
 from fem import deflection
 from fem.arm import Arm
 from robots import Robot
-from stiffarm.commands.calibrate import general as general_calibration
 from stiffarm.commands.calibrate import step as calibrating
+from stiffarm.commands.calibrate.command import CalibrateRequest, plan
 from stiffarm.commands.diagnose import step as diagnosing
 from stiffarm.commands.diagnose.command import DiagnoseRequest
 from stiffarm.session.inputs import read_model
@@ -62,8 +63,8 @@ def arm(name: str) -> Arm:
 def staged(tables: list[Measurements]) -> Answer:
     """The published scheme."""
     given = arm("xr701")
-    plan = read_scheme(given.robot, None)
-    found = calibrating.calibrate(given, join(tables), calibrating.Request(plan, plan.loads_N))
+    scheme = read_scheme(given.robot, None)
+    found = calibrating.calibrate(given, join(tables), calibrating.Request(scheme, scheme.loads_N))
     springs = {
         # A whole turn farther is the same place. The law between the points is of the coordinate, and no period is
         # assumed of it: what it predicts of a pose left out may differ.
@@ -78,10 +79,10 @@ def staged(tables: list[Measurements]) -> Answer:
 def free(tables: list[Measurements], name: str, joints: tuple[str, ...]) -> Answer:
     """Springs of joints set free at once, with their intervals."""
     given = arm(name)
-    plan = read_scheme(given.robot, None) if name == "xr701" else None
+    scheme = Path(doe.__file__).parent / "schemes" / "xr701.toml" if name == "xr701" else None
     data = join(tables)
-    asked = general_calibration.request_of(given, data, plan, general_calibration.Options(joints=joints, loads=()))
-    found = calibrating.calibrate(given, data, asked)
+    asked = CalibrateRequest(joints=joints, loads="all", scheme_file=scheme)
+    found = calibrating.calibrate(given, data, plan(given, data, asked, staged=False))
     estimates = certainty(found.stages[0].result.estimate).estimates
     numbers = {"rms_mm": found.found.rms_mm, "left out": found.left_out_rms_mm}
     for e in estimates:

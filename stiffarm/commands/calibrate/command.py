@@ -85,7 +85,7 @@ class CalibrateRequest(Request):
     campaign: Path | None = option(
         "Campaign file (TOML): parameters to identify, their ranges, priors, laws and stages.", FILE
     )
-    loads: Sequence[float] | float | None = option(
+    loads: Sequence[float] | float | Literal["all"] | None = option(
         "Loads to use, in N, separated by commas, as in 150,650, or all. Default: the scheme's, otherwise all.", LOADS
     )
     spacing: Literal["log", "linear"] | None = option(

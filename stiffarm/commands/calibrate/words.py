@@ -22,7 +22,7 @@ from doe.published.pose_studies import PoseStudies
 from doe.tables.columns import COMPONENTS
 from doe.tables.loaded import PointOf
 from fem.free.parameters import TURN, Parameter
-from robots.quantities import significant
+from robots.quantities import relative, significant
 from stiffarm.session.words.springs import bound_remark
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def coverage_text(c: Coverage, where: str) -> str:
     """How many of the readings ``where`` lie in their intervals."""
     return (
         f"of {c.readings} readings at {where}, the 95 % interval of the prediction covers {c.inside} "
-        f"({100.0 * c.share:.3g} %)"
+        f"({significant(100.0 * c.share)} %)"
     )
 
 
@@ -131,7 +131,7 @@ def value_text(e: ParameterEstimate) -> str:
     if bound is not None:
         return f"at its bound: {bound} fits best"
     factor, _ = shown_unit(e.parameter)
-    return f"{e.value * factor:.3g}"
+    return significant(e.value * factor)
 
 
 def interval_text(e: ParameterEstimate, factor: float | None = None) -> str:
@@ -141,8 +141,8 @@ def interval_text(e: ParameterEstimate, factor: float | None = None) -> str:
         return "-"
     floor = 0.0 if e.parameter.lower >= 0.0 else -math.inf
     if math.isinf(high):
-        return "none" if low <= floor else f">= {low:.3g}"
-    return f"<= {high:.3g}" if low <= floor else f"{low:.3g} to {high:.3g}"
+        return "none" if low <= floor else f">= {significant(low)}"
+    return f"<= {significant(high)}" if low <= floor else f"{significant(low)} to {significant(high)}"
 
 
 def estimate_text(e: ParameterEstimate) -> str:
@@ -180,22 +180,22 @@ def drift_doubt(s: StageResult, found: Drift, by_rows: bool) -> Doubt:
         ),
         key=lambda one: -one[0],
     )
-    told = []
+    moved = []
     for times, e, value in [one for one in moves if one[0] >= MOVED][:SHOWN]:
         factor, unit = spoken_unit(e.parameter)
-        told.append(
-            f"{e.parameter.name} {value * factor:.3g} instead of {e.value * factor:.3g} {unit} ({times:.2g} of its "
-            "standard deviations)"
+        moved.append(
+            f"{e.parameter.name} {significant(value * factor)} instead of {significant(e.value * factor)} {unit} "
+            f"({significant(times, 2)} of its standard deviations)"
         )
     order = "the rows (if that is the order of reading)" if by_rows else "reading"
     text = (
         f"what was read drifts: the residual of {COMPONENTS[most]} follows the order of {order}, by up to "
-        f"{1e3 * sizes[most]:.2g} {'mm' if most < 3 else 'mrad'} (F test, {p_words(found.p_value)}; "
-        f"{100.0 * LEVEL:g} % of steady campaigns give an alarm). "
+        f"{significant(1e3 * sizes[most], 2)} {'mm' if most < 3 else 'mrad'} (F test, {p_words(found.p_value)}; "
+        f"{relative(LEVEL)} of steady campaigns give an alarm). "
     )
     text += (
-        f"With the drift free it would be {', '.join(told)}"
-        if told
+        f"With the drift free it would be {', '.join(moved)}"
+        if moved
         else ("No parameter would move by more than half of its standard deviation with the drift free")
     )
     return Doubt("drift", text, found.p_value, moves[0][0] if moves else 0.0)
@@ -216,7 +216,8 @@ def unexplained_doubts(left: Unexplained) -> list[Doubt]:
                 "not-proportional",
                 (
                     "the springs alone do not explain these readings: deflections are not proportional to the load, "
-                    f"{1e3 * left.zero_m:.2g} mm RMS would be left at no load (F test, {p_words(left.zero_p)}; "
+                    f"{significant(1e3 * left.zero_m, 2)} mm RMS would be left at no load "
+                    f"(F test, {p_words(left.zero_p)}; "
                     "backlash, "
                     f"friction, hardening or a wrong load do that, no spring does); {ask}"
                 ),
@@ -230,9 +231,9 @@ def unexplained_doubts(left: Unexplained) -> list[Doubt]:
                 "set-ups-differ",
                 (
                     f"the springs alone do not explain these readings: set-ups differ from them by "
-                    f"{100.0 * left.setups_share:.2g} % of the deflection, which readings of one set-up do not "
+                    f"{relative(left.setups_share)} of the deflection, which readings of one set-up do not "
                     "scatter by "
-                    f"(F test, {p_words(left.setups_p)}) and careful set-ups stay within {100.0 * CAREFUL:g} %; {ask}"
+                    f"(F test, {p_words(left.setups_p)}) and careful set-ups stay within {relative(CAREFUL)}; {ask}"
                 ),
                 left.setups_p,
                 left.setups_share / CAREFUL,
@@ -263,11 +264,11 @@ def _stage_remarks(s: StageResult, expected: tuple[float, float] | None) -> list
         elif e.status == "at bound":
             out.append(f"{e.parameter.name}: stands at the {bound_of(e)} end of its range, {_range(e.parameter)}")
     out += [t.words for t in s.trade_offs]
-    told = {name for t in s.trade_offs for name in t.parameters} | set(s.unseen)
+    named = {name for t in s.trade_offs for name in t.parameters} | set(s.unseen)
     out += [
         f"{e.parameter.name}: any value in its range fits, its share is lost in the noise"
         for e in s.certainty.estimates
-        if e.status == "not identified" and e.parameter.name not in told
+        if e.status == "not identified" and e.parameter.name not in named
     ]
     out += _unexplained(s.estimate)
     if not s.estimate.settled:
@@ -284,15 +285,15 @@ def _unexplained(e: Estimate) -> list[str]:
         left, read = (float(np.sqrt(np.sum(v[mine] ** 2) / max(int(mine.sum()), 1))) for v in (e.residual, p.value))
         if left > NOISY * read:
             out.append(
-                f"{1e3 * left:.3g} of {1e3 * read:.3g} {unit} read (RMS) are left unexplained: these parameters "
-                "hardly explain the deflection; free others, or ask `stiffarm diagnose` what is missing"
+                f"{significant(1e3 * left)} of {significant(1e3 * read)} {unit} read (RMS) are left unexplained: "
+                "these parameters hardly explain the deflection; free others, or `stiffarm diagnose`"
             )
     return out
 
 
 def _range(p: Parameter) -> str:
     factor, unit = spoken_unit(p)
-    return f"{p.lower * factor:.3g} to {p.upper * factor:.3g} {unit}"
+    return f"{significant(p.lower * factor)} to {significant(p.upper * factor)} {unit}"
 
 
 def identified_text(estimates: Sequence[ParameterEstimate]) -> list[str]:
@@ -339,23 +340,23 @@ def noise_parts(noise: Noise, p: Problem) -> list[tuple[str, str]]:
         elif any(noise.axes[3 * kind : 3 * kind + 3]):
             for k in np.unique(p.component[mine]).tolist():
                 sd = math.hypot(noise.white[kind], noise.axes[k])
-                out.append((f"each reading, {COMPONENTS[k]}", f"{sd * 1e3:.3g} {unit}"))
+                out.append((f"each reading, {COMPONENTS[k]}", f"{significant(sd * 1e3)} {unit}"))
         else:
-            out.append((f"each reading, {what}", f"{noise.white[kind] * 1e3:.3g} {unit}"))
+            out.append((f"each reading, {what}", f"{significant(noise.white[kind] * 1e3)} {unit}"))
         if noise.load[kind]:
-            out.append((f"each reading, {what}, for each kN of load", f"{noise.load[kind] * 1e6:.3g} {unit}"))
+            out.append((f"each reading, {what}, for each kN of load", f"{significant(noise.load[kind] * 1e6)} {unit}"))
         if noise.pose[kind]:
-            out.append((f"each set-up, {what}", f"{noise.pose[kind] * 1e3:.3g} {unit}"))
+            out.append((f"each set-up, {what}", f"{significant(noise.pose[kind] * 1e3)} {unit}"))
     if noise.share:
-        out.append(("each reading, share of the deflection", f"{noise.share * 100:.2g} %"))
+        out.append(("each reading, share of the deflection", f"{relative(noise.share)}"))
     if noise.vector:
-        out.append(("each reading, share of the displacement's length", f"{noise.vector * 100:.2g} %"))
+        out.append(("each reading, share of the displacement's length", f"{relative(noise.vector)}"))
     if noise.tail:
         out.append(
             ("each reading, tails", f"Student's t, {noise.tail:g} degrees of freedom; sizes are those of its core")
         )
     if noise.pose_share:
-        out.append(("each set-up, share of the deflection", f"{noise.pose_share * 100:.2g} %"))
+        out.append(("each set-up, share of the deflection", f"{relative(noise.pose_share)}"))
     return out
 
 
@@ -376,18 +377,17 @@ def setups_text(s: StageResult, independent: Certainty | None) -> str:
     text = f"Readings of one set-up share a common scatter ({' and '.join(sizes)}), so they are not independent. "
     if e.noise.pose_share > CAREFUL:
         text += (
-            f"More than {CAREFUL * 100:g} % of the deflection is more than careful set-ups give: something that "
+            f"More than {relative(CAREFUL)} of the deflection is more than careful set-ups give: something that "
             "the model lacks, or a spring held stiffer than it is, may stand behind it. "
         )
     if not ratios:
         return text + "Without this noise term, the scatter would be reported as lack of fit."
     low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)
-    spread = f" ({low:.2g} to {high:.2g})" if len(ratios) > 1 else ""
+    spread = f" ({significant(low, 2)} to {significant(high, 2)})" if len(ratios) > 1 else ""
+    factor = significant(middle, 2)
     if middle < 1.05:
-        return text + f"Leaving it out of the noise would hardly change the intervals: factor {middle:.2g}{spread}."
-    return text + (
-        f"With that term left out of the noise, intervals would wrongly be {middle:.2g} times narrower{spread}."
-    )
+        return text + f"Leaving it out of the noise would hardly change the intervals: factor {factor}{spread}."
+    return text + (f"With that term left out of the noise, intervals would wrongly be {factor} times narrower{spread}.")
 
 
 def _width_ratio(a: ParameterEstimate, b: ParameterEstimate) -> float | None:
@@ -404,11 +404,10 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     test: LackOfFit = s.lack_of_fit
     e = s.estimate
     if not math.isnan(test.p_value):
-        found = (
-            f"F = {test.ratio:.3g} on {test.fit_dof} and {test.pure_dof} degrees of freedom, {p_words(test.p_value)}"
-        )
+        freedom = f"{test.fit_dof} and {test.pure_dof} degrees of freedom"
+        found = f"F = {significant(test.ratio)} on {freedom}, {p_words(test.p_value)}"
         if not math.isnan(test.pure_error_m):
-            found = f"Replicates scatter by {test.pure_error_m * 1e3:.3g} mm; {found}. "
+            found = f"Replicates scatter by {significant(test.pure_error_m * 1e3)} mm; {found}. "
         else:
             found += ". "
         if test.p_value >= REFUTED:
@@ -424,8 +423,8 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
         )
     if not np.isnan(e.problem.sigma).any() and not math.isnan(test.chi_p_value):
         found = (
-            f"Against the sigmas given: chi-square {test.chi_square:.3g} on {test.chi_dof} degrees of freedom, "
-            f"{p_words(test.chi_p_value)}. "
+            f"Against the sigmas given: chi-square {significant(test.chi_square)} on {test.chi_dof} degrees of "
+            f"freedom, {p_words(test.chi_p_value)}. "
         )
         # Scatter between set-ups is part of the noise in this test, outliers have lost their weight in it.
         far = downweighted(e)
@@ -443,7 +442,8 @@ def verdict(s: StageResult, gauge_mm: float) -> tuple[str, str]:
     text = "There are no replicates to spare, so the model cannot be tested against their scatter. "
     if digits > BEYOND_GAUGE and (e.problem.component < 3).any():
         text += (
-            f"What is left in the readings, {e.noise.white[0] * 1e3:.3g} mm, is {digits:.2g} times the gauge's digit: "
+            f"What is left in the readings, {significant(e.noise.white[0] * 1e3)} mm, is "
+            f"{significant(digits, 2)} times the gauge's digit: "
             "either readings scatter more than the gauge, or the model lacks something. The intervals are from this "
             "scatter, not from the gauge."
         )
@@ -462,7 +462,8 @@ def full_weight_text(robust: StageResult, full: StageResult | None) -> str:
         x, y, (low, high) = (np.log(v) if log else np.asarray(v) for v in (a.value, b.value, a.interval))
         if abs(float(y - x)) > 0.25 * float(high - low):
             factor, unit = spoken_unit(a.parameter)
-            moved.append(f"{a.parameter.name} {b.value * factor:.3g} instead of {a.value * factor:.3g} {unit}")
+            values = f"{significant(b.value * factor)} instead of {significant(a.value * factor)}"
+            moved.append(f"{a.parameter.name} {values} {unit}")
     if not moved:
         return "With all readings at full weight no number would move by more than half of its interval's half width."
     return f"With all readings at full weight the estimate would be {', '.join(moved)}."

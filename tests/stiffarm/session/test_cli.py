@@ -146,7 +146,7 @@ def test_calibrate_writes_model_results_and_provenance(calibrated: Path, data_fi
     assert len(run["inputs_sha256"]["model"]) == 64
     assert run["versions"]["numpy"] == np.__version__
     assert run["versions"]["stiffarm"] == stiffarm.__version__
-    assert run["seed"] is None, "nothing random in a calibration"
+    assert run["seed"] == 0
     assert run["timings_s"]["total"] >= 0.0
     calibration = load_description(calibrated / "model.toml").calibration
     assert calibration is not None
@@ -204,7 +204,7 @@ def test_a_scheme_file_serves_the_global_calibration_too(cli: Command, tmp_path:
     outcome = cli("calibrate", "xr701", "--scheme", "global", "--scheme-file", "mine.toml", "--out", "out", "--json")
     assert set(outcome.json["springs"]) == {"j2", "j3"}
     run = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
-    assert run["inputs_sha256"]["scheme"] == hashlib.sha256((tmp_path / "mine.toml").read_bytes()).hexdigest()
+    assert run["inputs_sha256"]["scheme_file"] == hashlib.sha256((tmp_path / "mine.toml").read_bytes()).hexdigest()
 
 
 # --- simulate and sensitivity ------------------------------------------------------------------------------

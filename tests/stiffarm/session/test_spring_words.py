@@ -24,13 +24,13 @@ SOFT = made_spring("j3", 1e3, (0.0, 0.02e6), "at bound")
 @pytest.mark.parametrize(
     ("spring", "text"),
     [
-        (made_spring("j2", 1.45e6, (0.94e6, 3.19e6), "determined"), "1.45 (0.94 to 3.19)"),
-        (made_spring("j2", 0.84e6, (0.05e6, INF), "one-sided"), "0.84 (>= 0.05)"),
-        (RIGID, "at its bound: rigid fits best (>= 0.36)"),
-        (SOFT, "at its bound: soft fits best (<= 0.02)"),
+        (made_spring("j2", 1.45e6, (0.94e6, 3.19e6), "determined"), "1.45 (0.940 to 3.19)"),
+        (made_spring("j2", 0.84e6, (0.05e6, INF), "one-sided"), "0.840 (>= 0.0500)"),
+        (RIGID, "at its bound: rigid fits best (>= 0.360)"),
+        (SOFT, "at its bound: soft fits best (<= 0.0200)"),
         (made_spring("j2", 1e9, (NAN, NAN), "at bound"), "at its bound: rigid fits best (no spare reading)"),
         (made_spring("j2", 1e3, (NAN, NAN), "at bound"), "at its bound: soft fits best (no spare reading)"),
-        (made_spring("j2", 1.5e6, (NAN, NAN), "determined"), "1.5 (no spare reading)"),
+        (made_spring("j2", 1.5e6, (NAN, NAN), "determined"), "1.50 (no spare reading)"),
         (made_spring("j2", NAN, (NAN, NAN), "not identified"), "not identified"),
     ],
 )

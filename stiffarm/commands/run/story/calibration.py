@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from doe.tables.measurements import rows_of
 from robots.arrays import Array
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
-from stiffarm.commands.calibrate.sections import study_blocks, told_blocks
+from stiffarm.commands.calibrate.results import identified_blocks, study_blocks
 from stiffarm.commands.calibrate.step import Calibrated
 from stiffarm.commands.calibrate.words import doubt_sentences, estimate_text, verdict
 from stiffarm.commands.run.figures import (
@@ -175,7 +175,7 @@ def comparison_section(f: Findings, pictures: Pictures) -> Section:
         Bullets(sentences(held, f.best.beside_variants_mm)),
         *map(Note, doubt_sentences(f.constant.doubts)),
         Text(f"What {f.used.n} readings can and cannot identify ({f.constant.name} springs):"),
-        *told_blocks(f.constant, stage),
+        *identified_blocks(f.constant, stage),
         Note(verdict(stage.result, f.scheme.noise.gauge_mm)[1]),
     ]
     return Section(

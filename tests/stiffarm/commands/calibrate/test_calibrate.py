@@ -10,22 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_runs import Command, run_here, tree
-from small_robot import STIFFNESS, write_readings, write_urdf
+from small_robot import STIFFNESS
 
 from stiffarm.commands.calibrate.figures.identifiability import intervals_figure
 from tests.stiffarm.made_estimates import made_spring
 
 SPRINGS = ",".join(f"{name}.stiffness" for name in STIFFNESS)
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a URDF, readings of eight poses, and of four others."""
-    folder = tmp_path_factory.mktemp("small")
-    urdf = write_urdf(folder / "small.urdf")
-    write_readings(urdf, folder / "readings.csv")
-    write_readings(urdf, folder / "others.csv", 4, seed=1)
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runs import Command, Outcome
-from small_robot import STIFFNESS, write_readings, write_urdf
+from small_robot import STIFFNESS, write_readings
 
 SPRINGS = ",".join(f"{name}.stiffness" for name in STIFFNESS)
 LAW = """schema = "stiffarm-calibration/1"
@@ -29,16 +29,6 @@ joint = "shoulder"
 input = "shoulder_deg"
 order = 1
 """
-
-
-@pytest.fixture(scope="module")
-def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a URDF, readings of eight poses, and of four others."""
-    folder = tmp_path_factory.mktemp("small")
-    urdf = write_urdf(folder / "small.urdf")
-    write_readings(urdf, folder / "readings.csv")
-    write_readings(urdf, folder / "others.csv", 4, seed=1)
-    return folder
 
 
 def _rows(path: Path) -> list[list[str]]:
@@ -97,13 +87,8 @@ def test_a_model_that_misses_by_more_than_replicates_scatter_is_refuted(cli: Com
     assert stage["lack_of_fit"]["p_value"] < 1e-6
     # Replicates were made with 2 um.
     assert stage["lack_of_fit"]["pure_error_mm"] == pytest.approx(0.002, rel=0.3)
-    assert "The model is refuted: it misses by more than the replicates scatter" in stage["verdict_in_words"]
-
-
-def test_a_model_that_fits_is_not_refuted(cli: Command, small: Path) -> None:
-    stage = _stage(cli("calibrate", small / "small.urdf", small / "others.csv", "--free", SPRINGS, "--json"))
-    assert stage["verdict"] == "not refuted"
-    assert "nothing refutes it" in stage["verdict_in_words"]
+    fits = _stage(cli("calibrate", small / "small.urdf", small / "others.csv", "--free", SPRINGS, "--json"))
+    assert fits["verdict"] == "not refuted"
 
 
 @pytest.mark.parametrize(("sigma_mm", "verdict"), [(0.002, "not refuted"), (0.0002, "refuted")])
@@ -182,20 +167,6 @@ def test_white_noise_said_by_sigmas_is_not_believed_against_the_readings(
     assert "times narrower" in stage["noise_in_words"]
 
 
-@pytest.mark.slow
-def test_reports_say_what_the_results_say(cli: Command, small: Path, tmp_path: Path, scattered: Path) -> None:
-    own = [[*row, "sigma_mm" if k == 0 else "0.002"] for k, row in enumerate(_rows(small / "others.csv"))]
-    _write(tmp_path / "own.csv", own)
-    for table, options, said in (
-        (small / "others.csv", ("--free", "shoulder.stiffness"), "The model is refuted: it misses by more than"),
-        (small / "others.csv", ("--free", "shoulder.stiffness"), "the readings move with them, so they were taken as"),
-        (scattered, (), "times narrower"),
-        (tmp_path / "own.csv", ("--free", SPRINGS), "as given in sigma_mm"),
-    ):
-        assert cli("calibrate", small / "small.urdf", table, *options, "--out", "o").code == 0
-        assert said in _page(tmp_path / "o")
-
-
 # --- several tables ----------------------------------------------------------------------------------------
 
 
@@ -212,23 +183,16 @@ def halves(small: Path, tmp_path: Path) -> tuple[Path, Path]:
     return _write(tmp_path / "one.csv", [head, *first]), _write(tmp_path / "two.csv", [head, *second])
 
 
-def test_two_tables_are_one_with_their_set_ups_apart(cli: Command, small: Path, halves: tuple[Path, Path]) -> None:
-    outcome = cli("calibrate", small / "small.urdf", "one.csv", "two.csv", "--json")
+@pytest.mark.usefixtures("blank", "halves")
+def test_two_tables_are_one_with_their_set_ups_apart(cli: Command, small: Path, tmp_path: Path) -> None:
+    outcome = cli("calibrate", small / "small.urdf", "one.csv", "two.csv", "--out", "o", "--json")
     stage, content = _stage(outcome), outcome.json
     assert stage["poses"] == [*(f"S0-{k}" for k in range(4)), *(f"S0-{k} (two.csv)" for k in range(4))]
     assert [(o["file"], o["line"], o["component"]) for o in content["outliers"]] == [("two.csv", "6", "dz_mm")]
     assert {row["file"] for row in content["poses"]} == {"one.csv", "two.csv"}
     for number in content["parameters"]:
         assert number["value"] == pytest.approx(STIFFNESS[number["name"].split(".")[0]], rel=0.03)
-
-
-@pytest.mark.slow
-def test_the_report_names_the_tables(cli: Command, small: Path, tmp_path: Path, halves: tuple[Path, Path]) -> None:
-    outcome = cli("calibrate", small / "small.urdf", *halves, "--out", "o")
-    assert outcome.code == 0
-    page = _page(tmp_path / "o")
-    assert "Tables, as one" in page
-    assert "S0-0 (two.csv)" in page
+    assert "Tables, as one" in _page(tmp_path / "o")
     run = json.loads((tmp_path / "o" / "run.json").read_text(encoding="utf-8"))
     assert {"data", "data_2"} <= set(run["inputs_sha256"])
 
