@@ -20,7 +20,7 @@ class Arm:
     """A robot arm ready to be loaded: what its file says, its kinematics, its mechanics, and its effects.
 
     ``model`` has the description's effects of stage "model"; ``effects``: the others, on loads, parts and readings;
-    ``own``: laws of the user's own effects.
+    ``own``: laws of the user's own effects; ``source``: the name or file of the model that it was read from.
     """
 
     description: ModelDescription
@@ -28,6 +28,7 @@ class Arm:
     model: ArmModel
     effects: tuple[PlacedEffect, ...] = ()
     own: tuple[Maker, ...] = ()
+    source: str = ""
 
     def at_load(self, load: StatedLoad) -> Self:
         """The arm whose model has its effects at a stated load (:func:`fem.effects.secant.with_secants`).

@@ -7,7 +7,7 @@ and which label of an axis. Screens, pages, CSV, JSON, data frames and figures w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,8 +28,8 @@ _DEGREES: Final = 180.0 / math.pi
 class Quantity:
     """A quantity of results: SI value times ``factor`` is in ``unit`` (empty: a pure number).
 
-    ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people;
-    ``stored``: significant digits in files.
+    ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people, 0 for
+    whole numbers; ``stored``: significant digits in files.
     """
 
     key: str
@@ -65,15 +65,17 @@ class Quantity:
 
     def stored_value(self, value: float) -> float | None:
         """The number for a file, in the shown unit; None for what is not known or infinite."""
-        return rounded(float(value) * self.factor, self.stored)
+        number = rounded(float(value) * self.factor, self.stored if self.digits else 15)
+        return number if self.digits or number is None else round(number)
 
     def stored_values(self, values: Iterable[float]) -> list[float | None]:
         """The same for each of some values."""
-        return rounded_all((float(value) * self.factor for value in values), self.stored)
+        return [self.stored_value(value) for value in values]
 
     def text(self, value: float, *, unit: bool = False) -> str:
         """The number for people: ``12,300``, with ``unit`` ``12,300 N/mm``; ``∞``, and ``–`` for what is not known."""
-        shown = significant(float(value) * self.factor, self.digits)
+        number = float(value) * self.factor
+        shown = significant(number, self.digits) if self.digits else f"{number:,.0f}".replace("nan", UNKNOWN)
         return f"{shown} {self.unit}" if unit and self.unit else shown
 
     def between(self, low: float, high: float) -> str:
@@ -94,6 +96,16 @@ def stiffness(key: str, label: str = "") -> Quantity:
 def length(key: str, label: str = "", unit: str = "mm") -> Quantity:
     """A length, m, shown in mm or um."""
     return Quantity(key, unit, {"mm": 1e3, "um": 1e6}[unit], label)
+
+
+def count(key: str, label: str = "") -> Quantity:
+    """A whole number of something."""
+    return Quantity(key, label=label, digits=0)
+
+
+def stored(values: Mapping[Quantity, float]) -> dict[str, float | None]:
+    """Numbers for JSON by their columns."""
+    return {quantity.column: quantity.stored_value(value) for quantity, value in values.items()}
 
 
 def _table(*some: Quantity) -> dict[str, Quantity]:
@@ -187,6 +199,14 @@ def relative(value: float) -> str:
     if value >= 10.0:
         return "more than tenfold"
     return f"{value * 100:.0f}\u00a0%" if value >= 0.1 else f"{value * 100:.2g}\u00a0%"
+
+
+def change(factor: float) -> str:
+    """A factor as a change: ``+12 %``, ``−0.3 %``; from threefold on it is ``3.20 times``."""
+    if not factor < 3.0:
+        return f"{significant(factor)} times"
+    more = 100.0 * (factor - 1.0)
+    return f"{more:+.0f} %".replace("-", "−") if abs(more) >= 9.5 else f"{more:+.1f} %".replace("-", "−")
 
 
 def known_to(value: float, low: float, high: float) -> str:

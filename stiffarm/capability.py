@@ -19,7 +19,7 @@ from robots import InputError, InputErrors
 from robots.files.reading import recording
 from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
-from stiffarm.session.console import kept_messages, say_notes
+from stiffarm.session.console import kept_messages, say, say_notes
 from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
 
@@ -37,6 +37,7 @@ def capability(
     answer: Callable[..., R],
     *,
     own_effects: bool = False,
+    links: bool = True,
     load_path: bool = True,
     model: str | None = None,
 ) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
@@ -45,7 +46,8 @@ def capability(
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
     :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of, and what writes
     into a folder, its third argument, if the request has a field ``out``. ``own_effects``: the command takes files of a
-    user's own effects, as :func:`stiffarm.load` does; ``load_path``: it takes one; ``model``: where none is named.
+    user's own effects, as :func:`stiffarm.load` does; ``links``, ``load_path``: it takes a kind of links (they are rigid else)
+    and a load path; ``model``: where none is named.
     """
 
     def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -62,7 +64,7 @@ def capability(
 
     if model is not None:
         call.__defaults__ = (model,)
-    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects, load_path, model))
+    COMMANDS[name] = _command(name, _class(request), answer, _model_options(own_effects, links, load_path, model))
     _describe(call, name, _class(request), answer, {"arm": ("the arm, or the name or file of a model", model)})
     return call
 
@@ -177,7 +179,7 @@ def _command(
             if model:
                 arm = frame.model(
                     given["model"],
-                    asked.links(given["model"], given["links"]),
+                    asked.links(given["model"], given["links"]) if "links" in given else "rigid",
                     given.get("load_path"),
                     effect=given.get("effect"),
                     sets=given["sets"],
@@ -195,6 +197,9 @@ def _command(
                         content = result.write(folder)
             frame.answer(content, result.show)
             say_notes(result.remarks)
+            if result.exit_code:
+                say(f"stiffarm: {result.answer}")
+                raise typer.Exit(result.exit_code)
 
     command.__name__ = name.rpartition(" ")[2]
     command.__doc__ = inspect.cleandoc(request.__doc__ or "").partition("\nExamples\n")[0]
@@ -231,13 +236,13 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
 
 
-def _model_options(own_effects: bool, load_path: bool, model: str | None) -> list[inspect.Parameter]:
+def _model_options(own_effects: bool, links: bool, load_path: bool, model: str | None) -> list[inspect.Parameter]:
     """Which model, then how it is built."""
     which = _parameter("model", ModelArg, inspect.Parameter.empty)
     if model is not None:
         info = typer.Argument(metavar="[MODEL]", help="A bundled name, a model TOML or a URDF.")
         which = _parameter("model", Annotated[str, info], model)
-    kinds = {"effect": EffectFile if own_effects else None, "links": Links}
+    kinds = {"effect": EffectFile if own_effects else None, "links": Links if links else None}
     kinds |= {"load_path": LoadPathOpt if load_path else None, "sets": Sets}
     return [which, *(_parameter(name, kind, None) for name, kind in kinds.items() if kind is not None)]
 

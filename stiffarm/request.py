@@ -81,10 +81,18 @@ class Option:
     is_common: bool = False
 
 
-def option(help: str, kind: Kind | None = None, *, default: Any = None, several: bool = False, **more: Any) -> Any:
-    """A field that is an option; further keywords as :class:`Option`."""
+def option(
+    help: str,
+    kind: Kind | None = None,
+    *,
+    default: Any = None,
+    several: bool = False,
+    required: bool = False,
+    **more: Any,
+) -> Any:
+    """A field that is an option, which may be left out unless ``required``; further keywords as :class:`Option`."""
     return dataclasses.field(
-        default=() if several and default is None else default,
+        default=dataclasses.MISSING if required else () if several and default is None else default,
         metadata={_OPTION: Option(help, kind, several=several, **more)},
     )
 
@@ -203,12 +211,12 @@ def _split(text: str, name: str, allowed: str, example: str) -> tuple[float, ...
         ) from None
 
 
-def _row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
-    """Numbers between commas, so many of them; ``zero``: all of them may be 0."""
+def row(*counts: int, allowed: str, example: str, zero: bool = True) -> Kind:
+    """Numbers between commas, so many of them (any where that is not said); ``zero``: all of them may be 0."""
 
     def checked(value: Any, name: str) -> tuple[float, ...]:
         row = numbers_of(value, name, allowed)
-        if len(row) not in counts or not (zero or any(row)):
+        if (counts and len(row) not in counts) or not (zero or any(row)):
             raise InputError(name, code="A004", value=value, allowed=allowed, remedy=f"write it as in {name} {example}")
         return row
 
@@ -408,8 +416,8 @@ def _frame(value: Any, name: str) -> Array:
 
 
 def word(alias: Any) -> Kind:
-    """One of the words of a ``Literal``."""
-    words = get_args(alias)
+    """One of the words of a ``Literal``, or of a tuple."""
+    words = alias if isinstance(alias, tuple) else get_args(alias)
 
     def checked(value: Any, name: str) -> Any:
         require_one_of(name, value, words, code="A001", remedy="choose one of them")
@@ -418,8 +426,8 @@ def word(alias: Any) -> Kind:
     return Kind("|".join(words), lambda text, name: text, checked)
 
 
-DIRECTION: Final = _row(3, allowed="three finite numbers x,y,z, not all zero: base axes", example="0,0,1", zero=False)
-FORCE: Final = _row(
+DIRECTION: Final = row(3, allowed="three finite numbers x,y,z, not all zero: base axes", example="0,0,1", zero=False)
+FORCE: Final = row(
     3, allowed="three finite numbers x,y,z, not all zero: N in base axes", example="0,0,-650", zero=False
 )
 FRAME: Final = Kind(
@@ -443,6 +451,7 @@ READINGS: Final = Kind(
     None, lambda text, name: Path(text), lambda value, name: Path(value) if isinstance(value, str) else value
 )
 TABLE: Final = READINGS
+FILE: Final = READINGS
 # Checked against the arm's names, by `pose_of`.
 POSE: Final = Kind("NAME=DEG,...", _named, lambda value, name: value, _paired)
 WRENCH: Final = Kind("NAME=VALUE,...", _named, wrench_of, _paired)

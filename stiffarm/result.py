@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class Table:
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
     row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it.
+    no file has it; ``only_in``: where people do not see it: "files", or "csv" where JSON would be too long with it.
     """
 
     name: str
@@ -58,6 +58,7 @@ class Table:
     extra: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     folded: bool = False
     is_extract: bool = False
+    only_in: Literal["", "files", "csv"] = ""
 
     def __len__(self) -> int:
         return len(next(iter(self.labels.values())))
@@ -83,6 +84,10 @@ class Table:
                 flat |= {quantity.column_of("low95"): low, quantity.column_of("high95"): high}
             out.append(flat)
         return out
+
+    def text(self) -> str:
+        """The rows as the text of a CSV file."""
+        return records_text(self.records())
 
     def frame(self) -> pd.DataFrame:
         """All rows as a data frame, numbers in shown units."""
@@ -163,7 +168,8 @@ class Result:
     ``numbers``: single numbers; ``key``: figures to see first; ``sections``: what a page says besides; ``remarks``:
     what the reader must know; ``arm``: the arm that it is about, ``caution``: what pages and pictures warn of, where
     that is not what the arm says; ``found``: the arrays and objects behind it; ``more``: writes further files into the
-    folder and returns facts about them; ``made_of``: which readings a page was made of.
+    folder and returns facts about them; ``made_of``: which readings a page was made of; ``exit_code``: what the command
+    ends with, other than 0 where the answer is one that a script must not run past.
     """
 
     name: str
@@ -184,6 +190,7 @@ class Result:
     found: Any = None
     more: Callable[[OutputFolder], Mapping[str, Any]] | None = None
     made_of: str = ""
+    exit_code: int = 0
 
     @cached_property
     def as_json(self) -> dict[str, Any]:
@@ -200,7 +207,7 @@ class Result:
                 if one.low is not None
             },
             **({"remarks": list(self.remarks)} if self.remarks else {}),
-            **{table.name: table.rows() for table in self.tables if not table.is_extract},
+            **{t.name: t.rows() for t in self.tables if not t.is_extract and t.only_in != "csv"},
         }
 
     def to_frame(self, table: str | None = None) -> pd.DataFrame:
@@ -304,7 +311,7 @@ class Result:
             if text:
                 say(text)
         for table in self.tables:
-            if not table.folded:
+            if not table.folded and not table.only_in:
                 table.show()
 
     def write(self, folder: OutputFolder) -> dict[str, Any]:
@@ -316,13 +323,13 @@ class Result:
         content = {**self.as_json, **further}
         folder.write_json(f"{self.name}.json", content)
         for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
+            folder.write_text(f"{table.name if i else self.name}.csv", table.text())
         pictures = []
         for drawing in self.drawings:
             path = folder.path(f"{drawing.name}.png")
             save_png(drawing.draw(), path)
             pictures.append(page.Picture(path, drawing.caption, drawing.alt))
-        tables = sorted(self.tables, key=lambda table: table.folded)
+        tables = sorted((t for t in self.tables if len(t) and not t.only_in), key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(pictures[1:])))
         if self.remarks:

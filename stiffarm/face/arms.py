@@ -144,4 +144,4 @@ def robots_bundled() -> tuple[str, ...]:
 
 def as_face(arm: fem.arm.Arm) -> Arm:
     """The arm as users hold it."""
-    return Arm(arm.description, arm.robot, arm.model, arm.effects, arm.own)
+    return Arm(arm.description, arm.robot, arm.model, arm.effects, arm.own, arm.source)

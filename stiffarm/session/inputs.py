@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import get_args
 
 from fem import FLANGES, LINK_KINDS, LinkKind
@@ -61,7 +62,7 @@ def read_model(
     refuse_too_soft(arm.description, arm.model)
     if arm.effects and without is not None:
         say(f"note: not in {without}: {', '.join(e.effect.code for e in arm.effects)}")
-    return arm
+    return replace(arm, source=name)
 
 
 def as_load_path(text: str) -> LoadPath:
