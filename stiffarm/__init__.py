@@ -8,9 +8,13 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from robots import InputError, InputErrors
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.place.command import place
+    from stiffarm.commands.post.command import post
+    from stiffarm.commands.posture.command import posture
     from stiffarm.commands.run.command import run
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
+    from stiffarm.commands.verify.command import verify
     from stiffarm.face.arms import Arm, load, robots_bundled
     from stiffarm.face.calibrations import Calibration, calibrate
     from stiffarm.face.comparisons import Comparison, compare
@@ -24,10 +28,8 @@ if TYPE_CHECKING:
     from stiffarm.face.plans import Plan, plan
     from stiffarm.face.positions import PositionCalibration, calibrate_positions
     from stiffarm.face.power import PowerAnalysis, power
-    from stiffarm.face.programs import Checked, Program, post, verify
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.rehearsals import Rehearsal, rehearse
-    from stiffarm.face.shop import Placement, Posture, place, posture
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
 
@@ -39,7 +41,6 @@ _PARTS = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehearsal
 __all__ = [
     "Arm",
     "Calibration",
-    "Checked",
     "Comparison",
     "ConvertedReadings",
     "Diagnosis",
@@ -50,13 +51,10 @@ __all__ = [
     "KinematicsCheck",
     "Map",
     "NewArm",
-    "Placement",
     "Plan",
     "PositionCalibration",
     "PositionDiagnosis",
-    "Posture",
     "PowerAnalysis",
-    "Program",
     "Readings",
     "Rehearsal",
     "Result",

@@ -55,7 +55,7 @@ COMMANDS: dict[str, Entry] = {
     "posture": Entry("posture", "posture", MACHINE, "Find the stiffest posture along a tool path."),
     "place": Entry("place", "place", MACHINE, "Find where the base should stand for the stiffest cut."),
     "post": Entry("post", "post", MACHINE, "Write robot programs from a tool path and read them back."),
-    "verify": Entry("verify", "verify_command", MACHINE, "Check a program for collisions, limits and singularities."),
+    "verify": Entry("verify", "verify", MACHINE, "Check a program for collisions, limits and singularities."),
     "help": Entry("help", "help_command", USE, "Explain an error or warning by its code."),
     "serve": Entry("serve", "serve_command", MACHINE, "Answer questions from other programs, line by line."),
 }

@@ -21,9 +21,9 @@ import placement_grid
 
 import fem
 import robots
-from machining.cell import Body, Cell, Fixture, box, clearance, cylinder, read_cell
+from machining.cell import Body, Cell, Fixture, arm_of, box, clearance, cylinder, read_cell, scene_of
 from machining.cutting import ConstantForce
-from machining.placement import Goal, Problem, follow, scene_for, space_of, survey
+from machining.placement import Goal, Problem, follow, space_of, survey
 from machining.placement.between import with_links
 from machining.placement.confirming import confirmed
 from machining.placement.study import MAP
@@ -113,7 +113,7 @@ def _down() -> Array:
 
 
 def _problem(model: fem.ArmModel, robot: str, cell: Cell, path: object, goal: Goal, free: Bools | None) -> Problem:
-    scene, _ = scene_for(cell, robot)
+    scene = scene_of(cell, arm_of(robot))
     return Problem(
         model,
         space_of(cell),

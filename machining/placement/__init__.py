@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from machining.placement.search import Look, Survey, find_fixed, survey
     from machining.placement.space import Space, space_of, start_of
     from machining.placement.steps import find_steps
-    from machining.placement.study import PlacedStep, place_along, scene_for
+    from machining.placement.study import PlacedStep, place_along
 else:
     __getattr__ = lazily(__name__)
 
@@ -41,7 +41,6 @@ __all__ = [
     "place_along",
     "placement_content",
     "read_placement",
-    "scene_for",
     "space_of",
     "start_of",
     "survey",

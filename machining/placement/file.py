@@ -13,7 +13,8 @@ from robots import InputError, require_one_of
 from robots.arrays import Array, Bools, Integers
 from robots.files.reading import parse_json, read_text
 
-SCHEMA = "stiffarm-placement/1"
+# What this reads is the same in both.
+SCHEMAS = ("stiffarm-placement/1", "stiffarm-placement/2")
 # Millimetres of a travel, degrees of an angle.
 LARGEST = 1e7
 # Moves of a source; as many as the readers of tool paths keep.
@@ -89,7 +90,7 @@ def placement_content(placement: Placement) -> dict[str, Any]:
     travel = {f"e{i + 1}_mm": _column(1e3 * column) for i, column in enumerate(placement.travel.T)}
     joints = {name: _column(column) for name, column in zip(placement.joints, np.degrees(placement.q).T, strict=True)}
     return {
-        "schema": SCHEMA,
+        "schema": SCHEMAS[-1],
         "robot": placement.robot,
         "cell": placement.cell,
         "linear_axes": list(placement.axes),
@@ -116,9 +117,10 @@ def read_placement(path: str | Path) -> Placement:
     """
     file = Path(path)
     content = parse_json(read_text(file, "placement", remedy=REMEDY), f"placement {file}", remedy=REMEDY)
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+    if not isinstance(content, dict) or content.get("schema") not in SCHEMAS:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise InputError(f"schema of placement {file.name}", code="F006", value=found, allowed=SCHEMA, remedy=REMEDY)
+        allowed = " or ".join(SCHEMAS)
+        raise InputError(f"schema of placement {file.name}", code="F006", value=found, allowed=allowed, remedy=REMEDY)
     try:
         return _placement(content)
     except (KeyError, TypeError, ValueError) as error:

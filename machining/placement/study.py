@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
-from machining.cell import Cell, Scene, arm_of, scene_of
+from machining.cell import Cell
 from machining.placement.between import undriven, with_links
 from machining.placement.confirming import confirmed
 from machining.placement.file import Rapid
@@ -12,7 +13,7 @@ from machining.placement.placing import How, Placed, Said, place
 from machining.placement.problem import Problem
 from machining.placement.search import Survey, survey
 from machining.toolpaths.conversion import GivenPath
-from robots import InputError, ModelDescription
+from robots import InputError
 
 # Positions of the map in the report by the number of coordinates searched; of more, the coarse grid is drawn.
 MAP = {1: (121,), 2: (24, 24)}
@@ -20,15 +21,15 @@ MAP = {1: (121,), 2: (24, 24)}
 
 @dataclass(frozen=True, eq=False)
 class PlacedStep:
-    """The result: the path as it was given, the placement, the map of the report, what to say about collisions.
+    """The result: the path as it was given, the placement, what to say about collisions.
 
-    ``undriven``: why the moves between the cuts cannot be driven from there, None where they can or there are none;
-    ``rapid``: how rapid moves have to go.
+    ``linked``: the problem with the moves between its cuts; ``undriven``: why these cannot be driven from there, None
+    where they can or there are none; ``rapid``: how rapid moves have to go.
     """
 
     given: GivenPath
     placed: Placed
-    map: Survey
+    linked: Problem
     notes: tuple[str, ...]
     undriven: str | None = None
     rapid: Rapid = "linear"
@@ -38,11 +39,13 @@ class PlacedStep:
         """The cell."""
         return self.placed.problem.cell
 
-
-def scene_for(cell: Cell, model: str, description: ModelDescription | None = None) -> tuple[Scene, tuple[str, ...]]:
-    """Arm and cell for collisions, and what to say about them; ``description``: as of :func:`machining.cell.arm_of`."""
-    scene = scene_of(cell, arm_of(model, description, beam_radius=cell.beam_radius))
-    return scene, scene.notes
+    @cached_property
+    def map(self) -> Survey:
+        """What positions are worth, on a grid that is finer than the search's where few coordinates are searched."""
+        problem = self.placed.problem
+        if problem.space.d not in MAP:
+            return self.placed.survey
+        return confirmed(survey(replace(self.linked, goal=problem.goal), MAP[problem.space.d]))
 
 
 def place_along(
@@ -51,10 +54,8 @@ def place_along(
     how: How,
     notes: tuple[str, ...] = (),
     said: Said | None = None,
-    *,
-    mapped: bool = True,
 ) -> PlacedStep:
-    """Find the placement; ``mapped``: look at the finer grid of the report's map too.
+    """Find the placement.
 
     The whole program of the path can be driven from there, where any place allows that; else its cuts can.
 
@@ -69,13 +70,7 @@ def place_along(
     fault = undriven(linked, after.e, after.table, after.course)
     if fault is not None and undriven(linked, after.e, after.table, after.course, "joint") is None:
         fault, rapid = None, "joint"
-    grid = placed.survey
-    if mapped and problem.space.d in MAP:
-        if said is not None:
-            said("map", 0, 1)
-        drawn = survey(replace(linked, goal=placed.problem.goal), MAP[problem.space.d])
-        grid = confirmed(drawn, None if said is None else lambda done, total: said("map", done, total))
-    return PlacedStep(given, placed, grid, notes, None if fault is None else fault.prose, rapid)
+    return PlacedStep(given, placed, linked, notes, None if fault is None else fault.prose, rapid)
 
 
 def _placed(problem: Problem, given: GivenPath, how: How, said: Said | None) -> tuple[Placed, Problem]:

@@ -142,8 +142,15 @@ def changed_since(record: Path, program: Path) -> tuple[str, ...]:
     if not record.is_file():
         return ()
     said: object = parse_json(read_text(record, "post.json", most=LARGEST), "post.json")
-    for key in ("programs", program.parent.name, "sha256"):
-        said = said.get(key) if isinstance(said, dict) else None
+    programs = said.get("programs") if isinstance(said, dict) else None
+    # A list of programs, in files of version 1 by the folder's name.
+    named = (
+        {one.get("program"): one for one in programs if isinstance(one, dict)}
+        if isinstance(programs, list)
+        else programs
+    )
+    one = named.get(program.parent.name) if isinstance(named, dict) else None
+    said = one.get("sha256") if isinstance(one, dict) else None
     if not isinstance(said, dict) or program.name not in said:
         return ()
     files = {name: program.parent / Path(str(name)).name for name in said}

@@ -105,16 +105,14 @@ class PostRun:
         made = next((one.posted for one in (self.corrected, self.compensated) if one is not None), self.posted)
         return with_home(made.program)
 
+    def save(self, place_of: Callable[[str], Path]) -> None:
+        """Write all files; ``place_of``: where one goes, by its name with the target's folder in front."""
+        for target, written in self.written.items():
+            written.save(lambda name, folder=target.folder: place_of(f"{folder}/{name}"))  # type: ignore[misc]
 
-def run_post(
-    model: fem.ArmModel,
-    request: PostRequest,
-    place_of: Callable[[str], Path],
-    progress: Progress | None = None,
-) -> PostRun:
-    """Make the programs, write them, read them back and compare.
 
-    ``place_of``: where a file goes, by its name with the target's folder in front.
+def run_post(model: fem.ArmModel, request: PostRequest, progress: Progress | None = None) -> PostRun:
+    """Make the programs, read their texts back and compare; :meth:`PostRun.save` writes them.
 
     Raises
     ------
@@ -160,7 +158,7 @@ def run_post(
     program = run.program
     for target in request.targets:
         written = write_program(program, target.name, target.kind, request.options, request.templates)
-        texts = _save(written, target, place_of)
+        texts = written.texts()
         trip = round_trip(program, texts, target.name, target.kind, request.options)
         wrong = trip.difference(WRITTEN_TO)
         if wrong is not None:
@@ -201,10 +199,3 @@ def _drawn(model: fem.ArmModel, posted: Posted, stiffness: StiffnessUncertainty)
     force = objective.forces(len(kept))
     there = replace(objective, force=None if force is None else force[rows])
     return drawn_objective(model, task.at(rows), {"": posted.program.q[kept][rows]}, there, stiffness)[""]
-
-
-def _save(written: Written, target: Target, place_of: Callable[[str], Path]) -> dict[str, str]:
-    """Write the files; their texts as they stand on the disk."""
-    places = {file.name: place_of(f"{target.folder}/{file.name}") for file in written.files}
-    written.save(places.__getitem__)
-    return {name: place.read_text(encoding="utf-8") for name, place in places.items()}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from fem.arm import Arm
 from machining.cutting import Estimated, StiffnessUncertainty, SurfaceError
 from robots.arrays import Array
-from robots.quantities import rounded
+from robots.quantities import Quantity, known_to, length, ranged, relative
+from stiffarm.pages.report import KeyFigure
 from stiffarm.session import stated as intervals
 from stiffarm.session.stated import propagated
 
@@ -23,6 +26,7 @@ def payload(arm: StiffnessUncertainty) -> dict[str, Any]:
     }
 
 
+ERROR = length("error", unit="um")
 BY_ROOM = (
     "No stiffness of this arm is known: gamma and branch are chosen by room to the joint limits, distance from "
     "singularities and smoothness, elbow up first, not by stiffness."
@@ -36,25 +40,29 @@ def sentence(arm: StiffnessUncertainty) -> str:
     return f"95 % intervals rest on {arm.note}."
 
 
-def interval(value: Estimated, factor: float = 1.0) -> list[float | None]:
-    """The ends of a 95 % interval."""
-    return [rounded(value.low * factor), rounded(value.high * factor)]
-
-
-def estimated(value: Estimated, factor: float = 1e6) -> dict[str, float | None]:
-    """A value with its 95 % interval."""
+def spread(found: Mapping[Quantity, Sequence[Estimated]]) -> dict[str, Any]:
+    """Values and intervals of a :class:`stiffarm.result.Table`, one estimate a row."""
     return {
-        "value": rounded(value.value * factor),
-        "low95": rounded(value.low * factor),
-        "high95": rounded(value.high * factor),
+        "values": {quantity: np.array([one.value for one in some]) for quantity, some in found.items()},
+        "intervals": {
+            quantity: (np.array([one.low for one in some]), np.array([one.high for one in some]))
+            for quantity, some in found.items()
+        },
     }
+
+
+def figure(quantity: Quantity, found: Estimated, label: str) -> KeyFigure:
+    """A key figure with its 95 % interval, and the digits that this leaves it."""
+    value, low, high = (quantity.factor * end for end in (found.value, found.low, found.high))
+    shown = f"{known_to(value, low, high)} {quantity.unit}".strip()
+    return KeyFigure(shown, label, f"95 %: {ranged(low, high, quantity.unit, 3)}" if high > low else "")
 
 
 def error_remarks(error: SurfaceError) -> list[str]:
     """What the intervals of a surface error do not hold."""
     out = [
-        f"{name} was left open by the calibration: it may change the surface error by up to {size * 1e6:.2g} um, which "
-        "is in no interval here."
+        f"{name} was left open by the calibration: it may change the surface error by up to "
+        f"{ERROR.text(size, unit=True)}, which is in no interval here."
         for name, size in error.left_open.items()
     ]
     if error.is_rough:
@@ -68,8 +76,8 @@ def error_remarks(error: SurfaceError) -> list[str]:
 def share_remarks(matters: Mapping[str, float], what: str) -> list[str]:
     """What the intervals of a stiffness do not hold."""
     return [
-        f"{name} was left open by the calibration: it may change {what} by {100.0 * share:.2g} %, which is in no "
-        "interval here."
+        f"{name} was left open by the calibration: it may change {what} by {relative(share)}, which is in no interval "
+        "here."
         for name, share in matters.items()
     ]
 

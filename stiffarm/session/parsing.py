@@ -303,7 +303,12 @@ WIDEST_mm: Final = 5000.0
 
 
 def parse_payload(text: str) -> Payload:
-    """Mass and centre in the flange frame, mm.
+    """Mass and centre in the flange frame, mm; errors as :func:`payload_of`."""
+    return payload_of(parse_numbers(text) or (-1.0,))
+
+
+def payload_of(values: Sequence[float]) -> Payload:
+    """Mass (kg), or mass and centre in the flange frame (mm).
 
     Raises
     ------
@@ -312,13 +317,12 @@ def parse_payload(text: str) -> Payload:
     """
     from doe.absolute.readings import Payload
 
-    values = parse_numbers(text) or ()
-    kg, *centre = (*values, 0.0, 0.0, 0.0) if len(values) == 1 else values or (-1.0,)
+    kg, *centre = (*values, 0.0, 0.0, 0.0) if len(values) == 1 else values
     if len(centre) != 3 or not 0.0 <= kg <= HEAVIEST_kg or max(map(abs, centre)) > WIDEST_mm:
         raise InputError(
             "--payload",
             code="A004",
-            value=text,
+            value=", ".join(f"{v:g}" for v in values),
             allowed=f"KG or KG,X,Y,Z: 0 to {HEAVIEST_kg:g} kg, its centre within {WIDEST_mm:g} mm of the flange",
             remedy="give the mass of spindle and tool, as in 25,0,0,120",
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -37,26 +38,14 @@ PartOpt = Annotated[
         "--part", metavar="X,Y,Z[,A,B,C]", help="Part frame in the base frame, in mm and deg. Default: the base frame."
     ),
 ]
-NormalOpt = Annotated[str, typer.Option("--normal", metavar="X,Y,Z", help="Surface normal in base axes.")]
-GammaOpt = Annotated[
-    str,
+CellOpt = Annotated[
+    Path | None,
     typer.Option(
-        "--gamma",
-        metavar="FROM:TO:STEP",
-        help="Angles gamma about the tool axis, in deg; the two ends of a full turn count once.",
+        "--cell",
+        metavar="CELL.toml",
+        help="Cell file (TOML): tool, part, fixtures, floor, linear axes and joint speeds.",
     ),
 ]
-
-ReferenceOpt = Annotated[
-    str | None,
-    typer.Option(
-        "--reference",
-        metavar="X,Y,Z",
-        help="Direction in the part frame from which gamma is measured. Default: x, or y if the tool axis "
-        "comes close to x.",
-    ),
-]
-
 
 # First value, last value and step, or one value.
 Range = float | tuple[float, float, float]
@@ -104,11 +93,6 @@ def values_of(given: Range, option: str, unit: str = "mm", example: str = "-600:
             remedy=f"write it as in {option} {example}",
         )
     return np.linspace(low, high, round(count) + 1)
-
-
-def parse_gammas(text: str) -> GammaRange | float:
-    """A range of gamma from ``-180:180:5``, or one angle (rad) from ``30``; deg. Errors as :func:`gammas_of`."""
-    return gammas_of(parse_range(text, "--gamma", "deg", "-180:180:5"))
 
 
 def gammas_of(given: Range) -> GammaRange | float:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from machining.placement.study import PlacedStep, scene_for
+from machining.cell import ArmBodies, scene_of
+from machining.placement.study import PlacedStep
 from machining.placement.sweeping import distances
 from machining.posture.points import GammaRange
 from machining.setup import Setup
-from robots import ModelDescription
 from robots.arrays import Array, Integers
 from stiffarm.commands.posture.axes_page import AxesStudy, kept, thinned_angles
 
@@ -19,12 +18,12 @@ from stiffarm.commands.posture.axes_page import AxesStudy, kept, thinned_angles
 ANGLES = 72
 
 
-def axes_study(step: PlacedStep, model: str | Path, description: ModelDescription) -> AxesStudy | None:
+def axes_study(step: PlacedStep, arm: ArmBodies) -> AxesStudy | None:
     """What the page shows; None for a single point or gamma, and for an arm without any shape to draw."""
     problem, after = step.placed.problem, step.placed.after
     if problem.path.n < 2 or not isinstance(problem.gamma, GammaRange):
         return None
-    scene = problem.scene or scene_for(step.cell, str(model), description)[0]
+    scene = problem.scene or scene_of(step.cell, arm)
     if not scene.arm.bodies:
         return None
     tools = problem.tools

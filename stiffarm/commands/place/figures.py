@@ -12,21 +12,20 @@ from matplotlib.patches import Patch
 from machining.placement import Along
 from robots import InputError
 from robots.arrays import Array
+from stiffarm.commands.place.result import STOPPED_BY
 from stiffarm.commands.posture.figures.along_path import draw_line
 from stiffarm.commands.posture.figures.axes_map import hatched, steps
 from stiffarm.pages.figure_parts import LINES, MARKERS, SERIES, drawing, paler
 from stiffarm.pages.style import FAINT, INK, OKABE_ITO, STIFFNESS_COLOURS
 
-# Why a position cannot be taken, and how it is drawn.
+# How positions are drawn that cannot be taken, by why.
 ZONES = {
-    "reach": ("out of reach", "#9AA0A8", ""),
-    "limit": ("beyond a joint limit", "#C9CED6", "//"),
-    "collision": ("collision", OKABE_ITO["vermillion"], "xx"),
-    "singularity": ("too near a singularity", OKABE_ITO["purple"], ".."),
-    "between": ("a move between cuts", OKABE_ITO["blue"], "\\\\"),
+    "reach": ("#9AA0A8", ""),
+    "limit": ("#C9CED6", "//"),
+    "collision": (OKABE_ITO["vermillion"], "xx"),
+    "singularity": (OKABE_ITO["purple"], ".."),
+    "between": (OKABE_ITO["blue"], "\\\\"),
 }
-
-
 # Pictures of positions stand beside the answer, in half of a page's width.
 WIDTH_IN = 5.2
 
@@ -53,7 +52,7 @@ def curve_figure(
         edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
         for i, reason in enumerate(why):
             if reason:
-                _, colour, hatch = ZONES[reason]
+                colour, hatch = ZONES[reason]
                 ax.axvspan(edge[i], edge[i + 1], facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0)
         for k, (name, value) in enumerate(values.items()):
             ax.plot(
@@ -129,7 +128,7 @@ def map_figure(
     size = WIDTH_IN, float(np.clip(1.2 + 4.0 / max(wide, 0.5), 3.4, 6.0))
     with drawing("", size) as (figure, (ax,)):
         ax.grid(visible=False)
-        for key, (_, colour, hatch) in ZONES.items():
+        for key, (colour, hatch) in ZONES.items():
             mask = reason == key
             if mask.any():
                 hatched(ax, steps(x), steps(y), mask, paler(colour), hatch, colour)
@@ -172,9 +171,9 @@ def along_figure(placements: Mapping[str, Along]) -> Figure:
 
 def _legend(figure: Figure, ax: Axes, why: Sequence[str]) -> None:
     handles, labels = ax.get_legend_handles_labels()
-    for key, (name, colour, hatch) in ZONES.items():
+    for key, (colour, hatch) in ZONES.items():
         if key in why:
             handles.append(Patch(facecolor=paler(colour), edgecolor=colour, hatch=hatch, linewidth=0.0))
-            labels.append(name)
+            labels.append(STOPPED_BY[key])
     if handles:
         figure.legend(handles, labels, loc="outside lower left", ncols=2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,15 @@ from matplotlib.colors import to_hex
 from scipy.ndimage import label
 
 import fem
-from machining.cell import Scene
+from machining.cell import Scene, scene_of
 from machining.posture.axes_cells import AxesCells, causes_of, errors_of
 from machining.posture.axes_map import axes_map
 from machining.posture.drive import Drive
+from machining.posture.posing import CHOSEN, Posed
+from machining.setup import Setup
 from machining.stiffness.objective import Objective, shown
 from machining.task import Task
+from machining.toolpaths.conversion import GivenPath
 from robots.arrays import Array, Integers
 from stiffarm.pages.cell_bodies import body_surfaces, cell_data, placed_in_world
 from stiffarm.pages.numbers import typeset
@@ -68,6 +71,45 @@ class AxesStudy:
     table: float
     error: Array | None
     force: Array | None
+
+
+def axes_study(posed: Posed, setup: Setup, given: GivenPath | None = None) -> AxesStudy | None:
+    """What the page of `posture` shows; None for a single point or gamma, and for an arm without any shape to draw.
+
+    ``given``: the path's source, where the cell changes tools along it.
+    """
+    request, course = posed.request, posed.course
+    if request.task.path.n < 2 or request.gammas.count < 3:
+        return None
+    if setup.arm is None or not setup.arm.bodies:
+        return None
+    tools = None if given is None else setup.tools(given)
+    scenes = (scene_of(setup.cell, setup.arm),) if tools is None else tools.scenes
+    error = None if posed.milling is None else posed.milling.errors[CHOSEN]
+    worst = course.value.argmin() if error is None else np.abs(error.normal).argmax()
+    rows = kept(request.task.path.n, np.array([worst]))
+    task, objective, drive = request.task.at(rows), request.objective, request.drive
+    clear = drive.clearance_at
+    if clear is not None:
+        drive = replace(drive, clearance_at=lambda q, point: clear(q, rows[point]))
+    return AxesStudy(
+        model=posed.model,
+        task=task,
+        drive=drive,
+        scenes=scenes,
+        place=np.zeros(len(rows), dtype=np.int64) if tools is None else tools.place[rows],
+        looked=task,
+        objective=objective.at(rows, request.task.path.n),
+        words=objective.quantity,
+        angles=thinned_angles(request.gammas.angles),
+        gamma=course.gamma[rows],
+        q=course.q[rows],
+        value=course.value[rows],
+        e=np.zeros((len(rows), len(setup.cell.linear_axes))),
+        table=0.0,
+        error=None if error is None else error.normal[rows],
+        force=None if error is None else error.force[rows],
+    )
 
 
 def kept(n: int, also: Integers) -> Integers:

@@ -16,14 +16,15 @@ from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
-from stiffarm.session.console import EXIT_OTHER, say
+from stiffarm.request import FRAME
+from stiffarm.session.console import EXIT_OTHER, say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, Sets
+from stiffarm.session.path_request import FramesRequest, effects_left_out
 from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.streams import CLOSED
-from stiffarm.session.task_options import PartOpt, ToolOpt
-from stiffarm.session.task_setup import CellOpt, effects_left_out, read_cell_or_frames, read_setup
+from stiffarm.session.task_options import CellOpt, PartOpt, ToolOpt
 
 MIB = 1024 * 1024
 
@@ -50,11 +51,14 @@ def serve_command(
     with command(debug=debug) as frame:
         given = frame.model(model, links, load_path, sets=sets)
         given = frame.at_load(given, at_load)
+        asked = FramesRequest(
+            cell=cell,
+            tool=None if tool is None else FRAME.read(tool, "--tool"),
+            part=None if part is None else FRAME.read(part, "--part"),
+        )
         # Without a cell nothing is looked at for collisions.
-        if cell is None:
-            setup = Setup(read_cell_or_frames(given.robot, None, tool, part))
-        else:
-            setup = read_setup(model, given, cell, tool, part)
+        setup = Setup(asked.described(given.robot)) if cell is None else asked.setup(given)
+        say_notes(setup.notes)
         session = open_session(given, setup)
         answers = _claim_stdout()
         warm_up(session)

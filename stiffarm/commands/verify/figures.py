@@ -62,14 +62,12 @@ def clearance_figure(found: Verification, *, narrow: bool = False) -> Figure:
     return figure
 
 
-def speeds_figure(found: Verification) -> Figure | None:
-    """Speeds that the feed asks for over each axis' greatest; None where no limit or no feed is known."""
+def speeds_figure(found: Verification) -> Figure:
+    """Speeds that the feed asks for over each axis' greatest, of the axes whose limit is known."""
     with np.errstate(invalid="ignore"):
         share = 100.0 * found.timing.speed / found.axes.speed
     share[:, np.isinf(found.axes.speed)] = np.nan
     shown = [j for j in range(found.axes.count) if np.isfinite(share[:, j]).any()]
-    if not shown:
-        return None
     top = float(np.nanmax(share))
     heading = f"Axis speeds at the programmed feed: up to {top:.3g} % of the greatest"
     with drawing(heading, SIZES_IN["wide"]) as (figure, (ax,)):
@@ -89,11 +87,9 @@ def speeds_figure(found: Verification) -> Figure | None:
     return figure
 
 
-def straightness_figure(found: Verification) -> Figure | None:
-    """How far the tip leaves the straight line between points if all axes move evenly; None without cutting moves."""
+def straightness_figure(found: Verification) -> Figure:
+    """How far the tip leaves the straight line between points in cutting moves if all axes move evenly."""
     line = found.path.line * 1e3
-    if not np.isfinite(line).any():
-        return None
     with drawing("Linearisation error of cutting moves", SIZES_IN["wide"]) as (figure, (ax,)):
         x, worst = binned(np.maximum(line, NOTHING * 1e3))
         few = int(np.isfinite(worst).sum()) < 40

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +20,7 @@ from stiffarm.pages.cell_bodies import BodySurface, body_surfaces, placed_in_wor
 from stiffarm.pages.rendering import Renderer, chosen, show
 from stiffarm.pages.scenes import Scene, Surface
 from stiffarm.pages.sight import dense, in_the_way, near_points, towards
+from stiffarm.session.console import say
 
 # Near grey, so that colour means offence; cutter and part are what a reader looks for.
 COLOURS = {
@@ -46,34 +45,17 @@ STRIPE = 0.12
 FLOOR_COLOUR = "#E8EAED"
 
 
-@dataclass(frozen=True)
-class OffencePicture:
-    """A picture that was written: what it shows, by which renderer, and why not by pyvista if so.
-
-    ``camera`` (3,): from the place to the eye; ``left_out``: bodies that stand before the place in the near view and
-    are not drawn there.
-    """
-
-    path: Path
-    spot: Spot
-    renderer: Renderer
-    message: str
-    camera: Array
-    left_out: tuple[str, ...]
-
-
-def offence_picture(
-    found: Verification, offence: Offence, path: Path, *, renderer: Renderer | None = None
-) -> OffencePicture:
-    """Draw an offence at its worst; PNG, the place of the offence above, the whole cell below.
+def draw_offence(found: Verification, offence: Offence, *, renderer: Renderer | None = None) -> Figure:
+    """Draw an offence at its worst: the place of the offence above, the whole cell below.
 
     Raises
     ------
     InputError
-        pyvista was asked for and cannot draw here, or the folder does not exist.
+        pyvista was asked for and cannot draw here.
     """
     works, message = chosen(renderer)
-    style.require_folder(path)
+    if not works and offence is found.ranked[0]:
+        say(f"note: {message}")
     spot = spot_of(found, offence)
     near, (camera, hidden) = _half_width(spot), view_of(found, spot)
     surfaces = body_surfaces(found.scene_at(spot.move))
@@ -95,10 +77,8 @@ def offence_picture(
             show(figure, axes, Scene(camera, nothing, nothing, (), tuple(drawn)), works)
         _box_of_near(far_axes, near_axes)
         _distance(near_axes, camera, spot)
-        _names(figure, spot)
-    style.save_png(figure, path)
-    by: Renderer = "pyvista" if works else "matplotlib"
-    return OffencePicture(path, spot, by, "" if works else message, camera.towards, hidden)
+        _names(figure, spot, hidden)
+    return figure
 
 
 def _placed(found: Verification, surfaces: list[BodySurface], spot: Spot) -> list[Array]:
@@ -218,8 +198,10 @@ def _distance(axes: Axes, camera: style.Camera, spot: Spot) -> None:
         )
 
 
-def _names(figure: Figure, spot: Spot) -> None:
-    """Say what it is, and which colour is which body."""
+def _names(figure: Figure, spot: Spot, hidden: Sequence[str]) -> None:
+    """Say what it is, which colour is which body, and what would hide the place and is left out of the near view."""
+    if hidden:
+        figure.text(0.025, 0.4, f"not drawn here: {', '.join(hidden)}", size=8.5, va="bottom")
     figure.text(0.015, 0.975, f"line {spot.line}: {spot.offence.kind}", size=11.0, weight="bold", va="center")
     x = 0.015
     for name, colour in zip(spot.bodies, (FIRST, SECOND), strict=False):

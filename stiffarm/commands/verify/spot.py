@@ -11,7 +11,7 @@ from machining.verification import Contact, Kind, Offence, Verification, contact
 from machining.verification.contacts import POSES
 from robots import forward_kinematics
 from robots.arrays import Array
-from stiffarm.commands.verify.words import offence_words, value_words
+from stiffarm.commands.verify.words import UNITS
 
 OVERLAPS = (Kind.COLLISION, Kind.RAPID_CONTACT)
 
@@ -41,17 +41,11 @@ class Spot:
         """How far apart the bodies are, or how far they reach into each other; empty without two bodies."""
         if self.contact is None:
             return ""
-        gap = self.contact.gap * 1e3
+        gap = self.contact.gap
         if gap < 0.0:
-            return f"{-gap:.3g} mm into each other"
+            return f"{UNITS['m'].text(-gap, unit=True)} into each other"
         # One body within the other's surface: no distance is worked out there.
-        return "overlap" if self.offence.kind in OVERLAPS else f"{gap:.3g} mm apart"
-
-    @property
-    def sentence(self) -> str:
-        """What it is, of what, and how far."""
-        what = offence_words(self.offence)
-        return ", ".join(part for part in (what, self.distance_words or value_words(self.offence)) if part)
+        return "overlap" if self.offence.kind in OVERLAPS else f"{UNITS['m'].text(gap, unit=True)} apart"
 
 
 def spot_of(found: Verification, offence: Offence, poses: int = POSES) -> Spot:

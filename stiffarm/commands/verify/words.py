@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from machining.verification import KIND_CODES, Kind, Offence, Severity, Verification
+from robots.quantities import Quantity
 
-_SCALES = {"rad": (180.0 / np.pi, "deg"), "m": (1e3, "mm"), "": (1.0, "")}
+# How values in each SI unit are shown.
+UNITS: Final = {
+    f"{si}{per}": Quantity("", f"{unit}{per.replace('^', '')}", factor)
+    for si, unit, factor in (("rad", "deg", 180.0 / np.pi), ("m", "mm", 1e3), ("", "", 1.0))
+    for per in ("", "/s", "/s^2")
+}
 REMEDIES: Final = MappingProxyType(
     {
         Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
@@ -40,29 +47,22 @@ REMEDIES: Final = MappingProxyType(
 )
 
 
-def shown(value: float, unit: str) -> tuple[float, str]:
-    """A number in SI in the shop's unit: deg for rad, mm for m; rates likewise."""
-    base, _, per = unit.partition("/")
-    factor, name = _SCALES[base]
-    return value * factor, f"{name}/{per}" if per else name
-
-
 def value_words(offence: Offence) -> str:
     """What was found and what is allowed, as in "13.1 deg, limit 12 deg"."""
     if offence.kind in (Kind.COLLISION, Kind.RAPID_CONTACT):
         return "overlap"
     if not np.isfinite(offence.value):
         return ""
-    value, unit = shown(offence.value, offence.unit)
-    limit, _ = shown(offence.limit, offence.unit)
+    unit = UNITS[offence.unit]
+    value = unit.text(offence.value, unit=True)
     if offence.kind is Kind.BRANCH_JUMP:
-        return f"largest joint step {value:.3g} {unit}"
+        return f"largest joint step {value}"
     if offence.kind is Kind.UNPROVEN:
-        apart = f"{value:.2g}" if value >= 1e-3 else "less than 0.001"
-        return f"{apart} {unit} apart where it was seen"
+        return f"{value} apart where it was seen"
+    limit = f"{unit.factor * offence.limit:.4g} {unit.unit}".rstrip()
     # A value that rounds to its limit would look like no offence.
-    digits = 4 if f"{value:.4g}" != f"{limit:.4g}" else 9
-    return f"{value:.{digits}g} {unit}".strip() + f", limit {limit:.4g} {unit}".rstrip()
+    is_same = f"{unit.factor * offence.value:.4g}" == f"{unit.factor * offence.limit:.4g}"
+    return f"{value if not is_same else replace(unit, digits=9).text(offence.value, unit=True)}, limit {limit}"
 
 
 def offence_words(offence: Offence) -> str:
@@ -95,10 +95,9 @@ def verdict(found: Verification) -> str:
     if found.clean:
         return f"No offence found in {found.program.n} moves.{aside}"
     worst, first = found.ranked[0], found.errors[0]
-    if len(found.errors) == 1:
-        return f"1 offence found: {sentence(worst)}.{aside}"
     earlier = f" The first is in line {first.line}: {first.kind}." if first.line < worst.line else ""
-    return f"{len(found.errors)} offences found. Worst: {sentence(worst)}.{earlier}{aside}"
+    many = f"{counted(len(found.errors), 'offence')} found. Worst: {sentence(worst)}"
+    return f"This program must not run: {many}.{earlier}{aside}"
 
 
 def counted(n: int, what: str) -> str:
@@ -119,6 +118,6 @@ def distance_words(found: Verification) -> str:
     nearest = int(np.argmin(found.swept.distance))
     least, within, pair = float(found.swept.distance[nearest]), found.swept.within, int(found.swept.pair[nearest])
     if least >= within or pair < 0:
-        return f"over {within * 1e3:g} mm"
-    said = "overlap" if least < 0.0 else f"{least * 1e3:.3g} mm"
+        return f"over {UNITS['m'].text(within, unit=True)}"
+    said = "overlap" if least < 0.0 else UNITS["m"].text(least, unit=True)
     return f"{said} ({' and '.join(found.swept.names[pair])})"

@@ -92,9 +92,9 @@ def test_places_that_cannot_reach_a_retract_are_ruled_out(kr60: fem.ArmModel, tm
 def test_the_place_recommended_is_one_that_post_can_write(kr60: fem.ArmModel, tmp_path: Path, mode: str) -> None:
     """Without the moves between, the best place for the cuts is one from which the program cannot be driven."""
     problem, path = case(kr60, tmp_path, "X900 Y0 Z300", (-1.5, 1.5))
-    only_cuts = place_along(problem, _table(path), How(), mapped=False).placed.after
+    only_cuts = place_along(problem, _table(path), How()).placed.after
     assert undriven(with_links(problem, path), only_cuts.e, only_cuts.table, only_cuts.course) is not None
-    step = place_along(problem, path, How(mode), mapped=False)  # type: ignore[arg-type]
+    step = place_along(problem, path, How(mode))  # type: ignore[arg-type]
     after = step.placed.after
     assert step.undriven is None
     assert undriven(with_links(problem, path), after.e, after.table, after.course, step.rapid) is None
@@ -113,18 +113,18 @@ def _table(given: GivenPath) -> GivenPath:
 @pytest.mark.slow
 def test_where_no_place_can_drive_the_program_it_is_said(kr60: fem.ArmModel, tmp_path: Path) -> None:
     problem, path = case(kr60, tmp_path, "X9000 Y0 Z300", (-0.5, 0.5))
-    step = place_along(problem, path, How(), mapped=False)
+    step = place_along(problem, path, How())
     assert step.undriven is not None
     assert f"line {path.motions.line[np.argmax(path.motions.points[:, 0])]}" in step.undriven  # type: ignore[union-attr]
-    best = place_along(problem, _table(path), How(), mapped=False).placed.after
+    best = place_along(problem, _table(path), How()).placed.after
     np.testing.assert_allclose(step.placed.after.e, best.e, atol=1e-12)
 
 
 def test_a_program_whose_moves_all_can_be_driven_is_placed_as_its_cuts_are(kr60: fem.ArmModel, tmp_path: Path) -> None:
     problem, path = case(kr60, tmp_path, "X0 Y20 Z20", (-0.5, 0.5))
     step, cuts = (
-        place_along(problem, path, How(), mapped=False),
-        place_along(problem, _table(path), How(), mapped=False),
+        place_along(problem, path, How()),
+        place_along(problem, _table(path), How()),
     )
     np.testing.assert_array_equal(step.placed.after.e, cuts.placed.after.e)
     np.testing.assert_array_equal(step.placed.after.course.q, cuts.placed.after.course.q)

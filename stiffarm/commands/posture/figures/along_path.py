@@ -15,9 +15,7 @@ from machining.cutting import Comparison, SurfaceError
 from robots import InputError, Robot, require_at_least
 from robots.arrays import Array
 from robots.constants import NORMAL_95
-from stiffarm.pages.blocks import Pictures
 from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, note, panels
-from stiffarm.pages.report import Picture
 from stiffarm.pages.style import FAINT, INK
 
 # Surface errors in one picture.
@@ -25,14 +23,6 @@ _MOST: Final = 4
 _BAND: Final = 0.16
 # Points closer than this would make markers run into each other.
 _MARKED: Final = 25
-
-
-def joints_picture(
-    pictures: Pictures, arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False
-) -> Picture:
-    """The picture of :func:`joints_figure` for a page."""
-    caption = "Joint angles along the path. Shaded, where it is in the picture: beyond a joint limit."
-    return pictures.add(joints_figure(arc, courses, robot, narrow=narrow), "joints", caption)
 
 
 def joints_figure(arc: Array, courses: Mapping[str, Array], robot: Robot, *, narrow: bool = False) -> Figure:
