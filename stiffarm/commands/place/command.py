@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -170,7 +170,8 @@ def answer(given: Arm, asked: PlaceRequest) -> Result:
         )
     criterion = None if asked.alpha is None or asked.beta is None else Criterion(asked.alpha, asked.beta)
     mode, _, steps = asked.mode.partition(":")
-    ranges = {axis: (1e-3 * a, 1e-3 * b) for one in asked.range for axis, (a, b) in one.items()}
+    searched = cast("Sequence[Mapping[str, tuple[float, float]]]", asked.range)
+    ranges = {axis: (1e-3 * a, 1e-3 * b) for one in searched for axis, (a, b) in one.items()}
     drive = asked.limits(arm.robot, jump=math.radians(asked.jump))
     scene = scene_of(setup.cell, setup.arm) if asked.collisions else None
     problem = Problem(

@@ -16,11 +16,12 @@ from machining.placement import Along, Look, Problem, Survey, axis_rates, placem
 from machining.placement.between import placement_of
 from machining.placement.search import COARSE_ROWS, stop_words
 from machining.placement.study import PlacedStep
+from machining.posture.posing import CHOSEN
 from robots import Remark
 from robots.arrays import Array
 from robots.quantities import Quantity, angle, change, length, stiffness, stored
 from stiffarm.commands.posture.course import ERROR_SD, GAMMA, angles_text, course_values, joints_drawing
-from stiffarm.commands.posture.result import CHOSEN, PATH_LENGTH, prefixed
+from stiffarm.commands.posture.result import PATH_LENGTH, prefixed
 from stiffarm.pages.arm_uncertainty import ERROR, error_remarks, figure, sentence, share_remarks, spread
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text

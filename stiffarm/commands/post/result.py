@@ -19,7 +19,7 @@ from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
 from robots import Remark
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.inverse.following import is_redundant
 from robots.quantities import QUANTITIES, Quantity, angle, length, stored
@@ -285,7 +285,7 @@ def _sections(run: PostRun) -> tuple[Section, ...]:
     )
 
 
-def _sizes(moved: Array, judged: Array | None = None) -> dict[str, float | None]:
+def _sizes(moved: Array, judged: Bools | None = None) -> dict[str, float | None]:
     """Largest and mean size of displacements (n, 3) m; the mean of ``judged`` rows."""
     size = np.linalg.norm(moved, axis=1)
     some = size if judged is None else size[judged]

@@ -230,7 +230,7 @@ def _surface_errors(posed: Posed) -> list[Table]:
             length("difference", unit="um"): [changes[name].difference for name in changes],
             Quantity("factor", label="times smaller"): [changes[name].factor for name in changes],
         }
-        labels = {"statistic": list(changes), "verdict": [change.verdict for change in changes.values()]}
+        labels = {"statistic": list(changes), "verdict": [str(change.verdict) for change in changes.values()]}
         caption = f"How the surface error changes against: {posed.milling.against}"
         out.append(Table("change", caption, labels, **spread(differences), folded=True))
     return out

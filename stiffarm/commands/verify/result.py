@@ -268,7 +268,7 @@ def _nearest(found: Verification) -> Table:
         "nearest",
         "Pairs of bodies that are nearest somewhere, at their worst; 0 mm where they overlap",
         {"bodies": [f"{a} and {b}" for a, b in list(worst)[:NEAREST]]},
-        {DISTANCE: np.maximum(swept.distance[rows], 0.0), LINE: found.program.motions.line[rows]},
+        {DISTANCE: np.maximum(swept.distance[rows], 0.0), LINE: found.program.motions.line[rows].astype(np.float64)},
         folded=True,
     )
 
@@ -312,12 +312,12 @@ def _moves(found: Verification) -> Table:
         "Moves",
         {"move": [str(k) for k in range(n)]},
         {
-            LINE: found.program.motions.line,
-            count("rapid"): found.program.motions.rapid,
+            LINE: found.program.motions.line.astype(np.float64),
+            count("rapid"): found.program.motions.rapid.astype(np.float64),
             TIME: timing.time,
             DISTANCE: np.maximum(swept.distance, 0.0),
             length("proven_distance"): np.maximum(swept.proven, 0.0),
-            count("overlap"): np.isfinite(swept.hit),
+            count("overlap"): np.isfinite(swept.hit).astype(np.float64),
             LINE_ERROR: path.line,
             POINT_ERROR: path.point,
             SINGULAR: path.singular,
