@@ -20,8 +20,15 @@ from machining.posture.posing import CHOSEN
 from robots import Remark
 from robots.arrays import Array
 from robots.quantities import Quantity, angle, change, length, stiffness, stored
-from stiffarm.commands.posture.course import ERROR_SD, GAMMA, angles_text, course_values, joints_drawing
-from stiffarm.commands.posture.result import PATH_LENGTH, prefixed
+from stiffarm.commands.posture.course import (
+    ERROR_SD,
+    GAMMA,
+    PATH_LENGTH,
+    angles_text,
+    course_values,
+    joints_drawing,
+    prefixed,
+)
 from stiffarm.pages.arm_uncertainty import ERROR, error_remarks, figure, sentence, share_remarks, spread
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
@@ -88,12 +95,11 @@ def result(arm: Arm, step: PlacedStep, bodies: ArmBodies) -> Result:
     title = arm.description.title.split(" (")[0]
 
     def more(folder: OutputFolder) -> Mapping[str, Any]:
-        from stiffarm.commands.place.axes import axes_study
-        from stiffarm.commands.posture.axes_page import NAME, axes_page
+        from stiffarm.commands.posture.axes_page import NAME, axes_page, placement_study
 
         with progress("map of positions"):
             folder.write_text(POSITIONS, positions_table(step.map).text())
-        study = axes_study(step, bodies)
+        study = placement_study(step, bodies)
         if study is not None:
             folder.write_text(NAME, axes_page(study, f"{title} in cell {step.cell.name}"))
         return {}

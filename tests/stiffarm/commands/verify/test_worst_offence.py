@@ -16,10 +16,9 @@ from verify_cases import cell_file, program_at, program_file
 
 from machining.cell import arm_of
 from machining.verification import Demands, Kind, Severity, Verification, contact_of, verify, worst_first
-from stiffarm.commands.verify.picture import draw_offence, view_of
+from stiffarm.commands.verify.command import drawn_offences
+from stiffarm.commands.verify.picture import draw_offence, spot_of, view_of
 from stiffarm.commands.verify.replay import replay_data
-from stiffarm.commands.verify.result import drawn_offences
-from stiffarm.commands.verify.spot import spot_of
 from stiffarm.pages.sight import towards, unhidden
 from stiffarm.pages.style import save_png
 
