@@ -46,8 +46,8 @@ def capability(
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
     :class:`stiffarm.request.Request`; ``answer``: what it is asked with an arm and gives a result of, and what writes
     into a folder, its third argument, if the request has a field ``out``. ``own_effects``: the command takes files of a
-    user's own effects, as :func:`stiffarm.load` does; ``links``, ``load_path``: it takes a kind of links (they are rigid else)
-    and a load path; ``model``: where none is named.
+    user's own effects, as :func:`stiffarm.load` does; ``links``, ``load_path``: it takes a kind of links (else they are
+    rigid) and a load path; ``model``: where none is named.
     """
 
     def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:

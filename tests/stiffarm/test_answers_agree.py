@@ -234,7 +234,7 @@ def test_two_models_that_are_the_same_compare_as_the_same(case: Callable[[str, s
 def served(model: Path, request: Mapping[str, Any], more: tuple[str, ...]) -> dict[str, Any]:
     """One answer of `stiffarm serve`, from its session: the process and its streams have tests of their own."""
     from stiffarm.commands.serve.command import open_session
-    from stiffarm.session.path_request import FramesRequest
+    from stiffarm.path_request import FramesRequest
 
     arm = at_load(sa.load(model), float(more[1]))
     return open_session(arm, FramesRequest().setup(arm)).reply(dict(request))

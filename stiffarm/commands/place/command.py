@@ -22,11 +22,11 @@ from machining.tooling import require_tools
 from robots import InputError
 from stiffarm.capability import capability
 from stiffarm.commands.place.result import result
+from stiffarm.path_request import GAMMA, Axes, PathRequest
 from stiffarm.request import FILE, Kind, numbers_of, option, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.parsing import parse_numbers
-from stiffarm.session.path_request import GAMMA, Axes, PathRequest
 from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import gammas_of
 

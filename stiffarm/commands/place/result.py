@@ -14,11 +14,13 @@ from machining.cell import ArmBodies, clearance
 from machining.cutting import Estimated
 from machining.placement import Along, Look, Problem, Survey, axis_rates, placement_content
 from machining.placement.between import placement_of
+from machining.placement.freedom import STOPPED_BY
 from machining.placement.search import COARSE_ROWS, stop_words
 from machining.placement.study import PlacedStep
 from machining.posture.posing import CHOSEN
 from robots import Remark
 from robots.arrays import Array
+from robots.files.csv_text import columns_parts
 from robots.quantities import Quantity, angle, change, length, stiffness, stored
 from stiffarm.commands.posture.course import (
     ERROR_SD,
@@ -32,10 +34,10 @@ from stiffarm.commands.posture.course import (
 from stiffarm.pages.arm_uncertainty import ERROR, error_remarks, figure, sentence, share_remarks, spread
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
+from stiffarm.path_request import path_remarks
 from stiffarm.result import Drawing, Result, Table
 from stiffarm.session.console import progress
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.path_request import path_remarks
 from stiffarm.session.stated import stated_table
 
 if TYPE_CHECKING:
@@ -56,14 +58,6 @@ AIM_WORDS: Final = {
     "mean": "the mean stiffness along the cutting force",
     "worst": "the stiffness of the softest point along the cutting force",
     "error": "the RMS of the surface error",
-}
-# Why a position cannot be taken.
-STOPPED_BY: Final = {
-    "reach": "out of reach",
-    "limit": "beyond a joint limit",
-    "collision": "collision",
-    "singularity": "too near a singularity",
-    "between": "a move between cuts",
 }
 # Changes smaller than this share are not worth moving a base.
 WORTHWHILE: Final = 0.02
@@ -98,7 +92,7 @@ def result(arm: Arm, step: PlacedStep, bodies: ArmBodies) -> Result:
         from stiffarm.commands.posture.axes_page import NAME, axes_page, placement_study
 
         with progress("map of positions"):
-            folder.write_text(POSITIONS, positions_table(step.map).text())
+            folder.write_parts(POSITIONS, columns_parts(positions_table(step.map).columns()))
         study = placement_study(step, bodies)
         if study is not None:
             folder.write_text(NAME, axes_page(study, f"{title} in cell {step.cell.name}"))

@@ -28,9 +28,9 @@ from stiffarm.commands.posture.course import GAMMA, angles_text, elbow_range, jo
 from stiffarm.pages.arm_uncertainty import BY_ROOM, error_remarks, sentence, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
+from stiffarm.path_request import effects_left_out, path_remarks
 from stiffarm.result import Drawing, Number, Result, Table, plain
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.path_request import effects_left_out, path_remarks
 from stiffarm.session.stated import stated_table
 
 if TYPE_CHECKING:

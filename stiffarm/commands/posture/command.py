@@ -35,12 +35,12 @@ from stiffarm.commands.posture.course import (
 from stiffarm.pages.arm_uncertainty import ERROR, error_remarks, figure, sentence, share_remarks, spread
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
+from stiffarm.path_request import GAMMA, CourseRequest, effects_left_out, path_remarks
 from stiffarm.request import option, seed, word
 from stiffarm.result import Drawing, Result, Table, plain
 from stiffarm.session.console import progress
 from stiffarm.session.outputs import OutputFolder
 from stiffarm.session.parsing import frame_words, tool_words
-from stiffarm.session.path_request import GAMMA, CourseRequest, effects_left_out, path_remarks
 from stiffarm.session.softness import require_springs
 from stiffarm.session.stated import stated_table
 from stiffarm.session.task_options import gammas_of

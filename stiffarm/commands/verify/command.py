@@ -40,11 +40,11 @@ from stiffarm.commands.verify.words import (
     verdict,
 )
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Note, Section
+from stiffarm.path_request import FramesRequest, bodies_of
 from stiffarm.request import FILE, argument, option, word
 from stiffarm.result import Drawing, Result, Table
 from stiffarm.session.console import progress
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.path_request import FramesRequest, bodies_of
 from stiffarm.session.table_kinds import PROGRAM, expect
 
 if TYPE_CHECKING:
@@ -491,4 +491,4 @@ def _how_section(found: Verification) -> Section:
     return Section("How it was checked", tuple(blocks), folded=True)
 
 
-verify = capability("verify", VerifyRequest, answer, is_built=False)
+verify = capability("verify", VerifyRequest, answer, links=False, load_path=False)

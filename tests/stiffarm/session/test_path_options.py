@@ -9,7 +9,7 @@ import pytest
 
 from machining.toolpaths import ReadOptions, read_toolpath
 from robots import InputError
-from stiffarm.session.path_request import read_options
+from stiffarm.path_request import read_options
 
 
 def asked(*read: str, units: str | None = None, tcp: bool = False) -> ReadOptions:

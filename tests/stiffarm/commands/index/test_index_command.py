@@ -14,8 +14,8 @@ import fem
 from machining import INDICES, evaluate, translational
 from robots import load_description
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
+from stiffarm.path_request import GAMMA
 from stiffarm.session.parsing import frame_words, parse_frame
-from stiffarm.session.path_request import GAMMA
 from stiffarm.session.task_options import gammas_of
 
 POSE = "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40"

@@ -19,8 +19,8 @@ from cli_runs import ROOT, environment, heed_ctrl_c, run_here
 
 from stiffarm.commands.serve.command import open_session
 from stiffarm.failures import catalogue
+from stiffarm.path_request import FramesRequest
 from stiffarm.session.inputs import read_model
-from stiffarm.session.path_request import FramesRequest
 
 EXAMPLES = ROOT / "docs" / "examples" / "serve"
 CELL = EXAMPLES / "cell.toml"
