@@ -104,39 +104,6 @@ def test_what_the_shop_floor_finds_draws_itself(tmp_path: Path) -> None:
     assert checked.plot().png.startswith(PNG)
 
 
-@pytest.mark.slow
-def test_a_placement_is_that_of_the_command_line_and_draws_itself(tmp_path: Path) -> None:
-    path, cell = tmp_path / "path.csv", tmp_path / "cell.toml"
-    path.write_text("\n".join((PART / "path.csv").read_text(encoding="utf-8").splitlines()[:6]), encoding="utf-8")
-    rail = '[[linear_axis]]\nname = "rail"\ndirection = [1, 0, 0]\nlimits_mm = [-100, 100]\n'
-    tool = "[tool]\nposition_mm = [200, 0, 80]\nrpy_deg = [0, 90, 0]\n"
-    part = "[part]\nposition_mm = [1200, 200, 600]\n"
-    cell.write_text(f'schema = "stiffarm-cell/1"\n{tool}{part}{rail}', encoding="utf-8")
-    arm = sa.load("kr60-3", links="rigid")
-    gamma = (-180.0, 180.0, 30.0)
-    found = sa.place(arm, path, cell=cell, force=(80, 40, -60), gamma=gamma, collisions=False)
-    asked = run_here(
-        "place",
-        "kr60-3",
-        path,
-        "--cell",
-        cell,
-        "--links",
-        "rigid",
-        "--force",
-        "80,40,-60",
-        "--gamma",
-        "-180:180:30",
-        "--no-collisions",
-        "--json",
-    )
-    assert asked.code == 0, asked.err
-    assert list(found.to_frame()["e1_mm"]) == asked.json["points"]["e1_mm"]
-    picture = found.plot("along", tmp_path / "placement.png").png
-    assert picture.startswith(PNG)
-    assert (tmp_path / "placement.png").read_bytes() == picture
-
-
 @pytest.mark.parametrize("call", ["posture", "place", "post"])
 def test_a_file_with_several_tools_names_the_arguments_that_choose(tmp_path: Path, call: str) -> None:
     path, cell = tmp_path / "part.nc", PART / "cell.toml"
