@@ -56,14 +56,16 @@ def _converted(_: Path) -> pd.DataFrame:
 
 def _program(folder: Path) -> Sequence[pd.DataFrame]:
     arm, cell, out = sa.load("kr60-3"), BRACKET / "cell.toml", folder / "python-program"
-    written = sa.post(arm, BRACKET / "bracket.mpf", out, cell=cell, gamma_deg=(-180.0, 180.0, 5.0))
-    (neutral,) = out.glob("json/*.json")
-    return written.to_frame(), sa.verify(arm, neutral, cell).to_frame()
+    gamma = (-180.0, 180.0, 5.0)
+    written = sa.post(arm, BRACKET / "bracket.mpf", cell=cell, gamma=gamma, tolerance_um=100.0)
+    (neutral,) = written.save(out).glob("json/*.json")
+    return written.to_frame(), sa.verify(arm, neutral, cell=cell).to_frame()
 
 
 def _place(_: Path) -> pd.DataFrame:
     wing = EXAMPLES / "tx200_wing"
-    return sa.place(sa.load("tx200"), wing / "wing.cls", wing / "cell.toml", force_N=(0.0, 60.0, -80.0)).to_frame()
+    force = (0.0, 60.0, -80.0)
+    return sa.place(sa.load("tx200"), wing / "wing.cls", cell=wing / "cell.toml", force=force).to_frame()
 
 
 def _new(_: Path) -> pd.DataFrame:

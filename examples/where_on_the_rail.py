@@ -11,13 +11,14 @@ import stiffarm as sa
 
 files = "docs/examples/tx200_wing"
 arm = sa.identify(sa.load("tx200"), synthetic=True, law="constant").arm
-force = {"force_N": [0, 60, -80], "force_axes": "process"}
+force = {"force": [0, 60, -80], "force_axes": "process"}
 part, cell = f"{files}/wing.cls", f"{files}/cell.toml"
-placed = sa.place(arm, part, cell, **force, mode="moving")
-print(placed.title())
+placed = sa.place(arm, part, cell=cell, **force, mode="moving")
+print(placed.answer)
 
 frame = placed.to_frame()
-moving, still = frame["stiffness_N_per_mm"], frame["fixed_position_stiffness_N_per_mm"]
+moving = frame["stiffness_N_per_mm"]
+still = frame["best_position_at_rest_stiffness_N_per_mm"]
 figure, ax = plt.subplots(layout="constrained")
 ax.plot(frame["path_mm"], moving, label="moving with the cut")
 ax.plot(frame["path_mm"], still, "--", label="best place at rest")

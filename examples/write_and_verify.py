@@ -9,21 +9,21 @@ import stiffarm as sa
 
 files = "docs/examples/kr60_posture"
 arm = sa.load("kr60-3", links="rigid")
-choice = {"cell": f"{files}/cell.toml", "gamma_deg": (-180, 180, 5)}
-program = sa.post(
-    arm, f"{files}/path.csv", "programs", formats=["krl", "json"], **choice
-)
+cell = f"{files}/cell.toml"
+choice = {"gamma": (-180, 180, 5), "format": ["krl", "json"], "tolerance_um": 100}
+program = sa.post(arm, f"{files}/path.csv", cell=cell, **choice)
 print(program)
-checked = sa.verify(arm, "programs/json/path.json", f"{files}/cell.toml")
+program.save("programs")
+checked = sa.verify(arm, "programs/json/path.json", cell=cell)
 print(checked)
 # Picture: the least distance of any two bodies in each move of the program. It stays
 # far above the safety distance.
-checked.plot("write_and_verify.png")
+checked.plot("clearance", "write_and_verify.png")
 
 nearest = 1e3 * checked.found.swept.distance.min()
-off = program.to_frame()["tip_um"].max()
+off = program["off_path_um"].max()
 print(f"Nothing comes nearer than {nearest:.0f} mm; read back within {off:.3f} um")
-assert checked.clean
+assert checked.found.clean
 assert nearest > 2 * 1e3 * checked.found.safety
 assert off < 1.0
 

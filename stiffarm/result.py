@@ -16,7 +16,7 @@ import numpy as np
 
 from robots import InputError, require_one_of
 from robots.arrays import Array
-from robots.files.csv_text import records_text
+from robots.files.csv_text import columns_parts
 from robots.quantities import Quantity, ranged, rounded
 from stiffarm.session.console import say, show_table
 from stiffarm.session.stated import interval_json
@@ -78,26 +78,20 @@ class Table:
         columns |= self.extra
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
-    def records(self) -> list[dict[str, Any]]:
-        """The rows for CSV and data frames: the ends of an interval are columns of their own."""
-        out = []
-        for row in self.rows():
-            flat = {key: value for key, value in row.items() if key not in self.extra}
-            for quantity in self.intervals:
-                low, high = flat.pop(quantity.column_of(INTERVAL)) or (None, None)
-                flat |= {quantity.column_of("low95"): low, quantity.column_of("high95"): high}
-            out.append(flat)
-        return out
-
-    def text(self) -> str:
-        """The rows as the text of a CSV file."""
-        return records_text(self.records())
+    def columns(self) -> dict[str, Sequence[Any]]:
+        """The columns of CSV and data frames: the ends of an interval are columns of their own."""
+        columns: dict[str, Sequence[Any]] = dict(self.labels)
+        columns |= {q.column: q.stored_values(values) for q, values in {**self.in_files, **self.values}.items()}
+        for quantity, ends in self.intervals.items():
+            for what, values in zip(("low95", "high95"), ends, strict=True):
+                columns[quantity.column_of(what)] = quantity.stored_values(values)
+        return columns
 
     def frame(self) -> pd.DataFrame:
         """All rows as a data frame, numbers in shown units."""
         import pandas as pd
 
-        made = pd.DataFrame(self.records())
+        made = pd.DataFrame(self.columns())
         numbers = [name for name in made if name not in self.labels]
         return made.astype(dict.fromkeys(numbers, "float64"))
 
@@ -352,7 +346,7 @@ class Result:
         content = {**self.as_json, **further}
         folder.write_json(f"{self.name}.json", content)
         for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            folder.write_text(f"{table.name if i else self.name}.csv", table.text())
+            folder.write_parts(f"{table.name if i else self.name}.csv", columns_parts(table.columns()))
         shown = []
         for drawing in self.drawings:
             path = folder.path(f"{drawing.name}.png")

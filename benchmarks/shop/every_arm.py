@@ -143,7 +143,7 @@ def one(name: str, where: Path) -> dict[str, Any]:
     code, found, said = run("posture", name, str(path), *frames)
     if code:
         return out | {"failed": f"posture: {said.splitlines()[-1]}"}
-    low, high = found["courses"]["recommended"]["gamma_deg"]
+    low, high = (found["courses"][0][f"gamma_{end}_deg"] for end in ("from", "to"))
     out["gamma"] = f"{low:.4g}" if high - low < 1e-6 else f"{low:.4g} to {high:.4g}"
     folder = where / name
     gamma = f"{low:.6f}" if high - low < 1e-6 else "-180:180:5"

@@ -19,6 +19,14 @@ from robots.arrays import Array, Integers
 
 # What stops a posture, the farthest from being allowed first.
 CAUSES = (*STOPS, "between", "")
+# Why a position cannot be taken, in words.
+STOPPED_BY = {
+    "reach": "out of reach",
+    "limit": "beyond a joint limit",
+    "collision": "collision",
+    "singularity": "too near a singularity",
+    "between": "a move between cuts",
+}
 _REACH, _LIMIT, _SINGULAR, _COLLISION, _BETWEEN, _FREE = range(6)
 _OF_WORD = {word: rank for rank, word in enumerate(CAUSES)}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -95,7 +96,7 @@ def values_of(given: Range, option: str, unit: str = "mm", example: str = "-600:
     return np.linspace(low, high, round(count) + 1)
 
 
-def gammas_of(given: Range) -> GammaRange | float:
+def gammas_of(given: Range | Sequence[float]) -> GammaRange | float:
     """A range of gamma, or one angle (rad), from deg.
 
     Raises

@@ -44,6 +44,11 @@ class Outcome:
 Command = Callable[..., Outcome]
 
 
+def row_of(rows: Sequence[Mapping[str, Any]], **labels: str) -> Mapping[str, Any]:
+    """The row of a table of a result that has these labels."""
+    return next(row for row in rows if all(row[key] == text for key, text in labels.items()))
+
+
 def run_here(*arguments: str | Path) -> Outcome:
     """Run a command in this process: quick, and it may be monkeypatched."""
     result = CliRunner().invoke(app, [str(a) for a in arguments], prog_name="stiffarm")

@@ -234,8 +234,7 @@ def test_two_models_that_are_the_same_compare_as_the_same(case: Callable[[str, s
 def served(model: Path, request: Mapping[str, Any], more: tuple[str, ...]) -> dict[str, Any]:
     """One answer of `stiffarm serve`, from its session: the process and its streams have tests of their own."""
     from stiffarm.commands.serve.command import open_session
-    from stiffarm.session.task_setup import read_setup
+    from stiffarm.path_request import FramesRequest
 
     arm = at_load(sa.load(model), float(more[1]))
-    setup = read_setup(str(model), arm, None, None, None)
-    return open_session(arm, setup).reply(dict(request))
+    return open_session(arm, FramesRequest().setup(arm)).reply(dict(request))

@@ -27,7 +27,10 @@ MADE = {
     "import": "ImportRequest",
     "index": "IndexRequest",
     "new": "NewRequest",
+    "place": "PlaceRequest",
     "plan": "PlanRequest",
+    "post": "PostRequest",
+    "posture": "PostureRequest",
     "readings": "ReadingsRequest",
     "rehearse": "RehearseRequest",
     "robots check": "CheckRequest",
@@ -35,6 +38,7 @@ MADE = {
     "run": "RunRequest",
     "sensitivity": "SensitivityRequest",
     "simulate": "SimulateRequest",
+    "verify": "VerifyRequest",
 }
 # Functions whose name is not that of the command.
 CALLED = {
@@ -76,6 +80,8 @@ def test_command_function_and_page_have_the_fields_of_the_request(name: str) -> 
             assert spelled(field, how) in typed[field].opts
     function = getattr(sa, CALLED.get(name, name))
     assert [one for one in inspect.signature(function).parameters if one != "arm" or one in options] == list(options)
+    function = inspect.signature(getattr(sa, name)).parameters
+    assert (next(iter(function)), set(function)) == ("arm", {"arm", *options})
     page = command_pages.page(name, command, typer.Context(typer.main.get_command(app), info_name="stiffarm"))
     for field, how in options.items():
         text = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"

@@ -277,14 +277,17 @@ def _effects(content: Mapping[str, Any]) -> list[Figure]:
 
 def _placement(content: Mapping[str, Any]) -> list[Figure]:
     out = []
-    for which, one in content.get("placements", {}).items():
+    rows = content.get("placements", [])
+    # By their names in files of version 1.
+    rows = [{"placement": name, **one} for name, one in rows.items()] if isinstance(rows, dict) else rows
+    for one in rows:
         for key, value in one.items():
-            interval = one.get(f"{key}_95")
-            if not isinstance(value, int | float) or key.endswith("_95"):
+            if not isinstance(value, int | float):
                 continue
-            unit = next((unit for end, unit in UNITS.items() if key.endswith(end)), "")
+            end, unit = next(((end, unit) for end, unit in UNITS.items() if key.endswith(end)), ("", ""))
+            interval = one.get(f"{key.removesuffix(end)}_interval95{end}", one.get(f"{key}_95"))
             low, high = interval if isinstance(interval, list) and len(interval) == 2 else (None, None)
-            out.append(_by_interval(f"{which}.{key}", unit, float(value), low, high))
+            out.append(_by_interval(f"{one['placement']}.{key}", unit, float(value), low, high))
     return out
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -22,11 +22,11 @@ from machining.tooling import require_tools
 from robots import InputError
 from stiffarm.capability import capability
 from stiffarm.commands.place.result import result
+from stiffarm.path_request import GAMMA, Axes, PathRequest
 from stiffarm.request import ANY_PATH, Kind, numbers_of, option, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.parsing import parse_numbers
-from stiffarm.session.path_request import GAMMA, Axes, PathRequest
 from stiffarm.session.softness import require_springs
 from stiffarm.session.task_options import gammas_of
 
@@ -170,7 +170,8 @@ def answer(given: Arm, asked: PlaceRequest) -> Result:
         )
     criterion = None if asked.alpha is None or asked.beta is None else Criterion(asked.alpha, asked.beta)
     mode, _, steps = asked.mode.partition(":")
-    ranges = {axis: (1e-3 * a, 1e-3 * b) for one in asked.range for axis, (a, b) in one.items()}
+    searched = cast("Sequence[Mapping[str, tuple[float, float]]]", asked.range)
+    ranges = {axis: (1e-3 * a, 1e-3 * b) for one in searched for axis, (a, b) in one.items()}
     drive = asked.limits(arm.robot, jump=math.radians(asked.jump))
     scene = scene_of(setup.cell, setup.arm) if asked.collisions else None
     problem = Problem(

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from machining.placement import Along
-from robots import InputError
+from machining.placement.freedom import STOPPED_BY
 from robots.arrays import Array
 from stiffarm.commands.place.result import STOPPED_BY
 from stiffarm.commands.posture.figures.along_path import draw_line
@@ -37,17 +37,7 @@ def curve_figure(
 
     ``x`` (p,) ascending, ``values`` (p,) by name, ``why`` (p,) of :data:`ZONES` or empty; ``marks``: positions by name,
     the first is the recommended one.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit.
     """
-    shapes = {value.shape for value in values.values()}
-    if shapes != {x.shape} or len(why) != len(x) or not len(x):
-        raise InputError(
-            "curve of positions", code="B002", value=f"shapes {shapes}", allowed=f"({len(x)},), one of each"
-        )
     with drawing("", (WIDTH_IN, 4.6)) as (figure, (ax,)):
         edge = np.concatenate([[x[0]], 0.5 * (x[1:] + x[:-1]), [x[-1]]])
         for i, reason in enumerate(why):
@@ -115,14 +105,7 @@ def map_figure(
     """Draw what positions over two coordinates are worth.
 
     ``value`` and ``why`` (p, r) over x (p,) and y (r,); ``marks`` as in :func:`curve_figure`, as positions.
-
-    Raises
-    ------
-    InputError
-        Shapes that do not fit.
     """
-    if value.shape != (len(x), len(y)) or len(why) != value.size:
-        raise InputError("map of positions", code="B002", value=f"shape {value.shape}", allowed=f"({len(x)}, {len(y)})")
     reason = np.array(why, dtype=object).reshape(value.shape)
     wide = float(np.ptp(x)) / max(float(np.ptp(y)), 1e-9)
     size = WIDTH_IN, float(np.clip(1.2 + 4.0 / max(wide, 0.5), 3.4, 6.0))

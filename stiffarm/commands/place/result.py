@@ -14,20 +14,30 @@ from machining.cell import ArmBodies, clearance
 from machining.cutting import Estimated
 from machining.placement import Along, Look, Problem, Survey, axis_rates, placement_content
 from machining.placement.between import placement_of
+from machining.placement.freedom import STOPPED_BY
 from machining.placement.search import COARSE_ROWS, stop_words
 from machining.placement.study import PlacedStep
+from machining.posture.posing import CHOSEN
 from robots import Remark
 from robots.arrays import Array
+from robots.files.csv_text import columns_parts
 from robots.quantities import Quantity, angle, change, length, stiffness, stored
-from stiffarm.commands.posture.course import ERROR_SD, GAMMA, angles_text, course_values, joints_drawing
-from stiffarm.commands.posture.result import CHOSEN, PATH_LENGTH, prefixed
+from stiffarm.commands.posture.course import (
+    ERROR_SD,
+    GAMMA,
+    PATH_LENGTH,
+    angles_text,
+    course_values,
+    joints_drawing,
+    prefixed,
+)
 from stiffarm.pages.arm_uncertainty import ERROR, error_remarks, figure, sentence, share_remarks, spread
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
+from stiffarm.path_request import path_remarks
 from stiffarm.result import Drawing, Result, Table
 from stiffarm.session.console import progress
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.path_request import path_remarks
 from stiffarm.session.stated import stated_table
 
 if TYPE_CHECKING:
@@ -48,14 +58,6 @@ AIM_WORDS: Final = {
     "mean": "the mean stiffness along the cutting force",
     "worst": "the stiffness of the softest point along the cutting force",
     "error": "the RMS of the surface error",
-}
-# Why a position cannot be taken.
-STOPPED_BY: Final = {
-    "reach": "out of reach",
-    "limit": "beyond a joint limit",
-    "collision": "collision",
-    "singularity": "too near a singularity",
-    "between": "a move between cuts",
 }
 # Changes smaller than this share are not worth moving a base.
 WORTHWHILE: Final = 0.02
@@ -87,12 +89,11 @@ def result(arm: Arm, step: PlacedStep, bodies: ArmBodies) -> Result:
     title = arm.description.title.split(" (")[0]
 
     def more(folder: OutputFolder) -> Mapping[str, Any]:
-        from stiffarm.commands.place.axes import axes_study
-        from stiffarm.commands.posture.axes_page import NAME, axes_page
+        from stiffarm.commands.posture.axes_page import NAME, axes_page, placement_study
 
         with progress("map of positions"):
-            folder.write_text(POSITIONS, positions_table(step.map).text())
-        study = axes_study(step, bodies)
+            folder.write_parts(POSITIONS, columns_parts(positions_table(step.map).columns()))
+        study = placement_study(step, bodies)
         if study is not None:
             folder.write_text(NAME, axes_page(study, f"{title} in cell {step.cell.name}"))
         return {}

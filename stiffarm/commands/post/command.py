@@ -31,11 +31,11 @@ from robots.arrays import Array
 from robots.quantities import angle, length
 from stiffarm.capability import capability
 from stiffarm.commands.post.result import result
+from stiffarm.path_request import GAMMA, CourseRequest
 from stiffarm.request import ANY_PATH, NAMES, numbers_of, option, row, seed, word
 from stiffarm.result import Result
 from stiffarm.session.console import progress
 from stiffarm.session.parsing import payload_of
-from stiffarm.session.path_request import GAMMA, CourseRequest
 from stiffarm.session.task_options import gammas_of
 
 # Tool frames (m, rad) that a placement and the program made with it may differ by, and joint angles (rad).

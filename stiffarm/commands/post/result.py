@@ -19,7 +19,7 @@ from machining.programs.run import PostRun
 from machining.stiffness.objective import shown
 from machining.toolpaths.events import ordered
 from robots import Remark
-from robots.arrays import Array
+from robots.arrays import Array, Bools
 from robots.constants import NORMAL_95
 from robots.inverse.following import is_redundant
 from robots.quantities import QUANTITIES, Quantity, angle, length, stored
@@ -28,9 +28,9 @@ from stiffarm.commands.posture.course import GAMMA, angles_text, elbow_range, jo
 from stiffarm.pages.arm_uncertainty import BY_ROOM, error_remarks, sentence, share_remarks
 from stiffarm.pages.arm_uncertainty import payload as arm_uncertainty
 from stiffarm.pages.report import Bullets, KeyFigure, Section, Text
+from stiffarm.path_request import effects_left_out, path_remarks
 from stiffarm.result import Drawing, Number, Result, Table, plain
 from stiffarm.session.outputs import OutputFolder
-from stiffarm.session.path_request import effects_left_out, path_remarks
 from stiffarm.session.stated import stated_table
 
 if TYPE_CHECKING:
@@ -285,7 +285,7 @@ def _sections(run: PostRun) -> tuple[Section, ...]:
     )
 
 
-def _sizes(moved: Array, judged: Array | None = None) -> dict[str, float | None]:
+def _sizes(moved: Array, judged: Bools | None = None) -> dict[str, float | None]:
     """Largest and mean size of displacements (n, 3) m; the mean of ``judged`` rows."""
     size = np.linalg.norm(moved, axis=1)
     some = size if judged is None else size[judged]

@@ -10,10 +10,13 @@ from matplotlib.colors import to_hex
 from scipy.ndimage import label
 
 import fem
-from machining.cell import Scene, scene_of
+from machining.cell import ArmBodies, Scene, scene_of
+from machining.placement.study import PlacedStep
+from machining.placement.sweeping import distances
 from machining.posture.axes_cells import AxesCells, causes_of, errors_of
 from machining.posture.axes_map import axes_map
 from machining.posture.drive import Drive
+from machining.posture.points import GammaRange
 from machining.posture.posing import CHOSEN, Posed
 from machining.setup import Setup
 from machining.stiffness.objective import Objective, shown
@@ -109,6 +112,51 @@ def axes_study(posed: Posed, setup: Setup, given: GivenPath | None = None) -> Ax
         table=0.0,
         error=None if error is None else error.normal[rows],
         force=None if error is None else error.force[rows],
+    )
+
+
+# Angles of the map where the search had fewer.
+ANGLES = 72
+
+
+def placement_study(step: PlacedStep, arm: ArmBodies) -> AxesStudy | None:
+    """What the page of `place` shows; None for a single point or gamma, and for an arm without any shape to draw."""
+    problem, after = step.placed.problem, step.placed.after
+    if problem.path.n < 2 or not isinstance(problem.gamma, GammaRange):
+        return None
+    scene = problem.scene or scene_of(step.cell, arm)
+    if not scene.arm.bodies:
+        return None
+    tools = problem.tools
+    if tools is not None and not tools.scenes:
+        tools = Setup(step.cell, scene.arm).tools(step.given)
+    error = after.error
+    rows = kept(problem.path.n, np.array([np.abs(error.normal).argmax(), after.stiffness.argmin()]))
+    e, table = after.e[rows], after.table
+    looked, objective = problem.looked_at(e, table, rows)
+
+    def clear(q: Array, point: Integers) -> Array:
+        return distances(problem, q, e[point], table, rows[point])
+
+    drive = replace(problem.drive, clearance_at=clear, clearance_least=problem.clearance)
+    task = problem.task_at(e, table, rows)
+    return AxesStudy(
+        model=problem.arm,
+        task=task,
+        drive=problem.drive if problem.scene is None else drive,
+        scenes=(scene,) if tools is None else tools.scenes,
+        place=np.zeros(len(rows), dtype=np.int64) if tools is None else tools.place[rows],
+        looked=looked,
+        objective=objective,
+        words="surface error" if problem.goal.minimised else "stiffness along the force",
+        angles=thinned_angles(replace(problem.gamma, count=max(problem.gamma.count, ANGLES)).angles),
+        gamma=after.course.gamma[rows],
+        q=after.course.q[rows],
+        value=objective.values(problem.arm, after.course.q[rows], looked, np.arange(len(rows))),
+        e=e,
+        table=table,
+        error=error.normal[rows],
+        force=error.force[rows],
     )
 
 

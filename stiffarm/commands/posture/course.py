@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from machining import Course
+from machining.posture.posing import CHOSEN
 from machining.task import ToolPath
 from robots import Robot
 from robots.arrays import Array
@@ -20,7 +21,17 @@ if TYPE_CHECKING:
 
 GAMMA: Final = angle("gamma")
 ELBOW: Final = angle("elbow")
+PATH_LENGTH: Final = length("path_length")
 ERROR_SD: Final = length("error_sd", unit="um")
+
+
+def prefixed(name: str, quantity: Quantity) -> Quantity:
+    """A quantity of one of several courses or placements; that of the recommended one has its own name."""
+    return (
+        quantity
+        if name == CHOSEN
+        else replace(quantity, key=f"{name.replace(' ', '_').replace(',', '')}_{quantity.key}")
+    )
 
 
 def precise(quantity: Quantity) -> Quantity:

@@ -16,12 +16,12 @@ from machining.service.wire import LONGEST_LINE
 from machining.setup import Setup
 from robots import InputError
 from stiffarm import __version__
+from stiffarm.path_request import FramesRequest, effects_left_out
 from stiffarm.request import FRAME
 from stiffarm.session.console import EXIT_OTHER, say, say_notes
 from stiffarm.session.frame import command
 from stiffarm.session.inputs import model_hash
 from stiffarm.session.options import Debug, Links, LoadPathOpt, ModelArg, Sets
-from stiffarm.session.path_request import FramesRequest, effects_left_out
 from stiffarm.session.stated import AtLoad, stated_table
 from stiffarm.session.streams import CLOSED
 from stiffarm.session.task_options import CellOpt, PartOpt, ToolOpt

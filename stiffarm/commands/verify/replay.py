@@ -9,8 +9,7 @@ import numpy as np
 
 from machining.verification import Offence, Verification
 from robots.arrays import Array, Integers
-from stiffarm.commands.verify.picture import view_of
-from stiffarm.commands.verify.spot import Spot, spot_of
+from stiffarm.commands.verify.picture import Spot, spot_of, view_of
 from stiffarm.commands.verify.words import kinds_words, offence_words, value_words
 from stiffarm.pages.cell_bodies import cell_data
 from stiffarm.pages.numbers import typeset

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runs import ROOT, run_here
+from cli_runs import ROOT, row_of, run_here
 
 DOCS = ROOT / "docs"
 POSTURE, WING = DOCS / "examples" / "kr60_posture", DOCS / "examples" / "tx200_wing"
@@ -54,34 +54,33 @@ def test_the_page_on_postures(tmp_path: Path) -> None:
     )
     names = {
         "recommended": "recommended",
-        "as_programmed": "as programmed (gamma 90)",
-        "fixed_gamma": "best fixed gamma",
-        "each_point": "each point by itself (the paper's rule)",
+        "as programmed": "as programmed (gamma 90)",
+        "best fixed gamma": "best fixed gamma",
+        "each point by itself": "each point by itself (the paper's rule)",
     }
     rows = []
     for key, name in names.items():
-        one = found["courses"][key]
-        gamma = span(*one["gamma_deg"], lambda v: f"{v:.0f}")
+        one = row_of(found["courses"], course=key)
+        gamma = span(one["gamma_from_deg"], one["gamma_to_deg"], lambda v: f"{v:.0f}")
         drivable = "yes" if not one["undrivable_segments"] else "no, a jump"
         figures = f"{one['mean_k_fs_N_per_mm']:.0f} | {one['worst_k_fs_N_per_mm']:.0f}"
         rows.append(f"| {name} | {figures} | {gamma} | {drivable} |")
-    before, after = (found["surface_error"][key] for key in ("as_programmed", "recommended"))
-    change = found["surface_error"]["change"]
-    factor = change["rms"]["factor"]
+    before, after = (row_of(found["surface_error"], course=key) for key in ("as programmed", "recommended"))
+    change = {one["statistic"]: one for one in found["change"]}
+    low, high = change["rms"]["factor_interval95"]
     check(
         "posture.md",
         [
-            f"a tool path of {found['points']} points",
+            f"a tool path of {found['path_points']} points",
             *rows,
-            f"The predicted RMS error along the surface normal falls from {before['rms_um']['value']:.0f} to "
-            f"{after['rms_um']['value']:.0f} um (factor {factor['low95']:.1f} to {factor['high95']:.1f}, 95 %)",
-            f"its peak to valley grows from {before['peak_to_valley_um']['value']:.0f} to "
-            f"{after['peak_to_valley_um']['value']:.0f} um",
+            f"The predicted RMS error along the surface normal falls from {before['rms_um']:.0f} to "
+            f"{after['rms_um']:.0f} um (factor {low:.1f} to {high:.1f}, 95 %)",
+            f"its peak to valley grows from {before['peak_to_valley_um']:.0f} to {after['peak_to_valley_um']:.0f} um",
         ],
     )
     assert (change["rms"]["verdict"], change["peak_to_valley"]["verdict"]) == ("smaller", "larger")
     # The lower end spans the other published coefficients of this alloy too.
-    assert factor["low95"] > 1.3 * found["gain"]["as_programmed"]["high95"]
+    assert low > 1.3 * row_of(found["courses"], course="as programmed")["gain_interval95"][1]
     written = {path.name for path in (tmp_path / "posture").iterdir()}
     assert {"report.html", "posture.csv", "posture.json", "axes.html"} <= written
 
@@ -103,14 +102,12 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
         return asked("verify", model, tmp_path / f"{name}_program" / "json" / "wing.json", *cell, *more, code=code)
 
     rest = place("rest")
-    one = rest["placements"]["recommended"]
-    assert all(
-        rest[gain]["present_place_best_gamma"]["value"] == pytest.approx(1.0, abs=0.005)
-        for gain in ("gain", "gain_of_worst")
-    )
+    one = row_of(rest["placements"], placement="recommended")
+    present = row_of(rest["placements"], placement="present place, best gamma")
+    assert [present["gain"], present["gain_of_worst"]] == pytest.approx([1.0, 1.0], abs=0.005)
     moving = place("moving", "--mode", "moving")
-    go = moving["placements"]["recommended"]
-    off = max(format["off_path_um"] for format in program("rest", "val3,sinumerik,json")["programs"].values())
+    go = row_of(moving["placements"], placement="recommended")
+    off = max(format["off_path_um"] for format in program("rest", "val3,sinumerik,json")["programs"])
     replayed = verify("rest")
     assert replayed["clean"]
     assert replayed["least_distance_bodies"] is None, "nothing came nearer than the distance that was worked out"
@@ -121,7 +118,7 @@ def test_the_page_on_programs(tmp_path: Path) -> None:
     check(
         "program.md",
         [
-            f"here {one['axes_mm']['rail'][0]:.2g} mm from the middle, with gamma {one['gamma_deg'][0]:.0f} deg.",
+            f"here {one['axes_mm']['rail'][0]:.2g} mm from the middle, with gamma {one['gamma_from_deg']:.0f} deg.",
             f"at the softest point ({one['worst_stiffness_N_per_mm']:.0f} N/mm) and on average "
             f"({one['mean_stiffness_N_per_mm']:.0f} N/mm) and the predicted error ({one['rms_error_um']:.0f} um RMS)",
             "the four plunges are not judged. Its first lines say how much that gains over the present place: here "

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from machining.toolpaths import read_toolpath
+from machining.toolpaths import ReadOptions, read_toolpath
 from robots import InputError
-from stiffarm.session.path_options import Reading, reading
+from stiffarm.path_request import read_options
 
 
-def asked(*read: str, kind: str | None = None, units: str | None = None, tcp: bool = False) -> Reading:
-    return reading(kind, units, "table-AC", tcp, read, None, None)
+def asked(*read: str, units: str | None = None, tcp: bool = False) -> ReadOptions:
+    return read_options(read, units, "table-AC", tcp=tcp)
 
 
 @pytest.mark.parametrize(
@@ -45,9 +45,9 @@ def test_a_remedy_can_be_typed_and_helps(tmp_path: Path, name: str, text: str, r
     (tmp_path / name).write_text(text, encoding="utf-8")
     before = asked(*(["max_moves=2"] if "max_moves" in remedy else []))
     with pytest.raises(InputError) as caught:
-        read_toolpath(tmp_path / name, options=before.options)
+        read_toolpath(tmp_path / name, options=before)
     assert f"--read {remedy}" in str(caught.value)
-    assert read_toolpath(tmp_path / name, options=asked(*options).options).n >= 1
+    assert read_toolpath(tmp_path / name, options=asked(*options)).n >= 1
 
 
 @pytest.mark.parametrize(
@@ -62,10 +62,10 @@ def test_a_remedy_can_be_typed_and_helps(tmp_path: Path, name: str, text: str, r
 def test_flags_too(tmp_path: Path, name: str, text: str, remedy: str, after: dict | None) -> None:
     (tmp_path / name).write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as caught:
-        read_toolpath(tmp_path / name, options=asked().options)
+        read_toolpath(tmp_path / name, options=asked())
     assert remedy in str(caught.value)
     if after is not None:
-        assert read_toolpath(tmp_path / name, options=asked(**after).options).n == 1
+        assert read_toolpath(tmp_path / name, options=asked(**after)).n == 1
 
 
 def test_no_remedy_of_a_reader_names_an_argument_alone() -> None:
@@ -93,7 +93,7 @@ def test_all_keys_together() -> None:
         "max_moves=10",
         "max_bytes=1000",
         "retract=42.5",
-    ).options
+    )
     assert (found.frames, found.unknown_motion, found.circle_axis, found.dwell_unit) == (
         "absolute",
         "report",

@@ -12,14 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from machining.cutting import Comparison, SurfaceError
-from robots import InputError, Robot, require_at_least
+from robots import Robot
 from robots.arrays import Array
 from robots.constants import NORMAL_95
 from stiffarm.pages.figure_parts import LINES, SERIES, above, angle_label, drawing, note, panels
 from stiffarm.pages.style import FAINT, INK
 
-# Surface errors in one picture.
-_MOST: Final = 4
 _BAND: Final = 0.16
 # Points closer than this would make markers run into each other.
 _MARKED: Final = 25
@@ -47,17 +45,9 @@ def motion_figure(
 
     ``arc_mm`` (n,); ``courses`` by name (n, c), the first is drawn boldly; ``limits`` (c, 2), in the
     picture if near, with ``whole`` in any case. ``narrow``: for half of a page's width.
-
-    Raises
-    ------
-    InputError
-        No courses, or shapes that do not fit.
     """
-    n, many = len(arc_mm), len(labels)
-    if not courses or any(q.shape != (n, many) for q in courses.values()) or limits.shape != (many, 2):
-        raise InputError("motion figure", code="B002", value="shapes that do not fit", allowed=f"courses ({n}, {many})")
     columns, width, height = (2, 5.2, 1.7) if narrow else (3, 10.0, 2.6)
-    with panels(heading, many, columns, width, height, 0.9, sharex=True) as (figure, axes):
+    with panels(heading, len(labels), columns, width, height, 0.9, sharex=True) as (figure, axes):
         for j, ax in enumerate(axes):
             _panel(ax, arc_mm, {name: q[:, j] for name, q in courses.items()}, limits[j], whole)
             ax.set_title(labels[j], loc="left", pad=4)
@@ -101,22 +91,8 @@ def milling_error_figure(
     ----------
     errors : name of a set of postures -> its error, one to four, before the optimisation first
     comparison : of the first two; its difference gets a panel of its own, with the band of what is not common
-
-    Raises
-    ------
-    InputError
-        No errors or more than four, different paths or one of a single point, or a comparison of other errors.
     """
-    if not 1 <= len(errors) <= _MOST:
-        raise InputError("milling error figure: errors", code="B002", value=len(errors), allowed=f"1 to {_MOST}")
-    first = next(iter(errors.values()))
-    s = first.arc_length
-    lengths = [e.arc_length for e in errors.values()]
-    if any(one.shape != s.shape or not np.allclose(one, s, rtol=0.0, atol=1e-9) for one in lengths):
-        raise InputError("milling error figure: the paths differ", code="B002", allowed="errors along one path")
-    require_at_least("milling error figure: points of the path", len(s), 2, code="B002")
-    if comparison is not None:
-        _check(comparison, [e.normal for e in errors.values()])
+    s = next(iter(errors.values())).arc_length
     rows = 1 if comparison is None else 2
     look: dict[str, Any] = {} if rows == 1 else {"height_ratios": (1.6, 1.0), "sharex": True}
     with drawing(heading, (9.0, 4.4 if rows == 1 else 6.6), rows, 1, **look) as (figure, axes):
@@ -141,12 +117,6 @@ def milling_error_figure(
             _with_zero(ax)
         axes[-1].set_xlabel("arc length along the path (mm)")
     return figure
-
-
-def _check(comparison: Comparison, normals: list[Array]) -> None:
-    fits = len(normals) > 1 and comparison.difference.shape == normals[0].shape
-    if not fits or not np.allclose(comparison.difference, normals[0] - normals[1], rtol=1e-9, atol=1e-12):
-        raise InputError("milling error figure: comparison", code="B002", allowed="that of the first two errors")
 
 
 def _curve(ax: Axes, s: Array, value: Array, band: tuple[Array, Array], colour: str, line: Any) -> None:

@@ -18,7 +18,6 @@ from machining import Course
 from machining.posture.axes_map import AxesMap, Zone
 from machining.posture.path import PathPosture
 from machining.stiffness.objective import shown
-from robots import InputError
 from robots.arrays import Array, Bools
 from stiffarm.commands.maps.index.figures import angle_ticks
 from stiffarm.commands.maps.looks import look_bar, look_of
@@ -78,29 +77,9 @@ def course_lines(found: PathPosture, before: Course | None = None) -> dict[str, 
 def draw_axes_map(
     made: AxesMap, courses: Mapping[str, CourseLine] | None = None, *, title: str, narrow: bool = False
 ) -> Figure:
-    """Map above, the courses' values along the path below; ``narrow``: for half of a page's width.
-
-    Raises
-    ------
-    InputError
-        A path of one point, one angle, angles that do not ascend or span more than a turn, or a course of another
-        number of points.
-    """
-    courses = dict(courses or {})
+    """Map above, the courses' values along the path below; ``narrow``: for half of a page's width."""
+    courses = courses or {}
     degrees = np.degrees(made.gamma)
-    step = np.diff(degrees)
-    if len(made.length) < 2 or len(degrees) < 2 or not (step > 0.0).all() or np.ptp(degrees) > TURN + 1e-6:
-        raise InputError(
-            "axes map",
-            code="B002",
-            value=f"{len(made.length)} points, {len(degrees)} angles",
-            allowed="two or more points, two or more ascending angles within a turn",
-        )
-    for name, line in courses.items():
-        if line.gamma.shape != made.length.shape or line.value.shape != made.length.shape:
-            raise InputError(
-                f"course {name}", code="B002", value=f"shape {line.gamma.shape}", allowed=f"{made.length.shape}"
-            )
     x = 1e3 * made.length
     look: dict[str, Any] = {"height_ratios": (2.3, 1.0)} if courses else {}
     size = (5.2, 6.4) if narrow else (10.5, 7.6 if courses else 5.4)

@@ -255,10 +255,10 @@ def test_diagnoses_and_placements_by_their_files(tmp_path: Path) -> None:
     other = json.loads(json.dumps(content))
     other["effects"][0]["parameters"]["force"]["value"] = 60.0
     placed = {
-        "schema": "stiffarm-placement/1",
+        "schema": "stiffarm-placement/2",
         "robot": "tx200",
         "cell": "wing",
-        "placements": {"recommended": {"K_sf": 1.0, "K_sf_95": [0.9, 1.1], "axes_mm": {}}},
+        "placements": [{"placement": "recommended", "K_sf": 1.0, "K_sf_interval95": [0.9, 1.1], "axes_mm": {}}],
     }
     for name, text in (("a", content), ("b", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(text), encoding="utf-8")

@@ -14,8 +14,9 @@ import fem
 from machining import INDICES, evaluate, translational
 from robots import load_description
 from stiffarm.commands.index.figures import MOST_POSES, ellipsoid_figure
+from stiffarm.path_request import GAMMA
 from stiffarm.session.parsing import frame_words, parse_frame
-from stiffarm.session.task_options import parse_gammas
+from stiffarm.session.task_options import gammas_of
 
 POSE = "q1_deg=10,q2_deg=-60,q3_deg=40,q5_deg=40"
 TOOL = "80,0,200,0,90,0"
@@ -119,7 +120,7 @@ def test_frames_read_as_written() -> None:
 
 @pytest.mark.parametrize(("text", "count"), [("-180:180:5", 72), ("0:90:5", 19), ("0:10:10", 2)])
 def test_ranges_of_gamma(text: str, count: int) -> None:
-    gammas = parse_gammas(text)
+    gammas = gammas_of(GAMMA.read(text, "--gamma"))
     assert not isinstance(gammas, float)
     assert gammas.count == count
 

@@ -11,7 +11,7 @@ from cli_runs import Command
 from machining.cell import read_cell
 from machining.programs.formats import read_program
 from robots import InputError, load_robot
-from stiffarm.commands.post.approach import parse_approach
+from stiffarm.commands.post.command import approach_of
 
 CELL = """schema = "stiffarm-cell/1"
 [tool]
@@ -138,13 +138,13 @@ def test_verify_finds_what_stands_in_the_way_from_that_side(
 )
 def test_signs_and_angles_that_cannot_be_are_refused(signs: str | None, deg: float | None) -> None:
     with pytest.raises(InputError, match="--approach"):
-        parse_approach(signs, deg, load_robot("kr60-3"))
+        approach_of(signs, deg, load_robot("kr60-3"))
 
 
 def test_signs_are_those_of_the_column() -> None:
     robot = load_robot("kr60-3")
-    assert parse_approach(None, None, robot) is None
-    found = parse_approach(SIGNS, None, robot)
+    assert approach_of(None, None, robot) is None
+    found = approach_of(SIGNS, None, robot)
     assert found is not None
     np.testing.assert_array_equal(found.ways, WAYS)
     assert found.angle == pytest.approx(np.radians(0.5))

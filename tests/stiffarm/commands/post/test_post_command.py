@@ -17,7 +17,7 @@ from machining.programs.formats import NEUTRAL, changed_since
 from machining.programs.program import frame_distance
 from robots import load_description
 from robots.robot import robot_from
-from stiffarm.commands.post.targets import parse_targets
+from stiffarm.commands.post.command import targets_of
 
 CELL = """
 schema = "stiffarm-cell/1"
@@ -104,7 +104,7 @@ def test_a_program_edited_after_it_was_posted_is_found(cli: Command, files: tupl
     # The same by Python, with the neutral program of the same run named or found.
     arm = sa.load("kr60-3")
     for more in ({}, {"against": out / "json" / "pocket.json"}):
-        checked = sa.verify(arm, main, cell, **more)
+        checked = sa.verify(arm, main, cell=cell, **more)
         assert any("changed after" in offence.text for offence in checked.found.offences)
     # A second file of the program counts as much, and so does one that is gone.
     main.write_text(text, encoding="utf-8")
@@ -137,8 +137,9 @@ def test_the_programs_are_on_the_path(cli: Command, files: tuple[Path, Path], tm
     )
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "post.json").read_text(encoding="utf-8"))
-    assert set(content["programs"]) == {"krl_cartesian", "krl_joint", "sinumerik_joint", "csv", "json"}
-    for found in content["programs"].values():
+    written = {"krl_cartesian", "krl_joint", "sinumerik_joint", "csv", "json"}
+    assert {found["program"] for found in content["programs"]} == written
+    for found in content["programs"]:
         assert found["off_path_um"] < 1.0
         assert found["off_path_urad"] < 1.0
     assert content["moves_read"] == 7
@@ -186,7 +187,7 @@ def test_one_kind_of_coordinates_is_written_if_asked(cli: Command, files: tuple[
         "--json",
     )
     assert outcome.code == 0, outcome.err
-    assert set(outcome.json["programs"]) == {"krl_joint"}
+    assert [found["program"] for found in outcome.json["programs"]] == ["krl_joint"]
     assert outcome.json["gamma_deg"] == [-30.0, -30.0]
 
 
@@ -263,8 +264,8 @@ def test_a_point_out_of_reach_names_its_line(cli: Command, files: tuple[Path, Pa
 
 
 def test_targets() -> None:
-    assert [t.folder for t in parse_targets("krl,json", "both")] == ["krl_cartesian", "krl_joint", "json"]
-    assert [t.folder for t in parse_targets("val3", "cartesian")] == ["val3_cartesian"]
+    assert [t.folder for t in targets_of(("krl", "json"), "both")] == ["krl_cartesian", "krl_joint", "json"]
+    assert [t.folder for t in targets_of(("val3",), "cartesian")] == ["val3_cartesian"]
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runs import Command
+from cli_runs import Command, row_of
 
 CELL = """schema = "stiffarm-cell/1"
 [tool]
@@ -83,7 +83,7 @@ def test_a_tools_program_does_what_the_file_says_and_a_missing_stop_is_found(
     assert outcome.code == 0, outcome.err
     content = json.loads((out / "post.json").read_text(encoding="utf-8"))
     assert content["commands"] == {"operation": 1, "tool": 1, "spindle": 2, "coolant": 2, "optional stop": 1}
-    undefined = content["programs"]["krl_joint"]["undefined_commands"]
+    undefined = row_of(content["programs"], program="krl_joint")["undefined_commands"]
     assert [(one["what"], one["first_line"]) for one in undefined] == [("spindle_speed", 5), ("optional_stop", 14)]
     text = (out / "krl_cartesian" / "part_001.src").read_text(encoding="utf-8")
     words = [line for line in text.splitlines() if line.startswith(("$OUT", "CHANGE", "HALT"))]
@@ -105,7 +105,7 @@ def test_a_cutting_force_and_a_plunge_do_not_stop_posture(cli: Command, files: t
     force = ("--force", "0,50,0", "--force-axes", "process")
     outcome = cli(*asked, *force, "--operation", "rough")
     assert outcome.code == 0, outcome.err
-    assert outcome.json["points"] == 3
+    assert outcome.json["path_points"] == 3
     assert "plunge" in outcome.err
 
 

@@ -24,8 +24,7 @@ from machining.setup import Setup
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
 from robots import forward_kinematics, load_description
-from stiffarm.commands.posture.axes import axes_study
-from stiffarm.commands.posture.axes_page import AxesStudy, axes_data, axes_page, cells_of, kept
+from stiffarm.commands.posture.axes_page import AxesStudy, axes_data, axes_page, axes_study, cells_of, kept
 
 ALONG_Y = np.array([0.0, 1.0, 0.0])
 # Tip 200 mm to the side of the flange and 80 mm ahead, axis across the flange's.
@@ -55,7 +54,7 @@ def study() -> AxesStudy:
     task = setup.task(dome(13, 0.5), ALONG_Y)
     cut = Cut(ConstantForce(FORCE, "base"), None)
     request = PostureRequest(task, Objective(), GammaRange(count=36), setup.drive(Drive()), cut=cut)
-    made = axes_study(pose_along(model, request), setup, "kr60-3", description)
+    made = axes_study(pose_along(model, request), setup)
     assert made is not None
     return made
 
@@ -224,4 +223,4 @@ def test_one_gamma_has_no_map() -> None:
     task = Task(dome(4, 0.2), SPINDLE, PART, ALONG_Y)
     request = PostureRequest(task, Objective(), GammaRange(0.4, 0.6, 2), Drive(jump=2.0))
     posed = pose_along(model, request)
-    assert axes_study(posed, Setup(Cell()), "kr60-3", description) is None
+    assert axes_study(posed, Setup(Cell())) is None

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from matplotlib.figure import Figure
 
 from machining.cutting import Comparison, SurfaceError
 from machining.cutting.spread import Uncertain
-from robots import InputError
 from robots.arrays import Array
 from stiffarm.commands.posture.figures.along_path import milling_error_figure
 from stiffarm.pages.style import save_png
@@ -96,17 +93,3 @@ def test_the_legend_stands_off_the_data_and_nothing_is_cut_off(tmp_path: Path) -
 def test_a_path_of_few_points_shows_them() -> None:
     few = milling_error_figure({"one": error(50.0, S[:5])})
     assert any(line.get_marker() == "o" for line in few.axes[0].lines)
-
-
-def test_bad_input_is_named() -> None:
-    one = error(50.0)
-    with pytest.raises(InputError, match="1 to 4"):
-        milling_error_figure({})
-    with pytest.raises(InputError, match="paths differ"):
-        milling_error_figure({"a": one, "b": error(50.0, 2.0 * S)})
-    with pytest.raises(InputError, match="2 or more"):
-        milling_error_figure({"a": error(50.0, S[:1])})
-    with pytest.raises(InputError, match="first two errors"):
-        milling_error_figure({"a": one}, comparison(one, one))
-    with pytest.raises(InputError, match="first two errors"):
-        milling_error_figure({"a": one, "b": replace(one, normal=2.0 * one.normal)}, comparison(one, one))

@@ -138,20 +138,6 @@ def test_on_a_part_of_a_turn_nothing_wraps() -> None:
     np.testing.assert_allclose(_turns(np.array([-100.0, 100.0]), -120.0, 120.0), [[-100.0, 100.0]])
 
 
-def test_an_axes_map_that_cannot_be_drawn_is_refused() -> None:
-    made = an_axes_map()
-    with pytest.raises(InputError, match="course late"):
-        draw_axes_map(made, {"late": a_course(np.zeros(11))}, title="a path")
-    one = replace(made, length=made.length[:1], zone=made.zone[:1], value=made.value[:1])
-    with pytest.raises(InputError, match="1 points"):
-        draw_axes_map(one, title="a path")
-    with pytest.raises(InputError, match="ascending"):
-        draw_axes_map(replace(made, gamma=made.gamma[::-1]), title="a path")
-
-
-# --- distributions ----------------------------------------------------------------------------------------------
-
-
 def a_distribution(n: int, gamma_deg: Array, quantity: str = "k_fs") -> Distribution:
     u = np.linspace(0.0, 1.0, n)[:, None]
     value = 1e5 * (2.0 + u + np.cos(np.radians(gamma_deg) - 3.0 * u))

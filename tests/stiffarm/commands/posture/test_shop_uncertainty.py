@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_runs import run_here
+from cli_runs import row_of, run_here
 from scipy.stats import t as student
 
 import fem
@@ -193,12 +193,12 @@ def test_mean_stiffness_and_gain_have_intervals_of_drawn_arms(
     ]
     mean = (1.0 / (c @ np.stack(alone))).mean(axis=1) * 1e-3
     low, high = np.quantile(mean, [0.025, 0.975])
-    course = content["courses"]["recommended"]
-    key = next(name for name in course if name.startswith("mean_") and name.endswith("_95"))
+    best, *others = content["courses"]
     # Ends by 1000 and 4000 draws: some 8 % of the half-width.
-    assert course[key] == pytest.approx([low, high], abs=0.12 * (high - low))
-    for gain in content["gain"].values():
-        assert gain["low95"] <= gain["value"] <= gain["high95"]
+    assert best["mean_directional_interval95_N_per_mm"] == pytest.approx([low, high], abs=0.12 * (high - low))
+    for other in others:
+        low, high = other["gain_interval95"]
+        assert low <= other["gain"] <= high
 
 
 def test_what_the_calibration_left_open_is_said(wall: Path, tmp_path: Path) -> None:
@@ -288,7 +288,7 @@ def test_a_program_s_stiffness_and_compensation_carry_it(
     sd = {name: content["compensation"]["error_sd_um"] for name, content in found.items()}
     # What is left of the calibrated one is the force's own 10 % a component.
     assert sd["calibrated"] < 0.8 * sd["assumed"]
-    width = {name: np.diff(content["mean_k_fs_N_per_mm_95"])[0] for name, content in found.items()}
+    width = {name: np.diff(content["mean_k_fs_interval95_N_per_mm"])[0] for name, content in found.items()}
     assert 0.0 < width["calibrated"] < 0.3 * width["assumed"]
 
 
@@ -323,10 +323,15 @@ def test_a_placement_carries_it_on_axes_that_give_way_too(
     assert outcome.code == 0, outcome.err
     content = json.loads((tmp_path / "placed" / "placement.json").read_text(encoding="utf-8"))
     assert content["stiffness_uncertainty"]["source"] == "calibration"
-    best = content["placements"]["recommended"]
-    for key in ("mean_stiffness_N_per_mm", "worst_stiffness_N_per_mm", "rms_error_um", "K_sf"):
-        low, high = best[f"{key}_95"]
-        assert low < best[key] < high
+    best = row_of(content["placements"], placement="recommended")
+    for key, unit in (
+        ("mean_stiffness", "_N_per_mm"),
+        ("worst_stiffness", "_N_per_mm"),
+        ("rms_error", "_um"),
+        ("K_sf", ""),
+    ):
+        low, high = best[f"{key}_interval95{unit}"]
+        assert low < best[f"{key}{unit}"] < high
 
 
 CELL = """

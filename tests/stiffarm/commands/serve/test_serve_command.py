@@ -19,8 +19,8 @@ from cli_runs import ROOT, environment, heed_ctrl_c, run_here
 
 from stiffarm.commands.serve.command import open_session
 from stiffarm.failures import catalogue
+from stiffarm.path_request import FramesRequest
 from stiffarm.session.inputs import read_model
-from stiffarm.session.task_setup import read_setup
 
 EXAMPLES = ROOT / "docs" / "examples" / "serve"
 CELL = EXAMPLES / "cell.toml"
@@ -128,7 +128,7 @@ def test_the_documentation_says_what_is_answered() -> None:
     examples = serve_speed.documented((ROOT / "docs" / "reference" / "serve.md").read_text(encoding="utf-8"))
     requests = [json.loads(request) for request, _ in examples]
     given = read_model("kr60-3", None, None)
-    setup = read_setup("kr60-3", given, CELL, None, None)
+    setup = FramesRequest(cell=CELL).setup(given)
     session = open_session(given, setup)
     answers = [json.loads(session.answer(request.encode())) for request, _ in examples]
     assert len(answers) > 15

@@ -15,6 +15,7 @@ from verify_cases import many_moves, parallelogram_program, verified
 
 from machining.cell import arm_of
 from machining.verification import Verification, contact_of, verify
+from robots.quantities import significant
 from stiffarm.commands.verify.replay import MOST_POINTS, kept_points, replay_data, replay_page
 from stiffarm.pages.cell_bodies import body_surfaces, placed_in_world
 
@@ -151,7 +152,7 @@ def test_the_page_runs_in_a_browser(found: Verification, tmp_path: Path, where: 
     assert worst is not None
     place = worst.move - 1 + worst.at
     assert (seen["opened"], seen["openedNow"]) == (pytest.approx(place), True)
-    assert seen["openedLabel"] == f"{-worst.gap * 1e3:.3g} mm into each other"
+    assert seen["openedLabel"] == f"{significant(-worst.gap * 1e3, 4)} mm into each other"
     assert seen["firstLabel"] == ""
     assert (seen["marked"], seen["hot"]) == (1, True)
     assert seen["offenceLine"] == str(worst.line)

@@ -16,8 +16,9 @@ from verify_cases import cell_file, program_at, program_file, verified
 
 from machining.cell import arm_of
 from machining.verification import verify
-from stiffarm.commands.verify.picture import offence_picture
+from stiffarm.commands.verify.picture import draw_offence
 from stiffarm.commands.verify.words import sentence
+from stiffarm.pages.style import save_png
 
 
 def test_a_clean_program(cli: Command, tmp_path: Path) -> None:
@@ -66,18 +67,25 @@ def test_a_collision_ends_with_1_and_its_line(cli: Command, tmp_path: Path, monk
         "report.html",
         "replay.html",
         "verification.json",
-        "offences.csv",
+        "verification.csv",
+        "counts.csv",
+        "nearest.csv",
+        "axes.csv",
         "moves.csv",
         "run.json",
-        "figures",
+        "worst_offence.png",
+        "clearance.png",
+        "axis_speeds.png",
+        "linearisation.png",
     }
     content = json.loads((out / "verification.json").read_text(encoding="utf-8"))
     (first, *_) = content["offences"]
-    assert (first["kind"], first["line"], first["bodies"]) == ("collision", 47, ["mill", "clamp"])
+    found = first["kind"], first["line"], first["body_1"], first["body_2"]
+    assert found == ("collision", 47, "mill", "clamp")
     # The line of the program file: what stands there is the row of that move.
     row = program.read_text(encoding="utf-8").splitlines()[first["program_file_line"] - 1]
     assert json.loads(row.strip().rstrip(","))[0] == 47
-    with (out / "offences.csv").open(encoding="utf-8") as stream:
+    with (out / "verification.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == content["errors"] + content["warnings"]
     with (out / "moves.csv").open(encoding="utf-8") as stream:
@@ -106,7 +114,7 @@ def test_csv_and_json_say_the_same(cli: Command, tmp_path: Path) -> None:
     assert row[said["csv"]["offences"][0]["program_file_line"] - 1].startswith(f"{said['csv']['offences'][0]['line']},")
     for content in said.values():
         content.pop("source")
-        content.pop("verdict")
+        content.pop("answer")
         for offence in content["offences"]:
             offence.pop("program_file_line")
             offence.pop("words")
@@ -169,8 +177,7 @@ def test_bad_input(cli: Command, tmp_path: Path, change: dict[str, str], words: 
 def test_the_picture_shows_the_pair_in_colour(tmp_path: Path) -> None:
     found = verified(tmp_path)
     path = tmp_path / "offence.png"
-    picture = offence_picture(found, found.errors[0], path, renderer="matplotlib")
-    assert picture.renderer == "matplotlib"
+    save_png(draw_offence(found, found.errors[0], renderer="matplotlib"), path)
     pixels = np.asarray(Image.open(path).convert("RGB")).astype(int)
     red, green, blue = np.moveaxis(pixels, 2, 0)
     # Vermillion: the mill, 8 mm of 550 mm wide; purple: the clamp. The squares of the legend have 400 pixels.
@@ -185,7 +192,7 @@ def test_offences_without_bodies_are_drawn_at_the_tip(tmp_path: Path) -> None:
     moved = verify(program, arm_of("kr60-3"))
     assert moved.errors
     assert "the tip is elsewhere" in sentence(moved.errors[0])
-    assert offence_picture(moved, moved.errors[0], tmp_path / "tip.png", renderer="matplotlib").path.is_file()
+    assert draw_offence(moved, moved.errors[0], renderer="matplotlib").axes
 
 
 @pytest.mark.slow

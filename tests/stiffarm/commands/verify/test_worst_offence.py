@@ -16,11 +16,11 @@ from verify_cases import cell_file, program_at, program_file
 
 from machining.cell import arm_of
 from machining.verification import Demands, Kind, Severity, Verification, contact_of, verify, worst_first
-from stiffarm.commands.verify.picture import offence_picture
+from stiffarm.commands.verify.command import drawn_offences
+from stiffarm.commands.verify.picture import draw_offence, spot_of, view_of
 from stiffarm.commands.verify.replay import replay_data
-from stiffarm.commands.verify.report import drawn_offences
-from stiffarm.commands.verify.spot import spot_of
 from stiffarm.pages.sight import towards, unhidden
+from stiffarm.pages.style import save_png
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +49,16 @@ def test_warnings_come_last_and_larger_excess_first(tmp_path: Path) -> None:
 def test_the_first_picture_is_the_worst_and_shows_the_contact(found: Verification, tmp_path: Path) -> None:
     drawn = drawn_offences(found)
     assert [o.kind for o in drawn] == [Kind.COLLISION, Kind.CLEARANCE]
-    picture = offence_picture(found, drawn[0], tmp_path / "worst.png", renderer="matplotlib")
+    save_png(draw_offence(found, drawn[0], renderer="matplotlib"), tmp_path / "worst.png")
     contact = contact_of(found, drawn[0])
     assert contact is not None
     # The clamp is 40 mm wide and the mill has 4 mm radius: half-way through it takes 24 mm less their rounding.
     assert contact.gap == pytest.approx(-0.022, abs=3e-3)
     np.testing.assert_allclose(contact.points.mean(axis=0), [1.35, 0.1, 0.71], atol=0.03)
-    np.testing.assert_allclose(picture.spot.place, contact.points.mean(axis=0))
-    assert picture.left_out == ()
-    pixels = np.asarray(Image.open(picture.path).convert("RGB")).astype(int)
+    spot = spot_of(found, drawn[0])
+    np.testing.assert_allclose(spot.place, contact.points.mean(axis=0))
+    assert view_of(found, spot)[1] == ()
+    pixels = np.asarray(Image.open(tmp_path / "worst.png").convert("RGB")).astype(int)
     red, green, blue = np.moveaxis(pixels, 2, 0)
     assert ((red > 120) & (red > 1.8 * green) & (blue < 0.5 * green + 20)).sum() > 500
 
@@ -111,10 +112,7 @@ def test_page_and_files(cli: Command, tmp_path: Path, monkeypatch: pytest.Monkey
     assert "mill and clamp" in first[1]
     content = json.loads((out / "verification.json").read_text(encoding="utf-8"))
     assert content["offences"][0]["kind"] == "collision"
-    with (out / "offences.csv").open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
-    # The table goes along the program, and says how bad each is.
-    assert [row["line"] for row in rows] == ["45", "47", "57"]
-    assert [row["rank"] for row in rows] == ["2", "1", "3"]
+    with (out / "verification.csv").open(encoding="utf-8") as stream:
+        assert [row["line"] for row in csv.DictReader(stream)] == ["47", "45", "57"]
     named = set(re.findall(r'href="([^"#:]+)"', page))
     assert {name for name in named if not (out / name).exists()} == set()

@@ -318,28 +318,21 @@ def path_remarks(arm: Arm, setup: Setup | None, notes: Sequence[Note]) -> list[s
     return [*out, *map(str, notes[:NOTES_SHOWN]), *([f"{more} more remarks on the tool path"] if more > 0 else [])]
 
 
-# How a file is read: --read KEY=VALUE.
-OFFSET: Final = re.compile(r"G5[4-9](?:\.[123])?")
-WORDS: Final = (
-    "frames",
-    "unknown_motion",
-    "circle_axis",
-    "dwell_unit",
-    "compensation",
-    "rotary_reversed",
-    "rotation",
-    "rotary_feed",
-)
-SWITCHES: Final = ("arc_absolute", "skip_deleted")
-# Lengths by key: the field of the reader's options, and its unit.
-LENGTHS: Final = {
-    "retract": ("retract", 1e-3, "mm"),
-    "chord_tolerance_um": ("chord_tolerance", 1e-6, "um"),
-    "arc_tolerance_um": ("arc_tolerance", 1e-6, "um"),
+# How a file is read, --read KEY=VALUE: the field of the reader's options by key, its values, and an example.
+_WORDS: Final = "frames unknown_motion circle_axis dwell_unit compensation rotary_reversed rotation rotary_feed"
+_LENGTH_MM, _LENGTH_UM = (1e-3, 1, "a number, mm", "10"), (1e-6, 1, "a number, um", "10")
+_POINT: Final = (1e-3, 3, "X,Y,Z in mm", "0,0,100")
+NUMBERS: Final = {
+    "start": ("start", *_POINT),
+    "pivot": ("pivot", *_POINT),
+    "retract": ("retract", *_LENGTH_MM),
+    "chord_tolerance_um": ("chord_tolerance", *_LENGTH_UM),
+    "arc_tolerance_um": ("arc_tolerance", *_LENGTH_UM),
 }
-POINTS: Final = ("start", "pivot")
+OFFSET: Final = re.compile(r"G5[4-9](?:\.[123])?")
+SWITCHES: Final = ("arc_absolute", "skip_deleted")
 COUNTS: Final = ("max_moves", "max_bytes")
-KEYS: Final = (*WORDS, "ignore", *SWITCHES, *POINTS, *LENGTHS, "G54 to G59.3", *COUNTS)
+KEYS: Final = (*_WORDS.split(), "ignore", *SWITCHES, *NUMBERS, "G54 to G59.3", *COUNTS)
 
 
 def read_options(
@@ -353,7 +346,7 @@ def read_options(
         A key that is not known or given twice, or a value that does not fit.
     """
     given: dict[str, Any] = {}
-    offsets: dict[str, tuple[float, ...]] = {}
+    offsets: dict[str, tuple[float, float, float]] = {}
     for text in read:
         key, _, value = (part.strip() for part in text.partition("="))
         if not value:
@@ -362,43 +355,29 @@ def read_options(
             )
         is_offset = OFFSET.fullmatch(key.upper()) is not None
         where: dict[str, Any] = offsets if is_offset else given
-        name = key.upper() if is_offset else LENGTHS[key][0] if key in LENGTHS else key
+        name, *_ = (key.upper(),) if is_offset else NUMBERS.get(key, (key,))
         if name in where:
             raise InputError(f"--read {key}", code="A004", value=value, allowed="each key once", remedy="leave one out")
-        where[name] = _point(key, value) if is_offset else _value(key, value)
-    return ReadOptions(units=units, rotary=rotary, tcp=tcp, offsets=offsets, **given)  # type: ignore[arg-type]
+        where[name] = _value(key, value, is_offset=is_offset)
+    return ReadOptions(units=units, rotary=rotary, tcp=tcp, offsets=offsets, **given)
 
 
-def _value(key: str, text: str) -> Any:
-    if key in WORDS:
+def _value(key: str, text: str, *, is_offset: bool) -> Any:
+    """A value of ``--read``: text, a switch, a whole number, or lengths in m."""
+    if key in _WORDS.split():
         return text
     if key == "ignore":
         return tuple(filter(None, (part.strip().upper() for part in text.split(","))))
-    if key in POINTS:
-        return _point(key, text)
-    if key in SWITCHES:
-        if text in ("yes", "no"):
-            return text == "yes"
-        raise _wrong(key, text, "yes or no", "yes")
-    if key in LENGTHS:
-        _, factor, unit = LENGTHS[key]
-        numbers = parse_numbers(text)
-        if numbers is None or len(numbers) != 1:
-            raise _wrong(key, text, f"a number, {unit}", "10")
-        return numbers[0] * factor
-    if key in COUNTS:
-        if text.isascii() and text.isdecimal() and len(text) < 16:
-            return int(text)
-        raise _wrong(key, text, "a whole number", "1000000")
-    raise InputError("--read", code="A004", value=key, allowed=", ".join(KEYS), remedy="choose one of them")
-
-
-def _point(key: str, text: str) -> tuple[float, ...]:
-    numbers = parse_numbers(text)
-    if numbers is None or len(numbers) != 3:
-        raise _wrong(key, text, "X,Y,Z in mm", "0,0,100")
-    return tuple(v * 1e-3 for v in numbers)
-
-
-def _wrong(key: str, text: str, allowed: str, example: str) -> InputError:
-    return InputError(f"--read {key}", code="A004", value=text, allowed=allowed, remedy=f"as in --read {key}={example}")
+    allowed, example = ("yes or no", "yes") if key in SWITCHES else ("a whole number", "1000000")
+    if key in SWITCHES and text in ("yes", "no"):
+        return text == "yes"
+    if key in COUNTS and text.isascii() and text.isdecimal() and len(text) < 16:
+        return int(text)
+    if is_offset or key in NUMBERS:
+        factor, many, allowed, example = _POINT if is_offset else NUMBERS[key][1:]
+        numbers = parse_numbers(text) or ()
+        if len(numbers) == many:
+            return numbers[0] * factor if many == 1 else tuple(v * factor for v in numbers)
+    elif key not in (*SWITCHES, *COUNTS):
+        raise InputError("--read", code="A004", value=key, allowed=", ".join(KEYS), remedy="choose one of them")
+    raise InputError(f"--read {key}", code="A004", value=text, allowed=allowed, remedy=f"as in --read {key}={example}")
