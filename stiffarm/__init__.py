@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.commands.verify.command import verify
-    from stiffarm.face.arms import load, robots_bundled
+    from stiffarm.face.arms import load
     from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.readings import Readings, bundled, read_readings
     from stiffarm.face.surrogates import Surrogate, fit, load_surrogate

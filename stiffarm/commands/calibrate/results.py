@@ -190,7 +190,7 @@ def _with_workspace(c: Calibration) -> Calibration:
         found = workspace_stiffness(c.arm.description, c.arm.model)
     except InputError as hindrance:
         text = f"The stiffness over the workspace is not known: {hindrance.prose}."
-        return replace(c, sections=(Section(title, (Text(text),)), *c.sections))
+        return replace(c, sections=(Section(title, (Text(text),)), *c.story))
     text = f"{workspace_answer.lede(found)} {workspace_answer.interval_remark(found)}"
     caption = "Dot: stiffness; bar: its 95 % interval; next to the name, the part that deflects most."
     draw = partial(workspace_answer.answer_figure, found)
@@ -198,7 +198,7 @@ def _with_workspace(c: Calibration) -> Calibration:
         c,
         key=(*workspace_answer.key_figures(found), *c.key[:1]),
         drawings=(Drawing("stiffness_at_the_tool", caption, "stiffness at the tool", draw), *c.drawings),
-        sections=(Section(title, (Text(text),)), *c.sections),
+        sections=(Section(title, (Text(text),)), *c.story),
     )
 
 

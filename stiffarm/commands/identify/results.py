@@ -21,7 +21,7 @@ from fem.statics.ports import ROWS
 from robots import save_description
 from robots.arrays import Array
 from robots.constants import NORMAL_95
-from robots.files.csv_text import records_text
+from robots.files.csv_text import columns_parts
 from robots.quantities import Quantity, angle, length, relative, rounded, rounded_all, stiffness
 from stiffarm.pages.report import KeyFigure, Section, Text, data_words
 from stiffarm.result import Drawing, Number, Result, Table, plain
@@ -94,7 +94,7 @@ def result(d: Identification, law: LawKind | None, write: Callable[[OutputFolder
     def more(folder: OutputFolder) -> Mapping[str, Any]:
         save_description(d.arm.description, folder.path("model.toml"))
         if window is not None:
-            folder.write_text("stiffness_map.csv", records_text(window.records()))
+            folder.write_parts("stiffness_map.csv", columns_parts(window.columns()))
         if write is not None:
             write(folder)
         return {}

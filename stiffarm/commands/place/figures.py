@@ -12,7 +12,6 @@ from matplotlib.patches import Patch
 from machining.placement import Along
 from machining.placement.freedom import STOPPED_BY
 from robots.arrays import Array
-from stiffarm.commands.place.result import STOPPED_BY
 from stiffarm.commands.posture.figures.along_path import draw_line
 from stiffarm.commands.posture.figures.axes_map import hatched, steps
 from stiffarm.pages.figure_parts import LINES, MARKERS, SERIES, drawing, paler
