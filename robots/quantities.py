@@ -7,7 +7,7 @@ and which label of an axis. Screens, pages, CSV, JSON, data frames and figures w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,7 +29,8 @@ class Quantity:
     """A quantity of results: SI value times ``factor`` is in ``unit`` (empty: a pure number).
 
     ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people, 0 for
-    whole numbers; ``stored``: significant digits in files.
+    whole numbers; ``stored``: significant digits in files; ``words``: what writes its SI value for people, in place of
+    all this.
     """
 
     key: str
@@ -38,6 +39,7 @@ class Quantity:
     label: str = ""
     digits: int = 4
     stored: int = 6
+    words: Callable[[float], str] | None = None
 
     @property
     def column(self) -> str:
@@ -75,6 +77,8 @@ class Quantity:
 
     def text(self, value: float, *, unit: bool = False) -> str:
         """The number for people: ``12,300``, with ``unit`` ``12,300 N/mm``; ``∞``, and ``–`` for what is not known."""
+        if self.words is not None:
+            return self.words(float(value)) if math.isfinite(value) else UNKNOWN
         number = float(value) * self.factor
         shown = significant(number, self.digits) if self.digits else f"{number:,.0f}".replace("nan", UNKNOWN)
         return f"{shown} {self.unit}" if unit and self.unit else shown
@@ -174,6 +178,11 @@ def rounded(value: float, digits: int = 6) -> float | None:
 def rounded_all(values: Iterable[float], digits: int = 6) -> list[float | None]:
     """The same for each of some values."""
     return [rounded(float(value), digits) for value in values]
+
+
+def interval_json(low: float, high: float, digits: int = 6) -> list[float | None] | None:
+    """Ends for JSON: null where there is none, and for an interval of which nothing is known."""
+    return [rounded(low, digits), rounded(high, digits)] if math.isfinite(low) or math.isfinite(high) else None
 
 
 def significant(value: float, digits: int = 3) -> str:

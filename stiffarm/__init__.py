@@ -13,15 +13,18 @@ if TYPE_CHECKING:
     from stiffarm.commands.compare.command import Comparison, compare
     from stiffarm.commands.diagnose.command import diagnose
     from stiffarm.commands.diagnose.result import Diagnosis
+    from stiffarm.commands.fit.command import fit
     from stiffarm.commands.identify.command import identify
     from stiffarm.commands.importing.command import import_arm
     from stiffarm.commands.index.command import index
+    from stiffarm.commands.maps.command import Map, map_box, map_cylinder, map_index, map_joints, map_slice
     from stiffarm.commands.new.command import NewArm, new_arm
     from stiffarm.commands.place.command import place
     from stiffarm.commands.plan.command import plan
     from stiffarm.commands.plan.results import Plan
     from stiffarm.commands.post.command import post
     from stiffarm.commands.posture.command import posture
+    from stiffarm.commands.query.command import Surrogate, load_surrogate, query
     from stiffarm.commands.readings.command import ConvertedReadings, convert_readings
     from stiffarm.commands.rehearse.command import rehearse
     from stiffarm.commands.rehearse.results import Rehearsal
@@ -32,9 +35,7 @@ if TYPE_CHECKING:
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.commands.verify.command import verify
     from stiffarm.face.arms import load
-    from stiffarm.face.maps import Map, map_box, map_cylinder, map_joints, map_slice
     from stiffarm.face.readings import Readings, bundled, read_readings
-    from stiffarm.face.surrogates import Surrogate, fit, load_surrogate
     from stiffarm.result import Result
 
     __version__: str
@@ -72,6 +73,7 @@ __all__ = [
     "load_surrogate",
     "map_box",
     "map_cylinder",
+    "map_index",
     "map_joints",
     "map_slice",
     "new_arm",
@@ -79,6 +81,7 @@ __all__ = [
     "plan",
     "post",
     "posture",
+    "query",
     "read_readings",
     "rehearse",
     "robots",

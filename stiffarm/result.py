@@ -17,9 +17,8 @@ import numpy as np
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.csv_text import columns_parts
-from robots.quantities import Quantity, ranged, rounded
+from robots.quantities import Quantity, interval_json, ranged, rounded
 from stiffarm.session.console import say, show_table
-from stiffarm.session.stated import interval_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,9 +45,9 @@ class Table:
     ``labels``: texts of each row by name, or whether something holds of it; ``values``: SI values (n,) by quantity, NaN
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
-    row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it; ``only_in``: where people do not see it: "files", or "csv" where JSON would be too long with it;
-    ``shown``: rows that people see.
+    row, and CSV unless it is a list; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of
+    another table for people, and no file has it; ``only_in``: where people do not see it: "files", or "csv" where JSON
+    would be too long with it; ``shown``: rows that people see.
     """
 
     name: str
@@ -74,18 +73,21 @@ class Table:
             columns[quantity.column] = quantity.stored_values(values)
             if quantity in self.intervals:
                 low, high = (quantity.factor * end for end in self.intervals[quantity])
-                columns[quantity.column_of(INTERVAL)] = [interval_json(a, b) for a, b in zip(low, high, strict=True)]
+                columns[quantity.column_of(INTERVAL)] = [
+                    interval_json(a, b, quantity.stored) for a, b in zip(low, high, strict=True)
+                ]
         columns |= self.extra
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def columns(self) -> dict[str, Sequence[Any]]:
-        """The columns of CSV and data frames: the ends of an interval are columns of their own."""
+        """The columns of CSV and data frames: the ends of an interval are columns of their own, lists are left out."""
         columns: dict[str, Sequence[Any]] = dict(self.labels)
         columns |= {q.column: q.stored_values(values) for q, values in {**self.in_files, **self.values}.items()}
         for quantity, ends in self.intervals.items():
             for what, values in zip(("low95", "high95"), ends, strict=True):
                 columns[quantity.column_of(what)] = quantity.stored_values(values)
-        return columns
+        plain = {key: v for key, v in self.extra.items() if not any(isinstance(one, list | dict) for one in v)}
+        return columns | plain
 
     def frame(self) -> pd.DataFrame:
         """All rows as a data frame, numbers in shown units."""
@@ -204,12 +206,14 @@ class Result:
         """The result as JSON: the answer, facts, then each table as a list of rows."""
         sentences = {"answer": self.answer, "how_sure": self.how_sure, "what_next": self.what_next}
         return {
-            "schema": f"stiffarm-{self.name}/2",
+            "schema": f"stiffarm-{self.name.replace('_', '-')}/2",
             **{key: text for key, text in sentences.items() if text},
             **self.facts,
             **{quantity.column: quantity.stored_value(one.value) for quantity, one in self.numbers.items()},
             **{
-                quantity.column_of(INTERVAL): interval_json(*(quantity.factor * end for end in one.ends))
+                quantity.column_of(INTERVAL): interval_json(
+                    quantity.factor * one.ends[0], quantity.factor * one.ends[1]
+                )
                 for quantity, one in self.numbers.items()
                 if one.low is not None
             },
@@ -340,18 +344,8 @@ class Result:
         """JSON, CSV, pictures and the page into a folder; returns the JSON, with facts about further files."""
         from stiffarm.pages import report as page
         from stiffarm.pages.blocks import Pictures, placed, within
-        from stiffarm.pages.style import save_png
 
-        further = {} if self.more is None else self.more(folder)
-        content = {**self.as_json, **further}
-        folder.write_json(f"{self.name}.json", content)
-        for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            folder.write_parts(f"{table.name if i else self.name}.csv", columns_parts(table.columns()))
-        shown = []
-        for drawing in self.drawings:
-            path = folder.path(f"{drawing.name}.png")
-            save_png(drawing.draw(), path)
-            shown.append(page.Picture(path, drawing.caption, drawing.alt))
+        content, shown = self.write_files(folder)
         pictures = Pictures(folder)
         first = next(iter(self.pictures), None)
         lead = shown[0] if shown else None if first is None else first.placed(pictures)
@@ -367,6 +361,24 @@ class Result:
         answer = page.Answer(self.how_sure, self.what_next, lead, warnings)
         page.write_page(folder, self.title, self.answer, self.key, sections, self.question, self.made_of, answer)
         return content
+
+    def write_files(self, folder: OutputFolder) -> tuple[dict[str, Any], list[page.Picture]]:
+        """All but the page, which has its pictures; the first table is named as the result, unless a file is so."""
+        from stiffarm.pages import report as page
+        from stiffarm.pages.style import save_png
+
+        further = {} if self.more is None else self.more(folder)
+        content = {**self.as_json, **further}
+        folder.write_json(f"{self.name}.json", content)
+        for i, table in enumerate(table for table in self.tables if not table.is_extract):
+            own = i > 0 or f"{self.name}.csv" in folder.names()
+            folder.write_parts(f"{table.name if own else self.name}.csv", columns_parts(table.columns()))
+        pictures = []
+        for drawing in self.drawings:
+            path = folder.path(f"{drawing.name}.png")
+            save_png(drawing.draw(), path)
+            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
+        return content, pictures
 
 
 def _word(label: str | bool) -> str:

@@ -23,14 +23,21 @@ MADE = {
     "calibrate": "CalibrateRequest",
     "compare": "CompareRequest",
     "diagnose": "DiagnoseRequest",
+    "fit": "FitRequest",
     "identify": "IdentifyRequest",
     "import": "ImportRequest",
     "index": "IndexRequest",
+    "map box": "BoxRequest",
+    "map cylinder": "CylinderRequest",
+    "map index": "IndexMapRequest",
+    "map joints": "JointsRequest",
+    "map slice": "SliceRequest",
     "new": "NewRequest",
     "place": "PlaceRequest",
     "plan": "PlanRequest",
     "post": "PostRequest",
     "posture": "PostureRequest",
+    "query": "QueryRequest",
     "readings": "ReadingsRequest",
     "rehearse": "RehearseRequest",
     "robots check": "CheckRequest",
@@ -73,6 +80,9 @@ def test_command_function_and_page_have_the_fields_of_the_request(name: str) -> 
     group, _, word = name.partition(" ")
     command = command_of(group).commands[word] if word else command_of(group)
     assert {p.name for p in command.params} - MODEL - ALL_HAVE == set(options) - MODEL - ALL_HAVE
+    group, _, kind = name.partition(" ")
+    command = command_of(group).commands[kind] if kind else command_of(group)
+    assert {p.name for p in command.params} - (MODEL - set(options)) - ALL_HAVE == set(options) - ALL_HAVE
     typed = {p.name: p for p in command.params}
     for field, how in options.items():
         assert typed[field].help == how.help
@@ -87,6 +97,16 @@ def test_command_function_and_page_have_the_fields_of_the_request(name: str) -> 
         text = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"
         assert text is not None
         assert text in page, field
+    function = getattr(sa, name.replace(" ", "_"))
+    assert [p for p in inspect.signature(function).parameters if p != "arm"] == list(options)
+    context = typer.Context(typer.main.get_command(app), info_name="stiffarm")
+    if kind:
+        context = typer.Context(command_of(group), info_name=group, parent=context)
+    page = command_pages.page(name, command, context)
+    for field, how in options.items():
+        word = how.metavar if how.is_argument else f"{{option}} {spelled(field, how)}"
+        assert word is not None
+        assert word in page, field
     assert all(f"\n{field} : " in (function.__doc__ or "") for field in options)
 
 

@@ -16,7 +16,7 @@ from doe.absolute.prediction import Predicted
 from fem.arm import Arm
 from robots import InputError
 from robots.quantities import UNKNOWN as NO_VALUE
-from robots.quantities import known_to, length, percent, ranged, rounded
+from robots.quantities import interval_json, known_to, length, percent, ranged, rounded
 from stiffarm.commands.diagnose.result import EVIDENCE, PROBABILITY, UNSEEN, Diagnosis
 from stiffarm.pages.figure_parts import drawing
 from stiffarm.pages.report import Block, Bullets, KeyFigure, Section, Text
@@ -24,7 +24,6 @@ from stiffarm.pages.style import OKABE_ITO
 from stiffarm.request import Readings, positions_asked
 from stiffarm.result import Drawing, Number, Table
 from stiffarm.session.console import say
-from stiffarm.session.stated import interval_json
 
 if TYPE_CHECKING:
     from stiffarm.commands.diagnose.command import DiagnoseRequest
