@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 import fem
 from fem.free.parameters import parameter
-from robots import InputError, load_description
+from robots import load_description
 from robots.schema.description import ModelDescription
 
 
@@ -55,8 +56,7 @@ def test_rigid_joints_have_no_laws(model: fem.ArmModel) -> None:
 
 
 def test_a_direction_with_a_law_is_no_free_constant(model: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="law over the joint's angle"):
-        parameter(model, "j2.rx")
+    refuses("M001", "law over the joint's angle", parameter, model, "j2.rx")
     assert parameter(model, "j2.ry").place == "j2"
 
 

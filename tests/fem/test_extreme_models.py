@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from fem.effects import build_arm, reading_effects
 from fem.model import build_model
 from fem.springs import WIDEST_LOG, FourierBasis, LawSpring
-from robots import InputError, load_description
+from robots import load_description
 from robots.schema.effects import EffectTable
 
 
@@ -16,8 +17,9 @@ from robots.schema.effects import EffectTable
 @pytest.mark.parametrize("coefficient", [1.01 * WIDEST_LOG, -1.01 * WIDEST_LOG, 1e30, -1e30])
 def test_a_law_that_runs_away_gives_no_stiffness(coefficient: float) -> None:
     q = np.zeros((2, 3))
-    with pytest.raises(InputError, match="stiffness of a joint by its law"):
-        LawSpring(FourierBasis(1, 0), np.array([coefficient])).compliance(q)
+    refuses(
+        "M002", "stiffness of a joint by its law", LawSpring(FourierBasis(1, 0), np.array([coefficient])).compliance, q
+    )
     assert LawSpring(FourierBasis(1, 0), np.array([14.0])).compliance(q) == pytest.approx(np.exp(-14.0), rel=1e-15)
 
 
@@ -27,8 +29,13 @@ def test_a_link_that_cannot_be_solved_is_named(monkeypatch: pytest.MonkeyPatch) 
 
     monkeypatch.setattr("fem.model.condense", singular)
     monkeypatch.setattr("fem.model._beam_parts", {})
-    with pytest.raises(InputError, match=r"link pedestal: the stiffness matrix is singular.*far too small"):
-        build_model(load_description("xr701"), "beam")
+    refuses(
+        "M004",
+        r"link pedestal: the stiffness matrix is singular.*far too small",
+        build_model,
+        load_description("xr701"),
+        "beam",
+    )
 
 
 @pytest.mark.parametrize(
@@ -52,5 +59,4 @@ def test_numbers_of_a_law_far_from_plausible_are_refused(code: str, name: str, v
         return len(reading_effects(description, build_arm(description, "rigid")))
 
     assert effects_with(plausible) == 1
-    with pytest.raises(InputError, match=f"{name}.*not far from what is plausible"):
-        effects_with(plausible | {name: (value, unit)})
+    refuses("M011", f"{name}.*not far from what is plausible", effects_with, plausible | {name: (value, unit)})

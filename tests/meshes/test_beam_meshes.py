@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from meshes import BeamMesh, crank_beam_mesh, link_beam_mesh
-from robots import InputError, ModelDescription, load_description
+from robots import ModelDescription, load_description
 from robots.library.models import parse_description
 from robots.robot import robot_from
 
@@ -69,16 +70,14 @@ def test_the_crank_goes_to_the_bars_pin() -> None:
 
 def test_a_robot_without_a_parallelogram_has_no_crank() -> None:
     model = load_description("kr60-3")
-    with pytest.raises(InputError, match="no parallelogram"):
-        crank_beam_mesh(model, robot_from(model))
+    refuses("R002", "no parallelogram", crank_beam_mesh, model, robot_from(model))
 
 
 def test_a_link_of_length_zero_is_refused() -> None:
     model = load_description("xr701")
     # Body j4's next joint sits at the same point: there is nothing to mesh.
     entry = next(link for link in model.link if link.name == "wrist").model_copy(update={"body": "j4"})
-    with pytest.raises(InputError, match=r"length zero.*remove the link"):
-        link_beam_mesh(model, robot_from(model), entry)
+    refuses("L007", r"length zero.*remove the link", link_beam_mesh, model, robot_from(model), entry)
 
 
 def test_repeated_points_make_no_empty_elements() -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 from scipy.spatial.transform import Rotation
 
 from meshes import section_dimensions, section_properties
 from meshes.link_sections import equivalent_section
-from robots import InputError
 
 WALL_M = 0.008
 ROOT, TIP = np.zeros(3), np.array([0.0, 0.0, 1.0])
@@ -68,7 +68,5 @@ def test_a_boss_that_sticks_out_is_no_station_of_the_casing() -> None:
 
 
 def test_what_no_beam_can_stand_for_is_refused() -> None:
-    with pytest.raises(InputError, match=r"covers 22 % of the way"):
-        section(box(0.2, 0.2, 0.2, 0.5))
-    with pytest.raises(InputError, match="coincide"):
-        section(box(0.2, 0.2, 1.4, 0.5), ROOT, ROOT)
+    refuses("L009", r"covers 22 % of the way", section, box(0.2, 0.2, 0.2, 0.5))
+    refuses("L009", "coincide", section, box(0.2, 0.2, 1.4, 0.5), ROOT, ROOT)

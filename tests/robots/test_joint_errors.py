@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import tomlkit
 from numpy.testing import assert_allclose
+from refusals import refuses
 
-from robots import InputError, content_hash, load_description
+from robots import content_hash, load_description
 from robots.joint_errors import designed, joint_errors
 from robots.library.models import parse_description, to_toml
 from robots.robot import as_designed, robot_from
@@ -75,8 +76,7 @@ def test_a_model_without_errors_keeps_its_hash_and_has_none() -> None:
     ],
 )
 def test_what_is_no_error_of_an_arm_is_refused(error: dict[str, Any], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        parse_description(text(error), "kr60-3")
+    refuses("F011", words, parse_description, text(error), "kr60-3")
 
 
 @pytest.mark.parametrize(
@@ -100,8 +100,7 @@ def test_what_is_no_covariance_is_refused(covariance: list[list[float]], words: 
         "parameters": ["j2.zero", "j3.zero"],
         "covariance": covariance,
     }
-    with pytest.raises(InputError, match=words):
-        parse_description(tomlkit.dumps(data), "kr60-3")
+    refuses("F011", words, parse_description, tomlkit.dumps(data), "kr60-3")
 
 
 def test_the_arm_as_designed_is_the_described_one_without_what_positions_told() -> None:

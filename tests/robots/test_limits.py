@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 
-from robots import InputError, bundled_names, load_description, load_robot
+from robots import bundled_names, load_description, load_robot
 from robots.robot import LIMIT_TOLERANCE_RAD
 
 
@@ -144,10 +145,8 @@ def test_nan_is_never_reachable_and_is_named() -> None:
 
 @pytest.mark.parametrize("shape", [(6,), (3, 5)])
 def test_reachable_refuses_the_wrong_shape(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InputError, match=r"pose array for xr701.*\(n, 6\) in rad"):
-        load_robot("xr701").reachable(np.zeros(shape))
+    refuses("B001", r"pose array for xr701.*\(n, 6\) in rad", load_robot("xr701").reachable, np.zeros(shape))
 
 
 def test_an_unknown_coordinate_lists_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"'q3_deg'; allowed: q1_deg, q2_deg, q3real_deg"):
-        load_robot("xr701").coordinate_index("q3_deg")
+    refuses("B003", r"'q3_deg'; allowed: q1_deg, q2_deg, q3real_deg", load_robot("xr701").coordinate_index, "q3_deg")

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 import tomlkit
+from refusals import refuses
 
-from robots import InputError, ModelDescription, content_hash, load_description
+from robots import ModelDescription, content_hash, load_description
 from robots.library.models import parse_description, to_toml
 from robots.schema.description import Calibration, CalibrationUncertainty, UndeterminedNumber
 
@@ -105,9 +106,8 @@ def test_a_covariance_is_content() -> None:
     ],
 )
 def test_what_is_no_covariance_is_refused(keys: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=r"model\.toml: calibration\.uncertainty") as error:
-        parse_description(changed(**keys), "model.toml")
-    assert said in str(error.value)
+    error = refuses("F011", r"model\.toml: calibration\.uncertainty", parse_description, changed(**keys), "model.toml")
+    assert said in str(error)
 
 
 def test_round_off_of_a_matrix_written_in_full_is_none() -> None:

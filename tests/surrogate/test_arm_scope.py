@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from arm_cases import planar_scope, sprung
+from refusals import refuses
 
 from fem import compliance, directional_stiffness
 from fem.springs import FourierBasis, LawSpring, PolynomialBasis
-from robots import InputError, load_robot
+from robots import load_robot
 from surrogate import full_poses, scope_of, task_of
 from surrogate.arm_scope import reduced_box, with_whole_turns
 from surrogate.scope import Couplings
@@ -72,8 +73,7 @@ def test_full_poses_stand_in_the_robots_order():
     ],
 )
 def test_scopes_that_make_no_sense_are_refused(inputs, more, words):
-    with pytest.raises(InputError, match=words):
-        scope(load_robot("xr701"), inputs, **more)
+    refuses("B001 B003 F007 S001 S003", words, scope, load_robot("xr701"), inputs, **more)
 
 
 def law_in_q4(periodic):

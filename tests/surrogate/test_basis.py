@@ -3,8 +3,8 @@ from itertools import product
 import numpy as np
 import pytest
 from arm_cases import LOWER, UPPER
+from refusals import refuses
 
-from robots.errors import InputError
 from surrogate import expansion as expansion_module
 from surrogate.basis import MAX_TERMS, make_basis, polynomial_basis, term_count, trigonometric_basis
 
@@ -152,10 +152,8 @@ def test_whole_turns_do_not_matter_to_a_periodic_input(name):
     ],
 )
 def test_bad_bases_are_refused(name, lower, upper, degree, words):
-    with pytest.raises(InputError, match=words):
-        make_basis(name, np.array(lower), np.array(upper), degree)
+    refuses("S001 S003", words, make_basis, name, np.array(lower), np.array(upper), degree)
 
 
 def test_one_word_on_turns_for_each_input():
-    with pytest.raises(InputError, match="one for each of 4 inputs"):
-        polynomial_basis(LOWER, UPPER, 2, (True,))
+    refuses("S003", "one for each of 4 inputs", polynomial_basis, LOWER, UPPER, 2, (True,))

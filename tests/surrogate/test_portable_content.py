@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from expansion_cases import expansion
 from portable_cases import HOSTILE, portable, reference
+from refusals import refuses
 
-from robots.errors import InputError
 from surrogate.expansion import Expansion, Family
 from surrogate.model import Factor
 from surrogate.portable import Portable
@@ -83,8 +83,7 @@ def some(**changes: object) -> Portable:
     ],
 )
 def test_parts_that_do_not_fit(changes: dict[str, object], word: str) -> None:
-    with pytest.raises(InputError, match=word):
-        some(**changes)
+    refuses("F007 S001", word, some, **changes)
 
 
 def test_reference_itself() -> None:

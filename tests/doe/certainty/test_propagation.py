@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 from scipy.stats import binom
 from uncertain_models import along, known, sprung, table_of, with_laws, with_table
 
@@ -26,7 +27,7 @@ from doe.model_file.applied import apply_estimates
 from fem import ArmModel, build_model
 from fem.free.parameters import named_numbers
 from fem.springs import LawSpring
-from robots import InputError, ModelDescription, Robot, load_description
+from robots import ModelDescription, Robot, load_description
 from robots.schema.description import LogFourierLaw
 
 Arm = Callable[..., ArmModel]
@@ -266,5 +267,4 @@ def test_the_law_s_basis_is_the_file_s() -> None:
     assert isinstance(spring, LawSpring)
     assert numbers.columns.tolist() == [2, 3, 0]
     np.testing.assert_allclose(numbers.u[:3], spring.coefficients)
-    with pytest.raises(InputError, match=r"j2\.law\[0\] to \[2\]"):
-        named_numbers(model, ("j2.law[3]",))
+    refuses("M001", r"j2\.law\[0\] to \[2\]", named_numbers, model, ("j2.law[3]",))

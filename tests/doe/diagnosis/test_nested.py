@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up import campaign, exactly, read, setting
+from refusals import refuses
 
 from doe.certainty.folds import folds_of, pose_numbers
 from doe.diagnosis.candidates import standing
@@ -77,8 +78,7 @@ def test_too_few_poses_and_folds() -> None:
     reason = why_not_nested(data, 5)
     assert reason is not None
     assert "too few" in reason
-    with pytest.raises(InputError, match="folds"):
-        nested(setting(data), data, folds=1)
+    refuses("C003", "folds", nested, setting(data), data, folds=1)
 
 
 QUARTER = np.pi / 2.0

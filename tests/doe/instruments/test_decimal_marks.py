@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses
 
 from doe.instruments.figures import decimal_mark, figure, is_number
 from doe.tables.workbook import Figure
-from robots import InputError
 
 
 def mark(*cells: str, asked: str | None = None) -> str:
@@ -44,15 +44,13 @@ def test_numbers_that_settle_it(cells: tuple[str, ...], expected: str) -> None:
     [("1,234",), ("1,234", "12,500"), ("1.5", "2,5"), ("1500.25", "1,234"), ("1,5", "1.234"), ("1,234", "7")],
 )
 def test_numbers_that_do_not_settle_it_are_asked_about(cells: tuple[str, ...]) -> None:
-    with pytest.raises(InputError) as refused:
-        mark(*cells)
-    assert "--decimal" in str(refused.value) or "one decimal mark" in str(refused.value)
+    refused = refuses("I003", "", mark, *cells)
+    assert "--decimal" in str(refused) or "one decimal mark" in str(refused)
 
 
 def test_what_is_asked_for_is_taken() -> None:
     assert mark("1,234", asked="comma") == "comma"
-    with pytest.raises(InputError, match="--decimal"):
-        mark("1", asked="dot")
+    refuses("I003", "--decimal", mark, "1", asked="dot")
 
 
 @pytest.mark.parametrize(

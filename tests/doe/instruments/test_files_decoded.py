@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
 from doe.instruments.cells import SEPARATORS, read_grids
 from doe.instruments.decoded import decoded
-from robots import InputError
 
 TEXT = "Pr\u00fcfpunkt;X [\u00b5m];Y [\u00b0]\nA;1,5;2,25\nB;3,5;4,75\n"
 
@@ -33,8 +33,7 @@ def test_an_encoding_that_is_asked_for_is_taken() -> None:
     text = "\u0442\u043e\u0447\u043a\u0430;1\n"
     assert decoded(text.encode("cp1251"), "f", "windows-1251") == (text, "windows-1251")
     for given in ("ebcdic", "utf-8"):
-        with pytest.raises(InputError, match=r"--encoding|not text in utf-8"):
-            decoded(text.encode("cp1251"), "f", given)
+        refuses("I001", r"--encoding|not text in utf-8", decoded, text.encode("cp1251"), "f", given)
 
 
 @pytest.mark.parametrize(
@@ -47,8 +46,7 @@ def test_an_encoding_that_is_asked_for_is_taken() -> None:
     ],
 )
 def test_what_is_no_text_is_refused(data: bytes, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        decoded(data, "f")
+    refuses("I001", says, decoded, data, "f")
 
 
 @pytest.mark.parametrize("name", SEPARATORS)
@@ -88,13 +86,11 @@ def test_the_first_line_of_a_spreadsheet_names_the_separator(tmp_path: Path) -> 
 def test_a_file_without_readings_is_refused(tmp_path: Path, content: str) -> None:
     file = tmp_path / "f.txt"
     file.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=r"empty|no line|no separator"):
-        read_grids(file)
+    refuses("I002", r"empty|no line|no separator", read_grids, file)
 
 
 def test_two_separators_that_make_other_tables_are_asked_about(tmp_path: Path) -> None:
     file = tmp_path / "f.txt"
     file.write_text("1;2|3\n4;5|6\n", encoding="utf-8")
-    with pytest.raises(InputError, match="--separator"):
-        read_grids(file)
+    refuses("I002", "--separator", read_grids, file)
     assert read_grids(file, separator="bar")[0].rows[0] == ("1;2", "3")

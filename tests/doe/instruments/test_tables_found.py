@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 from openpyxl import Workbook
+from refusals import refuses
 
 from doe.instruments.cells import read_grids
 from doe.instruments.convert import convert
 from doe.instruments.layout import Table, find_table
 from doe.instruments.mapping_file import Settings
-from robots import InputError
 
 
 def table(tmp_path: Path, text: str, **more: object) -> Table | None:
@@ -58,27 +58,23 @@ def test_names_in_a_comment(tmp_path: Path) -> None:
 
 
 def test_names_that_are_given(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"--names"):
-        table(tmp_path, "P1,1,2\nP2,3,4\n")
+    refuses("I002", r"--names", table, tmp_path, "P1,1,2\nP2,3,4\n")
     made = table(tmp_path, "P1,1,2\nP2,3,4\n", columns=("pose", "x_mm", "y_mm"))
     assert made is not None
     assert (made.header, made.lines) == (("pose", "x_mm", "y_mm"), (1, 2))
-    with pytest.raises(InputError, match="does not fit"):
-        table(tmp_path, "P1,1,2\nP2,3,4\n", columns=("pose", "x_mm"))
+    refuses("I009", "does not fit", table, tmp_path, "P1,1,2\nP2,3,4\n", columns=("pose", "x_mm"))
 
 
 def test_the_line_of_names_and_the_rows_that_are_asked_for(tmp_path: Path) -> None:
     text = "a,b,c\nP1,,\nP2,3,4\nP3,5,6\nMean,4,5\n"
-    with pytest.raises(InputError, match=r"--header LINE"):
-        table(tmp_path, text, rows=(3, 4))
+    refuses("I002", r"--header LINE", table, tmp_path, text, rows=(3, 4))
     made = table(tmp_path, text, header=1, rows=(2, 4))
     assert made is not None
     assert made.lines == (2, 3, 4)
     made = table(tmp_path, text, header=1)
     assert made is not None
     assert made.lines == (2, 3, 4, 5), "no row below the names is passed over in silence"
-    with pytest.raises(InputError, match=r"--header"):
-        table(tmp_path, text, header=99, rows=(3, 4))
+    refuses("I002", r"--header", table, tmp_path, text, header=99, rows=(3, 4))
 
 
 def test_names_that_stand_there_again_are_left_out_and_said(tmp_path: Path) -> None:
@@ -93,8 +89,7 @@ def test_names_that_stand_there_again_are_left_out_and_said(tmp_path: Path) -> N
     ["p,x,y\nA,1,2\nB,3\n", "p,x,y\nA,1,2\nB,3,4,5\n", "x,y\n1,5,2,5\n3,5,4,5\n", "p,x,x\nA,1,2\n", "p,,x\nA,1,2\n"],
 )
 def test_rows_and_names_that_do_not_fit_are_refused(tmp_path: Path, text: str) -> None:
-    with pytest.raises(InputError, match=r"--rows|--names"):
-        table(tmp_path, text)
+    refuses("I002 I009", r"--rows|--names", table, tmp_path, text)
 
 
 def workbook(tmp_path: Path, sheets: dict[str, list[list[object]]], merged: str = "", on: str = "") -> Path:
@@ -124,14 +119,12 @@ def test_the_sheet_with_readings_is_found_behind_a_cover_sheet(tmp_path: Path) -
 
 def test_several_sheets_with_readings_are_asked_about_and_become_sessions(tmp_path: Path) -> None:
     file = workbook(tmp_path, {"Day 1": DAY1, "Day 2": DAY2})
-    with pytest.raises(InputError, match=r'--sheet "Day 1" --sheet "Day 2"'):
-        convert([file])
+    refuses("I002", r'--sheet "Day 1" --sheet "Day 2"', convert, [file])
     made = convert([file], Settings(sheets=("Day 1", "Day 2")))
     cells = [dict(zip(made.header, row, strict=True)) for row in made.rows]
     assert [cell["session"] for cell in cells] == ["Day 1", "Day 1", "Day 2", "Day 2"]
     assert [cell["dz_mm"] for cell in cells] == ["-0.25", "-0.5", "-0.26", "-0.5"]
-    with pytest.raises(InputError, match="Day 3"):
-        convert([file], Settings(sheets=("Day 3",)))
+    refuses("T010", "Day 3", convert, [file], Settings(sheets=("Day 3",)))
 
 
 def test_merged_cells_are_headings_and_no_readings(tmp_path: Path) -> None:
@@ -142,15 +135,12 @@ def test_merged_cells_are_headings_and_no_readings(tmp_path: Path) -> None:
         ["A", 0, 10, -200, -0.5, "y"],
     ]
     assert convert([workbook(tmp_path, {"s": rows}, "E1:F1", "s")]).rows
-    with pytest.raises(InputError, match="A3:A4"):
-        convert([workbook(tmp_path, {"s": rows}, "A3:A4", "s")])
+    refuses("I002", "A3:A4", convert, [workbook(tmp_path, {"s": rows}, "A3:A4", "s")])
 
 
 def test_options_of_texts_do_not_go_with_workbooks(tmp_path: Path) -> None:
     file = workbook(tmp_path, {"s": DAY1})
-    with pytest.raises(InputError, match=r"--encoding"):
-        convert([file], Settings(encoding="utf-8"))
+    refuses("I002", r"--encoding", convert, [file], Settings(encoding="utf-8"))
     text = tmp_path / "f.csv"
     text.write_text("a,b\n1,2\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"--sheet"):
-        convert([text], Settings(sheets=("s",)))
+    refuses("I002", r"--sheet", convert, [text], Settings(sheets=("s",)))

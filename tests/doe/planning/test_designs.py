@@ -6,10 +6,11 @@ import itertools
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Campaign, factorial_poses, level_grid, two_level_factorial
 from doe.estimation.study_plan import Factorial
-from robots import InputError, Robot
+from robots import Robot
 
 
 @pytest.mark.parametrize("factors", [1, 2, 4, 6])
@@ -67,10 +68,8 @@ def test_levels_are_adjusted_only_where_q2_is_low(xr701: Robot, scheme: Campaign
 def test_without_the_adjustment_the_run_and_the_limit_are_named(xr701: Robot, scheme: Campaign) -> None:
     plain = scheme.beside.factorial.model_copy(update={"adjust": ()})
     # q2 = -35 with q3real = 115: after 2 x 9 runs at that q2, the 19th is the first.
-    with pytest.raises(InputError, match=r"factorial run 19 .*forearm_deg = 30 is outside 65 to 190"):
-        factorial_poses(xr701, plain)
+    refuses("A005", r"factorial run 19 .*forearm_deg = 30 is outside 65 to 190", factorial_poses, xr701, plain)
 
 
 def test_an_unknown_coordinate_is_named(xr701: Robot) -> None:
-    with pytest.raises(InputError, match="q9_deg"):
-        factorial_poses(xr701, Factorial(inputs=("q9_deg",), levels_deg=((0.0,),)))
+    refuses("B003", "q9_deg", factorial_poses, xr701, Factorial(inputs=("q9_deg",), levels_deg=((0.0,),)))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Measurements, bundled_data, read_measurements, select_loads
 from doe.certainty.uncertainty import Certainty, certainty
@@ -27,7 +28,7 @@ from doe.planning.pose_designs import pose_design
 from doe.planning.protocol import Protocol
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
-from robots import InputError, load_description
+from robots import load_description
 
 GAUGE = (1e-5, 1e-5)
 DOWN = np.array([[0.0, 0.0, -1.0]])
@@ -258,8 +259,7 @@ def test_coordinates_that_make_no_difference(model: ArmModel, start: Outset, pos
 
 
 def test_walls_are_refused(model: ArmModel) -> None:
-    with pytest.raises(InputError, match=r"forearm\.modulus"):
-        check_plannable([parameter(model, "forearm.wall")])
+    refuses("M001", r"forearm\.modulus", check_plannable, [parameter(model, "forearm.wall")])
 
 
 def test_bad_protocols() -> None:
@@ -271,5 +271,4 @@ def test_bad_protocols() -> None:
         {"forces": np.array([1.0]), "directions": DOWN, "components": (7,)},
         {"forces": np.array([1.0]), "directions": DOWN, "repeats": 0},
     ):
-        with pytest.raises(InputError):
-            Protocol(**bad)  # type: ignore[arg-type]
+        refuses("C006", "", Protocol, **bad)

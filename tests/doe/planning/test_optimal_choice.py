@@ -6,9 +6,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe.planning.optimal_choice import CRITERIA, choose, judge
-from robots import InputError
 
 
 @pytest.mark.parametrize("criterion", CRITERIA)
@@ -53,9 +53,6 @@ def test_better_than_chance() -> None:
 
 def test_bad_input() -> None:
     experiments = np.ones((3, 1, 2))
-    with pytest.raises(InputError, match="experiments to choose"):
-        choose(np.eye(2), experiments, 4)
-    with pytest.raises(InputError, match="criterion"):
-        choose(np.eye(2), experiments, 1, "E")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="bound all parameters"):
-        choose(np.zeros((2, 2)), experiments, 1)
+    refuses("C005", "experiments to choose", choose, np.eye(2), experiments, 4)
+    refuses("C005", "criterion", choose, np.eye(2), experiments, 1, "E")
+    refuses("C004", "bound all parameters", choose, np.zeros((2, 2)), experiments, 1)

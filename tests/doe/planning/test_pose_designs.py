@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe.planning.pose_designs import METHODS, pose_design
 from doe.planning.zones import Zone
-from robots import InputError, bundled_names, forward_kinematics, load_robot, tool_position
+from robots import bundled_names, forward_kinematics, load_robot, tool_position
 
 
 @pytest.mark.parametrize("name", bundled_names())
@@ -70,14 +71,10 @@ def test_the_same_seed_gives_the_same_poses() -> None:
 
 def test_bad_input() -> None:
     robot = load_robot("xr701")
-    with pytest.raises(InputError, match="design of poses"):
-        pose_design(robot, 5, "random")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="tried"):
-        pose_design(robot, 50, zone=Zone(floor=9.0))
-    with pytest.raises(InputError, match="levels"):
-        pose_design(robot, 1, "factorial", levels=50)
-    with pytest.raises(InputError, match="poses of a design"):
-        pose_design(robot, 0)
+    refuses("C005", "design of poses", pose_design, robot, 5, "random")
+    refuses("C005", "tried", pose_design, robot, 50, zone=Zone(floor=9.0))
+    refuses("C005", "levels", pose_design, robot, 1, "factorial", levels=50)
+    refuses("C005", "poses of a design", pose_design, robot, 0)
     assert set(METHODS) == {"factorial", "fractional", "latin", "sobol"}
 
 
@@ -100,5 +97,4 @@ def test_wrist_and_tool_keep_off_base_and_upper_arm() -> None:
 
 
 def test_no_pose_at_all_is_said_soon() -> None:
-    with pytest.raises(InputError, match=r"0 of 4\d{4} tried"):
-        pose_design(load_robot("xr701"), 50, zone=Zone(floor=9.0))
+    refuses("C005", r"0 of 4\d{4} tried", pose_design, load_robot("xr701"), 50, zone=Zone(floor=9.0))

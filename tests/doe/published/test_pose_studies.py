@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Campaign, Measurements, SpringPoints
 from doe.calibration.run import Calibration, run_campaign
 from doe.estimation.campaign import Stage
 from doe.published.parametric import PoseFit
 from fem import ArmModel, deflection
-from robots import InputError, load_description
+from robots import load_description
 
 Arm = Callable[..., ArmModel]
 Readings = Callable[..., Measurements]
@@ -162,13 +163,18 @@ def test_a_skipped_pose_is_one_point_less(
 
 
 def test_unknown_poses_are_named(model: ArmModel, made_up: Measurements, scheme: Campaign) -> None:
-    with pytest.raises(InputError, match="stage 'step 2': pose: got '99'; allowed: one in made up: 3, 4, 5"):
-        staged(model, made_up, with_stage_poses(scheme, 1, ("4", "99")))
+    refuses(
+        "T009",
+        "stage 'step 2': pose: got '99'; allowed: one in made up: 3, 4, 5",
+        staged,
+        model,
+        made_up,
+        with_stage_poses(scheme, 1, ("4", "99")),
+    )
 
 
 def test_a_scheme_for_another_robot_is_refused(arm: Arm, made_up: Measurements, scheme: Campaign) -> None:
-    with pytest.raises(InputError, match="coordinate of kr60-3: got 'q3real_deg'; allowed: q1_deg"):
-        staged(arm("kr60-3"), made_up, scheme)
+    refuses("C002", "coordinate of kr60-3: got 'q3real_deg'; allowed: q1_deg", staged, arm("kr60-3"), made_up, scheme)
 
 
 def test_progress_is_told_once_a_pose(model: ArmModel, made_up: Measurements, scheme: Campaign) -> None:

@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Campaign, Measurements, SpringPoints, fit_law
 from doe.calibration.run import run_campaign
 from doe.published.pose_studies import total_degree_exponents
 from fem import ArmModel
 from fem.springs import spring_from
-from robots import InputError, Robot, load_description
+from robots import Robot, load_description
 from robots.schema.description import LogPolynomialLaw
 
 Arm = Callable[..., ArmModel]
@@ -139,10 +140,16 @@ def test_exponents_are_those_of_the_total_degree() -> None:
 
 @pytest.mark.parametrize("bad", [0.0, -1e5, np.inf, np.nan])
 def test_a_stiffness_that_is_none_is_refused(xr701: Robot, bad: float) -> None:
-    with pytest.raises(InputError, match=r"regression of j4: stiffness.*positive, finite"):
-        fit_law(xr701, points(ONE, [-35, 5], [1e5, bad]), 6, "test")
+    refuses(
+        "C001",
+        r"regression of j4: stiffness.*positive, finite",
+        fit_law,
+        xr701,
+        points(ONE, [-35, 5], [1e5, bad]),
+        6,
+        "test",
+    )
 
 
 def test_no_points_are_refused(xr701: Robot) -> None:
-    with pytest.raises(InputError, match="regression of j4: no calibrated point"):
-        fit_law(xr701, points(ONE, [], []), 6, "test")
+    refuses("C001", "regression of j4: no calibrated point", fit_law, xr701, points(ONE, [], []), 6, "test")

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe.tables.joined import files_of, join
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements, write_measurements
-from robots import InputError, InputErrors, Robot, load_robot
+from robots import InputErrors, Robot, load_robot
 
 HEAD = "pose,q2_deg,q3real_deg,fz_N,dz_mm,repeat"
 FIRST = ("A,5,77.5,-650,-1.88,1", "B,10,70,-650,-1.7,1")
@@ -83,10 +84,8 @@ def test_the_same_reading_in_two_files_is_refused_as_within_one(read: Read) -> N
 
 def test_the_same_file_twice_and_another_robot_are_refused(read: Read, tmp_path: Path) -> None:
     a = read("a.csv", *FIRST)
-    with pytest.raises(InputError, match="are the same"):
-        join([a, read("b.csv", *FIRST)])
-    with pytest.raises(InputError, match="1 or more"):
-        join([])
+    refuses("T008", "are the same", join, [a, read("b.csv", *FIRST)])
+    refuses("T008", "1 or more", join, [])
 
 
 def test_a_joined_table_is_written_with_its_files(read: Read, robot: Robot, tmp_path: Path) -> None:

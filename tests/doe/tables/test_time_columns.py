@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import read_measurements, write_measurements
 from doe.tables.loaded import history_of
 from fem import build_model
-from robots import InputError, load_description
+from robots import load_description
 
 HEAD = "pose,step,phase,q2_deg,fz_N,dz_mm,time_s,session,temperature_C"
 ROWS = (
@@ -60,5 +61,4 @@ def test_times_that_are_no_numbers_are_refused(tmp_path: Path, wrong: str, colum
     place = HEAD.split(",").index(column)
     cells = ROWS[0].split(",")
     cells[place] = wrong
-    with pytest.raises(InputError, match=column):
-        read_measurements(table(tmp_path, ",".join(cells), *ROWS[1:]), ROBOT)
+    refuses("T004", column, read_measurements, table(tmp_path, ",".join(cells), *ROWS[1:]), ROBOT)

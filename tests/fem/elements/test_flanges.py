@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from fem import ArmModel, arm_fields, build_model, compliance, deflection_by_part, link_shapes, solve_shell_arm
 from fem.elements.couplings import Coupling
@@ -14,7 +15,7 @@ from fem.elements.shell import shell_superelement
 from fem.model import LinkPart
 from fem.reference.shell_arm import all_links, couple_links
 from meshes import casing_mesh
-from robots import InputError, ModelDescription, load_description
+from robots import ModelDescription, load_description
 from robots.arrays import Array
 
 Random = np.random.Generator
@@ -151,10 +152,21 @@ def test_all_flanges_of_the_bundled_arm_distributing(reachable: Draw, rng: Rando
 
 @pytest.mark.parametrize("links", ["beam", "shell"])
 def test_flanges_of_an_interface_that_is_not_there(links: str) -> None:
-    with pytest.raises(InputError, match=r"flanges of link upper-arm: got 'pin'; allowed: root, tip.*remove it"):
-        build_model(_with_flanges(load_description("xr701"), "upper-arm", pin="rigid"), links)  # type: ignore[arg-type]
+    refuses(
+        "M003",
+        r"flanges of link upper-arm: got 'pin'; allowed: root, tip.*remove it",
+        build_model,
+        _with_flanges(load_description("xr701"), "upper-arm", pin="rigid"),
+        links,
+    )
 
 
 def test_unknown_flanges() -> None:
-    with pytest.raises(InputError, match=r"flanges: got 'welded'; allowed: rigid, distributing"):
-        build_model(load_description("xr701"), "shell", flanges="welded")  # type: ignore[arg-type]
+    refuses(
+        "M003",
+        r"flanges: got 'welded'; allowed: rigid, distributing",
+        build_model,
+        load_description("xr701"),
+        "shell",
+        flanges="welded",
+    )

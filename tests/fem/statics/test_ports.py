@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from fem import ArmModel, build_model, deflection, spring_influence
 from fem.statics.ports import ROWS, port_of, ports
-from robots import InputError, bundled_names, load_description
+from robots import bundled_names, load_description
 
 # Sums of some ten products of order one: rounding only.
 ROUND_OFF = 1e-12
@@ -91,7 +92,6 @@ def test_entries_off_the_diagonal_are_symmetric_and_add_up(model: ArmModel) -> N
 def test_an_unknown_place_is_named() -> None:
     model = build_model(load_description("kr60-3"), "rigid")
     places = ports(model, *_loaded(model, 2))
-    with pytest.raises(InputError, match="elbow"):
-        port_of(places, "elbow")
+    refuses("B003", "elbow", port_of, places, "elbow")
     assert set(places) == {"base", "tool", *model.robot.joint_names}
     assert len(ROWS) == 6

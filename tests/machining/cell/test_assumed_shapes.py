@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from machining.cell import Body, Cell, Tool, arm_bodies, clearance, parse_cell, scene_of, sphere
 from machining.cell.assumed_shapes import ASSUMED, INNER, assumed_solids, joint_ways, shoulder_height, stands_on_base
 from machining.cell.cell import Fixture
 from machining.cell.separation import segment_distance
-from robots import InputError, forward_kinematics, load_description, load_robot
+from robots import forward_kinematics, load_description, load_robot
 from robots.library.models import library_names, parse_description, to_toml
 from robots.robot import trial_poses
 from robots.schema.quantities import PositiveLength
@@ -90,8 +92,7 @@ def test_the_plane_that_the_robot_stands_on_is_a_floor_unless_the_cell_says_othe
         assert bool(found.collides[0]) == hit, text
         if hit:
             assert found.nearest(0) == (f"j3{ASSUMED}", "floor") or found.nearest(0) == (f"j2{ASSUMED}", "floor")
-    with pytest.raises(InputError, match="none = true"):
-        parse_cell(head + "[floor]\nheight_mm = 0\nnone = true\n", "cell", tmp_path)
+    refuses("F011", "none = true", parse_cell, head + "[floor]\nheight_mm = 0\nnone = true\n", "cell", tmp_path)
 
 
 def test_a_base_frame_at_axis_2_is_no_floor() -> None:
@@ -122,8 +123,7 @@ def test_assumed_bodies_meet_by_half_of_their_radii_and_the_cell_by_all_of_them(
                 by_hand = min(by_hand, float(gap))
     assert found.distance[0] == pytest.approx(max(by_hand, -1e-3), abs=1e-9)
     # A ball 300 mm before the flange is met by the whole radius.
-    ball = np.eye(4)
-    ball[:3, 3] = p[0, arm.flange] + 0.3 * R[0, arm.flange][:, 2]
+    ball = rigid_frame(p[0, arm.flange] + 0.3 * R[0, arm.flange][:, 2])
     cell = Cell(fixtures=(Fixture(Body("ball", (sphere(0.05),)).moved(ball)),))
     met = scene_of(cell, arm)
     pair = next(k for k, names in enumerate(met.names) if names == (arm.bodies[-1].name, "ball"))
@@ -138,8 +138,7 @@ def test_allowed_contacts_know_bodies_by_their_plain_names() -> None:
     fewer = scene_of(Cell(stands=True, allowed_contacts=(("j3", "floor"), (f"j2{ASSUMED}", "floor"))), arm)
     gone = set(every.names) - set(fewer.names)
     assert gone == {(f"j3{ASSUMED}", "floor"), (f"j2{ASSUMED}", "floor")}
-    with pytest.raises(InputError, match="names no body"):
-        scene_of(Cell(allowed_contacts=(("j9", "floor"),)), arm)
+    refuses("K001", "names no body", scene_of, Cell(allowed_contacts=(("j9", "floor"),)), arm)
 
 
 def test_a_radius_of_the_model_counts_below_the_cell_s() -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from machining.cell import Body, Cell, Fixture, Scene, Tool, arm_of, box, scene_of, sphere
 from machining.cell.nearest import gaps, nearest
-from robots import InputError
 from robots.arrays import Array
 
 ARM = arm_of("kr60-3")
@@ -20,8 +21,7 @@ def scene_with(*solids: tuple[str, Body], floor: float | None = None) -> Scene:
 
 
 def put(body: Body, x: float, y: float, z: float) -> Body:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
+    T = rigid_frame((x, y, z))
     return body.moved(T)
 
 
@@ -68,5 +68,4 @@ def test_the_floor_is_under_the_lowest_point() -> None:
 
 def test_an_unknown_body_is_named() -> None:
     scene = scene_with(("a", Body("a", (sphere(0.05),))))
-    with pytest.raises(InputError, match="nobody"):
-        nearest(scene, ("a", "nobody"), *pose_of(scene))
+    refuses("K001", "nobody", nearest, scene, ("a", "nobody"), *pose_of(scene))

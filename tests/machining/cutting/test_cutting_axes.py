@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from cutting_cases import wall_task
 from posture_cases import dome_task, part, spindle
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from machining.cutting import ConstantForce, process_axes
 from machining.cutting.process_axes import weights
 from machining.task import Task, tool_path
-from robots import InputError
 from robots.arrays import Array
 
 
@@ -32,8 +33,7 @@ def test_axes_are_right_handed_and_turn_with_the_part(rotation: Array) -> None:
     axes = process_axes(task).columns
     np.testing.assert_allclose(np.swapaxes(axes, 1, 2) @ axes, np.tile(np.eye(3), (15, 1, 1)), atol=1e-13)
     np.testing.assert_allclose(np.linalg.det(axes), 1.0, rtol=1e-13)
-    T = np.eye(4)
-    T[:3, :3] = rotation
+    T = rigid_frame(R=rotation)
     turned = process_axes(replace(task, T_base_part=T @ task.T_base_part))
     np.testing.assert_allclose(turned.columns, rotation @ axes, atol=1e-12)
 
@@ -62,21 +62,18 @@ def test_a_sloping_move_feeds_across_the_tool() -> None:
 
 def test_a_path_of_one_point_has_no_feed_but_takes_a_force_in_other_axes() -> None:
     task = task_of([[0.0, 0.0, 0.0]])
-    with pytest.raises(InputError, match="path of 2 points or more"):
-        process_axes(task)
+    refuses("K007", "path of 2 points or more", process_axes, task)
     for axes in ("base", "part"):
         assert ConstantForce(np.array([1.0, 2.0, 3.0]), axes).along(task).force.shape == (1, 3)  # type: ignore[arg-type]
 
 
 def test_a_plunge_is_named() -> None:
-    with pytest.raises(InputError, match="path point 2"):
-        process_axes(task_of([[0, 0, 0], [0.1, 0, 0], [0.1, 0, -0.1], [0.1, 0.0, -0.2]]))
+    refuses("K007", "path point 2", process_axes, task_of([[0, 0, 0], [0.1, 0, 0], [0.1, 0, -0.1], [0.1, 0.0, -0.2]]))
 
 
 def test_a_constant_force_is_expressed_in_its_axes(rotation: Array) -> None:
     task = dome_task(9)
-    T = np.eye(4)
-    T[:3, :3] = rotation
+    T = rigid_frame(R=rotation)
     task = replace(task, T_base_part=task.T_base_part @ T)
     F = np.array([10.0, -20.0, 5.0])
     np.testing.assert_allclose(ConstantForce(F).along(task).force, np.tile(F, (9, 1)), atol=1e-14)
@@ -106,5 +103,4 @@ def test_weights_are_the_trapezoidal_rule() -> None:
     ],
 )
 def test_bad_forces_are_named(options: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        ConstantForce(**options)  # type: ignore[arg-type]
+    refuses("K005", words, ConstantForce, **options)

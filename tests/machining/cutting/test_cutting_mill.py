@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import CHIP, MILL, wall_force, wall_task
+from refusals import refuses
 
 from machining.cutting import EndMill, Engagement, MillingForce, down_milling, published, slotting, up_milling
 from machining.cutting.coefficients import PUBLISHED, CuttingCoefficients, shop_coefficients
@@ -18,7 +19,6 @@ from machining.cutting.end_mill import (
     mean_torque,
     peak_forces,
 )
-from robots import InputError
 from robots.arrays import Array
 
 K = published("al7075-t6").values
@@ -227,14 +227,12 @@ def test_published_sets_are_told_apart_by_source() -> None:
     ],
 )
 def test_bad_input_is_named(make, words: str) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(InputError, match=words):
-        make()
+    refuses("K005", words, make)
 
 
 def test_a_missing_feed_is_named() -> None:
     force = wall_force(feed_per_tooth=None, spindle_speed=900.0)
-    with pytest.raises(InputError, match="feed at path point 0"):
-        force.along(wall_task(feed=None))
+    refuses("K007", "feed at path point 0", force.along, wall_task(feed=None))
 
 
 def test_immersion_of_half_a_mill_is_a_right_angle() -> None:

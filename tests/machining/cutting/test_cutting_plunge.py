@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from machining import Task, tool_path
 from machining.cutting import ConstantForce, MillingForce, read_milling
@@ -66,8 +67,7 @@ def test_a_program_that_only_drills(tmp_path: Path) -> None:
     task, down = down_and_along(), np.array([False, True, False, False])
     found = milling_force(force(tmp_path), task, down)
     np.testing.assert_allclose(found.force[:, 2], [0.0, 1200.0, 0.0, 0.0])
-    with pytest.raises(InputError, match="no move mills sideways"):
-        milling_force(force(tmp_path, ""), task, down)
+    refuses("K004", "no move mills sideways", milling_force, force(tmp_path, ""), task, down)
     assert with_thrust(None, force(tmp_path, ""), task, down) is None
 
 
@@ -76,8 +76,7 @@ def test_a_path_of_holes_takes_the_force_of_the_end_teeth_or_says_what_is_missin
     path.write_text("G21 G90\nG0 X0 Y0 Z10\nG1 Z-5 F600\nG0 Z10\nM30\n", encoding="utf-8")
     given = read_given_path(path)
     task = Task(given.path, np.eye(4), np.eye(4))
-    with pytest.raises(InputError, match=r"\[plunge\]"):
-        given.acting(force(tmp_path, ""))
+    refuses("K007", r"\[plunge\]", given.acting, force(tmp_path, ""))
     acting = given.acting(force(tmp_path))
     assert isinstance(acting, Thrust)
     np.testing.assert_allclose(acting.along(task).force[1], [0.0, 0.0, 1200.0])

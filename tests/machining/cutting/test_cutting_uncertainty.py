@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting_cases import SOFT, STIFF, postures, wall_force, wall_task
+from refusals import refuses
 
 import fem
 import robots
@@ -22,7 +23,6 @@ from machining.cutting import (
 )
 from machining.cutting.spread import covariance
 from machining.task import Task
-from robots import InputError
 from robots.arrays import Array
 
 F = np.array([40.0, 60.0, -20.0])
@@ -170,10 +170,8 @@ def test_unlike_things_are_not_compared(kr60: fem.ArmModel, rng: np.random.Gener
         pair(kr60, task, wall_force(), tool=ToolBending(0.04, 0.008, 6e11))[1],
     ]
     for one in other:
-        with pytest.raises(InputError, match="model, force or their uncertainties differ"):
-            compare(e, one, rng)
-    with pytest.raises(InputError, match="paths differ"):
-        compare(e, pair(kr60, wall_task(6), wall_force())[1], rng)
+        refuses("K008", "model, force or their uncertainties differ", compare, e, one, rng)
+    refuses("K008", "paths differ", compare, e, pair(kr60, wall_task(6), wall_force())[1], rng)
     assert compare(e, a, rng).changes["worst"].verdict == "smaller"
 
 
@@ -199,8 +197,7 @@ def test_the_tool_s_uncertainty_is_common(kr60: fem.ArmModel) -> None:
     ],
 )
 def test_bad_shares_are_named(kr60: fem.ArmModel, options: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        assumed_uncertainty(kr60, **options)  # type: ignore[arg-type]
+    refuses("M013", words, assumed_uncertainty, kr60, **options)
 
 
 def test_shares_by_part_are_said(kr60: fem.ArmModel) -> None:

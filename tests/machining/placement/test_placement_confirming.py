@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from placement_cases import cell_of, line, problem_of, rail
+from rigid_frames import rigid_frame
 
 import fem
 from machining.cell import Body, Fixture, arm_of, box, clearance, scene_of
@@ -110,8 +111,7 @@ def test_angles_are_near_enough_and_a_finer_range_is_kept(kr60: fem.ArmModel) ->
 @pytest.mark.slow
 def test_brute_force_agrees_about_a_post(kr60: fem.ArmModel) -> None:
     """Every point, angles 1 deg apart, eight branches, with nothing of the search."""
-    post = np.eye(4)
-    post[:3, 3] = 0.75, 0.45, 0.2
+    post = rigid_frame((0.75, 0.45, 0.2))
     cell = cell_of(
         rail(limits=(-1.5, 1.0)), fixtures=(Fixture(Body("post", (box([0.12, 0.4, 1.0]).moved(post),))),), safety=0.02
     )

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
 from machining.cell import Body, Fixture, Turntable, arm_of, box, scene_of
@@ -161,8 +163,7 @@ def test_a_compliant_rail_adds_by_the_rigid_lever(kr60: fem.ArmModel) -> None:
 
 def test_a_compliant_rail_in_turned_axes(kr60: fem.ArmModel) -> None:
     """World axes of the rail are not those of a base that is turned by 90 deg about z: x becomes -y."""
-    T = np.eye(4)
-    T[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    T = rigid_frame(R=[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     cell = cell_of(rail(compliance=np.array([1e-7, 0, 0, 0, 0, 0])), T_world_base0=T)
     q = np.array([[0.2, -0.8, 1.2, 0.3, 0.7, -0.4]])
     more = translational(on_axes(kr60, cell), q) - translational(kr60, q)
@@ -177,8 +178,7 @@ def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     at = free.after.e[0, 0]
     middle = forward_kinematics(kr60.robot, free.after.course.q).p[4, 3]
     post = box([0.1, 0.1, 3.0])
-    T = np.eye(4)
-    T[:3, 3] = middle[0] + at, middle[1], -1.0
+    T = rigid_frame((middle[0] + at, middle[1], -1.0))
     cell = cell_of(rail(), fixtures=(Fixture(Body("post", (post.moved(T),))),))
     scene = scene_of(cell, arm_of("kr60-3"))
     problem = problem_of(kr60, cell, path, "mean", gamma, scene=scene, clearance=0.02)
@@ -197,10 +197,14 @@ def test_out_of_reach_everywhere_says_by_how_much(kr60: fem.ArmModel) -> None:
     lacking = []
     for more in (0.0, 0.1):
         cell = cell_of(rail(limits=(-0.2, 0.2)), part=part(6.0 + more, 0.0, 0.9))
-        with pytest.raises(InputError, match="no base position reaches the whole path") as caught:
-            place(problem_of(kr60, cell, line(6, 0.1), gamma=GammaRange(count=12)))
-        assert "rail 200 mm" in str(caught.value)
-        words = str(caught.value)
+        caught = refuses(
+            "G001",
+            "no base position reaches the whole path",
+            place,
+            problem_of(kr60, cell, line(6, 0.1), gamma=GammaRange(count=12)),
+        )
+        assert "rail 200 mm" in str(caught)
+        words = str(caught)
         lacking.append(float(words.split(" mm out of reach")[0].split()[-1]))
     # Three digits are printed; the arm looks nearly along x.
     assert lacking[1] - lacking[0] == pytest.approx(100.0, abs=12.0)
@@ -230,25 +234,24 @@ def test_the_lack_is_the_distance_to_the_reach(kr60: fem.ArmModel) -> None:
 
 def test_bad_input(kr60: fem.ArmModel) -> None:
     cell, path = cell_of(rail()), line()
-    with pytest.raises(InputError, match=r"nothing to place.*To fix it: describe the rail"):
-        problem_of(kr60, cell_of(), path)
-    with pytest.raises(InputError, match=r"linear axis of cell cell: got 'slide'; allowed: rail"):
-        problem_of(kr60, cell, path, ranges={"slide": (0.0, 1.0)})
-    with pytest.raises(InputError, match="range of axis rail"):
-        problem_of(kr60, cell, path, ranges={"rail": (0.5, 0.2)})
-    with pytest.raises(InputError, match="within its limits"):
-        problem_of(kr60, cell, path, ranges={"rail": (-5.0, 0.2)})
-    with pytest.raises(InputError, match="nothing to place"):
-        problem_of(kr60, cell, path, ranges={"rail": (0.2, 0.2)})
-    with pytest.raises(InputError, match="turntable of cell"):
-        problem_of(kr60, cell, path, table=(-1.0, 1.0))
-    with pytest.raises(InputError, match="aim of the placement"):
-        problem_of(kr60, cell, path, "best")
-    with pytest.raises(InputError, match="course of gamma"):
-        place(problem_of(kr60, cell, path), How(course=True))
+    refuses("G005", r"nothing to place.*To fix it: describe the rail", problem_of, kr60, cell_of(), path)
+    refuses(
+        "G005",
+        r"linear axis of cell cell: got 'slide'; allowed: rail",
+        problem_of,
+        kr60,
+        cell,
+        path,
+        ranges={"slide": (0.0, 1.0)},
+    )
+    refuses("G005", "range of axis rail", problem_of, kr60, cell, path, ranges={"rail": (0.5, 0.2)})
+    refuses("G005", "within its limits", problem_of, kr60, cell, path, ranges={"rail": (-5.0, 0.2)})
+    refuses("G005", "nothing to place", problem_of, kr60, cell, path, ranges={"rail": (0.2, 0.2)})
+    refuses("G005", "turntable of cell", problem_of, kr60, cell, path, table=(-1.0, 1.0))
+    refuses("G004", "aim of the placement", problem_of, kr60, cell, path, "best")
+    refuses("G004", "course of gamma", place, problem_of(kr60, cell, path), How(course=True))
     for how in ({"mode": "sliding"}, {"steps": 1}, {"cost": -1.0}):
-        with pytest.raises(InputError):
-            How(**how)  # type: ignore[arg-type]
+        refuses("G004", "", How, **how)
 
 
 def test_a_held_axis_stays(kr60: fem.ArmModel) -> None:

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from posture_cases import dome, dome_task, part, spindle
+from refusals import refuses
 
 import fem
 from machining import evaluate, stiffness_index, translational
 from machining.posture.points import GammaRange, best_postures, postures_at, sweep_gamma
 from machining.stiffness.objective import Objective
 from machining.task import Task
-from robots import InputError, forward_kinematics, inverse_kinematics
+from robots import forward_kinematics, inverse_kinematics
 
 F = np.array([200.0, -100.0, 150.0])
 
@@ -105,40 +106,38 @@ def test_a_point_out_of_reach_is_named_with_the_reason(kr60: fem.ArmModel) -> No
     far = path.points.copy()
     far[3] += [2.0, 0.0, 0.0]
     task = Task(type(path)(far, path.normals, path.axes, path.feed), spindle(), part(), np.array([0.0, 1.0, 0.0]))
-    with pytest.raises(InputError, match=r"path point 3 cannot be reached at any of 72 .*out of reach"):
-        best_postures(kr60, task, Objective())
-    with pytest.raises(InputError, match=r"path point 3 cannot be reached at any of 1 "):
-        postures_at(kr60, task, Objective(), 0.0)
+    refuses(
+        "G001", r"path point 3 cannot be reached at any of 72 .*out of reach", best_postures, kr60, task, Objective()
+    )
+    refuses("G001", r"path point 3 cannot be reached at any of 1 ", postures_at, kr60, task, Objective(), 0.0)
 
 
 def test_a_tool_that_hits_the_limits_everywhere_is_said(kr60: fem.ArmModel) -> None:
     limits = kr60.robot.limits.copy()
     limits[0] = np.radians([120.0, 130.0])  # the part stands at some 10 deg, or 190 deg backwards
     narrow = replace(kr60, robot=replace(kr60.robot, limits=limits))
-    with pytest.raises(InputError, match=r"cannot be reached at any of 72 .*beyond joint limits"):
-        best_postures(narrow, dome_task(2, 0.1), Objective())
+    refuses(
+        "G001",
+        r"cannot be reached at any of 72 .*beyond joint limits",
+        best_postures,
+        narrow,
+        dome_task(2, 0.1),
+        Objective(),
+    )
 
 
 def test_bad_objectives_and_ranges_are_refused(kr60: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="objective"):
-        Objective("stiffness")
-    with pytest.raises(InputError, match="force for displacement"):
-        Objective("displacement")
-    with pytest.raises(InputError, match="aim"):
-        Objective(aim="best")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="range of gamma"):
-        GammaRange(1.0, 1.0)
-    with pytest.raises(InputError, match="number of angles"):
-        GammaRange(count=1)
-    with pytest.raises(InputError, match="gamma"):
-        sweep_gamma(kr60, dome_task(2), Objective(), [])
-    with pytest.raises(InputError, match="gamma"):
-        sweep_gamma(kr60, dome_task(2), Objective(), [np.nan])
+    refuses("G004", "objective", Objective, "stiffness")
+    refuses("G004", "force for displacement", Objective, "displacement")
+    refuses("G004", "aim", Objective, aim="best")
+    refuses("G004", "range of gamma", GammaRange, 1.0, 1.0)
+    refuses("G004", "number of angles", GammaRange, count=1)
+    refuses("P009", "gamma", sweep_gamma, kr60, dome_task(2), Objective(), [])
+    refuses("P009", "gamma", sweep_gamma, kr60, dome_task(2), Objective(), [np.nan])
 
 
 def test_a_range_in_degrees_counts_the_ends_of_a_full_turn_once() -> None:
     assert GammaRange.of_degrees(-180.0, 180.0, 5.0).count == 72
     assert GammaRange.of_degrees(0.0, 90.0, 5.0).count == 19
     np.testing.assert_allclose(np.degrees(GammaRange.of_degrees(0.0, 90.0, 30.0).angles), [0, 30, 60, 90], atol=1e-12)
-    with pytest.raises(InputError, match="step of gamma"):
-        GammaRange.of_degrees(0.0, 90.0, 0.0)
+    refuses("G004", "step of gamma", GammaRange.of_degrees, 0.0, 90.0, 0.0)

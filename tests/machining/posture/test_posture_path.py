@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from posture_cases import SPEED, dome_task, spindle
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
 from machining import stiffness_index
@@ -17,7 +19,7 @@ from machining.posture.points import GammaRange, best_postures
 from machining.posture.problem import is_better
 from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
-from robots import InputError, forward_kinematics, inverse_kinematics, singularity_distance
+from robots import forward_kinematics, inverse_kinematics, singularity_distance
 from robots.arrays import Array
 
 BARE = Drive(jump=np.inf, motion=0.0, limit=0.0, singular=0.0, singular_least=0.0)
@@ -124,8 +126,7 @@ def test_gamma_travels_far_where_single_steps_are_short(fed: Task, found: PathPo
 
 def test_joints_turn_on_beyond_half_a_turn(kr60: fem.ArmModel) -> None:
     """Joint 6 passes 180 deg on the way: the next equivalent angle, not the one in the middle of its range."""
-    along = np.eye(4)
-    along[2, 3] = 0.15
+    along = rigid_frame((0.0, 0.0, 0.15))
     q0 = np.radians([[10.0, -60.0, 40.0, 20.0, 40.0, 180.0]])
     frames = forward_kinematics(kr60.robot, q0)
     R, tip = frames.R_flange[0], frames.p_flange[0] + 0.15 * frames.R_flange[0, :, 2]
@@ -161,8 +162,15 @@ def test_a_lower_speed_costs_and_a_feed_too_high_is_refused(kr60: fem.ArmModel) 
         for feed in (1.0, 0.01)
     )
     assert fast.course.cost > slow.course.cost
-    with pytest.raises(InputError, match=r"cannot be driven from point \d+ to \d+.* would have to move"):
-        optimise_path(kr60, dome_task(40, 0.3, feed=30.0), gammas=gammas, drive=Drive(speed=SPEED))
+    refuses(
+        "G003",
+        r"cannot be driven from point \d+ to \d+.* would have to move",
+        optimise_path,
+        kr60,
+        dome_task(40, 0.3, feed=30.0),
+        gammas=gammas,
+        drive=Drive(speed=SPEED),
+    )
 
 
 def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg: float) -> Task:
@@ -172,8 +180,7 @@ def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg
     """
     q0 = np.radians([[10.0, -60.0, 40.0, 0.0, 0.0, 0.0]])
     frames = forward_kinematics(model.robot, q0)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = frames.R_flange[0], frames.p_flange[0]
+    T = rigid_frame(frames.p_flange[0], frames.R_flange[0])
     T = T @ T_flange_tool
     swing, miss = np.radians(np.arange(-15.0, 16.0)), np.radians(miss_deg)
     x, y, axis = T[:3, 0], T[:3, 1], -T[:3, 2]
@@ -184,21 +191,31 @@ def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg
 
 def test_a_wrist_singularity_that_gamma_cannot_avoid_is_said(kr60: fem.ArmModel) -> None:
     """With the tool along the flange's axis gamma only turns joint 6."""
-    along = np.eye(4)
-    along[2, 3] = 0.15
+    along = rigid_frame((0.0, 0.0, 0.15))
     missed = past_a_wrist_singularity(kr60, along, 0.4)
-    with pytest.raises(InputError, match=r"cannot be driven from point 1\d to 1\d.*nearest singularity there 0.0"):
-        optimise_path(kr60, missed, gammas=GammaRange(count=8))
-    with pytest.raises(InputError, match=r"point 15 .*too near to a singularity"):
-        optimise_path(kr60, past_a_wrist_singularity(kr60, along, 0.0), gammas=GammaRange(count=8))
+    refuses(
+        "G003",
+        r"cannot be driven from point 1\d to 1\d.*nearest singularity there 0.0",
+        optimise_path,
+        kr60,
+        missed,
+        gammas=GammaRange(count=8),
+    )
+    refuses(
+        "G002",
+        r"point 15 .*too near to a singularity",
+        optimise_path,
+        kr60,
+        past_a_wrist_singularity(kr60, along, 0.0),
+        gammas=GammaRange(count=8),
+    )
 
 
 def test_a_wrist_singularity_that_gamma_can_avoid_is_avoided(kr60: fem.ArmModel) -> None:
     across = past_a_wrist_singularity(kr60, spindle(), 0.0)
     near = GammaRange(np.radians(-0.5), np.radians(0.5), 3)
     drive = Drive(singular_least=0.05)
-    with pytest.raises(InputError, match="too near to a singularity"):
-        optimise_path(kr60, across, gammas=near, drive=drive)
+    refuses("G002", "too near to a singularity", optimise_path, kr60, across, gammas=near, drive=drive)
     found = optimise_path(kr60, across, gammas=GammaRange(count=36), drive=drive).course
     assert found.smoothness.undrivable == ()
     away = singularity_distance(kr60.robot, found.q)
@@ -254,12 +271,33 @@ def test_clearance_and_limit_margin_are_kept_or_said(kr60: fem.ArmModel) -> None
     margin = float(limit_distance(kr60.robot, q_free).min()) + 0.05
     kept = optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, limit_least=margin)).course
     assert (limit_distance(kr60.robot, kept.q) >= margin).all()
-    with pytest.raises(InputError, match="too near to a joint limit"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, limit_least=3.0))
-    with pytest.raises(InputError, match="too near to an obstacle"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, clearance_of=left, clearance_least=2.0))
-    with pytest.raises(InputError, match="clearance callback"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, clearance_of=lambda q: q))
+    refuses(
+        "G002",
+        "too near to a joint limit",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, limit_least=3.0),
+    )
+    refuses(
+        "G002",
+        "too near to an obstacle",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, clearance_of=left, clearance_least=2.0),
+    )
+    refuses(
+        "G004",
+        "clearance callback",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, clearance_of=lambda q: q),
+    )
 
 
 def test_limit_distance_counts_joints_and_is_negative_beyond(kr60: fem.ArmModel) -> None:
@@ -289,10 +327,16 @@ def test_one_point_is_a_path(kr60: fem.ArmModel) -> None:
     ],
 )
 def test_bad_figures_are_refused(figures: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        Drive(**figures)  # type: ignore[arg-type]
+    refuses("G004", message, Drive, **figures)
 
 
 def test_speeds_must_fit_the_joints(kr60: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="joint speeds"):
-        optimise_path(kr60, dome_task(2, 0.01), gammas=GammaRange(count=4), drive=Drive(speed=[1.0, 2.0]))
+    refuses(
+        "G004",
+        "joint speeds",
+        optimise_path,
+        kr60,
+        dome_task(2, 0.01),
+        gammas=GammaRange(count=4),
+        drive=Drive(speed=[1.0, 2.0]),
+    )

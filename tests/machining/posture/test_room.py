@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rigid_frames import rigid_frame
 
 import fem
 from machining import Drive, GammaRange, Objective, Task, optimise_path, tool_path
@@ -25,8 +26,7 @@ def task_on(reach: float, height: float, tilt: float = 0.0) -> Task:
     points = np.stack([np.full(7, reach), x, np.full(7, height)], axis=1)
     angle = tilt * np.linspace(-1.0, 1.0, 7)
     axes = np.stack([np.sin(angle), np.zeros(7), np.cos(angle)], axis=1)
-    T_tool = np.eye(4)
-    T_tool[:3, 3] = [0.1, 0.0, 0.08]
+    T_tool = rigid_frame([0.1, 0.0, 0.08])
     return Task(tool_path(points, axes), T_tool, np.eye(4))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rigid_frames import rigid_frame
 
 import fem
 from machining import Drive, GammaRange, Objective, Task, optimise_path, tool_path
@@ -26,8 +27,7 @@ ARMS = {"seven_axis": (0.5, 0.0, 0.2), "offset_wrist": (0.45, 0.0, 0.15)}
 @pytest.fixture(scope="module", params=ARMS)
 def arm(request: pytest.FixtureRequest) -> tuple[fem.ArmModel, Array]:
     model = fem.build_model(read_urdf(HERE / f"{request.param}.urdf").description, "rigid")
-    part = np.eye(4)
-    part[:3, 3] = ARMS[request.param]
+    part = rigid_frame(ARMS[request.param])
     return model.with_springs(dict.fromkeys(model.robot.joint_names, 1e6)), part
 
 
@@ -35,8 +35,7 @@ def square(part: Array, points: int = 20, width: float = 0.06) -> Task:
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, 0.04], [0.0, 0.04], [0.0, 0.0]])
     along = np.linspace(0.0, 4.0, 4 * points + 1)
     flat = np.stack([np.interp(along, np.arange(5.0), c) for c in corners.T], axis=1)
-    tool = np.eye(4)
-    tool[2, 3] = 0.1
+    tool = rigid_frame((0.0, 0.0, 0.1))
     return Task(tool_path(np.column_stack([flat, 0.0 * along]), [0.0, 0.0, 1.0], feed=1.0 / 60.0), tool, part)
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from posture_cases import SPEED, dome_task
+from refusals import refuses
 
 import fem
 from machining.posture.drive import Drive
@@ -14,7 +15,6 @@ from machining.posture.stretches import GivenGamma, course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath
 from machining.toolpaths.path_error import PathError
-from robots import InputError
 from robots.arrays import Array, Integers
 
 N = 60
@@ -121,5 +121,4 @@ def test_a_value_that_is_not_finite_is_told_at_its_point(kr60: fem.ArmModel, mon
 
     monkeypatch.setattr(Objective, "check_finite", broken)
     short(monkeypatch, 4)
-    with pytest.raises(InputError, match="path point 3"):
-        course_at(kr60, dome_task(N, 0.3), GAMMA)
+    refuses("M005", "path point 3", course_at, kr60, dome_task(N, 0.3), GAMMA)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from program_cases import PLAIN, busy, cell_of, program_of, rail
+from refusals import refuses
 
 from machining.programs.approach import Approach, approached, positioned
 from machining.programs.formats import FORMATS, parse_options, round_trip, write_program
@@ -16,7 +17,6 @@ from machining.programs.program import JointProgram, frame_distance
 from machining.toolpaths.events import ordered
 from machining.toolpaths.motions import Event
 from machining.verification.courses import courses_of
-from robots import InputError
 
 WAYS = np.array([1.0, -1.0, 1.0, 0.0, 0.0, -1.0])
 SIDE = Approach(WAYS)
@@ -124,8 +124,7 @@ def test_a_joint_that_turns_back_on_the_straight_way_is_refused() -> None:
     q[1, 4] = 1e-4
     near = replace(given, q=q)
     approached(near, Approach(np.ones(6)))
-    with pytest.raises(InputError, match="turns back"):
-        approached(near, Approach(np.ones(6)), straight=True)
+    refuses("Q009", "turns back", approached, near, Approach(np.ones(6)), straight=True)
 
 
 @pytest.mark.parametrize(("name", "kind"), BOTH)
@@ -148,5 +147,4 @@ def test_programs_with_it_are_read_back(name: str, kind: Any) -> None:
     ],
 )
 def test_ways_and_angles_that_cannot_be_are_refused(asked: Any) -> None:
-    with pytest.raises(InputError):
-        asked()
+    refuses("Q009", "", asked)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from posture_cases import dome
+from refusals import refuses
 from test_posting import asked, cell_of, motions_of
 
 import fem
@@ -15,7 +16,6 @@ from machining.programs.compensation import compensate, cuts_of, milling_force
 from machining.programs.posting import Posted, PostSettings, post
 from machining.programs.program import frame_distance
 from machining.task import Task, ToolPath
-from robots import InputError
 from robots.arrays import Array
 
 
@@ -132,13 +132,17 @@ def test_each_cut_has_its_own_feed_direction(kr60: fem.ArmModel) -> None:
 
 
 def test_bad_caps_and_paths_that_mill_nothing_are_refused(kr60: fem.ArmModel, posted: Posted) -> None:
-    with pytest.raises(InputError, match="cap of the compensation"):
-        compensate(kr60, posted, ConstantForce([0.0, 0.0, 50.0]), cap=0.0)
+    refuses("Q008", "cap of the compensation", compensate, kr60, posted, ConstantForce([0.0, 0.0, 50.0]), cap=0.0)
     task, (kept, _) = posted.state.task, posted.state.places
-    with pytest.raises(InputError, match="no move mills"):
-        milling_force(ConstantForce([0.0, 0.0, 50.0]), task, np.zeros(len(kept), dtype=np.bool_))
-    with pytest.raises(InputError, match="beyond small displacements"):
-        compensate(kr60, posted, ConstantForce([0.0, 0.0, 1e7]), cap=10.0)
+    refuses(
+        "K004",
+        "no move mills",
+        milling_force,
+        ConstantForce([0.0, 0.0, 50.0]),
+        task,
+        np.zeros(len(kept), dtype=np.bool_),
+    )
+    refuses("M006", "beyond small displacements", compensate, kr60, posted, ConstantForce([0.0, 0.0, 1e7]), cap=10.0)
 
 
 def test_the_uncertainty_is_that_of_the_deflection(kr60: fem.ArmModel, posted: Posted) -> None:

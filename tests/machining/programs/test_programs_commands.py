@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from program_cases import PLAIN, cell_of, program_of
+from refusals import refuses
 
 from machining.cell import parse_cell
 from machining.programs.formats import FORMATS, parse_options, round_trip, write_program
@@ -194,8 +195,7 @@ def test_what_the_cell_does_not_define_is_said_and_stands_as_a_comment(tmp_path:
 )
 def test_outputs_that_the_controller_does_not_have(tmp_path: Path, name: str, table: str, message: str) -> None:
     given = program(read(tmp_path), table)
-    with pytest.raises(InputError, match=message):
-        write_program(given, name, FORMATS[name].kinds[0], options())
+    refuses("Q004", message, write_program, given, name, FORMATS[name].kinds[0], options())
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from posture_cases import part, spindle
 from program_cases import PLAIN, cell_of, motions_of, posed, program_of
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from machining.cell import Cell, Fixture, Tool, arm_bodies
 from machining.cell.cell import Load
@@ -23,7 +25,7 @@ from machining.programs.write_options import WriteOptions
 from machining.toolpaths.motions import Event
 from machining.verification import Demands, Verification, verify
 from machining.verification.offences import Kind
-from robots import InputError, load_description, load_robot
+from robots import load_description, load_robot
 
 MAIN = {
     "krl": "part.src",
@@ -189,9 +191,7 @@ def test_an_elbow_under_the_table_is_found(tmp_path: Path, name: str) -> None:
 
 
 def _at(x: float, y: float, z: float) -> np.ndarray:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
+    return rigid_frame((x, y, z))
 
 
 def test_programs_go_home_and_operations_are_led_in_and_out() -> None:
@@ -281,10 +281,7 @@ def test_files_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:
     program = program_of(n=5)
     path, _ = written(tmp_path / "krl", program, "krl", "cartesian")
     moved = replace(program, cell=replace(program.cell, T_world_part0=part(x=9.0)))
-    with pytest.raises(InputError, match=r"part_001.src, line \d+: frame"):
-        read_program(path, moved.robot, moved.cell, options())
+    refuses("Q005", r"part_001.src, line \d+: frame", read_program, path, moved.robot, moved.cell, options())
     longer = program_of(n=6)
-    with pytest.raises(InputError, match="5 moves"):
-        read_program(path, program.robot, program.cell, options(), neutral(tmp_path, longer))
-    with pytest.raises(InputError, match=r"\.script"):
-        read_program(tmp_path / "program.xyz", program.robot, program.cell)
+    refuses("Q005", "5 moves", read_program, path, program.robot, program.cell, options(), neutral(tmp_path, longer))
+    refuses("Q002", r"\.script", read_program, tmp_path / "program.xyz", program.robot, program.cell)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from program_cases import PLAIN, cell_of, program_of, rail
+from refusals import refuses
 from scipy.spatial.transform import Rotation
 
 from machining.programs.formats import parse_options, round_trip, write_program
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
-from robots import InputError
 
 
 def options(**more: Any) -> WriteOptions:
@@ -73,15 +73,11 @@ def test_a_changed_digit_a_lost_time_and_other_motion_are_seen() -> None:
         (re.sub(r"t=[\d.]+, ", "", good), "no speed"),
         (good.replace(", t=", ", 0.1], t=", 1).replace("], 0.1]", ", 0.1]", 1), "7 angles"),
     ):
-        with pytest.raises(InputError, match=words):
-            round_trip(program, {"part.script": wrong}, "urscript", "joint", o)
+        refuses("Q001 Q005", words, round_trip, program, {"part.script": wrong}, "urscript", "joint", o)
 
 
 def test_external_axes_and_words_of_the_language_are_refused() -> None:
     cell = cell_of(linear_axes=(rail(),))
-    with pytest.raises(InputError, match="no external axes"):
-        write_program(program_of(n=3, cell=cell), "urscript", "joint", options())
-    with pytest.raises(InputError, match="no word of a language"):
-        options(name="thread")
-    with pytest.raises(InputError, match=r"urscript\.speed_rad_s"):
-        options(urscript={"speed_rad_s": -1.0})
+    refuses("Q004", "no external axes", write_program, program_of(n=3, cell=cell), "urscript", "joint", options())
+    refuses("Q004", "no word of a language", options, name="thread")
+    refuses("F011", r"urscript\.speed_rad_s", options, urscript={"speed_rad_s": -1.0})

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
 import robots
@@ -26,7 +28,7 @@ from machining import (
     translational,
 )
 from machining.stiffness.indices import CHANGES, Change
-from robots import InputError, forward_kinematics
+from robots import forward_kinematics
 from robots.arrays import Array
 
 # The smallest principal compliance is some 1e-4 of the largest, and the indices are quotients of those.
@@ -103,8 +105,7 @@ def test_turned_base_axes_change_no_index(
 @pytest.mark.parametrize("name", INDICES)
 def test_turned_tool_axes_change_no_index(name: str, case: Case, rotation: Array) -> None:
     def with_tool(R: Array) -> fem.ArmModel:
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = R, (0.1, 0.02, 0.15)
+        T = rigid_frame((0.1, 0.02, 0.15), R)
         return replace(case.model, robot=replace(case.model.robot, T_flange_tool=T))
 
     a, b = (translational(with_tool(R), case.q) for R in (np.eye(3), rotation))
@@ -210,42 +211,32 @@ def test_a_bad_normal_is_refused(bad: list[float], case: Case) -> None:
         lambda: evaluate("k_fs", C, bad),
     ]
     for call in calls:
-        with pytest.raises(InputError, match=r"surface normal.*not all zero|surface normal.*direction") as caught:
-            call()
-        assert caught.value.remedy
+        caught = refuses("B001", r"surface normal.*not all zero|surface normal.*direction", call)
+        assert caught.remedy
 
 
 def test_a_bad_row_is_named(case: Case) -> None:
     normal = case.normal.copy()
     normal[17] = 0.0
-    with pytest.raises(InputError, match=r"surface normal, row 17"):
-        normal_stiffness_index(case.C[:, :3, :3], normal)
+    refuses("B001", r"surface normal, row 17", normal_stiffness_index, case.C[:, :3, :3], normal)
     C = case.C[:, :3, :3].copy()
     C[4, 1, 1] = np.nan
-    with pytest.raises(InputError, match="pose 4"):
-        normal_stiffness_index(C, case.normal)
+    refuses("B001", "pose 4", normal_stiffness_index, C, case.normal)
 
 
 def test_missing_or_unknown_input_is_refused(case: Case) -> None:
     C = case.C[:, :3, :3]
-    with pytest.raises(InputError, match="normal for index k_fs"):
-        evaluate("k_fs", C)
-    with pytest.raises(InputError, match="force for index nspi"):
-        evaluate("nspi", C, case.normal)
-    with pytest.raises(InputError, match=r"stiffness index.*k_fs, nspi"):
-        evaluate("stiffest", C)
-    with pytest.raises(InputError, match=r"force.*not all zero"):
-        rayleigh_of_force(C, np.zeros(3))
-    with pytest.raises(InputError, match=r"\(n, 3, 3\)"):
-        evaluate("weakest", case.C)
-    with pytest.raises(InputError, match=r"displacement.*not all zero"):
-        rayleigh_quotient(C, np.zeros(3))
+    refuses("S015", "normal for index k_fs", evaluate, "k_fs", C)
+    refuses("S015", "force for index nspi", evaluate, "nspi", C, case.normal)
+    refuses("S015", r"stiffness index.*k_fs, nspi", evaluate, "stiffest", C)
+    refuses("B001", r"force.*not all zero", rayleigh_of_force, C, np.zeros(3))
+    refuses("B001", r"\(n, 3, 3\)", evaluate, "weakest", case.C)
+    refuses("B001", r"displacement.*not all zero", rayleigh_quotient, C, np.zeros(3))
 
 
 def test_rayleigh_without_an_inverse_is_refused() -> None:
     C = np.stack([np.eye(3), np.diag([1.0, 1.0, 0.0])])
-    with pytest.raises(InputError, match="pose 1"):
-        rayleigh_quotient(C, [1.0, 0.0, 0.0])
+    refuses("M005", "pose 1", rayleigh_quotient, C, [1.0, 0.0, 0.0])
     assert rayleigh_of_force(C, [1.0, 0.0, 0.0]) == pytest.approx([1.0, 1.0])
 
 

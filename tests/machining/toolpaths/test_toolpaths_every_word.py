@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tool_path_random as random_programs
+from refusals import refuses
 from toolpath_cases import SAMPLES, apt
 
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
-from robots import InputError, InputErrors
+from robots import InputErrors
 
 HEAD = "BEGIN PGM T MM\nTOOL CALL 1 Z S1000 F700\nL X+0 Y+0 Z+0 FMAX M3\nL X+10 F300\n"
 # Behind each trap; its ends (10, 10, 0) are where the tool stands at Y 10.
@@ -427,8 +428,7 @@ def test_spatial_angles_of_tcpm(tmp_path: Path) -> None:
 def test_robot_programs_are_named(tmp_path: Path, name: str, language: str, suffix: str) -> None:
     path = tmp_path / (name + suffix)
     path.write_bytes((SAMPLES / "robot_programs" / name).read_bytes())
-    with pytest.raises(InputError, match=f"a robot program of {language}.*no tool path.*stiffarm post"):
-        read_toolpath(path)
+    refuses("P023", f"a robot program of {language}.*no tool path.*stiffarm post", read_toolpath, path)
 
 
 @pytest.mark.parametrize("language", ["heidenhain", "apt"])

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
-from robots import InputError
 from robots.arrays import Array
 
 HEAD = "G21 G17 G90 G94\nG0 X0 Y0 Z0\n"
@@ -113,11 +113,9 @@ def test_a_curve_in_another_plane(tmp_path: Path) -> None:
     ],
 )
 def test_a_spline_that_is_none_is_refused_by_line(text: str, why: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=rf"line \d+: .*{why}"):
-        read(tmp_path, text)
+    refuses("P011 P020", rf"line \d+: .*{why}", read, tmp_path, text)
 
 
 @pytest.mark.parametrize("name", ["program.nc", "program.mpf"])
 def test_other_controls_may_mean_something_else(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"line 4: G5\.1: .*LinuxCNC"):
-        read(tmp_path, "G5.1 X10 Y0 I5 J9", name)
+    refuses("P019", r"line 4: G5\.1: .*LinuxCNC", read, tmp_path, "G5.1 X10 Y0 I5 J9", name)

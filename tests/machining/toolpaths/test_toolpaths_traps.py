@@ -13,6 +13,7 @@ import pytest
 from gcode_traps import READ, REFUSED, RETRACT, Trap
 from gcode_traps_open import OPEN
 from moves_compared import disagreement
+from refusals import refuses
 
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputError
@@ -86,5 +87,4 @@ def test_words_are_left_out_only_where_they_mean_nothing(tmp_path: Path) -> None
 def test_words_that_move_are_never_left_out(word: str, tmp_path: Path) -> None:
     file = tmp_path / "program.nc"
     file.write_text(gcode_traps.block("M8"))
-    with pytest.raises(InputError, match="option ignore"):
-        read_toolpath(file, kind="gcode", options=ReadOptions(ignore=(word,)))
+    refuses("P020", "option ignore", read_toolpath, file, kind="gcode", options=ReadOptions(ignore=(word,)))

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 
 from meshes import load_solid, save_solid
 from meshes.solid_mesh import least_jacobian, outer_faces, untangled
 from meshes.solids.link import is_material
 from meshes.surfaces.checks import SurfaceFault, material_surface, mean_wall
-from robots import InputError
 from robots.arrays import Array, Integers
 from tests.fem.solid_bars import bar
 
@@ -67,14 +67,12 @@ def test_a_solid_is_read_back_as_it_was(tmp_path: Path) -> None:
     assert back.name == "other"
     np.testing.assert_array_equal(back.tetrahedra, mesh.tetrahedra)
     np.testing.assert_array_equal(back.interfaces["tip"], mesh.interfaces["tip"])
-    with pytest.raises(InputError, match="SHA-256"):
-        load_solid(tmp_path / "bar.npz", "0" * 64)
+    refuses("F007", "SHA-256", load_solid, tmp_path / "bar.npz", "0" * 64)
 
 
 def test_unused_nodes_are_refused() -> None:
     mesh = bar(0.5, 0.05, 2, 1)
-    with pytest.raises(InputError, match="belong to no element"):
-        replace(mesh, nodes=np.vstack([mesh.nodes, np.ones(3)]))
+    refuses("L007", "belong to no element", replace, mesh, nodes=np.vstack([mesh.nodes, np.ones(3)]))
 
 
 def test_hollows_face_inward_and_are_no_bodies() -> None:

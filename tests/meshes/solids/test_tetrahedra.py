@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 
 from fem.elements.solid import solid_volume
 from meshes.solid_mesh import SolidMesh
@@ -45,8 +46,7 @@ def test_a_step_file_is_in_mm_and_its_seats_are_whole_faces(step: Path) -> None:
 
 
 def test_a_wrong_unit_is_refused(step: Path) -> None:
-    with pytest.raises(InputError, match="scale of bar"):
-        import_solid(step, ENDS, SolidSettings(2.1e11, 0.3), scale=1.0)
+    refuses("L002", "scale of bar", import_solid, step, ENDS, SolidSettings(2.1e11, 0.3), scale=1.0)
 
 
 @pytest.mark.slow
@@ -59,15 +59,13 @@ def test_a_seat_that_is_not_there_is_refused(step: Path) -> None:
 def test_several_solids_are_refused(tmp_path: Path) -> None:
     both = occ.Compound([occ.Box((0, 0, 0), (1, 1, 1)), occ.Box((3, 0, 0), (4, 1, 1))])
     both.WriteStep(str(tmp_path / "two.step"))
-    with pytest.raises(InputError, match="solids") as caught:
-        open_step(tmp_path / "two.step")
-    assert caught.value.value == 2
+    caught = refuses("L008", "solids", open_step, tmp_path / "two.step")
+    assert caught.value == 2
 
 
 def test_what_is_no_step_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "no.step").write_text("nothing of the kind")
-    with pytest.raises(InputError, match=r"no\.step"):
-        open_step(tmp_path / "no.step")
+    refuses("L008", r"no\.step", open_step, tmp_path / "no.step")
 
 
 @pytest.mark.slow
@@ -80,6 +78,5 @@ def test_a_surface_is_filled_up_to_its_curvature() -> None:
 
 def test_without_netgen_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, step: Path) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match="netgen") as caught:
-        open_step(step)
-    assert "stiffarm[solid]" in str(caught.value)
+    caught = refuses("F013", "netgen", open_step, step)
+    assert "stiffarm[solid]" in str(caught)

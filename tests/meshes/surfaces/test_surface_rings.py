@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 
 from meshes.surfaces.remesh import remesh
 from meshes.surfaces.rings import Interface, Ring, choose_rings, one_bearing
-from robots import InputError
 
 SIZE_M = 0.03
 # An arm of 0.2 x 0.2 m section from z = -0.15 to 0.95 m; its joints turn about y, at z = 0 and 0.8 m.
@@ -82,8 +82,14 @@ def test_rings_that_meet_are_cut_and_that_is_said(arm) -> None:
     assert not set(rings["root"].nodes) & set(rings["tip"].nodes)
     assert all(ring.radius <= 0.45 * 0.12 + 1e-12 for ring in rings.values())
     assert notes == ["rings of root and tip met: their radii were cut, see below"]
-    with pytest.raises(InputError, match="root and tip share nodes"):
-        rings_of(arm, root=Interface(at(0.3, 0.1), Y, radius=0.1), tip=Interface(at(0.42, 0.1), Y, radius=0.1))
+    refuses(
+        "L006",
+        "root and tip share nodes",
+        rings_of,
+        arm,
+        root=Interface(at(0.3, 0.1), Y, radius=0.1),
+        tip=Interface(at(0.42, 0.1), Y, radius=0.1),
+    )
 
 
 def test_a_ball_serves_where_no_flat_place_is_around_the_axis(arm) -> None:
@@ -96,8 +102,14 @@ def test_a_ball_serves_where_no_flat_place_is_around_the_axis(arm) -> None:
 
 def test_no_ring_is_said_with_the_way_to_the_surface(arm) -> None:
     far = Interface(np.array([1.0, 1.0, 0.4]), Z)
-    with pytest.raises(InputError, match=r"no ring found at interface root.*the nearest node is 1\.2"):
-        rings_of(arm, root=far, tip=Interface(at(0.8), Y))
+    refuses(
+        "L006",
+        r"no ring found at interface root.*the nearest node is 1\.2",
+        rings_of,
+        arm,
+        root=far,
+        tip=Interface(at(0.8), Y),
+    )
 
 
 def test_the_choice_does_not_depend_on_the_order_of_nodes(arm) -> None:

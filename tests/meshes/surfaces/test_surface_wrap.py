@@ -6,6 +6,7 @@ import numpy as np
 import oracles
 import pytest
 import trimesh
+from refusals import refuses
 
 from fem.elements import beam
 from fem.elements.condensation import condense
@@ -208,8 +209,15 @@ def two_bodies() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_two_bodies_are_refused() -> None:
-    with pytest.raises(InputError, match=r"2 separate bodies, further apart than 60 mm.*--close-mm above 60"):
-        prepare_link("two", *two_bodies(), ends(0.7), settings(target_size=0.03, opening=0.06))
+    refuses(
+        "L003",
+        r"2 separate bodies, further apart than 60 mm.*--close-mm above 60",
+        prepare_link,
+        "two",
+        *two_bodies(),
+        ends(0.7),
+        settings(target_size=0.03, opening=0.06),
+    )
 
 
 @pytest.mark.slow
@@ -251,23 +259,19 @@ def test_a_crash_of_the_alpha_wrap_is_one_message(
 ) -> None:
     monkeypatch.setattr(surface_wrap, "_ALPHA_WRAP", script)
     monkeypatch.setattr(surface_wrap.importlib.util, "find_spec", lambda name: True)
-    with pytest.raises(InputError, match=words) as caught:
-        wrap_surface("ball", *arrays(ball), SIZE_M, None, "alpha")
-    assert "wrap by the grid instead" in str(caught.value)
+    caught = refuses("L003", words, wrap_surface, "ball", *arrays(ball), SIZE_M, None, "alpha")
+    assert "wrap by the grid instead" in str(caught)
 
 
 def test_an_alpha_wrap_that_hangs_is_ended(ball: trimesh.Trimesh, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(surface_wrap, "_ALPHA_WRAP", "import time; time.sleep(60)")
     monkeypatch.setattr(surface_wrap.importlib.util, "find_spec", lambda name: True)
     monkeypatch.setattr(surface_wrap, "TIMEOUT_S", 0.2)
-    with pytest.raises(InputError, match=r"no result after 0\.2 s"):
-        wrap_surface("ball", *arrays(ball), SIZE_M, None, "alpha")
+    refuses("L003", r"no result after 0\.2 s", wrap_surface, "ball", *arrays(ball), SIZE_M, None, "alpha")
 
 
 def test_without_pymeshlab_the_alpha_wrap_names_it(ball: trimesh.Trimesh, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(surface_wrap.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match="pymeshlab"):
-        wrap_surface("ball", *arrays(ball), SIZE_M, None, "alpha")
+    refuses("F013", "pymeshlab", wrap_surface, "ball", *arrays(ball), SIZE_M, None, "alpha")
     assert isinstance(wrap_surface("ball", *arrays(ball), SIZE_M), Wrap)
-    with pytest.raises(InputError, match="wrap method"):
-        wrap_surface("ball", *arrays(ball), SIZE_M, None, "cling film")
+    refuses("L011", "wrap method", wrap_surface, "ball", *arrays(ball), SIZE_M, None, "cling film")

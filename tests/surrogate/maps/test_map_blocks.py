@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from map_arms import engine, kr60, slice_layout
+from refusals import refuses
 
-from robots import InputError
 from surrogate.maps.blocks import Engine
 from surrogate.maps.data import figures
 from surrogate.maps.layouts import joint_layout
@@ -154,28 +154,27 @@ def test_a_folder_begun_and_left_before_its_record_is_begun_anew(tmp_path: Path)
 def test_folders_of_something_else_are_refused(tmp_path: Path) -> None:
     made = sweep()
     store_of(made, tmp_path / "work", 11)
-    with pytest.raises(InputError, match="of another map"):
-        store_of(made, tmp_path / "work", 11, key="other")
-    with pytest.raises(InputError, match="of another map"):
-        store_of(made, tmp_path / "work", 12)
+    refuses("S013", "of another map", store_of, made, tmp_path / "work", 11, key="other")
+    refuses("S013", "of another map", store_of, made, tmp_path / "work", 12)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.txt").write_text("precious")
-    with pytest.raises(InputError, match="holds other files"):
-        store_of(made, tmp_path / "other", 11)
+    refuses("S013", "holds other files", store_of, made, tmp_path / "other", 11)
     assert (tmp_path / "other" / "thesis.txt").read_text() == "precious"
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="work folder"):
-        store_of(made, tmp_path / "file", 11)
+    refuses("S013", "work folder", store_of, made, tmp_path / "file", 11)
 
 
 def test_blocks_of_another_map_are_refused(tmp_path: Path) -> None:
     made = sweep()
     store = store_of(made, tmp_path / "work", 11)
     block = made.block(store.rows(0))
-    with pytest.raises(InputError, match=r"block 1 of the map: isotropy.*missing"):
-        store.write(1, {name: values for name, values in block.items() if name != "isotropy"})
-    with pytest.raises(InputError, match=r"block 1 of the map: q"):
-        store.write(1, block | {"q": np.zeros((11, 5))})
+    refuses(
+        "S013",
+        r"block 1 of the map: isotropy.*missing",
+        store.write,
+        1,
+        {name: values for name, values in block.items() if name != "isotropy"},
+    )
+    refuses("S013", r"block 1 of the map: q", store.write, 1, block | {"q": np.zeros((11, 5))})
     assert store.done == set()
-    with pytest.raises(InputError, match="blocks are missing"):
-        store.finished()
+    refuses("S013", "blocks are missing", store.finished)

@@ -14,6 +14,7 @@ import numpy as np
 import oracles
 import pytest
 from cluster_work import SIZE
+from refusals import refuses
 
 from robots import InputError
 from surrogate.maps import cluster
@@ -108,13 +109,13 @@ def test_an_address_at_which_nobody_answers_is_refused_within_seconds(address: s
     oracles.load("distributed")
     store = store_in(tmp_path / "a")
     start = time.monotonic()
-    with pytest.raises(InputError, match="does not answer"):
-        run_on(address, cluster_work.slowly, "0", store)
+    refuses("S014", "does not answer", run_on, address, cluster_work.slowly, "0", store)
     # It asked for ever.
     assert time.monotonic() - start < 60.0
 
 
 def test_without_the_library_its_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
-    with pytest.raises(InputError, match=r"stiffarm\[dask\]"):
-        run_on("tcp://127.0.0.1:9", cluster_work.slowly, "0", store_in(tmp_path / "a"))
+    refuses(
+        "F013", r"stiffarm\[dask\]", run_on, "tcp://127.0.0.1:9", cluster_work.slowly, "0", store_in(tmp_path / "a")
+    )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from map_arms import box_layout, cylinder_layout, kr60, planar, slice_layout
+from refusals import refuses
 
-from robots import InputError
 from surrogate.maps.layouts import joint_layout, points_of, poses_of, range_for, reach_of, step_for
 
 ALL = slice(None)
@@ -72,19 +72,11 @@ def test_default_steps_are_round_and_give_the_points_asked_for() -> None:
 
 def test_what_is_refused() -> None:
     robot = kr60().robot
-    with pytest.raises(InputError, match="evenly spaced"):
-        box_layout([0.0, 1.0, 3.0], [0.0], [0.0])
-    with pytest.raises(InputError, match="evenly spaced"):
-        slice_layout("xz", [0.0, -1.0], [0.0])
-    with pytest.raises(InputError, match="radius"):
-        cylinder_layout([-1.0, 0.0], [0.0], [0.0])
-    with pytest.raises(InputError, match="at most one turn"):
-        cylinder_layout([1.0], [0.0, 200.0, 400.0], [0.0])
-    with pytest.raises(InputError, match="finite"):
-        box_layout([np.nan], [0.0], [0.0])
-    with pytest.raises(InputError, match="points of the map"):
-        box_layout(np.arange(2000.0), np.arange(2000.0), np.arange(2000.0))
-    with pytest.raises(InputError, match="each once"):
-        joint_layout(robot, robot.coordinates[1:3], 3, {robot.coordinates[1]: [0.0]})
-    with pytest.raises(InputError, match="q9_deg"):
-        joint_layout(robot, ["q9_deg"], 3)
+    refuses("S011", "evenly spaced", box_layout, [0.0, 1.0, 3.0], [0.0], [0.0])
+    refuses("S011", "evenly spaced", slice_layout, "xz", [0.0, -1.0], [0.0])
+    refuses("S011", "radius", cylinder_layout, [-1.0, 0.0], [0.0], [0.0])
+    refuses("S011", "at most one turn", cylinder_layout, [1.0], [0.0, 200.0, 400.0], [0.0])
+    refuses("B001", "finite", box_layout, [np.nan], [0.0], [0.0])
+    refuses("S011", "points of the map", box_layout, np.arange(2000.0), np.arange(2000.0), np.arange(2000.0))
+    refuses("S011", "each once", joint_layout, robot, robot.coordinates[1:3], 3, {robot.coordinates[1]: [0.0]})
+    refuses("B003", "q9_deg", joint_layout, robot, ["q9_deg"], 3)
