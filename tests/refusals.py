@@ -18,3 +18,12 @@ def refuses(codes: str, named: str, call: Callable[..., object], /, *given: obje
     found = {each.code for each in (error.errors if isinstance(error, InputErrors) else [error])}
     assert found <= set(codes.split()), found
     return error
+
+
+def refuses_each(
+    codes: str, named: str, call: Callable[..., object], /, *given: object, **options: object
+) -> InputErrors:
+    """As :func:`refuses`, of several faults that are told together."""
+    error = refuses(codes, named, call, *given, **options)
+    assert isinstance(error, InputErrors)
+    return error

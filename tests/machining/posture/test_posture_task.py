@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from posture_cases import dome, part, spindle
-from refusals import refuses
+from refusals import refuses, refuses_each
 from rigid_frames import rigid_frame
 
 from machining.task import Task, tool_path
 from machining.toolpaths.tables import read_path
-from robots import InputErrors
 from robots.arrays import Array
 
 HEAD = "x_mm,y_mm,z_mm,nx,ny,nz"
@@ -65,8 +64,13 @@ def test_normals_are_made_unit_and_stand_in_for_axes() -> None:
 
 
 def test_repeated_points_are_all_named() -> None:
-    with pytest.raises(InputErrors, match=r"point 1 repeats point 0[\s\S]*point 3 repeats point 2"):
-        tool_path([[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0]], [0.0, 0.0, 1.0])
+    refuses_each(
+        "P009",
+        r"point 1 repeats point 0[\s\S]*point 3 repeats point 2",
+        tool_path,
+        [[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0]],
+        [0.0, 0.0, 1.0],
+    )
 
 
 @pytest.mark.parametrize(
@@ -111,9 +115,8 @@ def test_every_bad_row_of_a_csv_is_reported(tmp_path: Path) -> None:
         "5,0,inf,0,0,1,",  # row 8: not finite
         "6,0,0,0,0,1,",
     )
-    with pytest.raises(InputErrors) as caught:
-        read_path(file)
-    text = [str(error) for error in caught.value.errors]
+    caught = refuses_each("P008", "", read_path, file)
+    text = [str(error) for error in caught.errors]
     assert sorted(int(t.split("row ")[1].split(",")[0].split(":")[0]) for t in text) == [3, 4, 5, 6, 7, 8]
     assert any("column z_mm" in t and "'zero'" in t for t in text)
 

@@ -244,9 +244,9 @@ def test_what_is_refused() -> None:
     refuses(
         "B001",
         "tool axis",
-        BestGamma(np.zeros(3), np.zeros(1)).choose,
-        Arm(kr60().robot, np.eye(4), lambda q: stiffness(kr60(), q)),
-        np.zeros((1, 3)),
+        lambda: BestGamma(np.zeros(3), np.zeros(1)).choose(
+            Arm(kr60().robot, np.eye(4), lambda q: stiffness(kr60(), q)), np.zeros((1, 3))
+        ),
     )
     refuses("B001", "gamma", BestGamma, UP, np.array([]))
 
