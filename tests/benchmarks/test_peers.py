@@ -9,8 +9,7 @@ import pytest
 from peer_comparison import PeerResult, compare_with_peers, errors_of
 from peer_estimators import OwnCandidate, PeerEstimator
 from peers import PEERS, Peer, Size, Variant
-
-from robots.errors import InputError
+from refusals import refuses
 
 LOWER, UPPER = np.radians([-35.0, 40.0]), np.radians([45.0, 115.0])
 PLAIN = Variant("compliance", "angles")
@@ -363,8 +362,7 @@ def test_a_missing_package_is_named(monkeypatch):
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without_smt)
-    with pytest.raises(InputError, match=r'pip install "stiffarm\[smt\]"'):
-        compared("kriging")
+    refuses("F013", r'pip install "stiffarm\[smt\]"', compared, "kriging")
     # Not asked for by name: the other rows are still wanted.
     monkeypatch.setattr(peer_comparison, "PEERS", {name: PEERS[name] for name in ("kriging", "polynomial")})
     Q, Q_test = poses(60, 1), poses(50, 2)
@@ -396,5 +394,4 @@ def test_bad_input_is_refused(change, message):
     Q, Q_test = poses(30, 1), poses(20, 2)
     given = {"Q": Q, "y": arm(Q), "Q_test": Q_test, "y_test": arm(Q_test), "peers": ["polynomial"]} | change
     positional = [given.pop(name) for name in ("Q", "y", "Q_test", "y_test")]
-    with pytest.raises(InputError, match=message):
-        compare_with_peers(*positional, **given)
+    refuses("A001 B001 T008", message, compare_with_peers, *positional, **given)

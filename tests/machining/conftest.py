@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rigid_frames import rigid_frame
 
 import fem
 import robots
@@ -71,8 +72,7 @@ def turned_base() -> Callable[..., fem.ArmModel]:
     """Return the same arm standing on a base whose axes are turned by R."""
 
     def turn(model: fem.ArmModel, R: Array) -> fem.ArmModel:
-        T = np.eye(4)
-        T[:3, :3] = R
+        T = rigid_frame(R=R)
         T_pre = model.robot.T_pre.copy()
         T_pre[0] = T @ T_pre[0]
         return replace(model, robot=replace(model.robot, T_pre=T_pre))

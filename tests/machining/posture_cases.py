@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from rigid_frames import rigid_frame
 
 from machining.task import Task, ToolPath, tool_path
 from robots.arrays import Array
@@ -15,16 +16,11 @@ SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
 def spindle() -> Array:
     """Tool frame: axis across the flange's, tip 200 mm to the side and 80 mm ahead."""
-    T = np.eye(4)
-    T[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-    T[:3, 3] = 0.2, 0.0, 0.08
-    return T
+    return rigid_frame((0.2, 0.0, 0.08), [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 def part(x: float = 1.2, y: float = 0.2, z: float = 0.6) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
+    return rigid_frame((x, y, z))
 
 
 def dome(n: int, length: float = 0.7, feed: float | None = None) -> ToolPath:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from rigid_frames import rigid_frame
 
 from machining.cell import ArmBodies, Body, Cell, Fixture, Tool, arm_of, box, capsule
 from machining.programs.program import JointProgram
@@ -18,16 +19,13 @@ SPEED = np.radians([128.0, 102.0, 128.0, 260.0, 245.0, 322.0])
 
 
 def placed(body: Body, x: float, y: float, z: float) -> Body:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
+    T = rigid_frame((x, y, z))
     return body.moved(T)
 
 
 def tool() -> Tool:
     """A spindle across the flange; its mill, 8 mm thick, sticks out by 80 mm."""
-    T = np.eye(4)
-    T[:3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-    T[:3, 3] = 0.3, 0.0, 0.08
+    T = rigid_frame((0.3, 0.0, 0.08), [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     spindle = placed(Body("spindle", (box((0.1, 0.1, 0.1)),)), 0.15, 0.0, 0.03)
     bracket = placed(Body("bracket", (box((0.25, 0.08, 0.03)),)), 0.075, 0.0, 0.0)
     mill = Body("mill", (capsule((0.2, 0.0, 0.08), (0.296, 0.0, 0.08), 0.004),))
@@ -36,8 +34,7 @@ def tool() -> Tool:
 
 def cell(*fixtures: Body, safety: float = 0.0, **more: object) -> Cell:
     """The part's top, 400 x 300 mm, is z = 0 of its frame, in whose middle the origin is."""
-    T = np.eye(4)
-    T[:3, 3] = 1.3, 0.1, 0.6
+    T = rigid_frame((1.3, 0.1, 0.6))
     part = placed(Body("part", (box((0.4, 0.3, 0.1)),)), 1.3, 0.1, 0.5)
     table = placed(Body("table", (box((0.8, 0.8, 0.45)),)), 1.3, 0.1, 0.04)
     given = Cell(

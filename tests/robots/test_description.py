@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
+from refusals import refuses
 
 from robots import (
     InputError,
@@ -444,16 +445,14 @@ def test_the_pins_lever_is_taken_in_the_driven_bodys_frame() -> None:
 def test_unreadable_toml_names_file_line_and_remedy(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_text('schema = "stiffarm-model/1"\nname "arm"\n', encoding="utf-8")
-    with pytest.raises(InputError, match=r"arm\.toml is not valid TOML.*line 2") as caught:
-        load_description(path)
-    assert caught.value.remedy
+    caught = refuses("F005", r"arm\.toml is not valid TOML.*line 2", load_description, path)
+    assert caught.remedy
 
 
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(InputError, match=r"arm\.toml cannot be read"):
-        load_description(path)
+    refuses("F004", r"arm\.toml cannot be read", load_description, path)
 
 
 @pytest.mark.parametrize("make_folder", [False, True])
@@ -461,9 +460,8 @@ def test_a_missing_file_lists_the_bundled_robots(tmp_path: Path, make_folder: bo
     path = tmp_path / "no-such-arm.toml"
     if make_folder:
         path.mkdir()
-    with pytest.raises(InputError, match=rf"{re.escape(str(path))}.*kr60-3, tx200, xr701") as caught:
-        load_description(path)
-    assert "stiffarm robots" in str(caught.value.remedy)
+    caught = refuses("R001", rf"{re.escape(str(path))}.*kr60-3, tx200, xr701", load_description, path)
+    assert "stiffarm robots" in str(caught.remedy)
 
 
 def test_a_saved_model_reads_back_and_nothing_else_is_left(tmp_path: Path) -> None:
@@ -477,17 +475,21 @@ def test_a_saved_model_reads_back_and_nothing_else_is_left(tmp_path: Path) -> No
 def test_a_model_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("precious", encoding="utf-8")
-    with pytest.raises(InputError, match=r"mine\.toml exists already") as caught:
-        save_description(load_description("xr701"), path)
-    assert caught.value.remedy
+    caught = refuses("F009", r"mine\.toml exists already", save_description, load_description("xr701"), path)
+    assert caught.remedy
     assert path.read_text(encoding="utf-8") == "precious"
     assert os.listdir(tmp_path) == ["mine.toml"]
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere does not exist") as caught:
-        save_description(load_description("xr701"), tmp_path / "nowhere" / "mine.toml")
-    assert caught.value.remedy
+    caught = refuses(
+        "F008",
+        r"nowhere does not exist",
+        save_description,
+        load_description("xr701"),
+        tmp_path / "nowhere" / "mine.toml",
+    )
+    assert caught.remedy
 
 
 def test_a_write_that_fails_leaves_no_temporary_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -513,5 +515,4 @@ def test_tables_that_a_user_adds_are_read(name: str) -> None:
 
 def test_an_empty_list_in_the_way_of_a_table_is_named() -> None:
     text = "link = []\n" + to_toml(load_description("kr60-3")) + '\n[[link]]\nname = "a"\n'
-    with pytest.raises(InputError, match=r"link = \[\] is above it.*remove the line"):
-        parse_description(text, "pasted")
+    refuses("F005", r"link = \[\] is above it.*remove the line", parse_description, text, "pasted")

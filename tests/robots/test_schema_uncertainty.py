@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tomllib
 from typing import Any
 
 import pytest
 import tomlkit
+from refusals import refuses
 
-from robots import InputError, ModelDescription, content_hash, load_description
+from robots import (
+    ModelDescription,
+    bundled_names,
+    content_hash,
+    load_description,
+    require_at_least,
+    require_one_of,
+    require_positive,
+)
+from robots.library.commented import commented_toml
 from robots.library.models import parse_description, to_toml
 from robots.schema.description import Calibration, CalibrationUncertainty, UndeterminedNumber
+from robots.schema.key_words import KEY_WORDS, json_schema
+from robots.schema.units import DIMENSIONS
 
 TABLE = CalibrationUncertainty(
     parameters=("j2.stiffness", "j3.law[0]", "forearm.wall"),
@@ -105,9 +118,8 @@ def test_a_covariance_is_content() -> None:
     ],
 )
 def test_what_is_no_covariance_is_refused(keys: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=r"model\.toml: calibration\.uncertainty") as error:
-        parse_description(changed(**keys), "model.toml")
-    assert said in str(error.value)
+    error = refuses("F011", r"model\.toml: calibration\.uncertainty", parse_description, changed(**keys), "model.toml")
+    assert said in str(error)
 
 
 def test_round_off_of_a_matrix_written_in_full_is_none() -> None:
@@ -116,3 +128,74 @@ def test_round_off_of_a_matrix_written_in_full_is_none() -> None:
     parse_description(
         changed(covariance=[[a * a, a * b, 0.0], [a * b * (1.0 + 1e-16), b * b, 0.0], [0.0, 0.0, 0.0]]), "model.toml"
     )
+
+
+# ------------------------------------------------------------
+# Every key of a model file is explained, in the schema and in new files; and what is written reads back the same
+
+SCHEMA = json_schema()
+TABLES = {"ModelDescription": SCHEMA, **SCHEMA["$defs"]}
+
+
+def test_every_key_of_every_table_has_its_sentence() -> None:
+    keys = {(name, key) for name, table in TABLES.items() for key in table["properties"]}
+    said = {(name, key) for name, table in KEY_WORDS.items() for key in table}
+    assert said <= keys
+    assert all(entry["description"] for table in TABLES.values() for entry in table["properties"].values())
+
+
+def test_the_schema_lists_the_units_of_each_quantity() -> None:
+    assert TABLES["Length"]["properties"]["unit"]["enum"] == list(DIMENSIONS["length"].units)
+    assert "enum" not in TABLES["EffectNumber"]["properties"]["unit"]
+    assert json.loads(json.dumps(SCHEMA)) == SCHEMA
+
+
+@pytest.mark.parametrize("name", [*bundled_names(), "r2000ic-270f", "kr210-r2700-2"])
+def test_a_commented_file_reads_back_the_same(name: str) -> None:
+    description = load_description(name)
+    text = commented_toml(description)
+    assert parse_description(text, name) == description
+    missing = [key for key in KEY_WORDS["ModelDescription"] if f"{key}" not in text]
+    assert set(missing) <= {"calibration", "positions"}
+
+
+# ------------------------------------------------------------
+# Checks of single arguments: what passes, and what is said of the rest
+
+
+def test_a_known_word_passes_and_another_is_refused_with_all_of_them() -> None:
+    require_one_of("aim", "mean", ("mean", "worst"), code="X004")
+    error = refuses(
+        "X004", "", require_one_of, "aim", "wurst", {"mean": 1, "worst": 2}, code="X004", remedy="choose one"
+    )
+    assert (error.what, error.value) == ("aim", "wurst")
+    assert (error.allowed, error.remedy) == ("mean, worst", "choose one")
+    assert "Did you mean worst?" in str(error)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_a_number_that_is_not_above_zero_is_refused(value: float) -> None:
+    refuses(
+        "X004", r"tolerance: got .*; allowed: greater than 0 m$", require_positive, "tolerance", value, "m", code="X004"
+    )
+
+
+@pytest.mark.parametrize("value", [1, -math.inf, math.nan, math.inf])
+def test_a_number_below_the_least_is_refused(value: float) -> None:
+    refuses(
+        "X004",
+        r"steps: got .*; allowed: 2 or more. To fix it: take more",
+        require_at_least,
+        "steps",
+        value,
+        2,
+        code="X004",
+        remedy="take more",
+    )
+
+
+def test_numbers_within_pass_and_so_does_what_is_not_given() -> None:
+    for value in (1e-300, 1e300, None):
+        require_positive("scale", value, code="X004")
+    for value in (0.0, 1e300, None):
+        require_at_least("safety", value, 0.0, "m", code="X004")

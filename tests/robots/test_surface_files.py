@@ -7,8 +7,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from refusals import refuses
 
-from robots import InputError, ModelDescription, content_hash, load_description, save_description
+from robots import ModelDescription, content_hash, load_description, save_description
 from robots.library.models import parse_description, to_toml
 from robots.schema.description import Surface
 from robots.schema.quantities import PositiveLength
@@ -119,8 +120,13 @@ def test_a_surface_that_is_gone_is_said_when_it_is_needed(meshes: dict[str, Path
     save_description(with_surfaces(meshes), home / "model.toml")
     shutil.rmtree(home / "meshes")
     again = load_description(home / "model.toml")
-    with pytest.raises(InputError, match=r"surface file .* cannot be read .*import the link again"):
-        save_description(again, tmp_path / "copy.toml")
+    refuses(
+        "F001",
+        r"surface file .* cannot be read .*import the link again",
+        save_description,
+        again,
+        tmp_path / "copy.toml",
+    )
     assert files(tmp_path) == sorted(["home/model.toml", *(f"source/{path.name}" for path in meshes.values())])
 
 
@@ -130,8 +136,7 @@ def test_a_surface_that_has_changed_is_refused_and_nothing_is_left(meshes: dict[
     given = with_surfaces(meshes)
     (*_, last) = meshes.values()
     last.write_bytes(b"edited")
-    with pytest.raises(InputError, match="has changed since it was prepared"):
-        save_description(given, home / "model.toml")
+    refuses("F007", "has changed since it was prepared", save_description, given, home / "model.toml")
     # The first link's copy was made already and is taken back, its folder too.
     assert list(home.iterdir()) == []
 
@@ -142,8 +147,7 @@ def test_another_file_under_the_name_is_never_overwritten(meshes: dict[str, Path
     name, path = next(iter(meshes.items()))
     stranger = home / "meshes" / f"{name}-{short(path)}.npz"
     stranger.write_bytes(b"damaged")
-    with pytest.raises(InputError, match="exists with other content"):
-        save_description(with_surfaces({name: path}), home / "model.toml")
+    refuses("F009", "exists with other content", save_description, with_surfaces({name: path}), home / "model.toml")
     assert files(home) == [f"meshes/{stranger.name}"]
     assert stranger.read_bytes() == b"damaged"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import oracles
 import pytest
+from rigid_frames import rigid_frame
 
 from robots import (
     InputError,
@@ -108,8 +109,7 @@ def test_all_frames_are_pinocchios(
         for k, T in enumerate(bodies):
             np.testing.assert_allclose(frames.R[i, k], T[:3, :3], rtol=0, atol=1e-12)
             np.testing.assert_allclose(frames.p[i, k], T[:3, 3], rtol=0, atol=1e-12)
-        ours = np.eye(4)
-        ours[:3, :3], ours[:3, 3] = frames.R_flange[i], frames.p_flange[i]
+        ours = rigid_frame(frames.p_flange[i], frames.R_flange[i])
         np.testing.assert_allclose(ours, flange, rtol=0, atol=1e-12)
         np.testing.assert_allclose(ours @ robot.T_flange_tool, tool, rtol=0, atol=1e-12)
 

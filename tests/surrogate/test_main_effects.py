@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
-from robots import InputError
 from surrogate.main_effects import main_effects
 
 
@@ -40,8 +40,7 @@ def test_levels_that_differ_by_round_off_are_one() -> None:
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 def test_a_failed_run_is_named(bad: float) -> None:
-    with pytest.raises(InputError, match="run 2"):
-        main_effects(np.array([[0.0], [1.0]]), np.array([1.0, bad]), ("q2_deg",))
+    refuses("B002", "run 2", main_effects, np.array([[0.0], [1.0]]), np.array([1.0, bad]), ("q2_deg",))
 
 
 @pytest.mark.parametrize(
@@ -56,5 +55,4 @@ def test_a_failed_run_is_named(bad: float) -> None:
     ],
 )
 def test_bad_input_is_refused(q: np.ndarray, stiffness: np.ndarray, names: tuple[str, ...]) -> None:
-    with pytest.raises(InputError, match="main effects"):
-        main_effects(q, stiffness, names)
+    refuses("B002", "main effects", main_effects, q, stiffness, names)

@@ -12,8 +12,8 @@ import numpy as np
 import oracles
 import pytest
 from portable_cases import CASES, HOSTILE, check, portable, poses, reference
+from refusals import refuses
 
-from robots.errors import InputError
 from surrogate.portable import Link, Portable, onnx_model, write_onnx
 from surrogate.portable.content import content_hash
 from surrogate.scope import Couplings
@@ -133,6 +133,11 @@ def test_a_quantity_called_as_another_output(rng: np.random.Generator) -> None:
 
 def test_without_onnx(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "onnx", None)
-    with pytest.raises(InputError, match=r"pip install 'stiffarm\[onnx\]'"):
-        write_onnx(portable("identity", ("mixed",), 1, rng), tmp_path / "surrogate.onnx")
+    refuses(
+        "F013",
+        r"pip install 'stiffarm\[onnx\]'",
+        write_onnx,
+        portable("identity", ("mixed",), 1, rng),
+        tmp_path / "surrogate.onnx",
+    )
     assert not list(tmp_path.iterdir())

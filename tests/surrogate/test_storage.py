@@ -4,10 +4,10 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 from arm_cases import few_runs, sprung
+from refusals import refuses
 
 from fem.springs import FourierBasis, LawSpring
 from robots import Robot, load_robot
-from robots.errors import InputError
 from surrogate import compliance_matrix, scope_of, task_of, train
 from surrogate.asking import query
 from surrogate.designs import space_filling_design
@@ -197,10 +197,15 @@ def test_layout_may_change_but_content_may_not(tmp_path, good):
         row = data["expansion"]["coefficients"][3]
         row[0] = float(np.nextafter(row[0], 1.0))
 
-    with pytest.raises(InputError, match=r"does not fit its checksum.*changed.*fit the surrogate again"):
-        load_surrogate(edited(tmp_path, good["plain"], nudge, seal=False))
-    with pytest.raises(InputError, match="content_sha256"):
-        load_surrogate(edited(tmp_path, good["plain"], drop("content_sha256"), seal=False))
+    refuses(
+        "F007",
+        r"does not fit its checksum.*changed.*fit the surrogate again",
+        load_surrogate,
+        edited(tmp_path, good["plain"], nudge, seal=False),
+    )
+    refuses(
+        "F011", "content_sha256", load_surrogate, edited(tmp_path, good["plain"], drop("content_sha256"), seal=False)
+    )
     # The same edit with a fitting checksum loads: it was the checksum that noticed it.
     load_surrogate(edited(tmp_path, good["plain"], nudge))
 
@@ -234,8 +239,12 @@ def test_any_scalar_changed_by_hand_is_noticed(tmp_path, good, which, rng):
             value = value[key]
         other = {bool: lambda v: not v, int: lambda v: v + 1, float: lambda v: v * 1.001 + 1e-9, str: lambda v: v + "x"}
         new = 7.0 if value is None else other[type(value)](value)
-        with pytest.raises(InputError, match=r"surrogate file"):
-            load_surrogate(edited(tmp_path, good[which], set_to(*path, value=new), seal=False))
+        refuses(
+            "F007 F011",
+            r"surrogate file",
+            load_surrogate,
+            edited(tmp_path, good[which], set_to(*path, value=new), seal=False),
+        )
 
 
 def drop(*keys):
@@ -309,9 +318,8 @@ E = "expansion"
 )
 def test_files_that_do_not_fit_are_refused_by_name(tmp_path, good, change, words):
     path = edited(tmp_path, good["plain"], change)
-    with pytest.raises(InputError, match=words) as info:
-        load_surrogate(path)
-    assert str(path) in str(info.value)
+    info = refuses("F005 F006 F007 F011", words, load_surrogate, path)
+    assert str(path) in str(info)
 
 
 @pytest.mark.parametrize(
@@ -328,15 +336,13 @@ def test_files_that_do_not_fit_are_refused_by_name(tmp_path, good, change, words
     ],
 )
 def test_factors_that_do_not_fit_are_refused(tmp_path, good, change, words):
-    with pytest.raises(InputError, match=words):
-        load_surrogate(edited(tmp_path, good["factored"], change))
+    refuses("F005 F007 F011", words, load_surrogate, edited(tmp_path, good["factored"], change))
 
 
 def test_a_number_too_large_for_a_float_is_refused(tmp_path, good):
     path = edited(tmp_path, good["plain"], set_to(E, "coefficients", 0, value=[12345.0]))
     path.write_text(path.read_text(encoding="utf-8").replace("12345.0", "1e999"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"1e999 is beyond the largest number"):
-        load_surrogate(path)
+    refuses("F005", r"1e999 is beyond the largest number", load_surrogate, path)
 
 
 def test_all_faults_are_reported_at_once(tmp_path, good):
@@ -344,26 +350,21 @@ def test_all_faults_are_reported_at_once(tmp_path, good):
         data["robot"] = 3
         data.pop("notes")
 
-    with pytest.raises(InputError, match=r"(?s)2 problem.*robot.*notes"):
-        load_surrogate(edited(tmp_path, good["plain"], two))
+    refuses("F011", r"(?s)2 problem.*robot.*notes", load_surrogate, edited(tmp_path, good["plain"], two))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
 def test_a_truncated_file_is_refused(tmp_path, good, share):
     path = tmp_path / "s.json"
     path.write_text(good["factored"][: int(share * len(good["factored"]))], encoding="utf-8")
-    with pytest.raises(InputError, match=r"not valid JSON.*fit the surrogate again"):
-        load_surrogate(path)
+    refuses("F005", r"not valid JSON.*fit the surrogate again", load_surrogate, path)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", "7", "[" * 100_000, "\x00", "null", '"text"'])
 def test_not_a_surrogate_file(tmp_path, text):
     path = tmp_path / "s.json"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="surrogate file"):
-        load_surrogate(path)
+    refuses("F005 F007", "surrogate file", load_surrogate, path)
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="surrogate file"):
-        load_surrogate(path)
-    with pytest.raises(InputError, match="cannot be read"):
-        load_surrogate(tmp_path / "missing.json")
+    refuses("F004", "surrogate file", load_surrogate, path)
+    refuses("F001", "cannot be read", load_surrogate, tmp_path / "missing.json")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Measurements, bundled_data, read_measurements, select_loads
 from doe.calibration.run import run_campaign
@@ -23,7 +24,7 @@ from fem.free.parameters import parameter
 from fem.model import link_part
 from fem.statics.loads import as_loaded
 from meshes.array_cache import ArrayCache
-from robots import InputError, ModelDescription, load_description
+from robots import ModelDescription, load_description
 from robots.library.models import parse_description, to_toml
 
 HEAD = 'schema = "stiffarm-calibration/1"\nrobot = "kr60-3"\ntitle = "test"\n'
@@ -151,8 +152,7 @@ def test_couplings_go_into_the_model_and_must_be_passive(kuka: ModelDescription)
         e = estimate_at(p, np.array([1e-6, 1e-6, coupling]), Noise((1e-5, 1e-5)), np.ones(len(p)), settled=True)
         sure = certainty(e, profiles=False)
         if not passive:
-            with pytest.raises(InputError, match="positive semi-definite"):
-                apply_estimates(kuka, sure.estimates)
+            refuses("M002", "positive semi-definite", apply_estimates, kuka, sure.estimates)
             continue
         again = build_model(apply_estimates(kuka, sure.estimates))
         found = deflection(again, data.q, data.wrench)[p.row, p.component]
@@ -287,8 +287,7 @@ def test_the_measured_robot_gives_the_main_jobs_figures() -> None:
     ],
 )
 def test_bad_files(text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        parse_campaign(text, "test")
+    refuses("F011", message, parse_campaign, text, "test")
 
 
 def test_bad_numbers(kuka: ModelDescription) -> None:
@@ -300,13 +299,11 @@ def test_bad_numbers(kuka: ModelDescription) -> None:
         ('name = "j2.stiffness"\nprior = { value = 0, factor = 2, source = "x" }', "above 0"),
     ):
         campaign = parse_campaign(HEAD + "[[parameter]]\n" + lines + "\n", "test")
-        with pytest.raises(InputError, match=message):
-            campaign.free(model)
+        refuses("M001 M002", message, campaign.free, model)
     stage = (
         HEAD + '[[parameter]]\nname = "j2.stiffness"\n[[stage]]\nname="a"\nparameters=["j2.stiffness"]\nposes=["P99"]\n'
     )
-    with pytest.raises(InputError, match="P99"):
-        run_campaign(kuka, _build, _made_up(kuka), parse_campaign(stage, "test"))
+    refuses("T009", "P99", run_campaign, kuka, _build, _made_up(kuka), parse_campaign(stage, "test"))
 
 
 def _with_walls(description: ModelDescription, name: str, ratio: float) -> ModelDescription:

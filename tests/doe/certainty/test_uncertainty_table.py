@@ -11,9 +11,11 @@ import pytest
 from doe import Campaign, Measurements, bundled_campaign, bundled_data, read_measurements, select_loads
 from doe.calibration.run import Calibration, run_campaign
 from doe.calibration.written import NO_COVARIANCE, with_origin
+from doe.certainty.identifiability import SMALL, _combination
 from doe.certainty.propagation import parameter_uncertainty, propagate
 from doe.estimation.campaign import campaign_of
 from fem import build_model
+from fem.free.parameters import parameter
 from robots import ModelDescription, load_description, load_robot, save_description
 
 
@@ -72,3 +74,17 @@ def test_as_many_springs_as_readings_leave_no_covariance(nine: Measurements) -> 
     assert origin is not None
     assert origin.uncertainty is None
     assert "as many springs as readings" in origin.notes[-1]
+
+
+# ------------------------------------------------------------
+# Combinations of parameters that trade off: which term leads
+
+
+def test_a_term_that_hardly_varies_leads_no_combination_however_large_its_weight() -> None:
+    model = build_model(load_description("kr60-3"))
+    springs = [parameter(model, f"{joint}.stiffness") for joint in ("j2", "j3", "j4")]
+    # The first is known to a thousandth of what the others are: its part in the combination's spread is nothing.
+    covariance = np.diag([1e-12, 1.0, 1.0])
+    found = _combination(springs, np.array([5.0, 1.0, -0.5]), np.ones(3), covariance, SMALL)
+    assert found.names == ("j3.stiffness", "j4.stiffness")
+    assert found.value == 0.5

@@ -9,11 +9,12 @@ import pytest
 from made_up import few, kr60, read, setting
 from scipy.stats import multivariate_normal
 
+from doe.diagnosis.coarsening import coarsened
 from doe.diagnosis.diagnose import diagnose
 from doe.diagnosis.doubts import bends
 from doe.diagnosis.evidence import Base
 from doe.diagnosis.fits import Stack
-from doe.diagnosis.hypotheses import Options, log_priors
+from doe.diagnosis.hypotheses import UNKNOWN, Options, log_priors
 from doe.diagnosis.known import base_of
 from doe.diagnosis.ranking import rank
 from doe.diagnosis.setting import Setting
@@ -21,6 +22,9 @@ from doe.diagnosis.signatures import signatures
 from doe.diagnosis.unknowns import processes
 from doe.diagnosis.weighing import at_noise, bent, extended, sets_at
 from doe.estimation.noise import Noise
+from fem import build_model
+from fem.effects import Effect, catalogue
+from robots import load_description
 
 NOISE = Noise(white=(5e-6, 1e-5), share=0.02)
 # Signed amplitudes: their evidence is a normal density, with no share above zero to reckon with.
@@ -133,3 +137,43 @@ def test_a_law_of_another_world_is_learned_where_it_acts() -> None:
     assert found.verdict == "learned"
     assert [f.code for f in found.learned] == ["learned-coupling:j3"]
     assert found.after.left_out_rms_mm < 0.5 * found.before.left_out_rms_mm
+
+
+# ------------------------------------------------------------
+# Laws of one place are weighed no finer than laws are known; levers are
+
+NONE: frozenset[str] = frozenset()
+FRICTION, STICKING, ELSEWHERE = "friction:j2", "stick-slip:j2", "friction:j3"
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, Effect]:
+    description = load_description("xr701")
+    return catalogue(build_model(description, "rigid"), description)
+
+
+def one(code: str) -> frozenset[str]:
+    return frozenset({code})
+
+
+def test_laws_of_one_place_come_closer_as_they_explain_more(known: dict[str, Effect]) -> None:
+    doubt = known[FRICTION].law_doubt
+    assert doubt == known[STICKING].law_doubt > 0.0
+    for gain in (10.0, 1000.0):
+        sets = {NONE: 0.0, one(FRICTION): gain, one(STICKING): gain - 5.0, one(ELSEWHERE): gain - 5.0}
+        out = coarsened(sets, known)
+        assert out[one(FRICTION)] == gain
+        assert gain - out[one(STICKING)] == pytest.approx(5.0 / (1.0 + doubt**2 * gain))
+        assert out[one(ELSEWHERE)] == gain - 5.0  # another place has another lever
+
+
+def test_beside_another_effect_they_are_judged_by_what_they_add(known: dict[str, Effect]) -> None:
+    doubt = known[FRICTION].law_doubt
+    with_tilt = {frozenset({code, "base-tilt"}): z for code, z in ((FRICTION, 500.0), (STICKING, 480.0))}
+    out = coarsened({NONE: 0.0, one("base-tilt"): 400.0} | with_tilt, known)
+    assert 500.0 - out[frozenset({STICKING, "base-tilt"})] == pytest.approx(20.0 / (1.0 + doubt**2 * 100.0))
+
+
+def test_what_explains_nothing_and_what_is_unknown_stay_as_they_are(known: dict[str, Effect]) -> None:
+    sets = {NONE: 0.0, one(FRICTION): -2.0, one(STICKING): -3.0, one(UNKNOWN): 1.0}
+    assert coarsened(sets, known) == sets

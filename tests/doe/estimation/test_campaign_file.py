@@ -6,10 +6,11 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+from refusals import refuses, refuses_each
 
 from doe import Campaign, bundled_campaign, load_campaign
 from doe.estimation.campaign import parse_campaign
-from robots import InputError, InputErrors, Robot
+from robots import InputErrors, Robot
 
 TEXT = resources.files("doe").joinpath("schemes", "xr701.toml").read_text(encoding="utf-8")
 Q5_LAW = (
@@ -95,20 +96,18 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_scheme_gets_one_message_with_file_and_fault(case: str) -> None:
     text, message = BAD[case]
-    with pytest.raises(InputError, match=message) as caught:
-        parse_campaign(text, "mine.toml")
-    assert not isinstance(caught.value, InputErrors)
-    assert str(caught.value).startswith("mine.toml")
-    assert "To fix it" in str(caught.value)
-    assert "Value error" not in str(caught.value)
+    caught = refuses("F005 F006 F011", message, parse_campaign, text, "mine.toml")
+    assert not isinstance(caught, InputErrors)
+    assert str(caught).startswith("mine.toml")
+    assert "To fix it" in str(caught)
+    assert "Value error" not in str(caught)
 
 
 def test_several_faults_are_reported_together() -> None:
     text = changed("gauge_mm = 0.01", "gauge_mm = 0").replace("degree = 6", "degree = 60", 1)
-    with pytest.raises(InputErrors, match=r"2 problem") as caught:
-        parse_campaign(text, "mine.toml")
-    assert "gauge_mm" in str(caught.value)
-    assert "degree" in str(caught.value)
+    caught = refuses_each("F011", r"2 problem", parse_campaign, text, "mine.toml")
+    assert "gauge_mm" in str(caught)
+    assert "degree" in str(caught)
 
 
 @pytest.mark.parametrize(
@@ -119,21 +118,18 @@ def test_several_faults_are_reported_together() -> None:
     ],
 )
 def test_names_the_robot_has_not_are_told_with_those_it_has(xr701: Robot, old: str, new: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        parse_campaign(changed(old, new), "mine.toml").check_against(xr701)
-    assert "q3real_deg" in str(caught.value) or "j1, j2, j3" in str(caught.value)
+    caught = refuses("C002", message, parse_campaign(changed(old, new), "mine.toml").check_against, xr701)
+    assert "q3real_deg" in str(caught) or "j1, j2, j3" in str(caught)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"calibration file .*none\.toml cannot be read"):
-        load_campaign(tmp_path / "none.toml")
+    refuses("F001", r"calibration file .*none\.toml cannot be read", load_campaign, tmp_path / "none.toml")
 
 
 def test_a_file_that_is_not_text_is_named(tmp_path: Path) -> None:
     path = tmp_path / "scheme.toml"
     path.write_bytes(b"\xff\xfe\x00title")
-    with pytest.raises(InputError, match=r"scheme\.toml cannot be read"):
-        load_campaign(path)
+    refuses("F004", r"scheme\.toml cannot be read", load_campaign, path)
 
 
 def test_a_stage_may_study_as_many_springs_as_the_grid_holds(xr701: Robot) -> None:

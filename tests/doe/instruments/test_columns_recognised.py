@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from refusals import refuses
 
 from doe.instruments.meanings import meaning_of
 from doe.instruments.recognised import Recognised, recognise
-from robots import InputError
 
 
 def found(*header: str, kinds: dict[str, str] | None = None, **more: object) -> Recognised:
@@ -200,5 +200,4 @@ def test_dates_are_asked_about_where_day_and_month_may_be_either() -> None:
     ],
 )
 def test_meanings_that_are_none(text: str) -> None:
-    with pytest.raises(InputError, match="w"):
-        meaning_of(text, "w")
+    refuses("I004", "w", meaning_of, text, "w")

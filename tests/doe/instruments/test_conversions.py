@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from refusals import refuses, refuses_each
 
 from doe.instruments.convert import Converted, convert
-from doe.instruments.mapping_file import Settings
+from doe.instruments.mapping_file import Settings, mapping_text, read_mapping
 from doe.instruments.meanings import meaning_of
-from robots import InputError, load_robot
+from robots import load_robot
 from robots.frames import rotation_rpy
 from robots.kinematics import forward_kinematics
 
@@ -111,16 +114,27 @@ def test_rows_without_a_load_are_what_others_are_compared_with(tmp_path: Path) -
     assert column(table, "dz_mm") == pytest.approx([-1.1, -1.5], rel=1e-11)
     # Variances of the reading and of the mean of two, or of one, without a load.
     assert column(table, "sigma_mm") == pytest.approx(0.01 * np.sqrt([1.5, 2.0]), rel=1e-11)
-    with pytest.raises(InputError, match="no row without a load"):
-        made(tmp_path, "\n".join([f"pose;{Q};fz_N;z_mm", *rows[:3], rows[4]]), axes="base")
+    refuses(
+        "I008",
+        "no row without a load",
+        made,
+        tmp_path,
+        "\n".join([f"pose;{Q};fz_N;z_mm", *rows[:3], rows[4]]),
+        axes="base",
+    )
 
 
 def test_rows_of_one_pose_are_found_by_angles_that_agree_to_a_hundredth_of_a_degree(tmp_path: Path) -> None:
     rows = ["0.0049;-90;30;0;1.0", "0.0051;-90;30;-500;0.5", "10;-90;30;-500;0.5", "10.0099;-90;30;0;0.8"]
     table = made(tmp_path, "\n".join([f"{Q};fz_N;dz_mm", *rows]))
     assert column(table, "dz_mm") == pytest.approx([-0.5, -0.3], rel=1e-11)
-    with pytest.raises(InputError, match="no row without a load"):
-        made(tmp_path, "\n".join([f"{Q};fz_N;dz_mm", *rows]).replace("10.0099", "10.0101"))
+    refuses(
+        "I008",
+        "no row without a load",
+        made,
+        tmp_path,
+        "\n".join([f"{Q};fz_N;dz_mm", *rows]).replace("10.0099", "10.0101"),
+    )
 
 
 def test_a_load_that_was_taken_off_again_is_no_reference_beside_one_before(tmp_path: Path) -> None:
@@ -134,14 +148,12 @@ def test_differences_are_turned_into_base_axes(tmp_path: Path) -> None:
     seen = rotation_rpy(np.radians([10.0, -20.0, 130.0])).T @ move
     row = "-100;1000;2000;3000;" + ";".join(f"{v:.9f}" for v in np.array([1000, 2000, 3000]) + seen)
     head = "fz_N;X before [mm];Y before [mm];Z before [mm];X after [mm];Y after [mm];Z after [mm]"
-    with pytest.raises(InputError, match=r"--axes base"):
-        made(tmp_path, sheet(head, row))
+    refuses("I007", r"--axes base", made, tmp_path, sheet(head, row))
     table = made(tmp_path, sheet(head, row), axes="10,-20,130")
     # Nine decimals are written in the file.
     assert [column(table, f"d{a}_mm")[0] for a in "xyz"] == pytest.approx(move.tolist(), abs=2e-9)
     for axes in ("10,20", "left", "nan,0,0"):
-        with pytest.raises(InputError, match=r"--axes"):
-            made(tmp_path, sheet(head, row), axes=axes)
+        refuses("I007", r"--axes", made, tmp_path, sheet(head, row), axes=axes)
 
 
 def test_targets_of_a_row_become_rows(tmp_path: Path) -> None:
@@ -151,17 +163,14 @@ def test_targets_of_a_row_become_rows(tmp_path: Path) -> None:
     assert column(table, "z_mm") == [3.0, 6.0, 9.0]
     assert words(table, "operator") == ["Eva"] * 3
     assert len(made(tmp_path, sheet(head, "1;2;3;4;5;6;Eva"), target="SMR2").rows) == 1
-    with pytest.raises(InputError, match="coordinate is missing"):
-        made(tmp_path, sheet(head, "1;2;3;4;5;-;Eva"))
+    refuses("I013", "coordinate is missing", made, tmp_path, sheet(head, "1;2;3;4;5;-;Eva"))
 
 
 def test_a_deflection_is_that_of_one_target(tmp_path: Path) -> None:
     text = sheet("fz_N;target;dz_mm", "-100;a;-0.2", "-100;b;-0.3")
-    with pytest.raises(InputError, match=r"--target"):
-        made(tmp_path, text)
+    refuses("I012", r"--target", made, tmp_path, text)
     assert column(made(tmp_path, text, target="b"), "dz_mm") == [-0.3]
-    with pytest.raises(InputError, match="'c'"):
-        made(tmp_path, text, target="c")
+    refuses("I012", "'c'", made, tmp_path, text, target="c")
 
 
 def test_angles_of_another_file_are_joined_by_pose_or_in_order(tmp_path: Path) -> None:
@@ -169,23 +178,18 @@ def test_angles_of_another_file_are_joined_by_pose_or_in_order(tmp_path: Path) -
     seen = "Point;X [mm];Y [mm];Z [mm]\nP3;1;2;3\nP1;4;5;6\nP3;7;8;9\n"
     table = made(tmp_path, seen, angles)
     assert column(table, "q1_deg") == [20.0, 0.0, 20.0]
-    with pytest.raises(InputError, match="'P9'"):
-        made(tmp_path, seen.replace("P1", "P9"), angles)
+    refuses("I006", "'P9'", made, tmp_path, seen.replace("P1", "P9"), angles)
     bare = seen.replace("Point;", "No remark;")
-    with pytest.raises(InputError, match=r"--join order"):
-        made(tmp_path, bare, angles)
+    refuses("I006", r"--join order", made, tmp_path, bare, angles)
     assert column(made(tmp_path, bare, angles, join="order"), "q1_deg") == [0.0, 10.0, 20.0]
-    with pytest.raises(InputError, match="has 3 rows"):
-        made(tmp_path, bare + "P4;1;2;3\n", angles, join="order")
-    with pytest.raises(InputError, match="twice"):
-        made(tmp_path, seen, angles + "\nP1;1;-90;30\n")
+    refuses("I006", "has 3 rows", made, tmp_path, bare + "P4;1;2;3\n", angles, join="order")
+    refuses("I006", "twice", made, tmp_path, seen, angles + "\nP1;1;-90;30\n")
 
 
 def test_a_controllers_own_position_is_kept_apart_from_the_trackers(tmp_path: Path) -> None:
     log = "\n".join([f"pose;{Q};X [mm]", *(f"P{k};{a};900" for k, a in enumerate(ANGLES, 1))])
     seen = "pose;X [mm];Y [mm];Z [mm]\nP1;1;2;3\nP2;4;5;6\n"
-    with pytest.raises(InputError):
-        made(tmp_path, seen, log)
+    refuses("I005", "", made, tmp_path, seen, log)
     table = made(tmp_path, seen, log, columns={"file2.csv:X [mm]": "ignore"})
     assert column(table, "x_mm") == [1.0, 4.0]
 
@@ -200,16 +204,20 @@ def test_repeats_are_numbered_and_angles_of_one_label_are_one(tmp_path: Path) ->
     table = made(tmp_path, "\n".join([f"pose;{Q};fz_N;dz_mm", *rows]))
     assert words(table, "repeat") == ["1", "2", "1"]
     assert column(table, "q1_deg") == [0.0, 0.0, 0.0]
-    with pytest.raises(InputError, match="differ by"):
-        made(tmp_path, "\n".join([f"pose;{Q};fz_N;dz_mm", rows[0], rows[1].replace("0.004", "0.4")]))
+    refuses(
+        "I008",
+        "differ by",
+        made,
+        tmp_path,
+        "\n".join([f"pose;{Q};fz_N;dz_mm", rows[0], rows[1].replace("0.004", "0.4")]),
+    )
 
 
 def test_values_that_no_file_holds(tmp_path: Path) -> None:
     table = made(tmp_path, sheet("dz_mm", "-0.2"), fill={"hung": "10 kg", "session": "day 1"})
     assert (column(table, "fz_N"), words(table, "session")) == ([-98.0665], ["day 1"])
     for fill in ({"hung": "10"}, {"dz": "1 mm"}, {"hung": "x kg"}, {"colour": "red"}, {"hung": "nan kg"}):
-        with pytest.raises(InputError):
-            made(tmp_path, sheet("dz_mm", "-0.2"), fill=fill)
+        refuses("I004 I010", "", made, tmp_path, sheet("dz_mm", "-0.2"), fill=fill)
 
 
 def test_columns_that_are_kept_take_no_name_of_ours(tmp_path: Path) -> None:
@@ -250,16 +258,14 @@ def test_columns_that_are_kept_take_no_name_of_ours(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_refused_says_what_to_do(tmp_path: Path, text: str, settings: dict[str, object], says: str) -> None:
-    with pytest.raises(InputError) as refused:
-        made(tmp_path, text, **settings)
-    assert says in str(refused.value)
-    assert "To fix it" in str(refused.value) or "allowed" in str(refused.value)
+    refused = refuses("A001 I004 I005 I007 I008 I009 I013 T005", "", made, tmp_path, text, **settings)
+    assert says in str(refused)
+    assert "To fix it" in str(refused) or "allowed" in str(refused)
 
 
 def test_all_questions_are_asked_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as refused:
-        made(tmp_path, "J1;J2;J3;Load [kg];Gauge [mm]\n1;2;3;4;5\n6;7;8;9;1\n")
-    assert all(f"'{name}'" in str(refused.value) for name in ("J1", "J2", "J3", "Load [kg]", "Gauge [mm]"))
+    refused = refuses("I004", "", made, tmp_path, "J1;J2;J3;Load [kg];Gauge [mm]\n1;2;3;4;5\n6;7;8;9;1\n")
+    assert all(f"'{name}'" in str(refused) for name in ("J1", "J2", "J3", "Load [kg]", "Gauge [mm]"))
 
 
 def seen_by_a_tracker(rng: np.random.Generator) -> tuple[list[str], np.ndarray]:
@@ -287,12 +293,77 @@ def test_a_trackers_axes_are_found_from_its_positions(tmp_path: Path) -> None:
     # Nine decimals are written in the file; the arm is exactly the model.
     assert np.column_stack([column(table, f"d{a}_mm") for a in "xyz"]) == pytest.approx(moved, abs=1e-6)
     assert any("axes found" in note for note in table.notes)
-    with pytest.raises(InputError, match=r"--model"):
-        convert([tmp_path / "file1.csv"], Settings(axes="found"))
-    with pytest.raises(InputError, match="or more"):
-        made(tmp_path, "\n".join([TRACKED, *rows[:4]]), axes="found")
+    refuses("I007", r"--model", convert, [tmp_path / "file1.csv"], Settings(axes="found"))
+    refuses("C001", "or more", made, tmp_path, "\n".join([TRACKED, *rows[:4]]), axes="found")
     # A second joint counted the other way brings no frame that half of the readings meet.
     cells = [row.split(";") for row in rows]
     wrong = [";".join([first, str(-150.0 - float(second)), *rest]) for first, second, *rest in cells]
-    with pytest.raises(InputError):
-        made(tmp_path, "\n".join([TRACKED, *wrong]), axes="found")
+    refuses("I007", "", made, tmp_path, "\n".join([TRACKED, *wrong]), axes="found")
+
+
+# ------------------------------------------------------------
+# The mapping file: what was found once is read back the same, and faults in it are all named
+
+FULL = Settings(
+    columns={"Z vor": meaning_of("z mm before", ""), 'odd "name" \\ \t=': meaning_of("x um negated of my ball", "")},
+    fill={"session": "day 1"},
+    encoding="latin-1",
+    separator="tab",
+    decimal="comma",
+    sheets=("A", "B"),
+    names=("a", "b"),
+    header=3,
+    units=("mm", "deg"),
+    sigma_mm=0.02,
+    axes="0,0,90",
+    join="order",
+    target="ball",
+    kind="deflections",
+)
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    for made in (FULL, Settings()):
+        file.write_text(mapping_text(made, "a file"), encoding="utf-8")
+        assert read_mapping(file) == made
+
+
+@given(
+    st.dictionaries(
+        st.text(st.characters(exclude_categories=("Cs",)), max_size=8), st.sampled_from(["keep", "q3 deg"])
+    ),
+    st.text(st.characters(exclude_categories=("Cs",)), max_size=20),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+def test_any_name_of_a_column_is_read_back(tmp_path: Path, names: dict[str, str], source: str) -> None:
+    made = Settings(columns={name: meaning_of(text, "") for name, text in names.items()})
+    file = tmp_path / "m.toml"
+    file.write_bytes(mapping_text(made, source).encode())
+    assert read_mapping(file) == made
+
+
+def test_options_go_before_the_file() -> None:
+    own = Settings(columns={"Z vor": meaning_of("ignore", "")}, decimal="point", fill={"session": "day 2"})
+    both = own.over(FULL)
+    assert (both.decimal, both.axes, both.fill) == ("point", "0,0,90", {"session": "day 2"})
+    assert str(both.columns["Z vor"]) == "ignore"
+    assert len(both.columns) == 2
+
+
+def test_every_fault_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "m.toml"
+    file.write_text(
+        'schema = "other"\ncolour = 1\ndecimal = 3\nheader = "x"\nsigma_mm = "y"\n'
+        'sheets = "a"\n[columns]\na = "z kg"\n',
+        encoding="utf-8",
+    )
+    refused = refuses_each("F006 I004 I011", "", read_mapping, file)
+    assert refused.count == 7
+    for text in (
+        "[[[",
+        'schema = "stiffarm-readings/1"\ncolumns = 3\n',
+        'schema = "stiffarm-readings/1"\n[fill]\na = 1\n',
+    ):
+        file.write_text(text, encoding="utf-8")
+        refuses("F005 I011", "", read_mapping, file)

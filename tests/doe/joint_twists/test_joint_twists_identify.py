@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from joint_twist_campaigns import EXACT, poses, readings, truth, tx200
 from numpy.testing import assert_allclose
+from refusals import refuses
 
 from doe.joint_twists import identify
 from doe.joint_twists.laws import LawKind, choose_law, fit_law, fullest
@@ -15,7 +16,6 @@ from doe.joint_twists.substitute import predict, reachable_poses, stiffness_with
 from doe.joint_twists.synthetic import Campaign, draw_truth
 from fem.springs import FourierBasis, LawSpring
 from fem.statics.ports import ROWS
-from robots import InputError
 
 NOISY = Campaign()
 
@@ -149,25 +149,32 @@ def test_a_periodic_law_needs_angles() -> None:
     one = data.select(
         np.array([abs(q[j] - poses()[j, 0, 0, j]) < 1e-9 for q, j in zip(data.q, data.joint, strict=True)])
     )
-    with pytest.raises(InputError, match=r"law fourier-1 of joint j1: angles measured: got 1; allowed: 3 or more"):
-        identify(tx200(), one, law="fourier-1")
+    refuses(
+        "J004",
+        r"law fourier-1 of joint j1: angles measured: got 1; allowed: 3 or more",
+        identify,
+        tx200(),
+        one,
+        law="fourier-1",
+    )
     found = identify(tx200(), one)
     assert {d.law.kind for d in found.directions.values() if d.law} == {"constant"}
 
 
 def test_missing_unloading_is_refused_unless_asked_for() -> None:
     data = readings(truth(), replace(EXACT, unloading=False))
-    with pytest.raises(InputError, match=r"unloading readings missing in 252 of 252 load cycles.*--branches loading"):
-        identify(tx200(), data)
+    refuses(
+        "J001", r"unloading readings missing in 252 of 252 load cycles.*--branches loading", identify, tx200(), data
+    )
     assert error(identify(tx200(), data, law="fourier-1", branches="loading"), truth()) < 1e-9
 
 
 def test_loads_all_zero_and_unknown_laws_are_refused() -> None:
     data = readings(truth())
-    with pytest.raises(InputError, match="loads: got 'zero in every row'"):
-        identify(tx200(), replace(data, wrench=np.zeros_like(data.wrench)))
-    with pytest.raises(InputError, match="law of the stiffnesses"):
-        identify(tx200(), data, law="cubic")  # type: ignore[arg-type]
+    refuses(
+        "J001", "loads: got 'zero in every row'", identify, tx200(), replace(data, wrench=np.zeros_like(data.wrench))
+    )
+    refuses("J004", "law of the stiffnesses", identify, tx200(), data, law="cubic")
 
 
 def test_noise_and_scatter_are_found() -> None:

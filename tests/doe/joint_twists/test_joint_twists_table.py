@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from joint_twist_campaigns import EXACT, poses, readings, truth, tx200
 from numpy.testing import assert_allclose
+from refusals import refuses
 
 from doe.joint_twists import TwistReadings, identify, joined, read_twists, write_twists
 from doe.joint_twists.reflectors import motion, relative
@@ -143,10 +144,8 @@ def test_tables_are_joined_and_set_ups_kept_apart(small: TwistReadings) -> None:
     both = joined([small, other])
     assert both.n == 2 * small.n
     assert len(set(both.setup)) == 2 * len(set(small.setup))
-    with pytest.raises(InputError, match="the same file twice"):
-        joined([small, small])
-    with pytest.raises(InputError, match="synthetic and measured ones together"):
-        joined([small, replace(other, synthetic=False)])
+    refuses("J003", "the same file twice", joined, [small, small])
+    refuses("J003", "synthetic and measured ones together", joined, [small, replace(other, synthetic=False)])
 
 
 # --- reflectors -------------------------------------------------------------------------------------------------------

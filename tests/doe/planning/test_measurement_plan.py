@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Measurements, bundled_data, read_measurements, select_loads
 from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import estimate
 from doe.estimation.noise import Noise
 from doe.estimation.problem import Problem, problem
+from doe.planning.optimal_choice import CRITERIA, choose, judge
 from doe.planning.outset import (
     VAGUE,
     Outset,
@@ -24,10 +27,11 @@ from doe.planning.outset import (
 )
 from doe.planning.plan import expected, experiments, foresee, idle_coordinates, plan
 from doe.planning.pose_designs import pose_design
-from doe.planning.protocol import Protocol
+from doe.planning.protocol import Protocol, usual_directions, usual_point
+from doe.planning.zones import HANG, Zone
 from fem import ArmModel, build_model, deflection
 from fem.free.parameters import parameter
-from robots import InputError, load_description
+from robots import forward_kinematics, load_description, load_robot, tool_position
 
 GAUGE = (1e-5, 1e-5)
 DOWN = np.array([[0.0, 0.0, -1.0]])
@@ -258,8 +262,7 @@ def test_coordinates_that_make_no_difference(model: ArmModel, start: Outset, pos
 
 
 def test_walls_are_refused(model: ArmModel) -> None:
-    with pytest.raises(InputError, match=r"forearm\.modulus"):
-        check_plannable([parameter(model, "forearm.wall")])
+    refuses("M001", r"forearm\.modulus", check_plannable, [parameter(model, "forearm.wall")])
 
 
 def test_bad_protocols() -> None:
@@ -271,5 +274,116 @@ def test_bad_protocols() -> None:
         {"forces": np.array([1.0]), "directions": DOWN, "components": (7,)},
         {"forces": np.array([1.0]), "directions": DOWN, "repeats": 0},
     ):
-        with pytest.raises(InputError):
-            Protocol(**bad)  # type: ignore[arg-type]
+        refuses("C006", "", Protocol, **bad)
+
+
+# ------------------------------------------------------------
+# Optimal choice of experiments against brute force and known answers
+
+
+@pytest.mark.parametrize("criterion", CRITERIA)
+@pytest.mark.parametrize("seed", range(4))
+def test_equals_brute_force_on_small_problems(criterion: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    experiments = rng.normal(size=(14, 2, 3)) * rng.uniform(0.2, 3.0, (14, 1, 1))
+    known = 0.1 * np.eye(3)
+    weight = np.diag([1.0, 2.0, 0.5]) if criterion == "I" else None
+    found = choose(known, experiments, 3, criterion, weight=weight, rng=rng, starts=8)  # type: ignore[arg-type]
+    every = [judge(known, experiments, np.array(c), criterion, weight).value for c in combinations(range(14), 3)]  # type: ignore[arg-type]
+    assert found.value == pytest.approx(min(every), rel=1e-12)
+
+
+def test_values_are_those_of_the_covariance() -> None:
+    rng = np.random.default_rng(0)
+    experiments, known = rng.normal(size=(10, 2, 4)), np.eye(4)
+    found = choose(known, experiments, 4, "D")
+    B = experiments[found.chosen].reshape(-1, 4)
+    C = np.linalg.inv(known + B.T @ B)
+    np.testing.assert_allclose(found.covariance, C, rtol=1e-10)
+    assert found.value == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-10)
+    assert judge(known, experiments, found.chosen, "A").value == pytest.approx(np.trace(C), rel=1e-10)
+
+
+def test_a_line_is_measured_at_its_ends() -> None:
+    # The D-optimal design of a straight line has half its points at each end.
+    x = np.linspace(-1.0, 1.0, 21)
+    experiments = np.stack([np.ones_like(x), x], axis=1)[:, None, :]
+    chosen = choose(1e-6 * np.eye(2), experiments, 2, "D").chosen
+    assert sorted(x[chosen]) == [-1.0, 1.0]
+
+
+def test_better_than_chance() -> None:
+    rng = np.random.default_rng(1)
+    experiments = rng.normal(size=(300, 3, 6)) * rng.lognormal(size=(300, 1, 6))
+    known = 1e-3 * np.eye(6)
+    best = choose(known, experiments, 6, "D", rng=rng).value
+    random = [judge(known, experiments, rng.choice(300, 6, replace=False), "D").value for _ in range(50)]
+    assert best < min(random)
+
+
+def test_bad_input() -> None:
+    experiments = np.ones((3, 1, 2))
+    refuses("C005", "experiments to choose", choose, np.eye(2), experiments, 4)
+    refuses("C005", "criterion", choose, np.eye(2), experiments, 1, "E")
+    refuses("C004", "bound all parameters", choose, np.zeros((2, 2)), experiments, 1)
+
+
+# ------------------------------------------------------------
+# Where an arm must not be, where a load must not hang, and the usual directions and point of a table
+
+
+def test_a_load_hangs_free_where_there_is_room_below_it() -> None:
+    robot = load_robot("kr60-3")
+    low, high = robot.limits.T
+    q = np.random.default_rng(0).uniform(low, high, (500, robot.dof))
+    tool = tool_position(robot, forward_kinematics(robot, q))
+    free = Zone(floor=0.0).hangs_free(robot, q)
+    np.testing.assert_array_equal(free, tool[:, 2] >= HANG)
+    box = ((0.5, -0.5, 0.0), (2.5, 0.5, 1.0))
+    off = Zone(None, (box,)).hangs_free(robot, q)
+    over = (
+        (np.abs(tool[:, 1]) < 0.5) & (tool[:, 0] > 0.5) & (tool[:, 0] < 2.5) & (tool[:, 2] > 0.1) & (tool[:, 2] < 1.0)
+    )
+    assert over.any()
+    assert not off[over].any()
+    # Above the box by more than the load needs.
+    assert off[tool[:, 2] > 1.0 + HANG].all()
+
+
+def test_a_load_does_not_hang_in_the_base() -> None:
+    robot = load_robot("kr60-3")
+    low, high = robot.limits.T
+    q = np.random.default_rng(0).uniform(low, high, (2000, robot.dof))
+    tool = tool_position(robot, forward_kinematics(robot, q))
+    beside = (np.hypot(tool[:, 0], tool[:, 1]) < 0.3) & (tool[:, 2] < 0.7) & (tool[:, 2] > 0.1)
+    assert beside.any()
+    assert not Zone(own=0.35).hangs_free(robot, q)[beside].any()
+
+
+def test_a_load_at_a_point_of_its_own_hangs_from_there() -> None:
+    robot = load_robot("kr60-3")
+    q = np.array([[0.0, -1.0, 1.0, 0.0, 0.6, 0.0]])
+    tool = tool_position(robot, forward_kinematics(robot, q))[0, 2]
+    floor = Zone(floor=tool - HANG - 0.01)
+    assert floor.hangs_free(robot, q)[0]
+    R = forward_kinematics(robot, q).R_flange[0]
+    lower = robot.T_flange_tool[:3, 3] - 0.1 * R[2]
+    assert not floor.hangs_free(robot, q, lower)[0]
+
+
+def test_usual_directions_are_those_of_the_forces() -> None:
+    force = np.array([[0.0, 0.0, -150.0], [0.0, 0.0, 0.0], [0.0, 0.0, -650.0], [100.0, 0.0, 0.0]])
+    np.testing.assert_allclose(usual_directions(force), [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(usual_directions(np.zeros((0, 3))), [[0.0, 0.0, -1.0]])
+    rng = np.random.default_rng(0)
+    many = usual_directions(np.array([0.0, 0.0, -100.0]) + rng.normal(size=(40, 3)))
+    np.testing.assert_array_equal(many, [[0.0, 0.0, -1.0]])
+
+
+def test_usual_point_is_that_of_most_readings() -> None:
+    own, tool = np.array([0.05, 0.0, 0.2]), np.zeros(3)
+    points = np.vstack([np.tile(own, (3, 1)), np.zeros((2, 3))])
+    assert usual_point(points, tool) == (0.05, 0.0, 0.2)
+    assert usual_point(points[2:], tool) is None
+    assert usual_point(np.full((4, 3), np.nan), tool) is None
+    assert usual_point(np.zeros((0, 3)), tool) is None

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe.planning.screening import derivative_shares, evaluate_runs, inner, screen
 from fem import build_model
 from fem.free.model import FreeModel, LoadedPoses
 from fem.free.parameters import parameter
-from robots import InputError, load_description
+from robots import load_description
 
 
 @pytest.fixture(scope="module")
@@ -75,12 +76,9 @@ def test_points_of_the_cube_cover_the_ranges(free: FreeModel) -> None:
 def test_a_run_that_is_not_finite_never_becomes_a_zero(free: FreeModel) -> None:
     u = inner(free.parameters, np.full((3, 5), 0.5))
     u[1, 2] = np.nan
-    with pytest.raises(InputError, match="run 1"):
-        evaluate_runs(free, u, 2)
+    refuses("S004", "run 1", evaluate_runs, free, u, 2)
 
 
 def test_bad_input(free: FreeModel) -> None:
-    with pytest.raises(InputError, match="power of two"):
-        screen(free, 2, samples=100)
-    with pytest.raises(InputError, match="parameters"):
-        screen(replace(free, parameters=()), 2)
+    refuses("M002", "power of two", screen, free, 2, samples=100)
+    refuses("M001", "parameters", screen, replace(free, parameters=()), 2)

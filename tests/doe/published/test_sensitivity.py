@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from doe import Campaign, Measurements, PoseEffects, sensitivity_study, two_level_factorial
 from doe.tables.loaded import select_poses, spring_parts
 from fem import ArmModel
-from robots import InputError
 
 Arm = Callable[..., ArmModel]
 Readings = Callable[..., Measurements]
@@ -104,15 +104,13 @@ def test_of_several_loads_the_largest_counts(arm: Arm, readings: Readings) -> No
 
 def test_bad_input_is_named(arm: Arm, measured: Measurements, scheme: Campaign, readings: Readings) -> None:
     model = arm()
-    with pytest.raises(InputError, match=r"sensitivity bounds: got '1e\+06 to 100000"):
-        sensitivity_study(model, measured, ("j2",), HIGH, LOW)
-    with pytest.raises(InputError, match="'j9'"):
-        sensitivity_study(model, measured, ("j9",), LOW, HIGH)
-    with pytest.raises(InputError, match="pose: got '99'"):
-        select_poses(measured, ("99",), "test")
+    refuses(
+        "M002", r"sensitivity bounds: got '1e\+06 to 100000", sensitivity_study, model, measured, ("j2",), HIGH, LOW
+    )
+    refuses("M002", "'j9'", sensitivity_study, model, measured, ("j9",), LOW, HIGH)
+    refuses("T009", "pose: got '99'", select_poses, measured, ("99",), "test")
     turned = replace(measured.select(np.arange(measured.n) < 1), displacement=np.full((1, 6), np.nan))
-    with pytest.raises(InputError, match="has no reading of a translation"):
-        sensitivity_study(model, turned, ("j2",), LOW, HIGH)
+    refuses("C001", "has no reading of a translation", sensitivity_study, model, turned, ("j2",), LOW, HIGH)
 
 
 def test_the_component_that_was_read_largest_counts(arm: Arm, measured: Measurements, readings: Readings) -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses, refuses_each
 
 from doe.tables.joined import files_of, join
 from doe.tables.measurements import Measurements
 from doe.tables.reading import read_measurements, write_measurements
-from robots import InputError, InputErrors, Robot, load_robot
+from robots import Robot, load_robot
 
 HEAD = "pose,q2_deg,q3real_deg,fz_N,dz_mm,repeat"
 FIRST = ("A,5,77.5,-650,-1.88,1", "B,10,70,-650,-1.7,1")
@@ -71,9 +72,8 @@ def test_the_same_reading_in_two_files_is_refused_as_within_one(read: Read) -> N
     a = read("a.csv", *FIRST)
     # Another label does not make it another reading.
     b = read("b.csv", "Z,5,77.5,-650,-1.5,1", "B,10,70,-650,-1.7,1")
-    with pytest.raises(InputErrors) as caught:
-        join([a, b])
-    first, second = (str(e) for e in caught.value.errors)
+    caught = refuses_each("T007", "", join, [a, b])
+    first, second = (str(e) for e in caught.errors)
     assert "b.csv, row 2, the reading contradicts that of row 2 of a.csv" in first
     assert "b.csv, row 3, the reading repeats that of row 3 of a.csv" in second
     assert "column repeat" in first
@@ -83,10 +83,8 @@ def test_the_same_reading_in_two_files_is_refused_as_within_one(read: Read) -> N
 
 def test_the_same_file_twice_and_another_robot_are_refused(read: Read, tmp_path: Path) -> None:
     a = read("a.csv", *FIRST)
-    with pytest.raises(InputError, match="are the same"):
-        join([a, read("b.csv", *FIRST)])
-    with pytest.raises(InputError, match="1 or more"):
-        join([])
+    refuses("T008", "are the same", join, [a, read("b.csv", *FIRST)])
+    refuses("T008", "1 or more", join, [])
 
 
 def test_a_joined_table_is_written_with_its_files(read: Read, robot: Robot, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from effect_arms import SPRINGS, of, plausible
+from refusals import refuses, refuses_each
 
 from fem import build_model, deflection
 from fem.effects import (
@@ -20,7 +21,7 @@ from fem.effects import (
     with_load_path,
     without_effect,
 )
-from robots import InputError, InputErrors, ModelDescription, content_hash, load_description
+from robots import ModelDescription, content_hash, load_description
 from robots.library.models import parse_description, to_toml
 
 DESCRIPTION = load_description("xr701")
@@ -168,15 +169,13 @@ def test_the_bar_of_a_load_path_that_came_by_an_effect() -> None:
     ],
 )
 def test_faults_are_named_with_their_place(text: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        described_effects(read(text), RIGID)
+    refuses("F011 M011", words, lambda: described_effects(read(text), RIGID))
 
 
 def test_all_faults_at_once() -> None:
     text = BACKLASH.replace('"mrad"', '"N"') + BACKLASH.replace("j2", "j9")
-    with pytest.raises(InputErrors) as caught:
-        build_arm(read(text))
-    assert len(caught.value.errors) == 2
+    caught = refuses_each("M011", "", build_arm, read(text))
+    assert len(caught.errors) == 2
 
 
 def own_effect(law: object, stage: str = "arm", **changes: object) -> Effect:
@@ -210,14 +209,12 @@ def good(_: object, s: object, v: np.ndarray) -> np.ndarray:
 )
 def test_an_own_effect_is_checked(make: object, words: str) -> None:
     maker = checked_maker(make, "mine.py")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=rf"(?s)mine.py.*{words}"):
-        list(maker(RIGID))
+    refuses("M012", rf"(?s)mine.py.*{words}", lambda: list(maker(RIGID)))
 
 
 def test_a_code_twice_is_refused() -> None:
     maker = checked_maker(lambda m: [own_effect(good)], "mine.py")
-    with pytest.raises(InputError, match="each code once"):
-        catalogue(RIGID, None, [maker, maker])
+    refuses("M011", "each code once", catalogue, RIGID, None, [maker, maker])
 
 
 def test_an_own_effect_in_a_file_needs_its_law() -> None:
@@ -227,5 +224,4 @@ def test_an_own_effect_in_a_file_needs_its_law() -> None:
     (placed,) = reading_effects(d, arm, [maker])
     assert placed.effect.own
     assert placed.by_name == pytest.approx({"size": 2e-5})
-    with pytest.raises(InputError, match=r"--effect FILE\.py"):
-        build_arm(d)
+    refuses("M011", r"--effect FILE\.py", build_arm, d)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from fem import build_model
 from fem.elements import link_cache
@@ -17,7 +18,7 @@ from fem.elements.link_cache import cached_superelement, superelement_key
 from fem.elements.shell import shell_superelement
 from meshes import ShellMesh, array_cache
 from meshes.array_cache import ArrayCache, formulation_hash
-from robots import InputError, ModelDescription
+from robots import ModelDescription
 from robots.arrays import Array
 
 RIGID: dict[str, Coupling] = {"root": "rigid", "tip": "rigid"}
@@ -260,8 +261,7 @@ def test_equations_are_asked_once_a_process(store: ArrayCache, monkeypatch: pyte
 
 def test_a_link_that_is_refused_is_not_kept(store: ArrayCache) -> None:
     for kinds in ({"root": "welded", "tip": "rigid"}, {"root": "rigid"}):
-        with pytest.raises(InputError, match="'rigid' or 'distributing'"):
-            cached_superelement(tube(), POINTS, kinds, store)  # type: ignore[arg-type]
+        refuses("L006", "'rigid' or 'distributing'", cached_superelement, tube(), POINTS, kinds, store)
     assert store.folder is not None
     assert not store.folder.exists()
 

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from refusals import refuses
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
 
 from fem.elements import assembly as shell_assembly
-from fem.elements import condensation, shell
-from fem.elements.assembly import assemble_shell, freedoms
+from fem.elements import condensation, facets, shell
+from fem.elements.assembly import assemble_shell, element_stiffness, freedoms
 from fem.elements.condensation import Superelement, condense, solve_positive_definite
 from fem.elements.couplings import drilling_axes
 from fem.elements.shell import (
@@ -27,7 +28,6 @@ from fem.elements.shell import (
 )
 from meshes import section_properties
 from meshes.shell_mesh import ShellMesh
-from robots import InputError
 from robots.arrays import Array, Integers
 
 E, NU = 210e9, 0.3
@@ -437,20 +437,17 @@ NODES = box_tube("tri", 2, 4).nodes
     ],
 )
 def test_bad_meshes_are_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        _tube(**changes)
+    refuses("L007", message, _tube, **changes)
 
 
 def test_all_faults_of_a_mesh_are_told_at_once() -> None:
-    with pytest.raises(InputError, match=r"(?s)2 problem.*Young.*Poisson"):
-        _tube(youngs_modulus=-1.0, poissons_ratio=2.0)
+    refuses("L007", r"(?s)2 problem.*Young.*Poisson", _tube, youngs_modulus=-1.0, poissons_ratio=2.0)
 
 
 @pytest.mark.parametrize("order", [[0, 2, 1, 3], [0, 1, 1, 2]], ids=["crossing", "collapsed"])
 def test_folded_quads_are_refused(order: list[int]) -> None:
     mesh = box_tube("quad", 2, 4)
-    with pytest.raises(InputError, match=r"quad.s. without area, folded"):
-        replace(mesh, quads=mesh.quads[:, order])
+    refuses("L007", r"quad.s. without area, folded", replace, mesh, quads=mesh.quads[:, order])
 
 
 @pytest.mark.parametrize(
@@ -466,8 +463,7 @@ def test_folded_quads_are_refused(order: list[int]) -> None:
     ],
 )
 def test_bad_couplings_are_refused(mesh: ShellMesh, points: Array, coupling: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        shell_superelement(mesh, points, coupling)  # type: ignore[arg-type]
+    refuses("L006", message, shell_superelement, mesh, points, coupling)
 
 
 def test_two_bodies_are_refused_unless_a_rigid_ring_joins_them() -> None:
@@ -477,8 +473,7 @@ def test_two_bodies_are_refused_unless_a_rigid_ring_joins_them() -> None:
     rings = {"root": one.interfaces["root"], "tip": one.interfaces["tip"] + k}
     apart = _mesh(nodes, triangles, one.quads, rings)
     points = POINTS * 2.0
-    with pytest.raises(InputError, match=r"2 separate bodies of \[40, 40\] nodes"):
-        shell_superelement(apart, points)
+    refuses("L007", r"2 separate bodies of \[40, 40\] nodes", shell_superelement, apart, points)
     flange = np.concatenate([one.interfaces["tip"], k + one.interfaces["root"]])
     joined = replace(apart, interfaces={**rings, "flange": flange})
     element = shell_superelement(joined, np.vstack([points, POINTS[1:]]))
@@ -489,12 +484,52 @@ def test_two_bodies_are_refused_unless_a_rigid_ring_joins_them() -> None:
 
 def test_bad_weights_are_refused() -> None:
     for weights in (np.full(8, -1.0), np.full(8, np.nan), np.zeros(8), np.ones(7)):
-        with pytest.raises(InputError, match="weights"):
-            distributing_coupling(NODES, np.arange(8), np.zeros(3), weights)
+        refuses("L006", "weights", distributing_coupling, NODES, np.arange(8), np.zeros(3), weights)
 
 
 def test_a_wall_whose_bending_stiffness_underflows_is_no_result() -> None:
     thickness = np.full(64, WALL)
     thickness[TRIANGLES.min(axis=1) // 8 == 2] = 1e-120
-    with pytest.raises(InputError, match=r"thickness 1e-120 to 0\.008"):
-        shell_superelement(_tube(thickness=thickness), POINTS, "distributing")
+    refuses(
+        "L006", r"thickness 1e-120 to 0\.008", shell_superelement, _tube(thickness=thickness), POINTS, "distributing"
+    )
+
+
+# ------------------------------------------------------------
+# Sparse assembly of shells against adding element by element, and work in batches against all at once
+
+
+def sheet(kind: str, rng: np.random.Generator, n: int = 4) -> ShellMesh:
+    """A wavy sheet of n x n cells, nodes numbered at random, walls of many thicknesses."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0), indexing="ij"))
+    number = rng.permutation(x.size).reshape(n + 1, n + 1)
+    nodes = np.empty((x.size, 3))
+    nodes[number.ravel()] = np.stack([x, y, 0.2 * np.sin(x + 0.7 * y)], axis=1)
+    cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    cut = {"quad": 0, "mixed": len(cells) // 2, "tri": len(cells)}[kind]
+    triangles = np.concatenate([cells[:cut, [0, 1, 2]], cells[:cut, [0, 2, 3]]])
+    walls = rng.uniform(0.05, 0.1, len(triangles) + len(cells) - cut)
+    return ShellMesh("sheet", nodes, triangles, cells[cut:], walls, 1e6, 0.3, {})
+
+
+@pytest.mark.parametrize("kind", ["quad", "tri", "mixed"])
+def test_sparse_assembly_adds_every_element_in_its_place(kind: str, rng: np.random.Generator) -> None:
+    mesh = sheet(kind, rng)
+    expected = np.zeros((6 * len(mesh.nodes),) * 2)
+    for elements, matrices in zip((mesh.triangles, mesh.quads), element_stiffness(mesh), strict=True):
+        for nodes, K in zip(elements, matrices, strict=True):
+            dofs = freedoms(nodes).ravel()
+            expected[np.ix_(dofs, dofs)] += K
+    found = assemble_shell(mesh)
+    assert found.has_canonical_format
+    # Round-off of sums of up to eight terms, in another order.
+    np.testing.assert_allclose(found.toarray(), expected, rtol=0, atol=1e-14 * np.abs(expected).max())
+
+
+def test_batches_do_not_show(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    mesh = sheet("mixed", rng)
+    whole = element_stiffness(mesh)
+    monkeypatch.setattr(facets, "BATCH", 3)
+    # The kernels may group their sums by the number of elements: round-off.
+    for one, other in zip(whole, element_stiffness(mesh), strict=True):
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-14 * np.abs(one).max())

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from refusals import refuses
 from scipy.spatial.transform import Rotation
 
 from fem import ArmModel, build_model, deflection, deflection_by_part
@@ -15,7 +16,7 @@ from fem.elements.shell import CoupledShell, shell_superelement
 from fem.reference.shell_arm import couple_links, solve_shell_arm
 from fem.statics.fields import LinkShapes, arm_fields, face_stress, link_shapes, von_mises
 from meshes import ShellMesh
-from robots import InputError, ModelDescription, load_description
+from robots import ModelDescription, load_description
 from robots.arrays import Array
 
 Random = np.random.Generator
@@ -201,9 +202,6 @@ def test_stress_halfway_along_a_tube(boom: Callable[..., ModelDescription]) -> N
 
 def test_bad_input(xr701: Prepared) -> None:
     model, _, shapes = xr701
-    with pytest.raises(InputError, match="loads of a field"):
-        arm_fields(model, np.full(6, 0.5), np.ones((2, 6)), shapes=shapes)
-    with pytest.raises(InputError, match="shell"):
-        arm_fields(build_model(load_description("kr60-3"), links="beam"), np.zeros(6), W)
-    with pytest.raises(InputError, match="pose"):
-        arm_fields(model, np.zeros(3), W, shapes=shapes)
+    refuses("B003", "loads of a field", arm_fields, model, np.full(6, 0.5), np.ones((2, 6)), shapes=shapes)
+    refuses("M003", "shell", arm_fields, build_model(load_description("kr60-3"), links="beam"), np.zeros(6), W)
+    refuses("B001", "pose", arm_fields, model, np.zeros(3), W, shapes=shapes)

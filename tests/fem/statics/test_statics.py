@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from refusals import refuses
+from scipy.optimize import brentq
 
 import fem.statics.flexibility
 from fem import (
     ArmModel,
     build_model,
     compliance,
+    compliance_factor,
     deflection,
     deflection_by_part,
     directional_stiffness,
     spring_influence,
 )
+from fem.model import LinkKind
+from fem.springs import FourierBasis, LawSpring
+from fem.statics.factor import _square_root
+from fem.statics.small_displacements import LIMIT, beyond_small, refuse_beyond, turn, worst_turns
 from fem.statics.transfers import transfers
-from robots import InputError, forward_kinematics, jacobian, load_description, tool_position
+from robots import LoadPath, forward_kinematics, jacobian, load_description, tool_position
 from robots.arrays import Array
+from robots.kinematics import stretched_length
 
 ROBOTS = ("xr701", "kr60-3", "tx200")
 
@@ -206,15 +216,13 @@ def test_a_rigid_model_has_no_stiffness_to_report() -> None:
     q = np.radians([[0, 5.0, 77.5, 0, 0, 0]])
     np.testing.assert_array_equal(deflection(model, q, np.ones(6)), np.zeros((1, 6)))
     np.testing.assert_array_equal(compliance(model, q), np.zeros((1, 6, 6)))
-    with pytest.raises(InputError, match=r"pose 0: the model is rigid.*joint springs"):
-        directional_stiffness(model, q)
+    refuses("M005", r"pose 0: the model is rigid.*joint springs", directional_stiffness, model, q)
 
 
 @pytest.mark.parametrize("direction", [[0, 0, 0], [0, 1], [0, 0, np.nan], [0, 0, np.inf]])
 def test_a_direction_must_be_one(direction: list[float]) -> None:
     model = build_model(load_description("kr60-3"))
-    with pytest.raises(InputError, match="load direction"):
-        directional_stiffness(model, np.zeros((1, 6)), np.array(direction))
+    refuses("B001", "load direction", directional_stiffness, model, np.zeros((1, 6)), np.array(direction))
 
 
 def test_one_point_for_all_poses_or_one_each(soft_arm: ArmModel, reachable: Draw, rng: Random) -> None:
@@ -279,8 +287,7 @@ def test_bad_arrays_are_named(change: dict[str, Array], message: str) -> None:
     arguments = {"q": np.zeros((4, 6)), "wrench": np.ones(6), "point": None, **change}
     model = build_model(load_description("kr60-3"))
     for function in (deflection, deflection_by_part, spring_influence):
-        with pytest.raises(InputError, match=message):
-            function(model, **arguments)  # type: ignore[operator]
+        refuses("A006 B001", message, function, model, **arguments)
 
 
 @pytest.mark.parametrize(("pose", "measured_mm"), [((-35, 40), 2.05), ((5, 77.5), 1.88), ((45, 115), 2.14)])
@@ -292,3 +299,172 @@ def test_rigid_joints_are_far_stiffer_than_the_measured_robot(pose: tuple[float,
     dz_mm = 1e3 * deflection(model, q, np.array([0, 0, -650.0, 0, 0, 0]))[0, 2]
     # Poses 5, 41 and 77 of the paper at 650 N; the links do give way, by more than a hundredth.
     assert -measured_mm / 10.0 < dz_mm < -measured_mm / 100.0
+
+
+# ------------------------------------------------------------
+# The compliance as a sum of squares: the same matrices as by the statics, and rows as smooth as they should be
+
+ARMS: list[tuple[str, LoadPath]] = [
+    ("xr701", "parallelogram"),
+    ("xr701", "serial"),
+    ("kr60-3", "serial"),
+    ("tx200", "serial"),
+]
+# Entry by entry, of sqrt(C_ii C_jj): round-off of some hundred products; entries of a part's compliance below 1e-14 of
+# its largest are left out.
+EXACT = 1e-12
+# Softer than any of the random springs, which the couplings of a bearing are scaled to.
+LAW = LawSpring(FourierBasis(2, 1), np.array([8.5, 0.3, -0.2]))
+
+
+def difference(a: Array, b: Array) -> float:
+    size = np.sqrt(np.einsum("nii->ni", b))
+    return float((np.abs(a - b) / (size[:, :, None] * size[:, None, :])).max())
+
+
+@pytest.mark.parametrize("other", [False, True], ids=["axial", "six-way"])
+@pytest.mark.parametrize("links", ["rigid", "beam"])
+@pytest.mark.parametrize(("robot", "path"), ARMS)
+def test_the_rows_add_up_to_the_compliance(
+    robot: str, path: LoadPath, links: LinkKind, other: bool, soften: Soften, reachable: Draw, rng: Random
+) -> None:
+    model = soften(build_model(load_description(robot), links=links, load_path=path), rng, other=other)
+    model = model.with_springs({model.robot.joint_names[2]: LAW})
+    q = reachable(model.robot, 50, rng)
+    points = 0.3 * rng.normal(size=(50, 3))
+    for point in (None, points[0], points):
+        made = compliance_factor(model, q, point)
+        assert difference(made.compliance(), compliance(model, q, point)) < EXACT
+    assert len(made.part) == len(made.group) == made.rows.shape[1]
+    assert set(made.group) <= set(range(-1, made.weights.shape[1]))
+
+
+def test_more_poses_than_are_worked_on_at_once(soften: Soften, reachable: Draw, rng: Random) -> None:
+    model = soften(build_model(load_description("kr60-3"), links="rigid"), rng)
+    q = reachable(model.robot, 2 * 2000 + 7, rng)
+    assert difference(compliance_factor(model, q).compliance(), compliance(model, q)) < EXACT
+
+
+def test_a_spring_that_depends_on_the_pose_stays_outside_of_the_rows(
+    soften: Soften, reachable: Draw, rng: Random
+) -> None:
+    model = soften(build_model(load_description("kr60-3"), links="rigid"), rng)
+    q = reachable(model.robot, 20, rng)
+    constant, varied = (compliance_factor(m, q) for m in (model, model.with_springs({"j3": LAW})))
+    np.testing.assert_array_equal(varied.rows, constant.rows)
+    (g,) = {int(g) for g, part in zip(varied.group, varied.part, strict=True) if "j3" in part}
+    np.testing.assert_allclose(varied.weights[:, g], LAW.compliance(q), rtol=1e-15)
+
+
+def test_the_rows_of_a_serial_arm_are_products_of_one_sine_or_cosine_of_each_angle(
+    soften: Soften, reachable: Draw, rng: Random
+) -> None:
+    """What the factored surrogate rests on; the compliance itself takes the second order."""
+    model = soften(build_model(load_description("tx200"), links="beam"), rng)
+    q = np.zeros((700, 6))
+    q[:, 1:5] = reachable(model.robot, 700, rng)[:, 1:5]
+    one = np.stack([np.ones((700, 4)), np.cos(q[:, 1:5]), np.sin(q[:, 1:5])], axis=2)
+    terms = np.array([np.prod(one[:, range(4), list(t)], axis=1) for t in product(range(3), repeat=4)]).T
+    basis = np.linalg.qr(terms)[0]
+
+    def left(values: Array) -> float:
+        return float(np.abs(values - basis @ (basis.T @ values)).max() / np.abs(values).max())
+
+    # 1e-11: round-off times the condition of the terms (below 1e4).
+    assert left(compliance_factor(model, q).rows.reshape(700, -1)) < 1e-11
+    assert left(compliance(model, q).reshape(700, -1)) > 1e-3
+
+
+def test_square_roots_of_compliances_of_any_rank(rng: Random) -> None:
+    for rank in (1, 3, 6):
+        F = rng.normal(size=(rank, 6)) * np.array([1e-4] * 3 + [1e-2] * 3)
+        C = F.T @ F
+        root = _square_root(C)
+        assert root.shape == (rank, 6)
+        d = np.sqrt(np.diag(C))
+        # 1e-13 of the entries' size: round-off of an eigenvalue problem.
+        np.testing.assert_allclose((root.T @ root) / np.outer(d, d), C / np.outer(d, d), atol=1e-13)
+
+
+def test_a_joint_whose_coupled_compliance_is_no_compliance(soften: Soften, rng: Random) -> None:
+    model = soften(build_model(load_description("kr60-3"), links="rigid"), rng, other=True)
+    stiff = model.with_springs({"j3": 1e12})
+    # Such an arm would give energy: in some direction it moves against the load.
+    assert np.linalg.eigvalsh(stiff.joints[2].bearing + np.diag([0.0] * 5 + [1e-12]))[0] < 0.0
+    refuses(
+        "M004",
+        r"compliance of j3 with what couples it.*positive semidefinite",
+        compliance_factor,
+        stiff,
+        np.zeros((1, 6)),
+    )
+
+
+def test_nothing_that_gives_way(rng: Random) -> None:
+    model = build_model(load_description("kr60-3"), links="rigid").with_rigid_joints()
+    rigid = replace(model, bar=None)
+    refuses(
+        "M005", r"nothing in it deflects.*flexible links or joint springs", compliance_factor, rigid, np.zeros((1, 6))
+    )
+
+
+# ------------------------------------------------------------
+# The limit of linear statics: what it is off by there, and what is beyond
+
+SPRINGS = {f"j{k}": 1e6 for k in range(1, 7)}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return build_model(load_description("xr701"), "rigid").with_springs(SPRINGS)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.8, -0.8])
+def test_linear_statics_is_off_by_as_much_as_the_arm_turns(angle: float) -> None:
+    """An arm of 1 m on one spring, exactly: k t = F cos(angle + t), down is negative."""
+    errors = []
+    for t in (LIMIT / 4, LIMIT, 10.0 * LIMIT):
+        load = t / np.cos(angle)
+        exact = brentq(lambda x, load=load: x - load * np.cos(angle - x), 0.0, 3.0)
+        errors.append(abs(t / exact - 1.0))
+    # First order in the turn: tan(0.8) = 1.03 times it, with a quarter of room for the second order.
+    assert errors[1] <= 1.25 * LIMIT
+    assert errors[0] <= 1.25 * LIMIT / 4
+    # Far beyond, the result is of no use.
+    assert errors[2] > 2.0 * LIMIT
+
+
+def test_turn_is_the_larger_of_rotation_and_displacement_over_length(arm) -> None:
+    length = stretched_length(arm.robot)
+    d = np.array([[0.1 * length, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.07, 0], [0, 0, 0.01 * length, 0.02, 0, 0]])
+    np.testing.assert_allclose(turn(arm.robot, d), [0.1, 0.07, 0.02])
+    assert beyond_small(arm.robot, d).tolist() == [True, True, False]
+    # What was not read says nothing.
+    assert turn(arm.robot, np.array([[np.nan, np.nan, 0.1 * length]])) == pytest.approx([0.1])
+
+
+def test_the_worst_displacement_is_refused_with_what_is_allowed(arm) -> None:
+    refuse_beyond(arm.robot, np.full((3, 6), 1e-3), "readings")
+    info = refuses(
+        "M006", "", refuse_beyond, arm.robot, np.array([[0, 0, 0.2, 0, 0, 0], [0, 0, -68.0, 0, 0, 0]]), "readings"
+    )
+    text = str(info)
+    assert "6.8e+04 mm" in text
+    assert f"up to {LIMIT:g} rad" in text
+
+
+def test_worst_turns_are_those_of_the_worst_force(arm) -> None:
+    """No direction among many turns the tool by more displacement; a tenth of the stiffness is ten times the turn."""
+    least = worst_turns(arm).min()
+    soft = worst_turns(arm.with_springs(dict.fromkeys(SPRINGS, 100000.0))).min()
+    assert soft == pytest.approx(10.0 * least)
+    rng = np.random.default_rng(0)
+    q = np.radians([[0.0, 5.0, 77.5, 0.0, 0.0, 0.0]])
+    force = rng.normal(size=(200, 3))
+    force /= np.linalg.norm(force, axis=1, keepdims=True)
+    moved = deflection(arm, np.repeat(q, 200, axis=0), np.hstack([force, np.zeros_like(force)]))
+    assert turn(arm.robot, moved).max() > least
+
+
+def test_a_rigid_arm_turns_nowhere() -> None:
+    assert not worst_turns(build_model(load_description("xr701"), "rigid")).any()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses, refuses_each
 
 from machining.cell import Cell, parse_cell, read_cell
-from robots import InputError, InputErrors
+from machining.cell.schema import CellFile
+from robots import InputErrors
 
 WHOLE = """
 schema = "stiffarm-cell/1"
@@ -141,22 +144,36 @@ def test_the_shortest_file() -> None:
 def test_one_message_for_each_fault(folder: Path, old: str, new: str, words: str) -> None:
     assert WHOLE.count(old) == 1
     (folder / "cell.toml").write_text(WHOLE.replace(old, new), encoding="utf-8")
-    with pytest.raises(InputError, match=words) as caught:
-        read_cell(folder / "cell.toml")
-    assert not isinstance(caught.value, InputErrors)
+    caught = refuses("F005 F011 K001 K002", words, read_cell, folder / "cell.toml")
+    assert not isinstance(caught, InputErrors)
 
 
 def test_all_faults_at_once(folder: Path) -> None:
     text = WHOLE.replace("direction = [0, 2, 0]", "direction = [0, 0, 0]").replace("safety_mm = 20", "safety_mm = -1")
     (folder / "cell.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputErrors, match=r"2 problem\(s\)"):
-        read_cell(folder / "cell.toml")
+    refuses_each("F011", r"2 problem\(s\)", read_cell, folder / "cell.toml")
 
 
 def test_an_open_mesh_and_no_file(folder: Path) -> None:
     block = trimesh.creation.box((1, 1, 1))
     trimesh.Trimesh(block.vertices, block.faces[2:]).export(folder / "meshes" / "stock.stl")
-    with pytest.raises(InputError, match=r"surface of stock.stl is not closed"):
-        read_cell(folder / "cell.toml")
-    with pytest.raises(InputError, match=r"cell file .* cannot be read"):
-        read_cell(folder / "other.toml")
+    refuses("L003", r"surface of stock.stl is not closed", read_cell, folder / "cell.toml")
+    refuses("F001", r"cell file .* cannot be read", read_cell, folder / "other.toml")
+
+
+# ------------------------------------------------------------
+# The page of the cell file names every key that the file can have
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "cell_file.md"
+# Where the controller's outputs stand.
+COMMANDS = Path(__file__).parents[3] / "docs" / "how-to" / "operations.md"
+
+
+def test_every_key_is_on_the_page() -> None:
+    schema = CellFile.model_json_schema(by_alias=True)
+    text = PAGE.read_text(encoding="utf-8")
+    said = set(re.findall(r"[a-zA-Z_0-9]+", text))
+    outputs = COMMANDS.read_text(encoding="utf-8")
+    for name, table in {"CellFile": schema, **schema["$defs"]}.items():
+        for key in table.get("properties", ()):
+            assert key in said or (name == "CommandsTable" and key in outputs), f"{name}: {key}"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from machining.cell import read_cell
 from machining.cutting import ConstantForce, ToolBending
@@ -14,7 +15,6 @@ from machining.task import Task, tool_path
 from machining.tool_cuts import cut_of_tools
 from machining.toolpaths import read_toolpath
 from machining.toolpaths.conversion import read_given_path
-from robots import InputError
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "kr60_bracket"
 TOOL = np.array([0, 0, 0, 1, 1, 2, 0, 0])
@@ -61,10 +61,8 @@ def test_the_bending_is_that_of_the_tool_that_is_there(task: Task) -> None:
 
 
 def test_other_points_than_those_of_the_tools_are_refused(task: Task) -> None:
-    with pytest.raises(InputError, match="tools along a path: got '8 points'; allowed: 3"):
-        each().along(task.at(slice(0, 3)))
-    with pytest.raises(InputError, match="none for any tool"):
-        ForceOfEach((None, None, None), ("a", "b", "c"), TOOL).along(task)
+    refuses("K004", "tools along a path: got '8 points'; allowed: 3", each().along, task.at(slice(0, 3)))
+    refuses("K004", "none for any tool", ForceOfEach((None, None, None), ("a", "b", "c"), TOOL).along, task)
 
 
 def test_the_cell_names_the_milling_files_of_its_tools() -> None:
@@ -87,5 +85,4 @@ def test_the_cell_names_the_milling_files_of_its_tools() -> None:
 def test_a_milling_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     text = (EXAMPLE / "cell.toml").read_text(encoding="utf-8").replace("mill_20.toml", "gone.toml")
     (tmp_path / "cell.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"milling file of tool 1 not found: got 'gone.toml'"):
-        read_cell(tmp_path / "cell.toml")
+    refuses("K003", r"milling file of tool 1 not found: got 'gone.toml'", read_cell, tmp_path / "cell.toml")

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
 from machining.cell import Body, Fixture, Turntable, arm_of, box, scene_of
-from machining.placement import How, find_fixed, follow, on_axes, place
+from machining.placement import How, Placement, Problem, find_fixed, follow, holding, on_axes, place
+from machining.placement.following import Found
 from machining.placement.freedom import best_merits
+from machining.placement.holding import held
 from machining.placement.search import Looker
 from machining.placement.sweeping import shortfalls, sweep_sites, wrist_lack
 from machining.posture.drive import limit_distance
@@ -161,8 +167,7 @@ def test_a_compliant_rail_adds_by_the_rigid_lever(kr60: fem.ArmModel) -> None:
 
 def test_a_compliant_rail_in_turned_axes(kr60: fem.ArmModel) -> None:
     """World axes of the rail are not those of a base that is turned by 90 deg about z: x becomes -y."""
-    T = np.eye(4)
-    T[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    T = rigid_frame(R=[[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     cell = cell_of(rail(compliance=np.array([1e-7, 0, 0, 0, 0, 0])), T_world_base0=T)
     q = np.array([[0.2, -0.8, 1.2, 0.3, 0.7, -0.4]])
     more = translational(on_axes(kr60, cell), q) - translational(kr60, q)
@@ -177,8 +182,7 @@ def test_a_post_in_the_way_moves_the_base(kr60: fem.ArmModel) -> None:
     at = free.after.e[0, 0]
     middle = forward_kinematics(kr60.robot, free.after.course.q).p[4, 3]
     post = box([0.1, 0.1, 3.0])
-    T = np.eye(4)
-    T[:3, 3] = middle[0] + at, middle[1], -1.0
+    T = rigid_frame((middle[0] + at, middle[1], -1.0))
     cell = cell_of(rail(), fixtures=(Fixture(Body("post", (post.moved(T),))),))
     scene = scene_of(cell, arm_of("kr60-3"))
     problem = problem_of(kr60, cell, path, "mean", gamma, scene=scene, clearance=0.02)
@@ -197,10 +201,14 @@ def test_out_of_reach_everywhere_says_by_how_much(kr60: fem.ArmModel) -> None:
     lacking = []
     for more in (0.0, 0.1):
         cell = cell_of(rail(limits=(-0.2, 0.2)), part=part(6.0 + more, 0.0, 0.9))
-        with pytest.raises(InputError, match="no base position reaches the whole path") as caught:
-            place(problem_of(kr60, cell, line(6, 0.1), gamma=GammaRange(count=12)))
-        assert "rail 200 mm" in str(caught.value)
-        words = str(caught.value)
+        caught = refuses(
+            "G001",
+            "no base position reaches the whole path",
+            place,
+            problem_of(kr60, cell, line(6, 0.1), gamma=GammaRange(count=12)),
+        )
+        assert "rail 200 mm" in str(caught)
+        words = str(caught)
         lacking.append(float(words.split(" mm out of reach")[0].split()[-1]))
     # Three digits are printed; the arm looks nearly along x.
     assert lacking[1] - lacking[0] == pytest.approx(100.0, abs=12.0)
@@ -230,25 +238,24 @@ def test_the_lack_is_the_distance_to_the_reach(kr60: fem.ArmModel) -> None:
 
 def test_bad_input(kr60: fem.ArmModel) -> None:
     cell, path = cell_of(rail()), line()
-    with pytest.raises(InputError, match=r"nothing to place.*To fix it: describe the rail"):
-        problem_of(kr60, cell_of(), path)
-    with pytest.raises(InputError, match=r"linear axis of cell cell: got 'slide'; allowed: rail"):
-        problem_of(kr60, cell, path, ranges={"slide": (0.0, 1.0)})
-    with pytest.raises(InputError, match="range of axis rail"):
-        problem_of(kr60, cell, path, ranges={"rail": (0.5, 0.2)})
-    with pytest.raises(InputError, match="within its limits"):
-        problem_of(kr60, cell, path, ranges={"rail": (-5.0, 0.2)})
-    with pytest.raises(InputError, match="nothing to place"):
-        problem_of(kr60, cell, path, ranges={"rail": (0.2, 0.2)})
-    with pytest.raises(InputError, match="turntable of cell"):
-        problem_of(kr60, cell, path, table=(-1.0, 1.0))
-    with pytest.raises(InputError, match="aim of the placement"):
-        problem_of(kr60, cell, path, "best")
-    with pytest.raises(InputError, match="course of gamma"):
-        place(problem_of(kr60, cell, path), How(course=True))
+    refuses("G005", r"nothing to place.*To fix it: describe the rail", problem_of, kr60, cell_of(), path)
+    refuses(
+        "G005",
+        r"linear axis of cell cell: got 'slide'; allowed: rail",
+        problem_of,
+        kr60,
+        cell,
+        path,
+        ranges={"slide": (0.0, 1.0)},
+    )
+    refuses("G005", "range of axis rail", problem_of, kr60, cell, path, ranges={"rail": (0.5, 0.2)})
+    refuses("G005", "within its limits", problem_of, kr60, cell, path, ranges={"rail": (-5.0, 0.2)})
+    refuses("G005", "nothing to place", problem_of, kr60, cell, path, ranges={"rail": (0.2, 0.2)})
+    refuses("G005", "turntable of cell", problem_of, kr60, cell, path, table=(-1.0, 1.0))
+    refuses("G004", "aim of the placement", problem_of, kr60, cell, path, "best")
+    refuses("G004", "course of gamma", place, problem_of(kr60, cell, path), How(course=True))
     for how in ({"mode": "sliding"}, {"steps": 1}, {"cost": -1.0}):
-        with pytest.raises(InputError):
-            How(**how)  # type: ignore[arg-type]
+        refuses("G004", "", How, **how)
 
 
 def test_a_held_axis_stays(kr60: fem.ArmModel) -> None:
@@ -273,3 +280,112 @@ def test_the_turntable_is_searched_too(waist: fem.ArmModel) -> None:
     assert np.degrees(found.after.table) == pytest.approx(180.0, abs=1.0)
     np.testing.assert_allclose(found.after.e[:, 0], 0.1, atol=2e-3)
     assert found.after.worst == pytest.approx(2e6 / 1.1**2, rel=5e-3)
+
+
+# ------------------------------------------------------------
+# Axes that are not needed while cutting move near and hold still, where that costs little
+
+N = 12
+# The rail is worth much, the lift little, where they go along with the path.
+WANTED = np.stack([np.linspace(-0.5, 0.5, N), np.linspace(-0.2, 0.2, N)], axis=1)
+WORTH = np.array([2000.0, 20.0])
+
+
+@pytest.fixture
+def problem(kr60: fem.ArmModel) -> Problem:
+    cell = cell_of(rail(), rail("lift", (0.0, 0.0, 1.0), limits=(-0.5, 0.5)))
+    return problem_of(kr60, cell, line(N), "mean", free=np.arange(N - 1) == 5)
+
+
+def course_at(e: Array) -> Any:
+    return SimpleNamespace(value=1000.0 - ((e - WANTED) ** 2) @ WORTH, gamma=np.zeros(N))
+
+
+@pytest.fixture
+def moving(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> Found:
+    monkeypatch.setattr(holding, "follow", lambda _, e, *__: course_at(e))
+    course = course_at(WANTED)
+    return Found(problem, WANTED.copy(), course.gamma, course, 1000.0, 1)
+
+
+def test_the_axis_that_brings_little_holds_still_in_each_cut(problem: Problem, moving: Found) -> None:
+    found, names = held(problem, moving, 0.01)
+    assert names == ("lift",)
+    np.testing.assert_array_equal(found.x[:, 0], WANTED[:, 0])
+    # The middle of each cut's way: half way between the ends of six points.
+    expected = np.repeat([WANTED[:6, 1].mean(), WANTED[6:, 1].mean()], 6)
+    np.testing.assert_allclose(found.x[:, 1], expected, atol=1e-15)
+    assert 990.0 <= found.merit < 1000.0
+    assert found.merit == pytest.approx(course_at(found.x).value.mean())
+
+
+def test_all_axes_together_cost_no_more_than_the_share(problem: Problem, moving: Found) -> None:
+    assert held(problem, moving, 0.0)[1] == ()
+    both, names = held(problem, moving, 0.2)
+    assert names == ("lift", "rail")
+    assert both.merit >= 800.0
+    assert np.ptp(both.x[:6], axis=0).max() == 0.0
+
+
+def test_a_place_that_cannot_be_driven_is_not_taken(
+    problem: Problem, moving: Found, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def follow(_: Any, e: Array, *__: Any) -> Any:
+        # Nothing in the middle of a cut's way.
+        if any(abs(e[0, j] - WANTED[:6, j].mean()) < 1e-9 for j in range(2)):
+            raise InputError("in the way", code="X004")
+        return course_at(e)
+
+    monkeypatch.setattr(holding, "follow", follow)
+    found, names = held(problem, moving, 0.01)
+    assert names == ("lift",)
+    low, high = WANTED[0, 1], WANTED[5, 1]
+    assert found.x[0, 1] in (pytest.approx(low + 0.25 * (high - low)), pytest.approx(low + 0.75 * (high - low)))
+    monkeypatch.setattr(holding, "follow", lambda *_: (_ for _ in ()).throw(InputError("nothing", code="X004")))
+    assert held(problem, moving, 0.5) == (moving, ())
+
+
+def test_an_axis_at_rest_is_left_alone(problem: Problem, moving: Found) -> None:
+    x = WANTED.copy()
+    x[:, 1] = 0.1
+    assert "lift" not in held(problem, Found(problem, x, moving.gamma, moving.course, 900.0, 1), 1.0)[1]
+
+
+# ------------------------------------------------------------
+# A placement carried over to all moves of its source: axes travel on rapid moves, not while the tool plunges
+
+
+def placement(moves: list[int], count: int, travel: list[float]) -> Placement:
+    n = len(moves)
+    return Placement(
+        "kr60-3",
+        "cell",
+        ("rail",),
+        np.array(travel)[:, None],
+        0.0,
+        np.zeros(n),
+        ("q1_deg",),
+        np.zeros((n, 1)),
+        np.array(moves),
+        count,
+    )
+
+
+def test_axes_travel_on_the_rapid_moves_between_two_cuts() -> None:
+    """A cut to move 2, retract at feed, two rapid moves, a plunge to move 6 where the next cut begins."""
+    found = placement([1, 2, 6, 7], 9, [0.0, 0.1, 0.5, 0.6])
+    rapid = np.array([1, 0, 0, 0, 1, 1, 0, 0, 1]) > 0
+    np.testing.assert_allclose(found.at_moves(rapid)[:, 0], [0, 0, 0.1, 0.1, 0.3, 0.5, 0.5, 0.6, 0.6])
+    # Without a rapid move, or without knowing, all share.
+    for unknown in (None, np.zeros(9, dtype=np.bool_)):
+        np.testing.assert_allclose(found.at_moves(unknown)[:, 0], [0, 0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.6])
+    assert found.joints_at_moves(rapid).shape == (9, 1)
+    np.testing.assert_array_equal(found.gamma_at_moves(rapid), np.zeros(9))
+
+
+def test_a_cell_without_linear_axes_has_no_travels() -> None:
+    found = placement([0, 1], 2, [0.0, 0.0])
+    none = Placement(
+        found.robot, found.cell, (), np.zeros((2, 0)), 0.0, found.gamma, found.joints, found.q, found.moves, 2
+    )
+    assert none.at_moves(np.ones(2, dtype=np.bool_)).shape == (2, 0)

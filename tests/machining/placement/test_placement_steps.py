@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from placement_cases import cell_of, line, problem_of, rail
 from posture_cases import dome, part
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
 from machining.cell import Body, Fixture, arm_of, box, clearance, scene_of
@@ -20,22 +22,28 @@ from machining.cutting.force import ByRuns
 from machining.placement import (
     How,
     Placement,
+    Problem,
     axis_rates,
     find_steps,
     place,
     placement_content,
     read_placement,
+    survey,
 )
+from machining.placement.between import undriven, with_links
 from machining.placement.following import between, check_rates, smoothed
 from machining.placement.steps import Pieces, Table, best_by_slopes, best_pieces
+from machining.placement.study import place_along
 from machining.posture.drive import Drive, limit_distance
 from machining.posture.points import GammaRange
 from machining.programs.posting import PostSettings, post
 from machining.setup import Tools
 from machining.stiffness.criterion import Criterion
 from machining.task import ToolPath, tool_path
+from machining.toolpaths import read_given_path
+from machining.toolpaths.conversion import GivenPath
 from machining.toolpaths.motions import Motions
-from robots import InputError
+from robots import InputError, Reason, inverse_kinematics
 from robots.arrays import Array
 
 ANY = GammaRange(count=18)
@@ -170,8 +178,7 @@ def test_a_path_of_two_equal_tools_is_placed_as_that_of_one(kr60: fem.ArmModel) 
 @pytest.mark.slow
 def test_steps_keep_clear_of_a_post(kr60: fem.ArmModel) -> None:
     """Every piece at its place; and never worse than the best position at rest, which is on the grid."""
-    T = np.eye(4)
-    T[:3, 3] = 0.55, -0.35, 0.0
+    T = rigid_frame((0.55, -0.35, 0.0))
     post_ = Fixture(Body("post", (box([0.1, 0.1, 2.0]).moved(T),)))
     cell = cell_of(rail(limits=(-1.0, 2.0)), rail("cross", (0.0, 1.0, 0.0), limits=(-0.8, 0.8)), fixtures=(post_,))
     scene = scene_of(cell, arm_of("kr60-3"))
@@ -268,11 +275,9 @@ def test_rates_and_faults_of_a_known_motion(kr60: fem.ArmModel) -> None:
     np.testing.assert_allclose(speed, 0.2, rtol=1e-9)
     np.testing.assert_allclose(acceleration, 0.0, atol=1e-9)
     check_rates(problem, even)
-    with pytest.raises(InputError, match="speed of axis rail"):
-        check_rates(problem, 1.5 * even)
+    refuses("G006", "speed of axis rail", check_rates, problem, 1.5 * even)
     jerky = np.cumsum(np.where(np.arange(11) % 2, 0.02, -0.02))[:, None]
-    with pytest.raises(InputError, match="acceleration of axis rail"):
-        check_rates(problem, jerky)
+    refuses("G006", "acceleration of axis rail", check_rates, problem, jerky)
 
 
 def test_between_knots_nothing_overshoots(kr60: fem.ArmModel) -> None:
@@ -389,10 +394,121 @@ def test_bad_files_are_refused(tmp_path: Path, change: dict[str, Any], words: st
     )
     file = tmp_path / "placement.json"
     file.write_text(json.dumps(good | change), encoding="utf-8")
-    with pytest.raises(InputError, match=words):
-        read_placement(file)
+    refuses("F006", words, read_placement, file)
     file.write_text("{", encoding="utf-8")
-    with pytest.raises(InputError, match="not valid JSON"):
-        read_placement(file)
-    with pytest.raises(InputError, match="cannot be read"):
-        read_placement(tmp_path / "none.json")
+    refuses("F005", "not valid JSON", read_placement, file)
+    refuses("F001", "cannot be read", read_placement, tmp_path / "none.json")
+
+
+# ------------------------------------------------------------
+# The moves between the cuts join the search for a place: one is taken from which the whole program can be driven
+
+GAMMA = GammaRange(count=36)
+# Two cuts of 80 mm; between them the tool goes over a place far along the rail, with a plunge at feed behind it.
+PROGRAM = """G21 G90 G17
+T1 M6
+S9000 M3
+G0 X-40 Y0 Z20
+G1 Z0 F600
+X-13 F1500
+X13
+X40
+G0 Z20
+G0 {far}
+G0 X-40 Y40 Z20
+G1 Z0 F600
+X-13 F1500
+X13
+X40
+G0 Z20
+M30
+"""
+
+
+def given(folder: Path, far: str) -> GivenPath:
+    file = folder / "two.nc"
+    file.write_text(PROGRAM.format(far=far), encoding="utf-8")
+    return read_given_path(file)
+
+
+def case(model: fem.ArmModel, folder: Path, far: str, limits: tuple[float, float]) -> tuple[Problem, GivenPath]:
+    path = given(folder, far)
+    return problem_of(model, cell_of(rail(limits=limits)), path.path, gamma=GAMMA, free=path.free), path
+
+
+def free(problem: Problem, given: GivenPath, x: Array) -> bool:
+    """Whether some angle, 1 deg apart, and one branch takes all moves of the program, asked with nothing of it."""
+    every = given.whole().path
+    e, table = problem.space.sites(x[None])
+    T = problem.cell.T_base_part(e, table)[0]
+    gamma = np.radians(np.arange(-180.0, 180.0))
+    x_axis = np.stack([np.cos(gamma), np.sin(gamma), 0.0 * gamma], axis=1)
+    z_axis = np.broadcast_to([0.0, 0.0, -1.0], x_axis.shape)
+    frames = np.zeros((every.n, len(gamma), 4, 4))
+    frames[..., :3, 0], frames[..., :3, 1], frames[..., :3, 2] = x_axis, np.cross(z_axis, x_axis), z_axis
+    frames[..., :3, 3], frames[..., 3, 3] = every.points[:, None], 1.0
+    found = inverse_kinematics(
+        problem.model.robot, (T @ frames).reshape(-1, 4, 4), T_flange_tool=problem.cell.tool.T_flange_tool
+    )
+    reason = found.reason.reshape(every.n, len(gamma), -1)
+    return bool((reason == Reason.FOUND).all(axis=0).any())
+
+
+def test_places_that_cannot_reach_a_retract_are_ruled_out(kr60: fem.ArmModel, tmp_path: Path) -> None:
+    problem, path = case(kr60, tmp_path, "X700 Y0 Z300", (-1.5, 1.5))
+    linked = with_links(problem, path)
+    cuts, whole = survey(problem, (31,)), survey(linked, (31,))
+    ruled = [look for look in whole.grid if look.why == "between"]
+    assert len(ruled) > 3
+    stops = [look.stopped for look in ruled if look.stopped is not None]
+    assert len(stops) == len(ruled)
+    assert {stop.line for stop in stops} <= {4, 9, 10, 11, 16}
+    assert {stop.why for stop in stops} <= {"reach", "limit"}
+    for one, other in zip(cuts.grid, whole.grid, strict=True):
+        if one.why:
+            assert other.why == one.why
+        else:
+            near_edge = {free(problem, path, one.x + 0.02 * k) for k in (-1, 0, 1)}
+            assert (not other.why) in near_edge
+
+
+@pytest.mark.parametrize("mode", ["fixed", "steps"])
+def test_the_place_recommended_is_one_that_post_can_write(kr60: fem.ArmModel, tmp_path: Path, mode: str) -> None:
+    """Without the moves between, the best place for the cuts is one from which the program cannot be driven."""
+    problem, path = case(kr60, tmp_path, "X900 Y0 Z300", (-1.5, 1.5))
+    only_cuts = place_along(problem, _table(path), How()).placed.after
+    assert undriven(with_links(problem, path), only_cuts.e, only_cuts.table, only_cuts.course) is not None
+    step = place_along(problem, path, How(mode))  # type: ignore[arg-type]
+    after = step.placed.after
+    assert step.undriven is None
+    assert undriven(with_links(problem, path), after.e, after.table, after.course, step.rapid) is None
+    if mode == "fixed":
+        # As it stands, with nothing of the placement but base and gamma.
+        assert path.motions is not None
+        settings = PostSettings(float(after.course.gamma[0]), travel=after.e[0], table=after.table)
+        assert post(kr60, problem.cell, path.motions, settings).program.n >= path.count
+
+
+def _table(given: GivenPath) -> GivenPath:
+    """The same cuts without a program."""
+    return GivenPath(given.path, given.free, given.moves, given.count)
+
+
+@pytest.mark.slow
+def test_where_no_place_can_drive_the_program_it_is_said(kr60: fem.ArmModel, tmp_path: Path) -> None:
+    problem, path = case(kr60, tmp_path, "X9000 Y0 Z300", (-0.5, 0.5))
+    step = place_along(problem, path, How())
+    assert step.undriven is not None
+    assert f"line {path.motions.line[np.argmax(path.motions.points[:, 0])]}" in step.undriven  # type: ignore[union-attr]
+    best = place_along(problem, _table(path), How()).placed.after
+    np.testing.assert_allclose(step.placed.after.e, best.e, atol=1e-12)
+
+
+def test_a_program_whose_moves_all_can_be_driven_is_placed_as_its_cuts_are(kr60: fem.ArmModel, tmp_path: Path) -> None:
+    problem, path = case(kr60, tmp_path, "X0 Y20 Z20", (-0.5, 0.5))
+    step, cuts = (
+        place_along(problem, path, How()),
+        place_along(problem, _table(path), How()),
+    )
+    np.testing.assert_array_equal(step.placed.after.e, cuts.placed.after.e)
+    np.testing.assert_array_equal(step.placed.after.course.q, cuts.placed.after.course.q)

@@ -7,13 +7,14 @@ import tracemalloc
 import numpy as np
 import pytest
 from posture_cases import dome_task, part, spindle
+from refusals import refuses
 
 import fem
 from machining import Drive, GammaRange, Objective, Task, limit_distance, optimise_path, singular_distance, tool_path
 from machining import sweep_parts as parts
 from machining.posture.axes_map import Zone, axes_map
 from machining.posture.points import sweep_gamma
-from robots import InputError, inverse_kinematics
+from robots import inverse_kinematics
 from robots.arrays import Array
 
 GAMMA = np.radians(np.arange(-180.0, 180.0, 15.0))
@@ -144,8 +145,15 @@ def test_a_drivable_course_never_leaves_the_cells_that_have_a_value(kr60: fem.Ar
 
 
 def test_a_clearance_callback_of_the_wrong_shape_is_refused(kr60: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="clearance callback"):
-        axes_map(kr60, dome_task(3), drive=Drive(clearance_of=lambda q: np.zeros(1)), gamma=GAMMA)
+    refuses(
+        "G004",
+        "clearance callback",
+        axes_map,
+        kr60,
+        dome_task(3),
+        drive=Drive(clearance_of=lambda q: np.zeros(1)),
+        gamma=GAMMA,
+    )
 
 
 @pytest.mark.slow

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 from posture_cases import ALONG_Y, SPEED, dome, dome_task, part, spindle
+from refusals import refuses
 
 import fem
 from machining.posture.drive import Drive
 from machining.posture.long_path import optimise_long_path
 from machining.posture.path import optimise_path
 from machining.posture.points import GammaRange
-from machining.posture.stretches import course_at
+from machining.posture.stretches import GivenGamma, course_at
 from machining.stiffness.objective import Objective
 from machining.task import Task, ToolPath, tool_path
-from robots import InputError, forward_kinematics
+from machining.toolpaths.path_error import PathError
+from robots import forward_kinematics
 from robots.arrays import Array, Integers
 
 
@@ -77,8 +80,7 @@ def test_rapid_moves_may_be_long(kr60: fem.ArmModel) -> None:
         np.full(40, np.nan),
     )
     task, gammas = Task(path, spindle(), part(1.2, -0.4, 0.6), ALONG_Y), GammaRange(count=24)
-    with pytest.raises(InputError, match="between points 19 and 20"):
-        optimise_long_path(kr60, task, gammas=gammas)
+    refuses("G003", "between points 19 and 20", optimise_long_path, kr60, task, gammas=gammas)
     free = np.zeros(39, dtype=np.bool_)
     free[19] = True
     course = optimise_long_path(kr60, task, gammas=gammas, free=free).course
@@ -86,8 +88,7 @@ def test_rapid_moves_may_be_long(kr60: fem.ArmModel) -> None:
     step = np.abs(np.diff(course.q, axis=0)).max(axis=1)
     assert step[19] > np.radians(20.0)
     assert np.delete(step, 19).max() < np.radians(20.0)
-    with pytest.raises(InputError, match="free segments"):
-        optimise_long_path(kr60, task, gammas=gammas, free=free[:5])
+    refuses("G004", "free segments", optimise_long_path, kr60, task, gammas=gammas, free=free[:5])
 
 
 def test_the_tool_may_turn_on_the_spot_but_not_stand_still(kr60: fem.ArmModel) -> None:
@@ -97,8 +98,7 @@ def test_the_tool_may_turn_on_the_spot_but_not_stand_still(kr60: fem.ArmModel) -
     assert np.isnan(on_the_spot.times).all()
     course = optimise_long_path(kr60, Task(on_the_spot, spindle(), part()), gammas=GammaRange(count=24)).course
     assert course.smoothness.undrivable == ()
-    with pytest.raises(InputError, match="repeats"):
-        tool_path(np.zeros((2, 3)), [0.0, 0.0, 1.0])
+    refuses("P009", "repeats", tool_path, np.zeros((2, 3)), [0.0, 0.0, 1.0])
 
 
 def test_a_force_at_each_point_goes_with_its_point(kr60: fem.ArmModel) -> None:
@@ -141,3 +141,113 @@ def test_clearance_may_depend_on_the_path_point(kr60: fem.ArmModel) -> None:
     found = optimise_long_path(kr60, task, gammas=gammas, drive=drive, knots=20).course
     assert clearance(found.q, np.arange(60)).min() >= 0.05
     assert clearance(free.q, np.arange(60)).min() < 1e-9
+
+
+# ------------------------------------------------------------
+# A path followed stretch by stretch is followed as if it were looked at as a whole
+
+N = 60
+GAMMA = np.linspace(0.0, 0.4, N)
+
+
+def short(monkeypatch: pytest.MonkeyPatch, points: int) -> None:
+    """Stretches of so many points, of a path whose sweep is not kept."""
+    monkeypatch.setattr("machining.posture.stretches.POINTS", points)
+    monkeypatch.setattr("machining.posture.stretches.KEPT", 0)
+
+
+@pytest.mark.parametrize("points", [1, 7, 20, N - 1])
+@pytest.mark.parametrize("aim", ["mean", "worst"])
+def test_stretches_make_no_difference(
+    kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch, points: int, aim: Literal["mean", "worst"]
+) -> None:
+    task, objective, drive = dome_task(N, 0.3), Objective(aim=aim), Drive(speed=SPEED, motion=0.3)
+    whole = course_at(kr60, task, GAMMA, objective, drive)
+    short(monkeypatch, points)
+    parts = course_at(kr60, task, GAMMA, objective, drive)
+    # The compiled loops take points in groups, whose sums differ in the last digits.
+    np.testing.assert_allclose(parts.q, whole.q, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(parts.branch, whole.branch)
+    assert parts.cost == pytest.approx(whole.cost, rel=1e-12)
+    assert parts.smoothness.undrivable == ()
+
+
+def test_forces_and_postures_wanted_go_with_their_points(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    task = dome_task(N, 0.3)
+    force = np.stack([np.linspace(50.0, 200.0, N), np.full(N, 80.0), np.linspace(-100.0, 90.0, N)], axis=1)
+    objective = Objective("displacement", force)
+    wanted = course_at(kr60, task, GAMMA, objective).q + 0.01
+    wanted[:, 3] += np.pi
+    wanted[:, 4] *= -1.0
+    wanted[:, 5] -= np.pi
+    whole = course_at(kr60, task, GAMMA, objective, near=wanted)
+    short(monkeypatch, 13)
+    parts = course_at(kr60, task, GAMMA, objective, near=wanted)
+    np.testing.assert_allclose(parts.q, whole.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(parts.value, whole.value, rtol=1e-12)
+
+
+def test_a_gap_is_told_at_its_point(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gamma turns by half a turn at once between points 24 and 25, the ends of two stretches, or within one."""
+    task, gamma = dome_task(N, 0.3), np.where(np.arange(N) < 25, 0.0, 2.0)
+    said = set()
+    for points in (N, 25, 10):
+        short(monkeypatch, points)
+        with pytest.raises(PathError, match="from point 24 to 25") as caught:
+            course_at(kr60, task, gamma, drive=Drive(speed=SPEED))
+        assert caught.value.point == 24
+        said.add(str(caught.value))
+    assert len(said) == 1
+
+
+def test_all_points_out_of_reach_are_named(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    task = dome_task(N, 0.3)
+    points = task.path.points.copy()
+    lost = [5, 6, 31, 58]
+    points[lost, 0] += 9.0
+    path = ToolPath(points, task.path.normals, task.path.axes, task.path.feed)
+    far = Task(path, task.T_flange_tool, task.T_base_part, task.reference)
+    said = set()
+    for size in (N, 7):
+        short(monkeypatch, size)
+        with pytest.raises(PathError, match=r"path point 5 \(and 3 more: 6, 31, 58\) cannot be reached") as caught:
+            course_at(kr60, far, GAMMA)
+        assert caught.value.points.tolist() == lost
+        said.add(str(caught.value))
+    assert len(said) == 1
+
+
+def test_all_points_too_near_to_something_are_named(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    task, blocked = dome_task(N, 0.3), [3, 20, 21, 44]
+
+    def clearance(q: Array, point: Integers) -> Array:
+        return np.where(np.isin(point, blocked), 0.0, 1.0)
+
+    drive = Drive(clearance_at=clearance, clearance_least=0.005)
+    for size in (N, 10):
+        short(monkeypatch, size)
+        with pytest.raises(PathError, match=r"path point 3 \(4 of 60 points\): all postures are too near") as caught:
+            course_at(kr60, task, GAMMA, drive=drive)
+        assert caught.value.points.tolist() == blocked
+
+
+def test_an_arm_that_is_searched_is_swept_once(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another search need not end on the same postures."""
+    task = dome_task(N, 0.3)
+    path = GivenGamma(kr60, task, Objective(), GAMMA, None)
+    short(monkeypatch, 10)
+    assert path.whole is None
+    monkeypatch.setattr("machining.posture.stretches.why_not_spherical", lambda robot: "no wrist")
+    searched = GivenGamma(kr60, task, Objective(), GAMMA, None)
+    assert searched.whole is not None
+    assert np.shares_memory(searched.sweep(slice(10, 20)).q, searched.whole.q)
+
+
+def test_a_value_that_is_not_finite_is_told_at_its_point(kr60: fem.ArmModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(self: Objective, value: Array, point: Integers) -> None:
+        if len(point) and point[-1] == 3:
+            raise self.not_finite(3)
+
+    monkeypatch.setattr(Objective, "check_finite", broken)
+    short(monkeypatch, 4)
+    refuses("M005", "path point 3", course_at, kr60, dome_task(N, 0.3), GAMMA)

@@ -7,17 +7,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from posture_cases import SPEED, dome_task, spindle
+from posture_cases import SPEED, dome, dome_task, part, spindle
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 import fem
-from machining import stiffness_index
+from machining import evaluate, stiffness_index, translational
 from machining.posture.drive import Drive, limit_distance, singular_distance
 from machining.posture.path import PathPosture, optimise_path
-from machining.posture.points import GammaRange, best_postures
+from machining.posture.points import GammaRange, best_postures, postures_at, sweep_gamma
 from machining.posture.problem import is_better
 from machining.stiffness.objective import Objective
 from machining.task import Task, tool_path
-from robots import InputError, forward_kinematics, inverse_kinematics, singularity_distance
+from robots import forward_kinematics, inverse_kinematics, singularity_distance
 from robots.arrays import Array
 
 BARE = Drive(jump=np.inf, motion=0.0, limit=0.0, singular=0.0, singular_least=0.0)
@@ -124,8 +126,7 @@ def test_gamma_travels_far_where_single_steps_are_short(fed: Task, found: PathPo
 
 def test_joints_turn_on_beyond_half_a_turn(kr60: fem.ArmModel) -> None:
     """Joint 6 passes 180 deg on the way: the next equivalent angle, not the one in the middle of its range."""
-    along = np.eye(4)
-    along[2, 3] = 0.15
+    along = rigid_frame((0.0, 0.0, 0.15))
     q0 = np.radians([[10.0, -60.0, 40.0, 20.0, 40.0, 180.0]])
     frames = forward_kinematics(kr60.robot, q0)
     R, tip = frames.R_flange[0], frames.p_flange[0] + 0.15 * frames.R_flange[0, :, 2]
@@ -161,8 +162,15 @@ def test_a_lower_speed_costs_and_a_feed_too_high_is_refused(kr60: fem.ArmModel) 
         for feed in (1.0, 0.01)
     )
     assert fast.course.cost > slow.course.cost
-    with pytest.raises(InputError, match=r"cannot be driven from point \d+ to \d+.* would have to move"):
-        optimise_path(kr60, dome_task(40, 0.3, feed=30.0), gammas=gammas, drive=Drive(speed=SPEED))
+    refuses(
+        "G003",
+        r"cannot be driven from point \d+ to \d+.* would have to move",
+        optimise_path,
+        kr60,
+        dome_task(40, 0.3, feed=30.0),
+        gammas=gammas,
+        drive=Drive(speed=SPEED),
+    )
 
 
 def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg: float) -> Task:
@@ -172,8 +180,7 @@ def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg
     """
     q0 = np.radians([[10.0, -60.0, 40.0, 0.0, 0.0, 0.0]])
     frames = forward_kinematics(model.robot, q0)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = frames.R_flange[0], frames.p_flange[0]
+    T = rigid_frame(frames.p_flange[0], frames.R_flange[0])
     T = T @ T_flange_tool
     swing, miss = np.radians(np.arange(-15.0, 16.0)), np.radians(miss_deg)
     x, y, axis = T[:3, 0], T[:3, 1], -T[:3, 2]
@@ -184,21 +191,31 @@ def past_a_wrist_singularity(model: fem.ArmModel, T_flange_tool: Array, miss_deg
 
 def test_a_wrist_singularity_that_gamma_cannot_avoid_is_said(kr60: fem.ArmModel) -> None:
     """With the tool along the flange's axis gamma only turns joint 6."""
-    along = np.eye(4)
-    along[2, 3] = 0.15
+    along = rigid_frame((0.0, 0.0, 0.15))
     missed = past_a_wrist_singularity(kr60, along, 0.4)
-    with pytest.raises(InputError, match=r"cannot be driven from point 1\d to 1\d.*nearest singularity there 0.0"):
-        optimise_path(kr60, missed, gammas=GammaRange(count=8))
-    with pytest.raises(InputError, match=r"point 15 .*too near to a singularity"):
-        optimise_path(kr60, past_a_wrist_singularity(kr60, along, 0.0), gammas=GammaRange(count=8))
+    refuses(
+        "G003",
+        r"cannot be driven from point 1\d to 1\d.*nearest singularity there 0.0",
+        optimise_path,
+        kr60,
+        missed,
+        gammas=GammaRange(count=8),
+    )
+    refuses(
+        "G002",
+        r"point 15 .*too near to a singularity",
+        optimise_path,
+        kr60,
+        past_a_wrist_singularity(kr60, along, 0.0),
+        gammas=GammaRange(count=8),
+    )
 
 
 def test_a_wrist_singularity_that_gamma_can_avoid_is_avoided(kr60: fem.ArmModel) -> None:
     across = past_a_wrist_singularity(kr60, spindle(), 0.0)
     near = GammaRange(np.radians(-0.5), np.radians(0.5), 3)
     drive = Drive(singular_least=0.05)
-    with pytest.raises(InputError, match="too near to a singularity"):
-        optimise_path(kr60, across, gammas=near, drive=drive)
+    refuses("G002", "too near to a singularity", optimise_path, kr60, across, gammas=near, drive=drive)
     found = optimise_path(kr60, across, gammas=GammaRange(count=36), drive=drive).course
     assert found.smoothness.undrivable == ()
     away = singularity_distance(kr60.robot, found.q)
@@ -254,12 +271,33 @@ def test_clearance_and_limit_margin_are_kept_or_said(kr60: fem.ArmModel) -> None
     margin = float(limit_distance(kr60.robot, q_free).min()) + 0.05
     kept = optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, limit_least=margin)).course
     assert (limit_distance(kr60.robot, kept.q) >= margin).all()
-    with pytest.raises(InputError, match="too near to a joint limit"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, limit_least=3.0))
-    with pytest.raises(InputError, match="too near to an obstacle"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, clearance_of=left, clearance_least=2.0))
-    with pytest.raises(InputError, match="clearance callback"):
-        optimise_path(kr60, task, gammas=gammas, drive=Drive(jump=1.0, clearance_of=lambda q: q))
+    refuses(
+        "G002",
+        "too near to a joint limit",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, limit_least=3.0),
+    )
+    refuses(
+        "G002",
+        "too near to an obstacle",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, clearance_of=left, clearance_least=2.0),
+    )
+    refuses(
+        "G004",
+        "clearance callback",
+        optimise_path,
+        kr60,
+        task,
+        gammas=gammas,
+        drive=Drive(jump=1.0, clearance_of=lambda q: q),
+    )
 
 
 def test_limit_distance_counts_joints_and_is_negative_beyond(kr60: fem.ArmModel) -> None:
@@ -289,10 +327,144 @@ def test_one_point_is_a_path(kr60: fem.ArmModel) -> None:
     ],
 )
 def test_bad_figures_are_refused(figures: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        Drive(**figures)  # type: ignore[arg-type]
+    refuses("G004", message, Drive, **figures)
 
 
 def test_speeds_must_fit_the_joints(kr60: fem.ArmModel) -> None:
-    with pytest.raises(InputError, match="joint speeds"):
-        optimise_path(kr60, dome_task(2, 0.01), gammas=GammaRange(count=4), drive=Drive(speed=[1.0, 2.0]))
+    refuses(
+        "G004",
+        "joint speeds",
+        optimise_path,
+        kr60,
+        dome_task(2, 0.01),
+        gammas=GammaRange(count=4),
+        drive=Drive(speed=[1.0, 2.0]),
+    )
+
+
+# ------------------------------------------------------------
+# Posture at points: against direct evaluation and a fine grid; points out of reach
+
+
+def test_a_fixed_gamma_equals_direct_evaluation_point_by_point(kr60: fem.ArmModel) -> None:
+    task, gamma = dome_task(7), np.radians(20.0)
+    found = postures_at(kr60, task, Objective(), gamma)
+    frames = task.tool_frames([gamma])[:, 0]
+    for i in range(7):
+        solved = inverse_kinematics(kr60.robot, frames[i : i + 1], T_flange_tool=spindle())
+        q = solved.q[0][solved.valid[0]]
+        k = stiffness_index(kr60, q, task.path.normals[i], spindle()[:3, 3])
+        # The same operations in other batches: rounding only.
+        np.testing.assert_allclose(found.value[i], k.max(), rtol=1e-12)
+    placed = forward_kinematics(kr60.robot, found.q)
+    tip = placed.p_flange + placed.R_flange @ spindle()[:3, 3]
+    np.testing.assert_allclose(tip, task.path.points + part()[:3, 3], atol=1e-12)
+    assert kr60.robot.reachable(found.q).all()
+
+
+@pytest.mark.parametrize("quantity", ["k_fs", "nspi", "rayleigh", "weakest", "displacement", "normal displacement"])
+def test_each_quantity_is_what_it_says(kr60: fem.ArmModel, quantity: str) -> None:
+    task = dome_task(3)
+    sweep = sweep_gamma(kr60, task, Objective(quantity, F), np.radians([0.0, 40.0]))
+    point = np.nonzero(sweep.valid)[0]
+    C = translational(kr60, sweep.q[sweep.valid], spindle()[:3, 3])
+    n = task.normals[point]
+    d = C @ F
+    direct = {
+        "displacement": np.linalg.norm(d, axis=1),
+        "normal displacement": np.abs((n * d).sum(axis=1)),
+    }.get(quantity)
+    if direct is None:
+        direct = evaluate(quantity, C, n, F)
+    np.testing.assert_allclose(sweep.value[sweep.valid], direct, rtol=1e-11)  # sums in another order
+    assert np.isnan(sweep.value[~sweep.valid]).all()
+
+
+def test_normals_and_forces_are_in_base_axes(kr60: fem.ArmModel) -> None:
+    """The same part, its frame turned about z and its path turned back: nothing changes but gamma's zero."""
+    c, s = np.cos(0.7), np.sin(0.7)
+    R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    T = part()
+    T[:3, :3] = R
+    path = dome(4)
+    straight = Task(path, spindle(), part(), np.array([1.0, 0.0, 0.0]))
+    turned = Task(
+        type(path)(path.points @ R, path.normals @ R, path.axes @ R, path.feed), spindle(), T, R.T @ [1.0, 0.0, 0.0]
+    )
+    objective = Objective("normal displacement", F)
+    a, b = (sweep_gamma(kr60, t, objective, [0.0, 0.5]) for t in (straight, turned))
+    np.testing.assert_array_equal(a.valid, b.valid)
+    np.testing.assert_allclose(a.value[a.valid], b.value[b.valid], rtol=1e-9)  # small components cancel
+
+
+@pytest.mark.parametrize(
+    ("objective", "gammas"),
+    [
+        (Objective(), GammaRange()),
+        (Objective("displacement", F), GammaRange(np.radians(-60.0), np.radians(75.0), 28)),
+    ],
+)
+def test_the_refined_optimum_beats_and_meets_a_fine_grid(
+    kr60: fem.ArmModel, objective: Objective, gammas: GammaRange
+) -> None:
+    task = dome_task(5)
+    refined = best_postures(kr60, task, objective, gammas)
+    coarse = best_postures(kr60, task, objective, gammas, starts=0)
+    fine = GammaRange(gammas.lower, gammas.upper, 2881 if not gammas.closed else 2880)
+    brute = best_postures(kr60, task, objective, fine, starts=0)
+    gain = objective.sign * (refined.value - coarse.value)
+    assert (gain >= 0.0).all()
+    assert (gain > 1e-6 * np.abs(coarse.value)).any()
+    # 1e-5 rad beside the optimum costs less than this even where limits cut the range off at a slope.
+    assert (objective.sign * (refined.value - brute.value) > -1e-4 * np.abs(brute.value)).all()
+    # A peak between two angles of the fine grid, a slope of at most some 1/rad times 0.001 rad.
+    np.testing.assert_allclose(refined.value, brute.value, rtol=5e-3)
+    direct = postures_at(kr60, task, objective, refined.gamma)
+    np.testing.assert_allclose(direct.value, refined.value, rtol=1e-9)
+    again = objective.values(kr60, refined.q, task, np.arange(5))
+    np.testing.assert_allclose(again, refined.value, rtol=1e-12)
+    sweep = sweep_gamma(kr60, task, objective, gammas.angles)
+    extreme = np.nanmin if objective.quantity == "displacement" else np.nanmax
+    np.testing.assert_array_equal(coarse.value, extreme(sweep.value, axis=(1, 2)))
+
+
+def test_a_point_out_of_reach_is_named_with_the_reason(kr60: fem.ArmModel) -> None:
+    path = dome(5)
+    far = path.points.copy()
+    far[3] += [2.0, 0.0, 0.0]
+    task = Task(type(path)(far, path.normals, path.axes, path.feed), spindle(), part(), np.array([0.0, 1.0, 0.0]))
+    refuses(
+        "G001", r"path point 3 cannot be reached at any of 72 .*out of reach", best_postures, kr60, task, Objective()
+    )
+    refuses("G001", r"path point 3 cannot be reached at any of 1 ", postures_at, kr60, task, Objective(), 0.0)
+
+
+def test_a_tool_that_hits_the_limits_everywhere_is_said(kr60: fem.ArmModel) -> None:
+    limits = kr60.robot.limits.copy()
+    limits[0] = np.radians([120.0, 130.0])  # the part stands at some 10 deg, or 190 deg backwards
+    narrow = replace(kr60, robot=replace(kr60.robot, limits=limits))
+    refuses(
+        "G001",
+        r"cannot be reached at any of 72 .*beyond joint limits",
+        best_postures,
+        narrow,
+        dome_task(2, 0.1),
+        Objective(),
+    )
+
+
+def test_bad_objectives_and_ranges_are_refused(kr60: fem.ArmModel) -> None:
+    refuses("G004", "objective", Objective, "stiffness")
+    refuses("G004", "force for displacement", Objective, "displacement")
+    refuses("G004", "aim", Objective, aim="best")
+    refuses("G004", "range of gamma", GammaRange, 1.0, 1.0)
+    refuses("G004", "number of angles", GammaRange, count=1)
+    refuses("P009", "gamma", sweep_gamma, kr60, dome_task(2), Objective(), [])
+    refuses("P009", "gamma", sweep_gamma, kr60, dome_task(2), Objective(), [np.nan])
+
+
+def test_a_range_in_degrees_counts_the_ends_of_a_full_turn_once() -> None:
+    assert GammaRange.of_degrees(-180.0, 180.0, 5.0).count == 72
+    assert GammaRange.of_degrees(0.0, 90.0, 5.0).count == 19
+    np.testing.assert_allclose(np.degrees(GammaRange.of_degrees(0.0, 90.0, 30.0).angles), [0, 30, 60, 90], atol=1e-12)
+    refuses("G004", "step of gamma", GammaRange.of_degrees, 0.0, 90.0, 0.0)

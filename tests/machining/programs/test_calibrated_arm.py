@@ -12,6 +12,7 @@ import pytest
 import tomlkit
 from made_up_positions import Truth, chain, position, sag, true_angles
 from posture_cases import dome
+from refusals import refuses
 from test_posting import asked, cell_of, motions_of
 
 import fem
@@ -21,7 +22,7 @@ from machining.cutting import ConstantForce, Cut, ToolBending
 from machining.programs.calibrated_arm import Corrected, correct
 from machining.programs.posting import Posted, post
 from machining.programs.program import frame_distance
-from robots import InputError, load_description
+from robots import load_description
 from robots.arrays import Array
 from robots.joint_errors import JointErrors
 from robots.library.models import parse_description, to_toml
@@ -186,8 +187,7 @@ def test_targets_where_a_curve_is_not_identified_are_counted(nominal: Posted, fo
     assert errors is not None
     few = replace(errors, sin=errors.sin[:, :4], cos=errors.cos[:, :4])
     cut_off = replace(model, robot=replace(model.robot, errors=few))
-    with pytest.raises(InputError, match="not read"):
-        correct(designed(model), RealArm(cut_off, LOAD), nominal)
+    refuses("Q008", "not read", correct, designed(model), RealArm(cut_off, LOAD), nominal)
 
 
 def doubted(place: float, turn: float) -> fem.ArmModel:
@@ -217,14 +217,12 @@ def test_axes_that_readings_do_not_tell_stay_as_they_were(nominal: Posted, found
 
 def test_a_correction_that_is_less_sure_than_it_is_large_is_refused(nominal: Posted) -> None:
     _, model = truth_and_model()
-    with pytest.raises(InputError, match="known to"):
-        correct(designed(model), RealArm(doubted(5e-3, 1e-5), LOAD), nominal)
+    refuses("Q008", "known to", correct, designed(model), RealArm(doubted(5e-3, 1e-5), LOAD), nominal)
 
 
 def test_a_correction_beyond_the_cap_is_refused(nominal: Posted) -> None:
     _, model = truth_and_model()
-    with pytest.raises(InputError, match="--cap-um"):
-        correct(designed(model), RealArm(model), nominal, cap=1e-4)
+    refuses("Q008", "--cap-um", correct, designed(model), RealArm(model), nominal, cap=1e-4)
 
 
 def test_a_moved_target_beyond_a_limit_is_refused_with_its_line(nominal: Posted, found: Corrected) -> None:
@@ -233,8 +231,15 @@ def test_a_moved_target_beyond_a_limit_is_refused_with_its_line(nominal: Posted,
     most = found.posted.program.q[:, 1].max()
     tight[1, 1] = most - 1e-5
     limited = replace(nominal, program=replace(nominal.program, robot=replace(nominal.program.robot, limits=tight)))
-    with pytest.raises(InputError, match=r"line \d+: moved target"):
-        correct(designed(model), RealArm(model, LOAD), limited, cut=Cut(ConstantForce(FORCE)))
+    refuses(
+        "Q008",
+        r"line \d+: moved target",
+        correct,
+        designed(model),
+        RealArm(model, LOAD),
+        limited,
+        cut=Cut(ConstantForce(FORCE)),
+    )
 
 
 def test_a_singular_posture_is_refused(nominal: Posted) -> None:
@@ -242,5 +247,4 @@ def test_a_singular_posture_is_refused(nominal: Posted) -> None:
     q = nominal.program.q.copy()
     q[3, 4] = 1e-7
     singular = replace(nominal, program=replace(nominal.program, q=q))
-    with pytest.raises(InputError, match="singularity"):
-        correct(designed(model), RealArm(model), singular, cap=10.0)
+    refuses("Q008", "singularity", correct, designed(model), RealArm(model), singular, cap=10.0)

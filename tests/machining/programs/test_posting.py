@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from posture_cases import ALONG_Y, dome, part, spindle
+from refusals import refuses
 
 import fem
 from machining.cell import Cell, LinearAxis, Tool, Turntable
@@ -21,7 +22,6 @@ from machining.programs.refining import pieces_for, subdivided
 from machining.task import Task, ToolPath
 from machining.toolpaths.motions import Event, Motions
 from machining.toolpaths.motions import Tool as Cutter
-from robots import InputError
 from robots.arrays import Array
 
 
@@ -112,10 +112,8 @@ def test_a_rail_carries_the_robot_and_the_part_sees_the_same_path(kr60: fem.ArmM
         assert between(program, 0.5).max() <= 1e-4
     assert np.abs(still.q[~still.inserted] - moved.q[~moved.inserted]).max() > 0.05
     # The carriage moves with the tip here: the arm itself then moves less.
-    with pytest.raises(InputError, match="external axes at move 0"):
-        post(kr60, cell, motions, asked(travel=np.array([3.0])))
-    with pytest.raises(InputError, match="travels of the linear axes"):
-        post(kr60, cell, motions, asked(travel=np.zeros((5, 1))))
+    refuses("Q007", "external axes at move 0", post, kr60, cell, motions, asked(travel=np.array([3.0])))
+    refuses("Q007", "travels of the linear axes", post, kr60, cell, motions, asked(travel=np.zeros((5, 1))))
 
 
 def test_joint_speeds_count_the_time_on_the_part(kr60: fem.ArmModel) -> None:
@@ -128,8 +126,15 @@ def test_joint_speeds_count_the_time_on_the_part(kr60: fem.ArmModel) -> None:
     going_with = asked(gamma=-2.0, reference=np.eye(3)[0], travel=line[:, :1], drive=slow, tolerance=1e-3)
     program = post(kr60, cell, motions_of(path, feed=path.feed), going_with).program
     assert np.ptp(program.q, axis=0).max() < 1e-9
-    with pytest.raises(InputError, match="cannot be driven"):
-        post(kr60, cell, motions_of(path, feed=path.feed), replace(going_with, travel=np.zeros(1)))
+    refuses(
+        "G003",
+        "cannot be driven",
+        post,
+        kr60,
+        cell,
+        motions_of(path, feed=path.feed),
+        replace(going_with, travel=np.zeros(1)),
+    )
 
 
 def test_a_turned_table_turns_the_part(kr60: fem.ArmModel) -> None:
@@ -195,10 +200,8 @@ def test_events_stay_before_their_move(kr60: fem.ArmModel) -> None:
 
 def test_several_tools_and_empty_paths_are_refused(kr60: fem.ArmModel) -> None:
     motions = motions_of(dome(6), tools=(Cutter(1, "T1"), Cutter(2, "T2")), tool=np.array([0, 0, 0, 1, 1, 1]))
-    with pytest.raises(InputError, match="uses 2 tools: got 'T1, T2'"):
-        post(kr60, cell_of(), motions, asked())
-    with pytest.raises(InputError, match="tolerance"):
-        PostSettings(tolerance=0.0)
+    refuses("K003", "uses 2 tools: got 'T1, T2'", post, kr60, cell_of(), motions, asked())
+    refuses("Q007", "tolerance", PostSettings, tolerance=0.0)
 
 
 def test_a_point_out_of_reach_is_named_by_its_source_line(kr60: fem.ArmModel) -> None:
@@ -207,8 +210,9 @@ def test_a_point_out_of_reach_is_named_by_its_source_line(kr60: fem.ArmModel) ->
     points[7] = 5.0, 0.0, 0.0
     far = motions_of(ToolPath(points, path.normals, path.axes, path.feed))
     for gamma in (0.0, GammaRange(count=12)):
-        with pytest.raises(InputError, match=r"line 1[67]: .*cannot be reached"):
-            post(kr60, cell_of(), far, asked(gamma=gamma, tolerance=1e-3))
+        refuses(
+            "G001", r"line 1[67]: .*cannot be reached", post, kr60, cell_of(), far, asked(gamma=gamma, tolerance=1e-3)
+        )
 
 
 @pytest.mark.slow
@@ -238,8 +242,7 @@ def test_pieces_lie_on_line_and_great_circle(pieces: list[int], seed: int) -> No
 def test_half_a_turn_in_one_move_is_refused() -> None:
     axes = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     motions = motions_of(ToolPath(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), axes, axes, np.full(2, 0.1)))
-    with pytest.raises(InputError, match="line 11: the tool axis turns by half a turn"):
-        subdivided(motions, np.array([1, 2]))
+    refuses("Q007", "line 11: the tool axis turns by half a turn", subdivided, motions, np.array([1, 2]))
     assert pieces_for(motions, 1e-5, 1.0)[0] == 1
 
 

@@ -7,6 +7,8 @@ import itertools
 import numpy as np
 import pytest
 from program_cases import PLAIN, cell_of, posed, program_of, rail, random_poses, turntable
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from machining.programs.convention import Convention, convention_for
 from machining.programs.formats import parse_options, write_program
@@ -24,7 +26,7 @@ from machining.programs.orientation import (
 )
 from machining.programs.program import JointProgram
 from machining.programs.write_options import WriteOptions
-from robots import InputError, Robot, forward_kinematics, inverse_kinematics, load_robot
+from robots import Robot, forward_kinematics, inverse_kinematics, load_robot
 from robots.arrays import Array
 
 KRL, RAPID, VAL3 = Krl(), Rapid(), Val3()
@@ -40,9 +42,7 @@ def turn(axis: str, degrees: float) -> Array:
 
 
 def shift(x: float, y: float, z: float) -> Array:
-    T = np.eye(4)
-    T[:3, 3] = x, y, z
-    return T
+    return rigid_frame((x, y, z))
 
 
 def kuka_kr60(A: Array) -> tuple[Array, Array]:
@@ -89,8 +89,7 @@ def test_conventions_give_the_controllers_own_kinematics(robot: Robot, rng: np.r
     q = random_poses(robot, 40, rng)
     found = forward_kinematics(robot, q)
     for i, angles in enumerate(convention.controller_deg(q)):
-        ours = np.eye(4)
-        ours[:3, :3], ours[:3, 3] = found.R_flange[i], found.p_flange[i]
+        ours = rigid_frame(found.p_flange[i], found.R_flange[i])
         np.testing.assert_allclose(ours @ convention.T_flange, chain(angles)[0], atol=1e-12)
     np.testing.assert_allclose(convention.radians(convention.controller_deg(q)), q, atol=1e-14)
 
@@ -213,9 +212,8 @@ def test_a_robot_whose_joint_signs_are_not_known_is_refused(name: str, rng: np.r
     robot = load_robot("xr701")
     q = np.tile(robot.limits.mean(axis=1), (3, 1)) + 0.01 * np.arange(3)[:, None]
     program = posed(robot, q)
-    with pytest.raises(InputError, match="joint convention of xr701") as error:
-        write_program(program, name, "joint")
-    assert "[arm]" in str(error.value)
+    error = refuses("Q003", "joint convention of xr701", write_program, program, name, "joint")
+    assert "[arm]" in str(error)
     options = parse_options({"arm": PLAIN}, "options")
     assert len(write_program(program, name, "joint", options).files) > 1
     for neutral in ("json", "csv"):
@@ -230,10 +228,8 @@ def test_conventions_of_the_wrong_length_and_their_axes() -> None:
         (PLAIN | {"external_sign": (1, 1)}, "external_sign"),
     ):
         given = parse_options({"arm": table}, "options").arm
-        with pytest.raises(InputError, match=text):
-            convention_for(robot, 1, "krl", given)
-    with pytest.raises(InputError, match="sign"):
-        parse_options({"arm": PLAIN | {"sign": [0, 1, 1, 1, 1, 1]}}, "options")
+        refuses("Q003", text, convention_for, robot, 1, "krl", given)
+    refuses("F011", "sign", parse_options, {"arm": PLAIN | {"sign": [0, 1, 1, 1, 1, 1]}}, "options")
     turned = parse_options({"arm": PLAIN | {"external_sign": [-1], "external_offset": [250.0]}}, "options").arm
     convention = convention_for(robot, 1, "krl", turned)
     np.testing.assert_allclose(convention.external(np.array([[100.0]])), [[150.0]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 from program_cases import PLAIN, busy, cell_of, motions_of, posed, program_of, rail, turntable
+from refusals import refuses
 
 from machining.cell import Cell, Tool
 from machining.programs.formats import FORMATS, parse_options, read_options, round_trip, write_program
 from machining.programs.job import formatted, plain
+from machining.programs.rendering import environment, rendered
+from machining.programs.sandbox import LARGEST, Budget
 from machining.programs.source_text import SourceText, comment, word
 from machining.programs.write_options import WriteOptions
 from robots import InputError, inverse_kinematics, load_robot
@@ -116,8 +120,7 @@ def test_val3_is_an_application_of_well_formed_xml() -> None:
 def test_val3_refuses_external_axes_that_move_and_keeps_those_that_stand() -> None:
     cell = cell_of(linear_axes=(rail(),))
     moving = program_of(n=4, cell=cell, travel=np.linspace(0.0, 0.1, 4)[:, None])
-    with pytest.raises(InputError, match="external axes that move"):
-        write_program(moving, "val3", "joint", options("val3"))
+    refuses("Q004", "external axes that move", write_program, moving, "val3", "joint", options("val3"))
     still = program_of(n=4, cell=cell, travel=np.full((4, 1), 0.123))
     texts = write_program(still, "val3", "joint", options("val3")).texts()
     assert '<Value key="0" value="123.00000" />' in texts["part.dtx"]
@@ -227,8 +230,7 @@ def test_filters() -> None:
     assert word(SourceText(" M8;x ")) == "M8_X"
     text = SourceText("secret")
     for use in (str, repr, "{}".format, lambda t: f"{t}"):
-        with pytest.raises(InputError, match="comment"):
-            use(text)
+        refuses("Q010", "comment", use, text)
 
 
 def test_a_shops_template_replaces_one_file_and_has_to_clean_texts(tmp_path: Path) -> None:
@@ -254,10 +256,8 @@ def test_a_shops_template_replaces_one_file_and_has_to_clean_texts(tmp_path: Pat
         ("{% macro event(h) %}{% if %}{% endmacro %}", "line 1"),
     ):
         own.write_text(text.replace("{% macro event(h) %}", template + "{% macro old(h) %}"), encoding="utf-8")
-        with pytest.raises(InputError, match=re.escape(message)):
-            write_program(program, "krl", "cartesian", templates=tmp_path).texts()
-    with pytest.raises(InputError, match="folder of templates"):
-        write_program(program, "krl", templates=tmp_path / "none")
+        refuses("Q010", re.escape(message), write_program(program, "krl", "cartesian", templates=tmp_path).texts)
+    refuses("A007", "folder of templates", write_program, program, "krl", templates=tmp_path / "none")
 
 
 def test_rapid_moves_are_straight_unless_asked_for_and_said_aloud() -> None:
@@ -290,9 +290,8 @@ def test_zero_blend_stops_at_each_point() -> None:
 
 def test_feeds_that_are_not_known() -> None:
     program = program_of(n=5, feed=np.array([np.nan, np.nan, 0.02, np.nan, 0.02]))
-    with pytest.raises(InputError, match="feed of 1 moves, the first of source line 13") as error:
-        write_program(program, "krl")
-    assert "default_feed_mm_min" in str(error.value)
+    error = refuses("Q007", "feed of 1 moves, the first of source line 13", write_program, program, "krl")
+    assert "default_feed_mm_min" in str(error)
     text = write_program(program, "krl", options=options("krl", default_feed_mm_min=600)).texts()["part_001.src"]
     assert "$VEL.CP = 0.01\n" in text
 
@@ -349,8 +348,7 @@ def test_decimals_that_do_not_do_are_said() -> None:
 def test_numbers_as_text() -> None:
     assert formatted(np.array([[-1e-9, 2.5, 179.99999999]]), (3, 0, 4)) == [("0.000", "2", "180.0000")]
     for bad in (np.nan, np.inf):
-        with pytest.raises(InputError, match="finite"):
-            formatted(np.array([[bad]]), (3,))
+        refuses("Q007", "finite", formatted, np.array([[bad]]), (3,))
     assert [plain(v) for v in (0.0, 1e-7, 0.1, 250.0, 1234567.8, 1 / 3)] == [
         "0",
         "0.0000001",
@@ -383,22 +381,166 @@ def test_options(tmp_path: Path) -> None:
         ({"sinumerik": {"table": "A1"}}, "sinumerik"),
         ([], "options"),
     ):
-        with pytest.raises(InputError, match=text):
-            parse_options(bad, "options")
+        refuses("F011 Q004", text, parse_options, bad, "options")
     (tmp_path / "bad.json").write_text("{")
-    with pytest.raises(InputError, match="JSON"):
-        read_options(tmp_path / "bad.json")
+    refuses("F005", "JSON", read_options, tmp_path / "bad.json")
 
 
 def test_formats_and_kinds_by_name() -> None:
     program = program_of(n=3)
-    with pytest.raises(InputError, match=", ".join(FORMATS)):
-        write_program(program, "yaskawa")
-    with pytest.raises(InputError, match="kind of a sinumerik program"):
-        write_program(program, "sinumerik", "cartesian")
+    refuses("Q002", ", ".join(FORMATS), write_program, program, "yaskawa")
+    refuses("Q002", "kind of a sinumerik program", write_program, program, "sinumerik", "cartesian")
 
 
 def test_files_are_written_where_the_caller_says(tmp_path: Path) -> None:
     written = write_program(program_of(n=4), "krl", "joint")
     written.save(lambda name: tmp_path / f"new-{name}")
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {f"new-{k}": v for k, v in written.texts().items()}
+
+
+# ------------------------------------------------------------
+# Templates that run for ever, grow without bound, call what is not theirs, or cannot be opened: one clear error
+
+ENDLESS, LARGE, DEEP, BARRED = "come to an end", "too large", "nested too deep", "may not be called"
+
+
+def render(folder: Path, text: str, **context: Any) -> str:
+    (folder / "krl").mkdir(exist_ok=True)
+    (folder / "krl" / "main.j2").write_text(text, encoding="utf-8")
+    made = environment(folder)
+    return "".join(rendered(made, "krl/main.j2", {"o": WriteOptions(), "count": 1, **context}))
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few steps: the tests need not wait for all."""
+    monkeypatch.setattr("machining.programs.sandbox.STEPS", 20_000)
+    monkeypatch.setattr("machining.programs.rendering.PRINTED", 200_000)
+
+
+GROWN = (
+    "{% set n = namespace(s='aaaaaaaa') %}{% for i in range(60) %}{% set n.s = GROW %}{% endfor %}{{ n.s | length }}"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{% for i in range(10 ** 9) %}x{% endfor %}", "Range too big"),
+        ("{% for i in range(9999) %}{% for j in range(9999) %}x{% endfor %}{% endfor %}", ENDLESS),
+        ("{% for i in range(9999) %}{% for j in range(9999) %}{% endfor %}{% endfor %}", ENDLESS),
+        ("{% macro a(n) %}{% if n %}{{ a(n - 1) }}{{ a(n - 1) }}{% endif %}{% endmacro %}{{ a(60) }}", ENDLESS),
+        ("{% set x = 'a' * 90000 %}{% for i in range(99) %}{{ x }}{% endfor %}", "prints too much"),
+        ("{{ 'a' * 10 ** 11 }}", LARGE),
+        ("{{ 10 ** 11 * 'a' }}", LARGE),
+        ("{{ (range(99999) | list * 99) | length }}", LARGE),
+        ("{{ 9 ** 9 ** 9 }}", LARGE),
+        ("{% set n = namespace(s=9) %}{% for i in range(60) %}{% set n.s = n.s * n.s %}{% endfor %}", LARGE),
+        (GROWN.replace("GROW", "n.s ~ n.s"), LARGE),
+        (GROWN.replace("GROW", "n.s + n.s"), LARGE),
+        (GROWN.replace("GROW", "n.s | replace('a', 'aaaaaaaa')"), LARGE),
+        (GROWN.replace("GROW", "[n.s, n.s] | join"), LARGE),
+        (GROWN.replace("GROW", "[n.s, n.s]"), LARGE),
+        (GROWN.replace("GROW", "{1: n.s, 2: n.s}"), LARGE),
+        (GROWN.replace("{% set n.s = GROW %}", "{% set n.s %}{{ n.s }}{{ n.s }}{% endset %}"), LARGE),
+        ("{{ ['a', 'b'] | join('x' * 90000) }}", LARGE),
+        ("{{ '%99999999d' | format(1) }}", LARGE),
+        ("{{ '%*d' % (99999999, 1) }}", LARGE),
+        ("{{ 15 | round(-10 ** 8) }}", LARGE),
+        ("{% macro a(n) %}{{ a(n + 1) }}{% endmacro %}{{ a(0) }}", DEEP),
+        ("{% include 'krl/main.j2' %}", DEEP),
+        ("{% import 'krl/main.j2' as x %}", DEEP),
+        ("{% extends 'krl/main.j2' %}", DEEP),
+        ("{% for x in [[1]] recursive %}{{ loop([[1]]) }}{% endfor %}", DEEP),
+        ("{{ " + "(" * 5000 + "1" + ")" * 5000 + " }}", DEEP),
+        ("{% for i in [1] %}" * 60 + "x" + "{% endfor %}" * 60, "too many statically nested blocks"),
+        ("{{ 'a'.ljust(10 ** 11) }}", BARRED),
+        ("{{ '{:>99999999}'.format(1) }}", BARRED),
+        ("{{ (5).to_bytes(10 ** 10, 'big') }}", BARRED),
+        ("{{ o.model_dump() }}", BARRED),
+        ("{{ lipsum(n=10 ** 9) }}", "'lipsum' is undefined"),
+        ("{{ 'a' | center(10 ** 11) }}", "No filter named 'center'"),
+        ("{{ [1] }}", "prints a list"),
+        ("{{ (1e308 * 10) | int }}", "infinity"),
+        ("{{ " + "9" * 5000 + " }}", "krl/main.j2"),
+    ],
+)
+def test_what_does_not_end_is_one_error(tmp_path: Path, small: None, text: str, message: str) -> None:
+    caught = refuses("Q010", message, render, tmp_path, text)
+    assert len(str(caught)) < 1000
+
+
+def test_templates_unpickle_nothing(tmp_path: Path) -> None:
+    # The options are a pydantic model; its parse_raw takes proto="pickle", and a pickle runs what it likes.
+    bomb = "cbuiltins\\neval\\n(S'1 / 0'\\ntR."
+    refuses(
+        "Q010",
+        "parse_raw may not be called",
+        render,
+        tmp_path,
+        "{{ o.parse_raw(" + f'"{bomb}"' + ", proto='pickle', allow_pickle=True) }}",
+    )
+
+
+def test_what_a_shop_needs_still_works(tmp_path: Path, small: None) -> None:
+    text = """{% for a, b in zip(x, y) %}{{ loop.index }}:{{ a }}={{ "%.2f" % b }}{{ "," if not loop.last }}{% endfor %}
+{{ x | join("-") }} {{ "N" ~ 10 }} {{ "a b".split() | last | upper }} {{ y | sum | round(1) }}
+{% set n = namespace(k=0) %}{% for v in range(0, 100, 10) %}{% set n.k = n.k + 10 %}{% endfor %}N{{ n.k }}
+{{ {"M8": "on"}.get("M8") }} {{ cycler("u", "v").next() }} {{ y | map("int") | list | join }}
+"""
+    found = render(tmp_path, text, x=("X", "Y"), y=(1.0, 2.5))
+    assert found == "1:X=1.00,2:Y=2.50X-Y N10 B 3.5\nN100\non u 12\n"
+
+
+def test_a_budget_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("machining.programs.sandbox.SECONDS", -1.0)
+    refuses("Q010", "template t does not come to an end", Budget.of("t", 1).spend, 1.0)
+
+
+def test_lists_are_counted_within_lists() -> None:
+    budget = Budget.of("t", 1)
+    assert budget.sized([[1] * 10] * 10) == [[1] * 10] * 10
+    refuses("Q010", "too large", budget.sized, [["a" * 100] * 100] * (LARGEST // 10_000))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda file: file.mkdir(), "it is a folder"),
+        (os.mkfifo, "a pipe, socket or device"),
+        (lambda file: file.symlink_to("/dev/zero"), "a pipe, socket or device"),
+        (lambda file: file.symlink_to(file.parent / "nowhere"), "main.j2 cannot be read"),
+        (lambda file: file.symlink_to(file), "main.j2 cannot be read"),
+        (lambda file: file.write_bytes(b"; \xff\xfe"), "no UTF-8 text"),
+        (lambda file: file.write_bytes(b"x" * 2**21), "size"),
+    ],
+)
+def test_a_template_that_cannot_be_opened_is_not_passed_over(tmp_path: Path, make: Any, message: str) -> None:
+    (tmp_path / "krl").mkdir()
+    make(tmp_path / "krl" / "main.j2")
+    made = environment(tmp_path)
+    caught = refuses("F001 F002 F004", message, list, rendered(made, "krl/main.j2", {"count": 1}))
+    assert "main.j2" in str(caught)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_template_without_the_right_to_read_it_is_named(tmp_path: Path) -> None:
+    (tmp_path / "krl").mkdir()
+    (tmp_path / "krl" / "main.j2").write_text("x")
+    (tmp_path / "krl" / "main.j2").chmod(0)
+    with pytest.raises(InputError, match=r"main\.j2"):
+        list(rendered(environment(tmp_path), "krl/main.j2", {"count": 1}))
+
+
+def test_a_folder_of_templates_that_nothing_is_taken_from_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "KRL").mkdir()
+    (tmp_path / "KRL" / "Main.j2").write_text("x")
+    refuses("Q010", "holds no template that is used", environment, tmp_path)
+    (tmp_path / "krl").write_text("a file where a folder is meant")
+    refuses("F001", "krl", environment, tmp_path)
+
+
+def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "krl").mkdir()
+    (tmp_path / "krl" / "main.j2").write_bytes(b"\xef\xbb\xbfDEF x")
+    assert "".join(rendered(environment(tmp_path), "krl/main.j2", {"count": 1})) == "DEF x"

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from posture_cases import part, spindle
 from program_cases import posed, random_poses
+from rigid_frames import rigid_frame
 from scipy.spatial.transform import Rotation
 
 from machining.cell import Cell, Tool
@@ -34,9 +35,7 @@ def about(axis: str, deg: float) -> Array:
 
 
 def frame(R: Array, p: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, p
-    return T
+    return rigid_frame(p, R)
 
 
 def kuka(a: list[float]) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from program_cases import PLAIN
+from refusals import refuses
 
 import fem
 from machining.cell import Body, Cell, Fixture, Tool, arm_of, box, cylinder
@@ -24,7 +25,7 @@ from machining.toolpaths.conversion import read_given_path
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.motions import Tool as Named
 from machining.verification import verify
-from robots import InputError, forward_kinematics
+from robots import forward_kinematics
 from robots.arrays import Array
 from robots.frames import by_frame, framed, rotation_rpy
 
@@ -170,17 +171,28 @@ def test_neutral_programs_are_read_with_the_cells_tools(kr60: fem.ArmModel, moti
 
 
 def test_a_tool_that_the_cell_lacks_is_named_with_its_line(kr60: fem.ArmModel, motions: Motions) -> None:
-    with pytest.raises(InputError, match=r"line 16: .*tool number 7 for 'LEAN'.*\[tools.1\].*add \[tools.7\]"):
-        posted(kr60, motions, cell_of(tool(1, 0.2)))
-    with pytest.raises(InputError, match=r"uses 2 tools.*\[tools.NUMBER\], or choose"):
-        posted(kr60, motions, Cell(T_world_part0=PART, tool=tool(1, 0.2)))
+    refuses(
+        "K003",
+        r"line 16: .*tool number 7 for 'LEAN'.*\[tools.1\].*add \[tools.7\]",
+        posted,
+        kr60,
+        motions,
+        cell_of(tool(1, 0.2)),
+    )
+    refuses(
+        "K003",
+        r"uses 2 tools.*\[tools.NUMBER\], or choose",
+        posted,
+        kr60,
+        motions,
+        Cell(T_world_part0=PART, tool=tool(1, 0.2)),
+    )
 
 
 def test_a_path_without_tools_needs_one_on_the_flange(kr60: fem.ArmModel, motions: Motions) -> None:
     """Else its points would be reached with the flange itself, and nobody would notice."""
     bare = replace(motions, tools=(Named(),), tool=np.zeros(motions.n, dtype=np.int64), events=())
-    with pytest.raises(InputError, match=r"part.cls names no tool.*add \[tool\]"):
-        posted(kr60, bare)
+    refuses("K003", r"part.cls names no tool.*add \[tool\]", posted, kr60, bare)
     program = posted(kr60, bare, replace(cell_of(), tool=tool(9, 0.2)))
     np.testing.assert_allclose(program.T_flange_tool, on_flange(0.2))
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from posture_cases import spindle
+from rigid_frames import rigid_frame
 from service_cases import POINT, POSE, ask, on_rail, plain, refused, turned_part, with_bodies
 
 import fem
@@ -29,8 +30,7 @@ def session(kr60: fem.ArmModel) -> Session:
 
 def base_tool(session: Session, q_deg: list[float]) -> Array:
     frames = forward_kinematics(session.robot, np.radians([q_deg]))
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = frames.R_flange[0], frames.p_flange[0]
+    T = rigid_frame(frames.p_flange[0], frames.R_flange[0])
     return T @ spindle()
 
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from refusals import refuses
+from rigid_frames import rigid_frame
 from service_cases import POSE, ask, on_rail, plain, raw, refused, with_bodies
 
 import fem
@@ -17,7 +19,6 @@ from machining.cell import Cell, Turntable
 from machining.service import PROTOCOL, Session, serve
 from machining.service.session import COMMANDS
 from machining.service.wire import read_line
-from robots import InputError
 
 
 @pytest.fixture
@@ -194,8 +195,7 @@ def test_the_tool_of_a_cell_with_its_surface_stays(kr60: fem.ArmModel) -> None:
 
 
 def test_the_turntable_turns_the_part(kr60: fem.ArmModel) -> None:
-    T = np.eye(4)
-    T[:3, 3] = 1.2, 0.0, 0.5
+    T = rigid_frame((1.2, 0.0, 0.5))
     table = Turntable(np.array([1.2, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.radians([-90.0, 90.0]))
     session = Session(kr60, Cell(T_world_part0=T, turntable=table))
     at_rest = np.array(ask(session, "fk", q_deg=POSE)["point_mm"])
@@ -273,5 +273,4 @@ def test_no_bytes_break_the_session(session: Session, text: bytes) -> None:
 
 
 def test_numbers_of_thousands_of_digits_are_refused_in_our_words() -> None:
-    with pytest.raises(InputError, match="a whole number beyond 64 bits"):
-        read_line(b'{"id": ' + b"9" * 5000 + b', "do": "ping"}')
+    refuses("V001", "a whole number beyond 64 bits", read_line, b'{"id": ' + b"9" * 5000 + b', "do": "ping"}')

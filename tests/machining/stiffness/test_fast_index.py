@@ -9,6 +9,7 @@ import numpy as np
 import oracles
 import pytest
 from posture_cases import dome, dome_task, part, spindle
+from rigid_frames import rigid_frame
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
@@ -111,8 +112,7 @@ def test_arms_with_any_angles_and_limits(kr60: fem.ArmModel, both: Both, *, righ
 def at_pose(robot: Robot, q: Array) -> Task:
     """One point whose tool is the flange; at gamma 0 it is placed as by q."""
     placed = forward_kinematics(robot, q[None])
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = placed.R_flange[0], placed.p_flange[0]
+    T = rigid_frame(placed.p_flange[0], placed.R_flange[0])
     along = tool_path(np.zeros((1, 3)), [[0.3, 0.2, 1.0]], [0.0, 0.0, -1.0])
     return Task(along, np.eye(4), T, np.array([1.0, 0.0, 0.0]))
 

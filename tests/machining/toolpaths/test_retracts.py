@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refuses_each
 from toolpath_cases import apt, gcode
 
 from machining.toolpaths import Motions, ReadOptions, read_heidenhain
@@ -15,7 +16,6 @@ from machining.toolpaths.events import added, ordered
 from machining.toolpaths.motions import Tool
 from machining.toolpaths.recorder import Recorder
 from machining.toolpaths.selection import select
-from robots import InputErrors
 from robots.arrays import Array
 
 START = "G90 G54\nG0 X0 Y0 Z15\nG1 Z-5 F600\nX20\n"
@@ -59,10 +59,9 @@ def test_the_height_as_it_is_told(tmp_path: Path, height: float, wanted: float) 
 
 def test_a_height_within_the_cut_is_refused(tmp_path: Path) -> None:
     # Feed begins at 15 here, and 15.001 is above it.
-    with pytest.raises(InputErrors) as refused:
-        gcode(tmp_path, START + "G53 G0 Z0\nG0 X80 Y40\nZ5\nM30\n", retract=0.0149)
-    assert refused.value.errors[0].value == "14.9"
-    assert "15" in str(refused.value.errors[0].allowed)
+    refused = refuses_each("P004", "", gcode, tmp_path, START + "G53 G0 Z0\nG0 X80 Y40\nZ5\nM30\n", retract=0.0149)
+    assert refused.errors[0].value == "14.9"
+    assert "15" in str(refused.errors[0].allowed)
     # Without a retract it is no matter.
     assert gcode(tmp_path, START + "M30\n", retract=0.001).n == 3
 
@@ -78,10 +77,8 @@ def test_incremental_coordinates_behind_a_place_of_the_machine(tmp_path: Path, m
     """Across they count from where the tool was; the height is not known."""
     m = gcode(tmp_path, f"{START}{machine}\nG91 G0 X60 Y40\nG90 Z5\nG1 Z-5\nM30\n")
     assert points(m)[3:] == [[20, 0, 25], [80, 40, 25], [80, 40, 5], [80, 40, -5]]
-    with pytest.raises(InputErrors, match="while Z is not known"):
-        gcode(tmp_path, f"{START}{machine}\nG91 G1 X60\nM30\n")
-    with pytest.raises(InputErrors, match="while Z is not known"):
-        gcode(tmp_path, f"{START}{machine}\nG90 G2 X40 I10 J0\nM30\n")
+    refuses_each("P016", "while Z is not known", gcode, tmp_path, f"{START}{machine}\nG91 G1 X60\nM30\n")
+    refuses_each("P016", "while Z is not known", gcode, tmp_path, f"{START}{machine}\nG90 G2 X40 I10 J0\nM30\n")
 
 
 def test_what_a_place_of_the_machine_is_not(tmp_path: Path) -> None:
@@ -137,16 +134,20 @@ def test_heidenhain_goes_back_along_the_tool(tmp_path: Path) -> None:
     tilted = klartext(tmp_path, *start, "PLANE SPATIAL SPA+0 SPB+90 SPC+0 TURN", "L X-10 Y0 Z+30 FMAX", "M140 MB 5")
     np.testing.assert_allclose(tilted.points[-1] - tilted.points[-2], [0.005, 0, 0], atol=1e-12)
     for wrong in ("L M140", "L M140 MB MAX MB 3", "L X+5 M140 MB MAX", "L MB MAX", "L M140 MB -3"):
-        with pytest.raises(InputErrors, match="MB"):
-            klartext(tmp_path, *start, wrong)
+        refuses_each("P016 P021", "MB", klartext, tmp_path, *start, wrong)
 
 
 def test_apt_home_with_a_point_and_words_behind_it(tmp_path: Path) -> None:
     start = "RAPID\nGOTO/0,0,15\nGOTO/0,0,-5\n"
     m = apt(tmp_path, f"{start}GOHOME/-50,0,200\nGODLTA/0,0,-195\nFINI\n")
     assert points(m)[2:] == [[0, 0, 25], [-50, 0, 25], [-50, 0, 5]]
-    with pytest.raises(InputErrors, match="an arc without a point before it"):
-        apt(tmp_path, f"{start}RETRCT\nMOVARC/0,0,0,0,0,1,RADIUS,5,ANGLE,90\nGOTO/0,5,0\n")
+    refuses_each(
+        "P011",
+        "an arc without a point before it",
+        apt,
+        tmp_path,
+        f"{start}RETRCT\nMOVARC/0,0,0,0,0,1,RADIUS,5,ANGLE,90\nGOTO/0,5,0\n",
+    )
     # The point has no place for the first move, which none comes before.
     assert points(apt(tmp_path, "GOHOME/0,0,100\nRAPID\nGOTO/0,0,5\nFINI\n")) == [[0, 0, 5]]
 
@@ -219,8 +220,7 @@ def test_behind_g49_z_is_not_that_of_the_tip(tmp_path: Path) -> None:
     start = "T1 M6\nG43 H1\n" + START
     m = gcode(tmp_path, start + "G49 G0 Z100\nX80 Y40\nG43 H1 Z5\nG1 Z0\nM30\n")
     assert points(m)[2:] == [[20, 0, -5], [20, 0, 25], [80, 40, 25], [80, 40, 5], [80, 40, 0]]
-    with pytest.raises(InputErrors, match="line 8: a move of Z behind G49"):
-        gcode(tmp_path, start + "G49 G1 Z-6\nM30\n")
+    refuses_each("P016", "line 8: a move of Z behind G49", gcode, tmp_path, start + "G49 G1 Z-6\nM30\n")
     # Where no length was ever on, as in the first line of many programs, it changes nothing.
     assert gcode(tmp_path, "G49 G40 G80\n" + START + "M30\n").n == 3
 
@@ -228,8 +228,7 @@ def test_behind_g49_z_is_not_that_of_the_tip(tmp_path: Path) -> None:
 def test_axes_of_the_machine_in_a_turned_frame(tmp_path: Path) -> None:
     """In a plane turned about Y the machine's Z moves its x, too: with a head it does, with a table it does not."""
     head = "G90 G54\nG0 X0 Y0 Z50\nG68.2 X0 Y0 Z0 I90 J30 K-90\nG53.1\nG0 X1 Y2 Z5\nG1 Z0 F100\nG53 G0 Z0\n"
-    with pytest.raises(InputErrors, match="while X is not known"):
-        gcode(tmp_path, head + "G0 Z5\nG1 Z0\nM30\n")
+    refuses_each("P016", "while X is not known", gcode, tmp_path, head + "G0 Z5\nG1 Z0\nM30\n")
     m = gcode(tmp_path, head + "G0 X9\nZ5\nG1 Z0\nM30\n")
     steps = np.diff(m.points[-4:], axis=0)
     # Across to above (9, 2), down to 5 and to 0, all along the tool.

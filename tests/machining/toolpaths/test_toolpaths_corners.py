@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refuses
 
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
-from robots import InputError
 from robots.arrays import Array
 
 # What stands at the corner (20, 0): coming from (0, 0) or so, going on. As (end, centre or None, sense):
@@ -123,8 +123,14 @@ def test_a_rounding_touches_both_sides_and_keeps_its_radius(ending: str, into: s
     ],
 )
 def test_a_corner_that_is_none_is_refused_by_line(ending: str, text: str, why: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=rf"program.{ending}, line \d+: .*{why}"):
-        read(tmp_path, ending, f"G21 G17 G90 G94\nG0 X0 Y0 Z0\nG1 Z-1 F500\n{text}\nG0 Z5\nM30\n")
+    refuses(
+        "P021",
+        rf"program.{ending}, line \d+: .*{why}",
+        read,
+        tmp_path,
+        ending,
+        f"G21 G17 G90 G94\nG0 X0 Y0 Z0\nG1 Z-1 F500\n{text}\nG0 Z5\nM30\n",
+    )
 
 
 def test_commands_of_the_second_side_come_behind_the_corner(tmp_path: Path) -> None:

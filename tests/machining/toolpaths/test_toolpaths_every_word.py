@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tool_path_random as random_programs
+from refusals import refuses, refuses_each
 from toolpath_cases import SAMPLES, apt
 
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
-from robots import InputError, InputErrors
 
 HEAD = "BEGIN PGM T MM\nTOOL CALL 1 Z S1000 F700\nL X+0 Y+0 Z+0 FMAX M3\nL X+10 F300\n"
 # Behind each trap; its ends (10, 10, 0) are where the tool stands at Y 10.
@@ -350,9 +350,8 @@ def test_words_of_heidenhain_programs(tmp_path: Path, text: str) -> None:
     expected = KLARTEXT[text]
     if expected is None:
         last = 5 + text.count("\n")
-        with pytest.raises(InputErrors) as info:
-            read_toolpath(path)
-        lines = [int(str(e).split("line ")[1].split(":")[0]) for e in info.value.errors]
+        info = refuses_each("P011 P012 P013 P014 P015 P016 P017 P018 P019 P020 P021", "", read_toolpath, path)
+        lines = [int(str(e).split("line ")[1].split(":")[0]) for e in info.errors]
         # A fault of what has to follow (a corner, a move in another frame) may have the line behind it.
         assert 5 <= min(lines) <= last + 1
         return
@@ -364,9 +363,8 @@ def test_words_of_apt_files(tmp_path: Path, text: str) -> None:
     head = "SPINDL/1000,RPM,CLW\nFEDRAT/300,MMPM\nRAPID\nGOTO/0,0,0,0,0,1\nGOTO/10,0,0\n"
     expected = APT[text]
     if expected is None:
-        with pytest.raises(InputErrors) as info:
-            apt(tmp_path, head + text + ALWAYS)
-        lines = [int(str(e).split("line ")[1].split(":")[0]) for e in info.value.errors]
+        info = refuses_each("P003 P004 P011 P012 P013 P019 P020", "", apt, tmp_path, head + text + ALWAYS)
+        lines = [int(str(e).split("line ")[1].split(":")[0]) for e in info.errors]
         assert 7 <= min(lines) <= 8 + text.count("\n")
         return
     held(steps(apt(tmp_path, head + text + ALWAYS), 2), expected or [(*RIGHT, 300)])
@@ -377,8 +375,7 @@ def test_a_feed_or_a_point_that_m_functions_change_is_never_left_out(tmp_path: P
     path.write_text(HEAD + "L X+20 M25" + TAIL)
     assert read_toolpath(path, options=ReadOptions(unknown_motion="report")).n == 4
     path.write_text(HEAD + "L X+20 F0.2 M136" + TAIL)
-    with pytest.raises(InputErrors, match="line 5: M136"):
-        read_toolpath(path, options=ReadOptions(unknown_motion="report"))
+    refuses_each("P019", "line 5: M136", read_toolpath, path, options=ReadOptions(unknown_motion="report"))
 
 
 def test_programs_as_hypermill_writes_them() -> None:
@@ -400,8 +397,7 @@ def test_a_plane_with_its_axes_as_numbers_needs_the_machine(tmp_path: Path) -> N
     np.testing.assert_allclose(m.axes[-1], [np.sqrt(0.5), 0, np.sqrt(0.5)], atol=1e-12)
     for words, rotary in (("B+45 C+0", "none"), ("B+40 C+0", "table-BC"), ("B+45", "head-AC")):
         path.write_text(HEAD + turned.format(words) + "\nEND PGM T MM\n")
-        with pytest.raises(InputErrors, match="line 6: rotary ax"):
-            read_toolpath(path, options=ReadOptions(rotary=rotary))
+        refuses_each("P013 P014", "line 6: rotary ax", read_toolpath, path, options=ReadOptions(rotary=rotary))
 
 
 def test_spatial_angles_of_tcpm(tmp_path: Path) -> None:
@@ -427,8 +423,7 @@ def test_spatial_angles_of_tcpm(tmp_path: Path) -> None:
 def test_robot_programs_are_named(tmp_path: Path, name: str, language: str, suffix: str) -> None:
     path = tmp_path / (name + suffix)
     path.write_bytes((SAMPLES / "robot_programs" / name).read_bytes())
-    with pytest.raises(InputError, match=f"a robot program of {language}.*no tool path.*stiffarm post"):
-        read_toolpath(path)
+    refuses("P023", f"a robot program of {language}.*no tool path.*stiffarm post", read_toolpath, path)
 
 
 @pytest.mark.parametrize("language", ["heidenhain", "apt"])

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from refusals import refuses, refuses_each
 from toolpath_cases import SAMPLES, apt, gcode
 
 from machining import ToolPath, read_path
@@ -43,22 +44,17 @@ def test_the_kind_is_found_by_suffix_and_by_content(tmp_path: Path, name: str) -
     by_content = read_toolpath(write(tmp_path, "program.txt", text))
     np.testing.assert_array_equal(by_suffix.points, by_content.points)
     wrong = write(tmp_path, "program" + (".cls" if name.endswith("nc") else ".nc"), text)
-    with pytest.raises(InputError, match="suffix says"):
-        read_toolpath(wrong)
+    refuses("P001", "suffix says", read_toolpath, wrong)
     kind = "gcode" if name.endswith("nc") else "apt"
     assert read_toolpath(wrong, kind=kind).n == by_suffix.n
 
 
 def test_kinds_that_are_not_clear_or_not_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="not clear"):
-        read_toolpath(write(tmp_path, "a.txt", "hello\nworld\n"))
+    refuses("P001", "not clear", read_toolpath, write(tmp_path, "a.txt", "hello\nworld\n"))
     assert read_toolpath(write(tmp_path, "a.nc", "0 BEGIN PGM A MM\n1 L X+0 Y+0 Z+0 R0 FMAX\n")).n == 1
-    with pytest.raises(InputError, match="kind of the tool path"):
-        read_toolpath(SAMPLES / "nx.cls", kind="krl")
-    with pytest.raises(InputError, match="does not exist"):
-        read_toolpath(tmp_path / "none.cls")
-    with pytest.raises(InputError, match="it is a folder"):
-        read_toolpath(tmp_path)
+    refuses("P001", "kind of the tool path", read_toolpath, SAMPLES / "nx.cls", kind="krl")
+    refuses("F001", "does not exist", read_toolpath, tmp_path / "none.cls")
+    refuses("F001", "it is a folder", read_toolpath, tmp_path)
 
 
 def test_a_path_in_csv_becomes_motions(tmp_path: Path) -> None:
@@ -76,26 +72,31 @@ def test_size_is_checked_before_the_file_is_read(tmp_path: Path) -> None:
     with path.open("wb") as file:
         file.truncate(300 * 2**20)
     tracemalloc.start()
-    with pytest.raises(InputError, match=r"314572800 bytes.*split it"):
-        read_toolpath(path)
+    refuses("F002", r"314572800 bytes.*split it", read_toolpath, path)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1e6
-    with pytest.raises(InputError, match="empty"):
-        read_toolpath(write(tmp_path, "a.cls", b""))
-    with pytest.raises(InputError, match="max_moves"):
-        read_apt(write(tmp_path, "b.apt", "UNITS/MM\n" + "GOTO/0,0,0\n" * 20), ReadOptions(max_moves=19))
+    refuses("P002", "empty", read_toolpath, write(tmp_path, "a.cls", b""))
+    refuses(
+        "P005",
+        "max_moves",
+        read_apt,
+        write(tmp_path, "b.apt", "UNITS/MM\n" + "GOTO/0,0,0\n" * 20),
+        ReadOptions(max_moves=19),
+    )
 
 
 def test_what_is_no_ordinary_text_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="NUL"):
-        read_toolpath(write(tmp_path, "a.cls", "GOTO/1,2,3\n".encode("utf-16")))
-    with pytest.raises(InputError, match="line 2: length"):
-        read_toolpath(write(tmp_path, "b.cls", "GOTO/1,2,3\n" + "PPRINT/" + "x" * 20000 + "\n"))
+    refuses("P002", "NUL", read_toolpath, write(tmp_path, "a.cls", "GOTO/1,2,3\n".encode("utf-16")))
+    refuses(
+        "P002",
+        "line 2: length",
+        read_toolpath,
+        write(tmp_path, "b.cls", "GOTO/1,2,3\n" + "PPRINT/" + "x" * 20000 + "\n"),
+    )
     pipe = tmp_path / "pipe.cls"
     os.mkfifo(pipe)
-    with pytest.raises(InputError):
-        read_apt(pipe)
+    refuses("F001", "", read_apt, pipe)
 
 
 def test_hostile_text_stays_data(tmp_path: Path) -> None:
@@ -127,8 +128,7 @@ def test_bytes_that_are_not_utf8_are_read_in_text_only(tmp_path: Path) -> None:
     m = apt(tmp_path, "TOOL PATH/Fr\xe4sen,TOOL,\xc3\xa9\nGOTO/0,0,0\n")
     assert m.operations == ("Fr\xe4sen",)
     assert m.tools[0].name == "\xe9"
-    with pytest.raises(InputErrors, match="line 2"):
-        apt(tmp_path, "GOTO/0,0,\xb2\n")
+    refuses_each("P020", "line 2", apt, tmp_path, "GOTO/0,0,\xb2\n")
 
 
 finite = st.floats(-1e4, 1e4)
@@ -237,8 +237,7 @@ def test_events_come_back_from_csv_and_bad_ones_are_told(tmp_path: Path) -> None
     ):
         assert old in good
         path.write_text(good.replace(old, new))
-        with pytest.raises(InputError, match=message):
-            read_motions(path)
+        refuses("B001 P008", message, read_motions, path)
 
 
 def test_bad_rows_of_motions_come_at_once(tmp_path: Path) -> None:
@@ -247,13 +246,10 @@ def test_bad_rows_of_motions_come_at_once(tmp_path: Path) -> None:
     rows = path.read_text().splitlines()
     bad = [*rows[:-2], rows[-2].replace("0.0", "nan", 1), rows[-1] + ",7", "1,2", *["x"] * 40]
     path.write_text("\n".join(bad))
-    with pytest.raises(InputErrors) as info:
-        read_motions(path)
-    assert (str(info.value).count("  - "), info.value.count) == (20, 43)
-    with pytest.raises(InputError, match="line 1"):
-        read_motions(write(tmp_path, "n.csv", "x,y\n1,2\n"))
-    with pytest.raises(InputError, match="no moves"):
-        read_motions(write(tmp_path, "n.csv", "\n".join(rows[:-2])))
+    info = refuses_each("P008", "", read_motions, path)
+    assert (str(info).count("  - "), info.count) == (20, 43)
+    refuses("P008", "line 1", read_motions, write(tmp_path, "n.csv", "x,y\n1,2\n"))
+    refuses("P002", "no moves", read_motions, write(tmp_path, "n.csv", "\n".join(rows[:-2])))
 
 
 def test_conversion_takes_the_cutting_moves_and_their_starts(tmp_path: Path) -> None:
@@ -287,11 +283,9 @@ def test_conversion_takes_the_cutting_moves_and_their_starts(tmp_path: Path) -> 
 
 def test_conversion_refuses(tmp_path: Path) -> None:
     m = apt(tmp_path, "RAPID\nGOTO/0,0,5\nRAPID\nGOTO/1,0,5\n")
-    with pytest.raises(InputError, match="no move at feed"):
-        to_tool_path(m)
+    refuses("P002", "no move at feed", to_tool_path, m)
     for bad in ([], [[0]], [5], [-1], [1, 0]):
-        with pytest.raises(InputError, match="moves"):
-            to_tool_path(m, moves=bad)
+        refuses("P009", "moves", to_tool_path, m, moves=bad)
 
 
 def test_motions_check_themselves(tmp_path: Path) -> None:
@@ -307,8 +301,7 @@ def test_motions_check_themselves(tmp_path: Path) -> None:
         {"operation": np.array([0, -1])},
         {"rapid": np.zeros(3, dtype=bool)},
     ):
-        with pytest.raises(InputError, match="motions"):
-            dataclasses.replace(m, **bad)
+        refuses("B001", "motions", dataclasses.replace, m, **bad)
 
 
 def test_repeated_points_far_and_near(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from refusals import refuses
 
 from machining.cell import Cell
 from machining.tooling import require_tools
@@ -15,7 +16,6 @@ from machining.toolpaths.engagement import mills, plunges
 from machining.toolpaths.events import added, ordered
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.selection import select
-from robots import InputError
 
 FILE = """UNITS/MM
 TOOL PATH/ROUGH,TOOL,MILL
@@ -129,19 +129,20 @@ def test_a_tools_operations_and_the_way_into_one_that_begins_at_feed(file: Path)
     ],
 )
 def test_a_choice_that_the_file_does_not_have(file: Path, choice: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        select(read_toolpath(file), **choice)
+    refuses("P006", message, select, read_toolpath(file), **choice)
 
 
 def test_several_tools_and_no_choice_names_the_options(file: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"tool number 1 for 'ROUGH', 'FINISH'; tool number 2 for 'HOLES'.*--tool-number or"
-    ):
-        require_tools(Cell(), read_given_path(file).motions)
+    refuses(
+        "K003",
+        r"tool number 1 for 'ROUGH', 'FINISH'; tool number 2 for 'HOLES'.*--tool-number or",
+        require_tools,
+        Cell(),
+        read_given_path(file).motions,
+    )
     table = file.with_name("path.csv")
     table.write_text("x_mm,y_mm,z_mm,nx,ny,nz\n0,0,0,0,0,1\n1,0,0,0,0,1\n", encoding="utf-8")
-    with pytest.raises(InputError, match="neither operations nor tools"):
-        read_given_path(table, operations=["A"])
+    refuses("P009", "neither operations nor tools", read_given_path, table, operations=["A"])
 
 
 def test_a_path_for_judging_has_no_plunge_and_no_rapid_move(file: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
 from verification_cases import ARM, SPEED, cell, line, motions, program, zigzag
 
 from machining.cell import LinearAxis, Turntable, arm_of
@@ -13,7 +14,7 @@ from machining.programs.program import JointProgram
 from machining.verification import Demands, Kind, Severity, verify
 from machining.verification.courses import courses_of
 from machining.verification.timing import timing_of
-from robots import InputError, inverse_kinematics
+from robots import inverse_kinematics
 from robots.arrays import Array
 from robots.inverse.singularities import branch_of
 
@@ -285,16 +286,13 @@ def test_a_straight_line_between_branches_cannot_be_followed() -> None:
     [({"tolerance": 0.0}, "tolerance"), ({"interpolation": "cubic"}, "interpolation"), ({"safety": -1.0}, "safety")],
 )
 def test_bad_demands(settings: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        Demands(**settings)  # type: ignore[arg-type]
+    refuses("Q011", words, Demands, **settings)
 
 
 def test_bad_input() -> None:
     given = program(zigzag(2, 5))
-    with pytest.raises(InputError, match="file_lines"):
-        replace(given, file_lines=np.array([1, 2]))
-    with pytest.raises(InputError, match="another robot"):
-        verify(given, arm_of("xr701"))
+    refuses("B001", "file_lines", replace, given, file_lines=np.array([1, 2]))
+    refuses("A010", "another robot", verify, given, arm_of("xr701"))
 
 
 def test_lines_of_the_file_are_handed_on() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 
 from fem.elements.shell import shell_superelement
 from meshes import BeamMesh, casing_mesh
@@ -280,8 +281,7 @@ def test_a_box_keeps_its_wall_on_all_sides_of_edges_and_corners() -> None:
     for axis, size in enumerate((0.2, 0.3, 0.5)):
         outer = np.abs(np.abs(box.vertices[:, axis]) - size / 2) < 1e-9
         np.testing.assert_allclose(np.abs(moved[outer, axis]), size / 2 - 0.01, atol=1e-12)
-    with pytest.raises(InputError, match="fold"):
-        offset_inward("box", box.vertices, box.faces, 1.0e3)
+    refuses("L004", "fold", offset_inward, "box", box.vertices, box.faces, 1.0e3)
 
 
 def test_crossings_are_found_and_touching_is_none() -> None:

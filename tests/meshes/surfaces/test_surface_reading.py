@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
+from rigid_frames import rigid_frame
 
 from meshes.surfaces.bodies import body_surface, link_interfaces, surface_samples
 from meshes.surfaces.reading import read_surface
-from robots import InputError, load_robot
+from robots import load_robot
 from robots.urdf.reading import Primitive, Visual
 
 # A tetrahedron with a leg of 1, 2 and 3 along x, y and z.
@@ -102,8 +104,7 @@ def stl(folder: Path) -> Path:
 
 
 def test_shapes_of_a_body_are_scaled_moved_and_mirrored(tmp_path: Path) -> None:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]], [5.0, 0, 0]
+    T = rigid_frame([5.0, 0, 0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     one = Visual(stl(tmp_path), np.array([0.1, 0.1, 0.1]), T)
     mirrored = Visual(stl(tmp_path), np.array([1.0, -1.0, 1.0]), np.eye(4))
     box = Visual(Primitive("box", (0.2, 0.4, 0.6)), np.ones(3), np.eye(4))
@@ -133,10 +134,8 @@ def test_primitives_are_solids(solid: Primitive, volume: float) -> None:
 
 
 def test_scales_and_sizes_of_nothing_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="scale of"):
-        body_surface([Visual(stl(tmp_path), np.array([1.0, 0.0, 1.0]), np.eye(4))])
-    with pytest.raises(InputError, match="size of a box"):
-        body_surface([Visual(Primitive("box", (0.1, 0.0, 0.1)), np.ones(3), np.eye(4))])
+    refuses("L001", "scale of", body_surface, [Visual(stl(tmp_path), np.array([1.0, 0.0, 1.0]), np.eye(4))])
+    refuses("L001", "size of a box", body_surface, [Visual(Primitive("box", (0.1, 0.0, 0.1)), np.ones(3), np.eye(4))])
 
 
 def test_interfaces_stand_at_the_joints_with_their_axes() -> None:
@@ -177,8 +176,7 @@ def test_corners_that_are_no_numbers_are_bad_input(corner: str, tmp_path: Path) 
     normal = "facet normal 1e200 0 0\nouter loop\n"
     solid = f"solid x\n{normal}vertex 0 0 0\nvertex 1 0 0\nvertex {corner}\nendloop\nendfacet\nendsolid x\n"
     (tmp_path / "a.stl").write_text(solid, encoding="utf-8")
-    with pytest.raises(InputError, match=r"not finite numbers|cannot be read"):
-        read_surface(tmp_path / "a.stl", None)
+    refuses("L001", r"not finite numbers|cannot be read", read_surface, tmp_path / "a.stl", None)
 
 
 def test_triangles_of_corners_that_are_not_there_are_bad_input(tmp_path: Path) -> None:
@@ -188,5 +186,4 @@ def test_triangles_of_corners_that_are_not_there_are_bad_input(tmp_path: Path) -
     assert "3 1 2 3" in text
     assert len(read_surface(tmp_path / "a.ply", None)[1]) == 4
     (tmp_path / "a.ply").write_text(text.replace("3 1 2 3", "3 1 2 4"), encoding="utf-8")
-    with pytest.raises(InputError, match="corners that are not there"):
-        read_surface(tmp_path / "a.ply", None)
+    refuses("L001", "corners that are not there", read_surface, tmp_path / "a.ply", None)

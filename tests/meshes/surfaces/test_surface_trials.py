@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from refusals import refuses
 
 from meshes.surfaces import trials as surface_trials
 from meshes.surfaces.checks import SurfaceFault
@@ -68,9 +69,8 @@ def test_if_every_trial_fails_the_message_has_link_figures_and_the_width_to_ask_
     attempt, _ = scripted(
         SurfaceFault("surface arm: 2 bodies", code="X004", value="gap 0.3 m"), far(77.0), far(56.4), far(81.0)
     )
-    with pytest.raises(InputError) as caught:
-        by_trial("arm", SIZE_M, "auto", attempt)
-    message = str(caught.value)
+    caught = refuses("L005", "", by_trial, "arm", SIZE_M, "auto", attempt)
+    message = str(caught)
     for words in (
         "surface arm: no closing width",
         "within two elements (40 mm)",
@@ -83,14 +83,12 @@ def test_if_every_trial_fails_the_message_has_link_figures_and_the_width_to_ask_
     ):
         assert words in message
     attempt, _ = scripted(*[SurfaceFault("surface arm: no room", code="X004")] * 4)
-    with pytest.raises(InputError, match="--close-mm does not help up to 800"):
-        by_trial("arm", SIZE_M, "auto", attempt)
+    refuses("L005", "--close-mm does not help up to 800", by_trial, "arm", SIZE_M, "auto", attempt)
 
 
 def test_what_no_width_mends_is_said_at_once() -> None:
     attempt, asked = scripted(InputError("grid too large", code="X004"))
-    with pytest.raises(InputError, match=r"^grid too large"):
-        by_trial("arm", SIZE_M, "auto", attempt)
+    refuses("X004", r"^grid too large", by_trial, "arm", SIZE_M, "auto", attempt)
     assert len(asked) == 1
 
 
@@ -139,21 +137,30 @@ def test_too_much_of_the_volume_in_thin_parts_is_refused() -> None:
     box = trimesh.creation.box((0.2, 0.2, 0.3)).apply_translation([0, 0, 0.15])
     plate = trimesh.creation.box((0.3, 0.02, 0.6)).apply_translation([0.2, 0, 0.3])
     ends = {"root": Interface(np.zeros(3), Z)}
-    with pytest.raises(InputError, match=r"1\d %|2\d %") as caught:
-        prepare_link(
-            "plated",
-            *arrays(trimesh.util.concatenate([box, plate])),
-            ends,
-            settings(opening=0.06, expected_span=0.4, repair="wrap"),
-        )
-    assert "too thin for the wall and the elements" in str(caught.value)
+    caught = refuses(
+        "L004",
+        r"1\d %|2\d %",
+        prepare_link,
+        "plated",
+        *arrays(trimesh.util.concatenate([box, plate])),
+        ends,
+        settings(opening=0.06, expected_span=0.4, repair="wrap"),
+    )
+    assert "too thin for the wall and the elements" in str(caught)
 
 
 def test_no_ring_names_the_link_too() -> None:
     box = trimesh.creation.box((0.2, 0.2, 0.3)).apply_translation([0, 0, 0.15])
     ends = {"root": Interface(np.zeros(3)), "tip": Interface(0.6 * Z)}
-    with pytest.raises(InputError, match="no ring found at interface tip of link elbow_2"):
-        prepare_link("elbow_2", *arrays(box), ends, settings(target_size=0.05))
+    refuses(
+        "L006",
+        "no ring found at interface tip of link elbow_2",
+        prepare_link,
+        "elbow_2",
+        *arrays(box),
+        ends,
+        settings(target_size=0.05),
+    )
 
 
 def test_the_quality_line_says_poor_and_that_only_the_angle_is() -> None:

@@ -6,6 +6,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from rigid_frames import rigid_frame
 from scipy.spatial.transform import Rotation
 
 from robots import InverseSolutions, Robot, forward_kinematics, load_robot
@@ -33,9 +34,7 @@ def chain(alpha: Array, a: Array, d: Array, *, tool: Array | None = None) -> Rob
 
 
 def transform(rng: np.random.Generator) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3)
-    return T
+    return rigid_frame(rng.normal(size=3), Rotation.random(random_state=rng).as_matrix())
 
 
 def random_arm(rng: np.random.Generator, *, parallel: bool, right_angles: bool) -> Robot:

@@ -9,6 +9,7 @@ import oracles
 import pytest
 from inverse_cases import DATA, MAPS_BACK, apart, chain, random_arm, tool_frames, within_limits, worst_error
 from pinocchio_chains import pinocchio_chain, raw
+from rigid_frames import rigid_frame
 from scipy.spatial.transform import Rotation
 
 from robots import (
@@ -204,8 +205,7 @@ def test_targets_of_the_flange_and_of_another_tool(rng: np.random.Generator) -> 
     robot = random_arm(rng, parallel=True, right_angles=True)
     q = rng.uniform(-np.pi, np.pi, (20, 6))
     flange = tool_frames(robot, q) @ np.linalg.inv(robot.T_flange_tool)
-    other = np.eye(4)
-    other[:3, 3] = 0.1, 0.2, 0.3
+    other = rigid_frame((0.1, 0.2, 0.3))
     expected = inverse_kinematics(robot, tool_frames(robot, q)).q
     for tool in (np.eye(4), other):
         np.testing.assert_allclose(

@@ -8,8 +8,9 @@ import itertools
 import numpy as np
 import pytest
 from inverse_cases import tool_frames, within_limits
+from refusals import refuses
 
-from robots import CouplingLimit, InputError, Reason, Robot, inverse_kinematics, load_robot
+from robots import CouplingLimit, Reason, Robot, inverse_kinematics, load_robot
 from robots.arrays import Array
 from robots.inverse.turns import TURN, every_turn, nearest_turn
 
@@ -147,11 +148,16 @@ def test_nothing_valid_gives_nan_and_no_column() -> None:
 @pytest.mark.parametrize("weight", [np.ones(5), -np.ones(6), np.full(6, np.nan)])
 def test_bad_weights_are_refused(weight: Array) -> None:
     robot = load_robot("kr60-3")
-    with pytest.raises(InputError, match="weights of joints"):
-        inverse_kinematics(robot, np.empty((0, 4, 4))).nearest(np.zeros(6), weight)
+    refuses("B003", "weights of joints", inverse_kinematics(robot, np.empty((0, 4, 4))).nearest, np.zeros(6), weight)
 
 
 @pytest.mark.parametrize("near", [np.zeros(5), np.zeros((3, 6)), np.full(6, np.inf)])
 def test_bad_preferred_angles_are_refused(near: Array) -> None:
-    with pytest.raises(InputError, match="preferred joint angles for kr60-3"):
-        inverse_kinematics(load_robot("kr60-3"), np.eye(4)[None], near=near)
+    refuses(
+        "B001",
+        "preferred joint angles for kr60-3",
+        inverse_kinematics,
+        load_robot("kr60-3"),
+        np.eye(4)[None],
+        near=near,
+    )

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refuses
+from rigid_frames import rigid_frame
 
-from robots import InputError, Robot, forward_kinematics, load_robot
+from robots import Robot, forward_kinematics, load_robot
 from robots.arrays import Array
 from robots.pendant.check import PendantCheck, check_pendant
 from robots.pendant.explanations import PendantReadings
@@ -93,8 +95,7 @@ def test_a_slip_in_the_table_is_named(
 
 
 def test_another_tool_is_named_with_its_place_and_turn() -> None:
-    tool = np.eye(4)
-    tool[:3, :3], tool[:3, 3] = np.diag([1.0, -1.0, -1.0]), [0.1, 0.0, 0.2]
+    tool = rigid_frame([0.1, 0.0, 0.2], np.diag([1.0, -1.0, -1.0]))
     found = check_pendant(ARM, read(replace(ARM, T_flange_tool=tool)))
     assert codes(found) == [("tool",)]
     np.testing.assert_allclose(found.explanations[0].fit.shift["tool"], tool[:3, 3], atol=2e-5)
@@ -144,8 +145,13 @@ def test_joints_that_stand_still_are_named() -> None:
 @pytest.mark.parametrize("n", [2, POSES])
 def test_too_little_to_compare_is_refused(n: int) -> None:
     readings = read(ARM, n)
-    with pytest.raises(InputError, match="pendant table: poses"):
-        check_pendant(ARM, readings if n == 2 else replace(readings, q=np.tile(readings.q[0], (n, 1))))
+    refuses(
+        "R007",
+        "pendant table: poses",
+        check_pendant,
+        ARM,
+        readings if n == 2 else replace(readings, q=np.tile(readings.q[0], (n, 1))),
+    )
 
 
 def test_another_convention_is_named_where_the_columns_have_the_wrong_name() -> None:
@@ -192,8 +198,7 @@ def test_a_pose_that_was_typed_wrong_is_named(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.parametrize(("size", "unit"), [(1e-3, "metres"), (1.0 / 25.4, "inches")])
 def test_positions_in_other_units_are_refused(size: float, unit: str) -> None:
     readings = read(ARM)
-    with pytest.raises(InputError, match=unit):
-        check_pendant(ARM, replace(readings, position=size * readings.position))
+    refuses("R007", unit, check_pendant, ARM, replace(readings, position=size * readings.position))
     # A frame elsewhere is no unit.
     shifted = replace(readings, position=readings.position + np.array([3.0, 0.0, 0.0]))
     assert codes(check_pendant(ARM, shifted))[0] == ("base",)

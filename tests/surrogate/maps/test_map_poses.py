@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from map_arms import DOWN, K1, K2, L1, L2, box_layout, cylinder_layout, engine, kr60, one_spring, planar, slice_layout
+from refusals import refuses
+from rigid_frames import rigid_frame
 from scipy.spatial.transform import Rotation
 
 import fem
 from machining.task import Task, tool_path
-from robots import InputError, Robot, forward_kinematics, inverse_kinematics, singularity_distance, tool_position
+from robots import Robot, forward_kinematics, inverse_kinematics, singularity_distance, tool_position
 from robots.arrays import Array
 from robots.inverse.singularities import NEAR_SINGULAR
 from surrogate.maps.candidates import Arm
@@ -18,8 +20,7 @@ from surrogate.maps.orientation import directions, spread_rotations, tool_rotati
 from surrogate.maps.poses import BestGamma, Extreme, away_from_singular, check_robot, last_joint_is_free, shortfall
 
 UP = np.array([0.0, 0.0, 1.0])
-OFF_AXIS = np.eye(4)
-OFF_AXIS[:3, 3] = 0.1, 0.02, 0.2
+OFF_AXIS = rigid_frame((0.1, 0.02, 0.2))
 
 
 def stiffness(model: fem.ArmModel, q: Array, point: Array | None = None) -> Array:
@@ -236,18 +237,18 @@ def test_points_out_of_reach_have_no_pose() -> None:
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(InputError, match=r"2 joints.*six joints or more.*map joints"):
-        check_robot(planar().robot, any_orientation=False)
+    refuses("R004", r"2 joints.*six joints or more.*map joints", check_robot, planar().robot, any_orientation=False)
     assert check_robot(kr60().robot, any_orientation=False) is None
     assert "may have been missed" in str(check_robot(planar().robot, any_orientation=True))
-    with pytest.raises(InputError, match="stiffest, softest"):
-        Extreme("middling")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="tool axis"):
-        BestGamma(np.zeros(3), np.zeros(1)).choose(
+    refuses("B003", "stiffest, softest", Extreme, "middling")
+    refuses(
+        "B001",
+        "tool axis",
+        lambda: BestGamma(np.zeros(3), np.zeros(1)).choose(
             Arm(kr60().robot, np.eye(4), lambda q: stiffness(kr60(), q)), np.zeros((1, 3))
-        )
-    with pytest.raises(InputError, match="gamma"):
-        BestGamma(UP, np.array([]))
+        ),
+    )
+    refuses("B001", "gamma", BestGamma, UP, np.array([]))
 
 
 @pytest.mark.slow

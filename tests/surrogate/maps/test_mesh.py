@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from map_file_cases import ODD_METADATA, arrays_of, box, cylinder, finished, with_junk
+from refusals import refuses
 
-from robots import InputError
 from surrogate.maps.data import Axis, Field, Layout, MapData
 from surrogate.maps.mesh import read_map, write_map
 
@@ -225,8 +225,13 @@ def test_odd_words_survive(tmp_path, suffix):
 @pytest.mark.parametrize("suffix", ENDINGS)
 def test_a_map_out_of_reach_is_refused(tmp_path, suffix):
     layout = box()
-    with pytest.raises(InputError, match="no pose at any of 60 points"):
-        write_map(finished(layout, np.zeros(layout.n, dtype=bool)), tmp_path / f"map{suffix}")
+    refuses(
+        "S012",
+        "no pose at any of 60 points",
+        write_map,
+        finished(layout, np.zeros(layout.n, dtype=bool)),
+        tmp_path / f"map{suffix}",
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -251,11 +256,9 @@ def test_a_file_is_read_back_as_the_map_that_it_was(tmp_path, suffix):
 
 def test_what_is_no_map_of_ours_is_refused(tmp_path):
     (tmp_path / "map.vtu").write_text("<VTKFile", encoding="utf-8")
-    with pytest.raises(InputError, match=r"is no map of stiffarm|cannot be read"):
-        read_map(tmp_path / "map.vtu")
+    refuses("A012", r"is no map of stiffarm|cannot be read", read_map, tmp_path / "map.vtu")
     write_map(finished(box(), metadata={}), tmp_path / "map.vti")
-    with pytest.raises(InputError, match="is no map of stiffarm"):
-        read_map(tmp_path / "map.vti")
+    refuses("A012", "is no map of stiffarm", read_map, tmp_path / "map.vti")
 
 
 def test_what_stands_where_nothing_is_reached_is_not_shown(tmp_path):
@@ -286,13 +289,10 @@ def test_a_map_of_points_alone(tmp_path):
 @pytest.mark.parametrize("suffix", ENDINGS)
 def test_bad_places_are_named(tmp_path, suffix):
     data = finished(box())
-    with pytest.raises(InputError, match=r"ends in \.vti, \.vtu or \.vtp"):
-        write_map(data, tmp_path / "map.vtk")
-    with pytest.raises(InputError, match="existing folder"):
-        write_map(data, tmp_path / "nowhere" / f"map{suffix}")
+    refuses("B004", r"ends in \.vti, \.vtu or \.vtp", write_map, data, tmp_path / "map.vtk")
+    refuses("F008", "existing folder", write_map, data, tmp_path / "nowhere" / f"map{suffix}")
     (tmp_path / f"taken{suffix}").mkdir()
-    with pytest.raises(InputError, match="could not be written"):
-        write_map(data, tmp_path / f"taken{suffix}")
+    refuses("F008", "could not be written", write_map, data, tmp_path / f"taken{suffix}")
     assert [p.name for p in tmp_path.iterdir()] == [f"taken{suffix}"]
 
 
@@ -307,12 +307,10 @@ def test_what_is_no_image_is_refused(tmp_path):
         (crossed, "x, y, z"),
         (cylinder([0, 9]), "cylinder"),
     ]:
-        with pytest.raises(InputError, match=words):
-            write_map(finished(layout), tmp_path / "map.vti")
+        refuses("B004", words, write_map, finished(layout), tmp_path / "map.vti")
     shifted = finished(box())
     shifted.points[:] += 1e-3
-    with pytest.raises(InputError, match="not those of the axes"):
-        write_map(shifted, tmp_path / "map.vti")
+    refuses("B004", "not those of the axes", write_map, shifted, tmp_path / "map.vti")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -323,8 +321,7 @@ def test_an_array_name_used_twice_is_refused(tmp_path, name):
     fields = {name: Field(np.zeros(layout.n), "", "")}
     data = MapData(layout, full.points, full.q, full.reached, full.coordinates, fields)
     for suffix in ENDINGS:
-        with pytest.raises(InputError, match=f"used twice.*{name}"):
-            write_map(data, tmp_path / f"map{suffix}")
+        refuses("S011", f"used twice.*{name}", write_map, data, tmp_path / f"map{suffix}")
 
 
 @pytest.mark.parametrize("suffix", ENDINGS)
