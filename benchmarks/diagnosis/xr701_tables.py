@@ -35,11 +35,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.worlds.screws.arms import arm
-from benchmarks.worlds.screws.campaign import Campaign
-from benchmarks.worlds.screws.excess import blocks, unexplained
-from benchmarks.worlds.screws.mechanics import World, readings, spring_columns
-from benchmarks.worlds.screws.screws import Array
+from benchmarks.worlds.screws.arm import Array, arm
+from benchmarks.worlds.screws.mechanics import Campaign, World, readings, spring_columns
+from benchmarks.worlds.screws.truth import blocks, unexplained
 
 REAL = Path(__file__).resolve().parents[2] / "doe" / "data" / "xr701_gotlih.csv"
 SPRINGS = (2.2e6, 1.4e6, 0.76e6, 1.4e6, 3.0e6, 1.0e6)

@@ -14,17 +14,12 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
 from benchmarks.worlds.screws import fill, make
-from benchmarks.worlds.screws.arms import arm
-from benchmarks.worlds.screws.campaign import HANDLING_S, Campaign, lagging
-from benchmarks.worlds.screws.design import SORTS, anywhere
-from benchmarks.worlds.screws.excess import blocks, unexplained
-from benchmarks.worlds.screws.families import CATALOGUE, OUTSIDE
-from benchmarks.worlds.screws.filling import conducted
+from benchmarks.worlds.screws.arm import arm, body_motions
 from benchmarks.worlds.screws.joint_laws import maxwell
-from benchmarks.worlds.screws.mechanics import World, readings
-from benchmarks.worlds.screws.screws import body_motions
-from benchmarks.worlds.screws.tables import model_text
-from benchmarks.worlds.screws.truth import Truth, truth
+from benchmarks.worlds.screws.mechanics import HANDLING_S, Campaign, World, lagging, readings
+from benchmarks.worlds.screws.outside_laws import CATALOGUE, OUTSIDE
+from benchmarks.worlds.screws.sets import conducted, model_text
+from benchmarks.worlds.screws.truth import SORTS, Truth, anywhere, blocks, truth, unexplained
 from fem import build_model, deflection
 from robots.library.models import parse_description
 

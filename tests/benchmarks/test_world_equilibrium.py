@@ -28,7 +28,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("name", ["kr60-3", "tx200", "xr701", "heron7", "mantis5"])
 def test_springs_alone_are_those_of_fem(name: str, tmp_path: Path) -> None:
     """Under a tenth of a newton, as a large load changes the pose that it acts on."""
-    arms, effect, truth = part("arm"), part("effect"), part("truth")
+    arms, effect, truth = part("arm"), part("effects"), part("campaign")
     from fem import build_model, deflection
     from robots import load_description
 
@@ -46,7 +46,7 @@ def test_springs_alone_are_those_of_fem(name: str, tmp_path: Path) -> None:
 
 
 def test_springs_alone_leave_next_to_nothing_over() -> None:
-    hidden, sets = part("hidden"), part("sets")
+    hidden, sets = part("sets"), part("sets")
     wish = sets.wishes(np.random.default_rng(2), "none", 1)[0]
     bare = hidden.draw(wish, 4)
     rows = [replace(row, force=row.force * 1e-3) for row in bare.rows]
@@ -58,7 +58,7 @@ def test_springs_alone_leave_next_to_nothing_over() -> None:
 
 def test_it_deflects_at_the_deflected_pose() -> None:
     """Ten times the load is not ten times the deflection, and the equilibrium is one: forces balance there."""
-    chain, arms = part("chain"), part("arm")
+    chain, arms = part("arm"), part("arm")
     arm = arms.load("kr60-3")
     c = 1 / np.array(arms.SPRINGS["kr60-3"])
     one = chain.Chain(arm)
@@ -108,7 +108,7 @@ def test_a_sheet_is_filled_by_the_same_truth(made: Path) -> None:
 
 @pytest.mark.slow
 def test_every_family_can_be_hidden_and_read_from_its_key() -> None:
-    catalogue, hidden, sets = part("catalogue"), part("hidden"), part("sets")
+    catalogue, hidden, sets = part("catalogue"), part("sets"), part("sets")
     assert len(catalogue.CATALOGUE) == 28
     assert len(catalogue.OUTSIDE) >= 8
     wish = replace(sets.wishes(np.random.default_rng(2), "single", 1)[0], poses=9, xyz=True)
@@ -120,7 +120,7 @@ def test_every_family_can_be_hidden_and_read_from_its_key() -> None:
 
 
 def test_friction_goes_round_a_loop_and_creep_recovers() -> None:
-    laws = part("laws")
+    laws = part("arm")
     moment = laws.Moment()
     rub = laws.Dahl(0, 1e-6, 100.0, 5e6)
     rub.rest(0.0, moment)

@@ -15,14 +15,10 @@ import numpy as np
 import pytest
 from oracles import load_apart
 from scipy.optimize import nnls
-from worlds.frame import campaign, excess, fill, laws, make, noise, sets, truth
-from worlds.frame.arms import SPRINGS, load, model_text
-from worlds.frame.catalogue import KNOWN, STRANGE
-from worlds.frame.deck import Deck, Material
-from worlds.frame.history import Event, run
-from worlds.frame.plan import Joint, Plan, X, Y, build
-from worlds.frame.solver import solver
-from worlds.frame.spec import Effect, Spec, from_text
+from worlds.frame import campaign, fill, make, sets
+from worlds.frame.arm import SPRINGS, Deck, Effect, Material, Spec, from_text, load, model_text
+from worlds.frame.other_laws import KNOWN, STRANGE
+from worlds.frame.plan import Event, Joint, Moment, Plan, X, Y, build, run, solver
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -100,7 +96,7 @@ def test_friction_goes_round_a_loop_and_a_spring_does_not() -> None:
     plan = Plan(
         load("kr60-3"), load("kr60-3").stand(np.zeros(6)), [Joint(k) for _ in range(6)], np.zeros(6), np.zeros(3)
     )
-    KNOWN["friction"].change(e, plan, laws.Moment(0, 0.0, 0, 0.0, 1.0))
+    KNOWN["friction"].change(e, plan, Moment(0, 0.0, 0, 0.0, 1.0))
     history = [(float(t), torque) for t, torque in enumerate(np.tile([600.0, 0.0, -600.0, 0.0], 2), 1)]
     for law, energy in ((plan.joints[1].materials()[4], None), (("Elastic", k), 0.0)):
         fine = [
@@ -123,7 +119,7 @@ def test_creep_comes_and_goes_and_a_servo_brings_a_joint_back() -> None:
 
     def law(family: str, numbers: dict[str, Any]) -> Material:
         plan = Plan(arm, arm.stand(np.zeros(6)), [Joint(k) for _ in range(6)], np.zeros(6), np.zeros(3))
-        (KNOWN | STRANGE)[family].change(Effect(family, "j2", numbers), plan, laws.Moment(0, 0.0, 0, 0.0, 1.0))
+        (KNOWN | STRANGE)[family].change(Effect(family, "j2", numbers), plan, Moment(0, 0.0, 0, 0.0, 1.0))
         return plan.joints[1].materials()[4]
 
     history = [(0.01, 1000.0), (5e3, 1000.0), (5e3 + 0.01, 0.0), (1e4, 0.0)]
@@ -151,7 +147,7 @@ def test_a_slipped_clamp_stays_where_it_went() -> None:
         # A tool that points along the load slips along it alone; others slip across too, each way for itself.
         stand = spec.of.stand(five[0].angles)
         along = float(np.abs(stand.turned[-1].T @ up).max())
-        more = (truth.readings(spec, five, (slip,)) - truth.readings(spec, five, ()))[:, 2]
+        more = (campaign.readings(spec, five, (slip,)) - campaign.readings(spec, five, ()))[:, 2]
         found.append((along, *(-1e6 * more)))
     for along, at200, at290, _, _, after in found:
         if 400 * along > 300:
@@ -167,17 +163,17 @@ def test_a_key_is_right(made: Path) -> None:
     for folder in sorted(made.glob("[so]*")):
         said = json.loads((folder / "key.json").read_text(encoding="utf-8"))
         spec = from_text(said["frame"])
-        rows, axes = sets.campaign(spec), noise.read_axes(spec)
+        rows, axes = sets.campaign(spec), campaign.read_axes(spec)
         lines = list(csv.DictReader((folder / "readings.csv").open(encoding="utf-8")))
         assert [[float(line[c]) for c in spec.of.columns] for line in lines] == [list(r.angles) for r in rows]
         assert [float(line["fz_N"]) for line in lines] == pytest.approx([r.force[2] for r in rows], abs=1e-4)
-        whole = truth.readings(spec, rows)[:, axes]
+        whole = campaign.readings(spec, rows)[:, axes]
         stiff = 1e15
         columns = []
         for i in [i for i, k in enumerate(spec.stated) if k]:
             soft = replace(spec, springs=tuple(1e6 if j == i else stiff for j in range(len(spec.springs))))
-            columns.append(truth.readings(soft, rows, ())[:, axes].ravel())
-        sd = noise.sds(spec, rows, truth.readings(spec, rows))[:, axes].ravel()
+            columns.append(campaign.readings(soft, rows, ())[:, axes].ravel())
+        sd = campaign.sds(spec, rows, campaign.readings(spec, rows))[:, axes].ravel()
         V = np.diag(sd**2)
         for visit in {r.visit for r in rows}:
             of = np.repeat([r.visit == visit for r in rows], len(axes))
@@ -199,13 +195,13 @@ def test_what_common_scatter_explains_is_no_excess() -> None:
     """Of readings with everything three per cent larger in one set-up, nearly all is set-up scatter."""
     spec = replace(small(""), scatter=0.015, noise={"kind": "white", "level": 2e-6})
     rows = sets.campaign(spec)
-    bare = truth.readings(spec, rows)
+    bare = campaign.readings(spec, rows)
     of = np.array([r.visit == 3 for r in rows])[:, None]
     larger = bare * (1 + 0.03 * of)
-    known = excess.excess(spec, rows, larger, bare)
-    assert excess.excess(spec, rows, bare, bare) < 1e-3
+    known = campaign.excess(spec, rows, larger, bare)
+    assert campaign.excess(spec, rows, bare, bare) < 1e-3
     assert known <= 4.0 * 1.01  # two standard deviations
-    assert excess.excess(replace(spec, scatter=0.0), rows, larger, bare) > 20 * known
+    assert campaign.excess(replace(spec, scatter=0.0), rows, larger, bare) > 20 * known
 
 
 @pytest.mark.slow
@@ -213,7 +209,7 @@ def test_what_common_scatter_explains_is_no_excess() -> None:
 def test_every_family_moves_the_readings(family: str) -> None:
     spec = small(family)
     rows = sets.campaign(spec)
-    change = truth.readings(spec, rows) - truth.readings(spec, rows, ())
+    change = campaign.readings(spec, rows) - campaign.readings(spec, rows, ())
     # A tenth of a micrometre; frames without anything hidden repeat to a millionth of that.
     assert np.abs(change).max() > 1e-7, spec.effects
 

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
-from worlds.motors import campaign, fill, make, materials, motors, readings, sets, statics
-from worlds.motors.arms import SPRINGS, load, model_text
+from worlds.motors import arm as parts
+from worlds.motors import fill, make, readings, sets
+from worlds.motors.arm import SPRINGS, load, model_text
 from worlds.motors.readings import EVERY, HONEST, KNOWN, STRANGE, Off
-from worlds.motors.spec import Spec
+from worlds.motors.spec import STIFF, Machine, Pull, Spec
 
 import stiffarm
 
@@ -50,22 +51,22 @@ def test_springs_alone_are_those_of_simulate(name: str, path: str, tmp_path: Pat
     arm = load(name)
     model, table = tmp_path / "m.toml", tmp_path / "r.csv"
     model.write_text(model_text(arm, dict(zip(arm.joints, SPRINGS[name], strict=True))), encoding="utf-8")
-    q = campaign.some_poses(np.random.default_rng(3), arm, 6, False, lambda q: q)
+    q = readings.some_poses(np.random.default_rng(3), arm, 6, False, lambda q: q)
     many = np.ones((6, 1))
     force, point = many * [60.0, -80.0, -400.0], many * [0.05, -0.02, 0.11]
     moved = []
     for bent, scale in ((False, 1.0), (True, 1e-5)):
-        m = statics.Machine(arm, q, many * SPRINGS[name], path, 1.0, {}, bent)
+        m = Machine(arm, q, many * SPRINGS[name], path, 1.0, {}, bent)
         m.close()
-        now = materials.Now(*np.zeros((3, 6)), np.zeros(6, dtype=int))
+        now = parts.Now(*np.zeros((3, 6)), np.zeros(6, dtype=int))
         kept = [part.law.rest(np.zeros(6)) for part in m.parts]
-        x, _ = m.rest(np.zeros((6, 6)), statics.Pull(scale * force, 0 * force, point), kept, now)
+        x, _ = m.rest(np.zeros((6, 6)), Pull(scale * force, 0 * force, point), kept, now)
         first = np.einsum("bnc,bn->bc", m.lever(point), x)
         tips = m.tip(m.shape(x), point) - m.tip(m.shape(0 * x), point)
         moved.append(tips / scale if bent else first)
     # A load a hundred thousand times smaller bends the arm too little to tell its levers from those at rest.
     assert np.abs(moved[1] - moved[0]).max() < 1e-6 * np.abs(moved[0]).max()
-    names = [*arm.columns, "fx_N", "fy_N", "fz_N", "px_mm", "py_mm", "pz_mm", *campaign.READ]
+    names = [*arm.columns, "fx_N", "fy_N", "fz_N", "px_mm", "py_mm", "pz_mm", *readings.READ]
     with table.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file).writerows([names, *np.hstack([q, force, 1e3 * point, 1e3 * moved[0]]).tolist()])
     ours = stiffarm.load(str(model), links="rigid", load_path=path)
@@ -76,17 +77,17 @@ def test_springs_alone_are_those_of_simulate(name: str, path: str, tmp_path: Pat
 def test_forces_are_slopes_of_a_potential() -> None:
     """Work of weights and load by differences of where they are, and how it changes by differences of that."""
     rng, arm = np.random.default_rng(4), load("xr701")
-    q = campaign.some_poses(rng, arm, 2, False, lambda q: q)
-    m = statics.Machine(arm, q, np.ones((2, 1)) * SPRINGS["xr701"], "parallelogram", 0.0, {}, True)
-    m.free(0, np.zeros(3), np.array([1.0, 0, 0]), materials.Spring(1e7))
-    m.free(3, np.array([0.1, 0.2, 0.0]), np.array([0.0, 1, 0]), materials.Spring(1e7), slides=True)
+    q = readings.some_poses(rng, arm, 2, False, lambda q: q)
+    m = Machine(arm, q, np.ones((2, 1)) * SPRINGS["xr701"], "parallelogram", 0.0, {}, True)
+    m.free(0, np.zeros(3), np.array([1.0, 0, 0]), parts.Spring(1e7))
+    m.free(3, np.array([0.1, 0.2, 0.0]), np.array([0.0, 1, 0]), parts.Spring(1e7), slides=True)
     m.close()
     x = 0.01 * rng.normal(size=(2, 8))
-    pull = statics.Pull(500 * rng.normal(size=(2, 3)), np.zeros((2, 3)), 0.2 * rng.normal(size=(2, 3)))
+    pull = Pull(500 * rng.normal(size=(2, 3)), np.zeros((2, 3)), 0.2 * rng.normal(size=(2, 3)))
 
     def work(x: np.ndarray) -> np.ndarray:
         s = m.shape(x)
-        hung = np.einsum("pc,bpc->b", m.weight, motors.at(s.bodies, m.middles[None]))
+        hung = np.einsum("pc,bpc->b", m.weight, parts.at(s.bodies, m.middles[None]))
         return np.asarray(hung + np.einsum("bc,bc->b", pull.force, m.tip(s, pull.point)))
 
     h = 1e-5
@@ -97,10 +98,10 @@ def test_forces_are_slopes_of_a_potential() -> None:
     assert second == pytest.approx(bend, abs=1e-4)
 
 
-def loop(law: materials.Law, turns: list[float], step_s: float = 1.0) -> list[float]:
+def loop(law: parts.Law, turns: list[float], step_s: float = 1.0) -> list[float]:
     """Torques at turns one after the other."""
     kept, out = law.rest(np.zeros(1)), []
-    now = materials.Now(np.zeros(1), np.zeros(1), np.array([step_s]), np.zeros(1, dtype=int))
+    now = parts.Now(np.zeros(1), np.zeros(1), np.array([step_s]), np.zeros(1, dtype=int))
     for turn in turns:
         y = np.array([turn])
         out.append(float(law.pull(y, kept, now)[0][0]))
@@ -109,13 +110,13 @@ def loop(law: materials.Law, turns: list[float], step_s: float = 1.0) -> list[fl
 
 
 def test_materials_remember_what_they_should() -> None:
-    up = loop(materials.Dahl(100.0, 1e6), [1e-4, 1e-2, 1e-2 - 1e-4, 0.0])
+    up = loop(parts.Dahl(100.0, 1e6), [1e-4, 1e-2, 1e-2 - 1e-4, 0.0])
     assert up == pytest.approx([100 * (1 - np.exp(-1)), 100, 100 * (2 * np.exp(-1) - 1), -100], rel=1e-6)
     # Held to 100 N m, then 1e-6 rad per N m beside a sixtieth that springs back; put on again, it slips no more.
     there = 100 / 60e6 + 1e-4
     first = 100 + 100 * 60 / 61
-    assert loop(materials.Clamp(100.0, 1e-6), [there, there - first / 60e6, there]) == pytest.approx([first, 0, first])
-    creep = materials.Kelvin(1e6, np.array([0.5]), np.array([10.0]))
+    assert loop(parts.Clamp(100.0, 1e-6), [there, there - first / 60e6, there]) == pytest.approx([first, 0, first])
+    creep = parts.Kelvin(1e6, np.array([0.5]), np.array([10.0]))
     assert loop(creep, [1e-3], 0.0) == pytest.approx([1000.0])
     assert loop(creep, [1e-3], 1e6) == pytest.approx([1000 / 1.5])
 
@@ -171,7 +172,7 @@ def test_an_excess_is_right_by_one_dense_covariance(reset_by: str) -> None:
     free = [i for i, k in enumerate(spec.stated) if k]
     columns = []
     for i in free:
-        soft = tuple(k if j == i else statics.STIFF for j, k in enumerate(spec.springs))
+        soft = tuple(k if j == i else STIFF for j, k in enumerate(spec.springs))
         columns.append(readings.readings(replace(spec, springs=soft), table, ())[:, axes].ravel())
     A = np.array(columns).T
     visit, session = (np.repeat(x, len(axes)) for x in (table.visit, table.session))

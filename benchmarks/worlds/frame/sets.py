@@ -1,7 +1,9 @@
-"""Draws sets and writes them: wishes dealt out evenly, then everything by the set's own seed."""
+"""Sets as folders: drawn evenly, written, and filled in on later visits."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,22 +13,101 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from . import noise
-from .arms import SPRINGS
-from .campaign import rows_of, schedule
-from .catalogue import EVERY, KNOWN, PAIRED, STRANGE
-from .excess import excess
-from .laws import Scene
-from .spec import Effect, Row, Spec
-from .tables import table, write
-from .truth import Off, readings, true_angles
+from .arm import ANGLE_DIGITS, SPRINGS, Effect, Row, Spec, from_text, model_text
+from .campaign import (
+    KINDS,
+    Off,
+    draw_noise,
+    excess,
+    measured,
+    point_of,
+    read_axes,
+    readings,
+    rows_of,
+    schedule,
+    true_angles,
+)
+from .other_laws import EVERY, KNOWN, PAIRED, STRANGE
+from .plan import Scene
+
+Array = NDArray[np.float64]
+READ = ("dx_mm", "dy_mm", "dz_mm")
+
+
+def table(spec: Spec, rows: list[Row], said: Array, first_step: int = 1, digits: int = 4) -> str:
+    """The measurement table as CSV."""
+    out = []
+    for step, (r, d) in enumerate(zip(rows, said, strict=True), first_step):
+        line: dict[str, Any] = {"pose": r.pose}
+        line |= {c: f"{a:.{ANGLE_DIGITS}f}" for c, a in zip(spec.of.columns, r.angles, strict=True)}
+        line |= {f"f{x}_N": f"{f + 0.0:.4f}" for x, f in zip("xyz", r.force, strict=True)}
+        if spec.point:
+            line |= {f"p{x}_mm": f"{1e3 * p + 0.0:.3f}" for x, p in zip("xyz", r.point, strict=True)}
+        line["repeat"] = r.cycle + 1
+        if spec.down:
+            line["phase"] = r.phase
+        own = {"step": step, "time_s": f"{r.time_s:.1f}", "session": f"S{r.session + 1}"}
+        line |= {name: own[name] for name in spec.columns}
+        line |= {READ[k]: f"{1e3 * d[k]:.{digits}f}" for k in read_axes(spec)}
+        out.append(line)
+    text = io.StringIO()
+    writer = csv.DictWriter(text, out[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(out)
+    return text.getvalue()
+
+
+def write(folder: Path, spec: Spec, readings: str, unseen: str, key: dict[str, Any]) -> None:
+    """All files of a set, in a new folder."""
+    folder.mkdir(parents=True)
+    springs = {joint: k for joint, k in zip(spec.of.joints, spec.stated, strict=True) if k}
+    start = {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": "rigid", "load_path": spec.path}
+    files = {
+        "model.toml": model_text(spec.of, springs),
+        "set.json": json.dumps(start, indent=1),
+        "readings.csv": readings,
+        "unseen.csv": unseen,
+        "key.json": json.dumps(key, indent=1),
+    }
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def rows_from(spec: Spec, sheet: str, first_visit: int, session: int, start_s: float) -> list[Row]:
+    """Rows of a sheet to be filled in: a set-up is a run of lines at one pose, a cycle one of its repeats."""
+    lines = list(csv.DictReader(io.StringIO(sheet)))
+
+    def number(line: dict[str, str], name: str, missing: float = 0.0) -> float:
+        return float(line[name]) if line.get(name) else missing
+
+    point = 1e3 * point_of(spec)
+    rows: list[Row] = []
+    visit, cycle, now, last = first_visit - 1, 0, start_s, None
+    for line in lines:
+        q = np.array([number(line, c) for c in spec.of.columns])
+        force = np.array([number(line, f"f{x}_N") for x in "xyz"])
+        here = (line.get("pose"), *q, *(force / (np.linalg.norm(force) or 1)).round(6))
+        if here != last:
+            visit, cycle, now, repeat = visit + 1, 0, now + 120.0, line.get("repeat")
+            zero = now
+        elif line.get("repeat") != repeat:
+            cycle, now, repeat = cycle + 1, now + 25.0, line.get("repeat")
+            zero = now
+        last, now = here, now + 30.0
+        p = np.array([number(line, f"p{x}_mm", point[k]) for k, x in enumerate("xyz")]) / 1e3
+        moment = np.array([number(line, f"m{x}_Nm") for x in "xyz"])
+        phase = line.get("phase") or "loading"
+        rows.append(
+            Row(visit, cycle, session, now - start_s, now, zero, phase, line.get("pose") or "", q, force, p, moment)
+        )
+    return rows
+
 
 WORLD = "frame"
 UNSEEN = 12
 UNSEEN_FIRST = 5000
 Dealt = TypeVar("Dealt")
 Rng = np.random.Generator
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -74,7 +155,7 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
                 arm,
                 next(reads),
                 next(poses),
-                noise.KINDS[i % len(noise.KINDS)],
+                KINDS[i % len(KINDS)],
                 next(scatter),
                 next(outliers),
                 next(ways),
@@ -141,7 +222,7 @@ def _bare(rng: Rng, seed: int, wish: Wish, path: str) -> Spec:
         columns=_columns(rng, wish, sessions > 1 or rng.random() < 0.1),
         scatter=wish.scatter,
         outliers=wish.outliers,
-        noise=noise.draw(rng, wish.noise),
+        noise=draw_noise(rng, wish.noise),
         balance=float(rng.choice([1.0, rng.uniform(0, 1)])),
         settle_s=float(rng.uniform(300, 1200)),
         moves=bool(rng.random() < 0.5),
@@ -256,7 +337,7 @@ def write_set(folder: Path, spec: Spec) -> None:
     rows = campaign(spec)
     others = unseen(spec, rows[-1])
     real = readings(spec, rows, off=Off())
-    said = noise.measured(spec, rows, real, 0)
+    said = measured(spec, rows, real, 0)
     true = readings(spec, others, off=Off(loads=False))
     write(
         folder,
@@ -283,3 +364,27 @@ def make(out: Path, seed: int, single: int = 0, none: int = 0, outside: int = 0,
 def said_in(folder: Path) -> dict[str, Any]:
     """A set's key."""
     return dict(json.loads((folder / "key.json").read_text(encoding="utf-8")))
+
+
+DAY = 86400.0
+
+
+def fill(set_folder: Path, sheet: str, visit: int) -> str:
+    """The sheet as measured on visit 1, 2 ...: a day later each, by another session's gauge and new noise."""
+    spec = from_text(said_in(Path(set_folder))[WORLD])
+    last = campaign(spec)[-1]
+    rows = rows_from(spec, sheet, 10000 * visit, last.session + visit, last.time_s + visit * DAY)
+    said = 1e3 * measured(spec, rows, readings(spec, rows, off=Off()), visit)
+    lines = list(csv.DictReader(io.StringIO(sheet)))
+    names = list(lines[0])
+    names += [READ[k] for k in read_axes(spec) if READ[k] not in names]
+    names += [name for name in ("time_s", "session") if name in spec.columns and name not in names]
+    for line, r, d in zip(lines, rows, said, strict=True):
+        line |= {name: f"{d[k]:.4f}" for k, name in enumerate(READ) if name in names}
+        own = {"time_s": f"{r.time_s:.1f}", "session": f"S{r.session + 1}"}
+        line |= {name: own[name] for name in own if name in names}
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(lines)
+    return text.getvalue()

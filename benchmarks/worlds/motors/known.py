@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .materials import Brush, Clamp, Dahl, Kelvin, Law, Now, Spring, clamped, gap, hertz, unloading
-from .motors import cross, direct, then, turn
-from .spec import ANGLE, Case, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
-from .statics import Machine
+from .arm import Brush, Clamp, Dahl, Kelvin, Law, Now, Spring, clamped, cross, direct, gap, hertz, then, turn, unloading
+from .spec import ANGLE, Case, Machine, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
 
 Array = NDArray[np.float64]
 X, Y, Z = np.eye(3)
@@ -297,7 +295,7 @@ SIDE = {"at": ANGLE, "other": Range(0.6, 1.6)}
 MIDDLE = "j2 j3 j4 j5"
 HISTORY, CLOCK, PINS, POISED = (frozenset({need}) for need in ("history", "clock", "pins", "poised"))
 
-ROWS = (
+KNOWN_ROWS = (
     Row("joint-compliance", "pose", "joint", {"size": ONCE, "k": Pick(k_missing)}, compliance, rigid=True),
     Row("joint-tilt", "pose", "joint", {"size": ONCE, "k": Range(5e5, 5e6, "arm", log=True), **SIDE}, tilt),
     Row("angle-dependent-stiffness", "pose", "joint", {"size": Range(0.1, 0.45), "one": ANGLE, "two": ANGLE}, by_angle),

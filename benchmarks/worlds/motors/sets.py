@@ -13,21 +13,30 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .arms import SPRINGS, model_text
-from .campaign import DAY, READ, Table, as_text, campaign, later, measurement_table, of_sheet, own_columns, session_span
+from .arm import SPRINGS, model_text
 from .known import ALONE
 from .readings import (
+    DAY,
     EVERY,
     KINDS,
     KNOWN,
+    READ,
     SO_IT_IS,
     STRANGE,
     Off,
+    Table,
+    as_text,
+    campaign,
     convention,
     draw_noise,
     excess,
+    later,
     measured,
+    measurement_table,
+    of_sheet,
+    own_columns,
     readings,
+    session_span,
 )
 from .spec import Effect, Rng, Scene, Spec, from_text
 

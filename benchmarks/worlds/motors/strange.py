@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arm import Bingham, Heated, Now, Spring, at, cross, direct, hertz
 from .known import ALMOST, CLOCK, HELD, HISTORY, LAG, NONE, TORQUE, X, Y, Z, casing_name, joint, signs, some
-from .materials import Bingham, Heated, Now, Spring, hertz
-from .motors import at, cross, direct
-from .spec import ANGLE, Case, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
-from .statics import Machine
+from .spec import ANGLE, Case, Machine, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
 
 Array = NDArray[np.float64]
 
@@ -171,7 +169,7 @@ MINUTES = Range(60, 400, log=True)
 BASE_AT = Range(1, 2.5, "moment")
 LEVELS = frozenset({"levels"})
 
-ROWS = (
+STRANGE_ROWS = (
     Row(
         "dragging-brake",
         "load history",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from .filling import fill
-from .sets import make
+from .sets import fill, make
 
 
 def main() -> None:

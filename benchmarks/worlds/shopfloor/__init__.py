@@ -64,8 +64,8 @@ def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int =
 
 
 def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
-    """Fill in a sheet; see :func:`benchmarks.worlds.shopfloor.sheet.fill`. Needs pinocchio (extra `worlds`)."""
-    from benchmarks.worlds.shopfloor.sheet import fill as fill_in
+    """Fill in a sheet; see :func:`benchmarks.worlds.shopfloor.sets.fill`. Needs pinocchio (extra `worlds`)."""
+    from benchmarks.worlds.shopfloor.sets import fill as fill_in
 
     return fill_in(set_folder, sheet_csv, visit)
 

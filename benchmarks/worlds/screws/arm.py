@@ -1,4 +1,4 @@
-"""The arms of this world: read from description files as data, with screws at home; bundled ones and two of its own."""
+"""Screws, links as beams of screws, and the arms of this world."""
 
 from __future__ import annotations
 
@@ -9,9 +9,160 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from .beams import Link, Section
-from .screws import Array, screw_through
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+
+def hat(vector: Array) -> Array:
+    """Matrix (..., 3, 3) of the cross product with ``vector`` (..., 3)."""
+    x, y, z = np.moveaxis(vector, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
+
+
+def screw_through(axis: Array, point: Array) -> Array:
+    """Unit screw (6,) of a rotation about ``axis`` through ``point``."""
+    unit = np.asarray(axis, float) / np.linalg.norm(axis)
+    return np.concatenate([unit, np.cross(point, unit)])
+
+
+def exponential(screw: Array, angle: Array) -> Array:
+    """Motion (n, 4, 4) by ``angle`` (n,) in rad about a unit screw (6,) of a rotation."""
+    K, v, a = hat(screw[:3]), screw[3:], np.asarray(angle, float)[:, None, None]
+    sin, cos = np.sin(a), np.cos(a)
+    motion = np.zeros((len(a), 4, 4))
+    motion[:, :3, :3] = np.eye(3) + sin * K + (1.0 - cos) * (K @ K)
+    slide = a * np.eye(3) + (1.0 - cos) * K + (a - sin) * (K @ K)
+    motion[:, :3, 3] = slide @ v
+    motion[:, 3, 3] = 1.0
+    return motion
+
+
+def adjoint(motion: Array) -> Array:
+    """Map (n, 6, 6) of twists by ``motion`` (n, 4, 4)."""
+    R, p = motion[:, :3, :3], motion[:, :3, 3]
+    big = np.zeros((len(motion), 6, 6))
+    big[:, :3, :3] = R
+    big[:, 3:, 3:] = R
+    big[:, 3:, :3] = hat(p) @ R
+    return big
+
+
+def body_motions(screws: Array, angles: Array) -> Array:
+    """Motions (n, joints + 1, 4, 4) of base and bodies from home, of screws (6, joints) and angles (n, joints)."""
+    count, joints = angles.shape
+    motions = np.tile(np.eye(4), (count, joints + 1, 1, 1))
+    for i in range(joints):
+        motions[:, i + 1] = motions[:, i] @ exponential(screws[:, i], angles[:, i])
+    return motions
+
+
+def axes_at(screws: Array, motions: Array) -> Array:
+    """Screw axes (n, 6, joints) at the poses of ``body_motions``: the space Jacobian."""
+    columns = [adjoint(motions[:, i]) @ screws[:, i] for i in range(screws.shape[1])]
+    return np.stack(columns, -1)
+
+
+def wrench_at(force: Array, point: Array) -> Array:
+    """Wrench (n, 6) of a force (n, 3) at a point (n, 3)."""
+    return np.concatenate([np.cross(point, force), force], axis=1)
+
+
+def displacement(twist: Array, point: Array) -> Array:
+    """Displacement (n, 3) of a point (n, 3) by a small twist (n, 6)."""
+    return twist[:, 3:] + np.cross(twist[:, :3], point)
+
+
+def carried(compliance: Array, motion: Array, wrench: Array) -> Array:
+    """Twist (n, 6) by a spatial compliance (6, 6) at home of a body that ``motion`` moved, under wrenches (n, 6)."""
+    ad = adjoint(motion)
+    felt = np.einsum("nji,nj->ni", ad, wrench)
+    return np.asarray(np.einsum("nij,nj->ni", ad, felt @ compliance.T))
+
+
+@dataclass(frozen=True)
+class Section:
+    """A thin box (width, height) or tube (width = height = diameter) with its wall, in m."""
+
+    box: bool
+    width: float
+    height: float
+    wall: float
+
+    def stiffness(self, youngs: float, poisson: float) -> Array:
+        """Stiffness (6,) per length: torsion, bending about y, about z, stretching, shear along y, along z."""
+        w, h, t = self.width, self.height, self.wall
+        shear = youngs / (2.0 * (1.0 + poisson))
+        if not self.box:
+            inner = w - 2.0 * t
+            area, second = np.pi / 4.0 * (w**2 - inner**2), np.pi / 64.0 * (w**4 - inner**4)
+            return np.array(
+                [2 * shear * second, youngs * second, youngs * second, youngs * area, *[shear * area / 2] * 2]
+            )
+        wi, hi, wm, hm = w - 2 * t, h - 2 * t, w - t, h - t
+        area = w * h - wi * hi
+        about_y, about_z = (w * h**3 - wi * hi**3) / 12.0, (h * w**3 - hi * wi**3) / 12.0
+        torsion = 2.0 * t * (wm * hm) ** 2 / (wm + hm)
+        webs = [shear * 2 * t * w * 5 / 6, shear * 2 * t * h * 5 / 6]
+        return np.array([shear * torsion, youngs * about_y, youngs * about_z, youngs * area, *webs])
+
+
+@dataclass(frozen=True)
+class Link:
+    """A casing: path of points (k, 3) at home in base axes, its body (0 the base), sections at its ends."""
+
+    name: str
+    body: int
+    path: Array
+    up: Array
+    start: Section
+    end: Section
+    youngs: float
+    poisson: float
+
+    def compliance(self) -> Array:
+        """Spatial compliance (6, 6) at home of the whole link, by three Gauss points a piece of its path."""
+        lengths = np.linalg.norm(np.diff(self.path, axis=0), axis=1)
+        whole, total, done = float(lengths.sum()), np.zeros((6, 6)), 0.0
+        nodes, weights = np.polynomial.legendre.leggauss(8)
+        for a, b, length in zip(self.path[:-1], self.path[1:], lengths, strict=True):
+            if length < 1e-9:
+                continue
+            along = (b - a) / length
+            frame = _frame(along, self.up)
+            for node, weight in zip(nodes, weights, strict=True):
+                s = 0.5 * (1.0 + node)
+                soft = 1.0 / self._section((done + s * length) / whole).stiffness(self.youngs, self.poisson)
+                total += 0.5 * weight * length * _element(frame, a + s * (b - a), soft)
+            done += length
+        return total
+
+    def _section(self, share: float) -> Section:
+        a, b = self.start, self.end
+        mixed = [(1 - share) * x + share * y for x, y in ((a.width, b.width), (a.height, b.height), (a.wall, b.wall))]
+        return Section(a.box, *mixed)
+
+
+def _frame(along: Array, up: Array) -> Array:
+    """Axes (3, 3) of a section as rows: along the link, its width, its height."""
+    height = up - (up @ along) * along
+    if np.linalg.norm(height) < 1e-6:
+        height = np.array([along[1], along[2], along[0]]) - (along[1] * along[0]) * along
+        height -= (height @ along) * along
+    height = height / np.linalg.norm(height)
+    return np.stack([along, np.cross(height, along), height])
+
+
+def _element(frame: Array, point: Array, soft: Array) -> Array:
+    """Spatial compliance (6, 6) per length of a section at ``point``: six screws with their softness."""
+    turns = [screw_through(axis, point) for axis in frame]
+    slides = [np.concatenate([np.zeros(3), axis]) for axis in frame]
+    screws = np.stack([*turns, *slides])
+    return np.asarray(screws.T * soft @ screws)
+
 
 BUNDLED = Path(__file__).resolve().parents[3] / "robots" / "data"
 OWN = Path(__file__).resolve().parent / "data"
