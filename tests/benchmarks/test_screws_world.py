@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
-from benchmarks.worlds.screws import fill, make
 from benchmarks.worlds.screws.arm import arm, body_motions
 from benchmarks.worlds.screws.joint_laws import maxwell
 from benchmarks.worlds.screws.mechanics import HANDLING_S, Campaign, World, lagging, readings
 from benchmarks.worlds.screws.outside_laws import CATALOGUE, OUTSIDE
-from benchmarks.worlds.screws.sets import conducted, model_text
+from benchmarks.worlds.screws.sets import conducted, model_of
 from benchmarks.worlds.screws.truth import SORTS, Truth, anywhere, blocks, truth, unexplained
 from fem import build_model, deflection
 from robots.library.models import parse_description
@@ -52,7 +47,7 @@ def test_it_moves_as_our_arms_do(name: str, links: str) -> None:
     a, rng = arm(name), np.random.default_rng(3)
     t = replace(truth(1, "none", 0), arm=a, free=tuple(range(a.size)), nominal=a.springs)
     t = replace(t, model_path=0.0 if a.pin is None else 1.0)
-    description = parse_description(model_text(t), name)
+    description = parse_description(model_of(t), name)
     q, force = anywhere(a, rng, 12), rng.normal(size=(12, 3)) * 300.0
     share = {link.name: 1.0 for link in a.links} if links == "beam" else {}
     world = World(a, 1.0 / a.springs, t.model_path, share, np.zeros(a.size))
@@ -68,58 +63,6 @@ def test_home_is_where_the_tool_point_is() -> None:
     a = arm("tx200")
     motion = body_motions(a.screws, a.joint_angles(np.zeros((1, a.size))))[0, -1] @ a.flange
     np.testing.assert_allclose(motion[:3, 3], [0.25, 0.0, 0.642 + 0.95 + 0.8 + 0.194], atol=1e-12)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("screws")
-    make(out, seed=5, single=2, none=2, outside=2, pairs=1)
-    return out
-
-
-@pytest.mark.slow
-def test_the_same_seed_makes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    make(tmp_path, seed=5, single=1, none=2, outside=1, pairs=0)
-    files = [p.relative_to(tmp_path) for p in sorted(tmp_path.rglob("*.*"))]
-    assert len(files) == 4 * 5
-    assert all((folder / f).read_bytes() == (tmp_path / f).read_bytes() for f in files)
-
-
-def test_a_set_says_what_it_is(folder: Path) -> None:
-    for place in sorted(folder.iterdir()):
-        key = json.loads((place / "key.json").read_text())
-        told = json.loads((place / "set.json").read_text())
-        rows = list(csv.DictReader(io.StringIO((place / "readings.csv").read_text())))
-        assert told["links"] in {"rigid", "beam"}
-        assert key["schema"] == "stiffarm-study-key/1"
-        assert len(rows) == key["tags"]["rows"]
-        assert len(list(csv.DictReader(io.StringIO((place / "unseen.csv").read_text())))) == 40
-        assert len(key["effects"]) == {"single": 1, "none": 0, "outside": 1, "pairs": 2}[place.name.split("-")[0]]
-        if not key["effects"]:
-            assert key["excess_chi2"] < 1e-4
-
-
-def sheet_of(folder: Path) -> str:
-    """A sheet with the set's own first rows, displacements empty."""
-    rows = list(csv.DictReader(io.StringIO((folder / "readings.csv").read_text())))[:12]
-    kept = [n for n in rows[0] if n not in {"time_s", "step", "temperature_C", "session"}]
-    out = io.StringIO()
-    writer = csv.DictWriter(out, kept, extrasaction="ignore")
-    writer.writeheader()
-    writer.writerows([{**r, "dz_mm": "", "dx_mm": "", "dy_mm": ""} for r in rows])
-    return out.getvalue()
-
-
-def test_a_sheet_is_filled_by_the_same_arm_with_fresh_noise(folder: Path) -> None:
-    place = folder / "none-001"
-    first, second = (list(csv.DictReader(io.StringIO(fill(place, sheet_of(place), k)))) for k in (1, 2))
-    old = list(csv.DictReader(io.StringIO((place / "readings.csv").read_text())))
-    assert fill(place, sheet_of(place), 1) == fill(place, sheet_of(place), 1)
-    read = [n for n in ("dx_mm", "dy_mm", "dz_mm") if n in first[0]]
-    before, after, later = (np.array([[float(r[n]) for n in read] for r in t]) for t in (old[:12], first, second))
-    assert np.abs(after - later).max() > 0.0
-    assert np.median(np.abs(after - before)) < 0.1 * np.abs(before).max()
-    assert float(first[0]["time_s"]) > float(old[-1]["time_s"])
 
 
 def test_maxwell_elements_hold_at_first_and_slip_in_the_end() -> None:

@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from .arm import ARMS, SPRINGS, Arm, Vector, load, model_text
+from ..shared import (
+    FORCES,
+    MOMENTS,
+    POINT,
+    READ,
+    csv_text,
+    deal,
+    description,
+    key_in,
+    model_text,
+    numbers,
+    sheet_rows,
+    write_set,
+)
+from .arm import ARMS, SPRINGS, Arm, Vector, load
 from .campaign import (
     KINDS,
     Noise,
@@ -278,22 +292,17 @@ def hidden_of(data: dict[str, Any]) -> Hidden:
 
 
 WORLD = "equilibrium"
-FORCES, POINT, READ = ("fx_N", "fy_N", "fz_N"), ("px_mm", "py_mm", "pz_mm"), ("dx_mm", "dy_mm", "dz_mm")
 # In pairs they would be seen by nobody (a scale is all springs at once).
 UNPAIRED = {"gauge-scale"}
-T = TypeVar("T")
 
 
 def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int = 50, pairs: int = 33) -> list[Path]:
     """Write so many sets of each kind; the same seed writes the same bytes."""
-    counts = {"single": single, "none": none, "outside": outside, "pair": pairs}
     folders = []
-    for place, (kind, count) in enumerate(counts.items()):
+    for place, (kind, count) in enumerate({"single": single, "none": none, "outside": outside, "pair": pairs}.items()):
         rng = np.random.default_rng([seed, place])
         for number, wish in enumerate(wishes(rng, kind, count), start=1):
-            folder = out / f"{kind}-{number:03d}"
-            write(draw(wish, int(rng.integers(2**31))), folder)
-            folders.append(folder)
+            folders.append(write(draw(wish, int(rng.integers(2**31))), out / f"{kind}-{number:03d}"))
     return folders
 
 
@@ -301,11 +310,8 @@ def wishes(rng: np.random.Generator, kind: str, count: int) -> list[Wish]:
     """Balance what the study compares: each value of each tag equally often, in an order of its own."""
     streams = iter(rng.spawn(8))
 
-    def deck(values: Sequence[T]) -> list[T]:
-        stream, cards = next(streams), list[T]()
-        while len(cards) < count:
-            cards += [values[i] for i in stream.permutation(len(values))]
-        return cards[:count]
+    def deck(values: Sequence[Any]) -> list[Any]:
+        return list(islice(deal(next(streams), values), count))
 
     robots, poses, xyz = deck(ARMS), deck((9, 27, 81)), deck((False, True))
     back, noise, scatter, outliers = deck((True, True, False)), deck(KINDS), deck((0.0, 0.015)), deck((False, True))
@@ -321,7 +327,7 @@ def wishes(rng: np.random.Generator, kind: str, count: int) -> list[Wish]:
     return [Wish(kind, *card) for card in cards]
 
 
-def write(hidden: Hidden, folder: Path) -> None:
+def write(hidden: Hidden, folder: Path) -> Path:
     """Write one set."""
     rng = np.random.default_rng([hidden.seed, 1])
     truth = hidden.truth()
@@ -332,49 +338,41 @@ def write(hidden: Hidden, folder: Path) -> None:
     told["tags"]["outliers"] = len({i // 3 for i in wrong})
     told["nuisance"]["spoilt_cells"] = sorted([i // 3, READ[i % 3]] for i in wrong if i % 3 in hidden.axes)
     springs = dict(zip(hidden.arm.names, SPRINGS[hidden.arm.name], strict=True))
-    model = model_text(hidden.arm, {name: springs[name] for name in hidden.free()}, hidden.load_path)
-    folder.mkdir(parents=True, exist_ok=True)
-    _save(folder / "set.json", {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": "rigid"})
-    _save(folder / "key.json", told)
-    (folder / "model.toml").write_text(model, encoding="utf-8")
-    (folder / "readings.csv").write_text(_table(hidden, hidden.rows, said, rng, 0), encoding="utf-8")
-    (folder / "unseen.csv").write_text(_table(hidden, unseen, unread, None, 0), encoding="utf-8")
+    free = {name: springs[name] for name in hidden.free()}
+    files = {
+        "model.toml": model_text(description(hidden.arm.name), free, hidden.load_path or ""),
+        "key.json": told,
+        "readings.csv": _table(hidden, hidden.rows, said, rng, 0),
+        "unseen.csv": _table(hidden, unseen, unread, None, 0),
+    }
+    return write_set(folder, files)
 
 
 def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     """Fill in a sheet of further set-ups: the same truth some days later, with noise and set-ups of their own."""
-    told = json.loads((set_folder / "key.json").read_text(encoding="utf-8"))
+    told = key_in(set_folder)
     told["nuisance"].pop("spoilt_cells")
     hidden = hidden_of(told)
     rng = np.random.default_rng([hidden.seed, 2, visit])
-    lines = list(csv.DictReader(io.StringIO(sheet_csv), delimiter=";" if ";" in sheet_csv.split("\n")[0] else ","))
-    if not lines:
-        raise ValueError("the sheet has no rows; pass one with a row for each reading to take")
+    lines = sheet_rows(sheet_csv)
     rows = _rows_of(hidden.arm, lines, np.array(told["levels_N"]))
     _, stamps = moments(hidden.clock, [row.pose for row in rows], [row.repeat for row in rows], rng, visit)
     rows = [replace(row, moment=moment) for row, moment in zip(rows, stamps, strict=True)]
     said, _ = blur(hidden.noise, rows, hidden.truth().readings(rows), rng)
-    times = list(csv.DictReader(io.StringIO(_table(hidden, rows, said, rng, visit))))
+    times = sheet_rows(_table(hidden, rows, said, rng, visit))
+    columns = list(lines[0])
     asked = [name for name in READ if name in lines[0]] or [READ[i] for i in hidden.axes]
     more = [name for name in ("time_s", "temperature_C", "session") if name in times[0] and name not in lines[0]]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [*lines[0], *(n for n in asked if n not in lines[0]), *more], lineterminator="\n")
-    writer.writeheader()
     for line, time, reading in zip(lines, times, said, strict=True):
-        cells = {READ[i]: f"{1e3 * reading[i]:.3f}" for i in range(3) if READ[i] in asked}
-        stamps_of = {name: time[name] for name in ("time_s", "temperature_C", "session") if name in time}
-        writer.writerow({**line, **cells, **stamps_of})
-    return text.getvalue()
+        line |= {READ[i]: f"{1e3 * reading[i]:.3f}" for i in range(3) if READ[i] in asked}
+        line |= {name: time[name] for name in ("time_s", "temperature_C", "session") if name in time}
+    return csv_text(lines, [*columns, *asked, *more])
 
 
 def _rows_of(arm: Arm, lines: Sequence[dict[str, str]], levels: Vector) -> list[Row]:
     """Rows of a sheet; a missing angle, force or point is 0, as the table's description says."""
-
-    def numbers(line: dict[str, str], names: Sequence[str]) -> Vector:
-        return np.array([float(line.get(name) or 0) for name in names])
-
     for line in lines:
-        if any(numbers(line, ("mx_Nm", "my_Nm", "mz_Nm"))):
+        if any(numbers(line, MOMENTS)):
             raise ValueError("the sheet asks for moments; this world only pulls")
     coordinates = [joint.coordinate for joint in arm.joints]
     found = []
@@ -426,7 +424,3 @@ def _table(hidden: Hidden, rows: Sequence[Row], said: Vector, rng: np.random.Gen
         digits = 3 if timed else 6
         writer.writerow([*cells, *(f"{1e3 * reading[i]:.{digits}f}" for i in axes)])
     return text.getvalue()
-
-
-def _save(path: Path, data: dict[str, object]) -> None:
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

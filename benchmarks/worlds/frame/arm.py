@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import shared
+from ..shared import description, si
+
 Array = NDArray[np.float64]
-BUNDLED = Path(__file__).resolve().parents[3] / "robots" / "data"
-OWN = Path(__file__).with_name("data")
 GRAVITY = 9.81
-UNITS = {"m": 1.0, "mm": 1e-3, "deg": 1.0, "kg": 1.0, "GPa": 1e9, "N m/rad": 1.0, "1": 1.0}
 # N m/rad. xr701, kr60-3 and fanuc near published values, the others of their class.
 SPRINGS: dict[str, tuple[float, ...]] = {
     "xr701": (1.8e6, 1.4e6, 0.76e6, 6e5, 3.5e5, 2.2e5),
@@ -27,12 +26,6 @@ SPRINGS: dict[str, tuple[float, ...]] = {
 }
 # No file states the masses of its parts; the whole arm's, split as in others of its class.
 FANUC_PARTS = {"base": 330.0, "j1": 290.0, "j2": 190.0, "j3": 230.0, "j6": 50.0}
-
-
-def _si(entry: Any) -> Any:
-    value = entry["value"]
-    scale = UNITS[entry["unit"]]
-    return [v * scale for v in value] if isinstance(value, list) else value * scale
 
 
 @dataclass(frozen=True)
@@ -154,9 +147,9 @@ def _fixed(joint: dict[str, Any]) -> tuple[Array, Array]:
     """Frame (4, 4) of a joint at zero, and its axis there."""
     frame = np.eye(4)
     if "frame" in joint:
-        frame[:3, 3] = _si(joint["frame"]["xyz"])
+        frame[:3, 3] = si(joint["frame"]["xyz"])
         return frame, np.array(joint["frame"]["axis"], dtype=float)
-    dh = {key: _si(joint["dh"][key]) for key in ("alpha", "a", "d")}
+    dh = {key: si(joint["dh"][key]) for key in ("alpha", "a", "d")}
     frame[:3, :3] = rotation(np.array([1.0, 0, 0]), np.radians(dh["alpha"]))
     frame[:3, 3] = np.array([dh["a"], 0, 0]) + frame[:3, :3] @ np.array([0, 0, dh["d"]])
     return frame, np.array([0.0, 0, 1])
@@ -165,39 +158,33 @@ def _fixed(joint: dict[str, Any]) -> tuple[Array, Array]:
 def _section(link: dict[str, Any], materials: dict[str, Any]) -> Section:
     """At the link's root: thin walls, torsion after Bredt."""
     of, material = link["section"], materials[link["material"]]
-    modulus, nu = _si(material["youngs_modulus"]), _si(material["poissons_ratio"])
-    wall = _si(of["wall"])
+    modulus, nu = si(material["youngs_modulus"]), si(material["poissons_ratio"])
+    wall = si(of["wall"])
     if of["kind"] == "tube":
-        radius = (_si(of["diameter"]) - wall) / 2
+        radius = (si(of["diameter"]) - wall) / 2
         area, inertia = 2 * np.pi * radius * wall, np.pi * radius**3 * wall
         torsion = 2 * inertia
     else:
-        b, h = _si(of["width"]) - wall, _si(of["height"]) - wall
+        b, h = si(of["width"]) - wall, si(of["height"]) - wall
         area, torsion = 2 * (b + h) * wall, 2 * wall * (b * h) ** 2 / (b + h)
         inertia = (wall * h**2 * (h + 3 * b) + wall * b**2 * (b + 3 * h)) / 12
     return Section(area, inertia, torsion, modulus, modulus / (2 + 2 * nu))
 
 
-def path_of(name: str) -> Path:
-    """The description file of an arm."""
-    own = OWN / f"{name}.toml"
-    return own if own.exists() else BUNDLED / f"{name}.toml"
-
-
 @cache
 def load(name: str) -> Arm:
     """One of ``SPRINGS`` by its name."""
-    raw = tomllib.loads(path_of(name).read_text(encoding="utf-8"))
+    raw = tomllib.loads(description(name))
     joints = raw["joint"]
     fixed = [_fixed(joint) for joint in joints]
     columns = tuple(joint["coordinate"] for joint in joints)
-    limits = np.array([_si(joint["limits"]) for joint in joints], dtype=float)
+    limits = np.array([si(joint["limits"]) for joint in joints], dtype=float)
     links = raw.get("link", [])
     couplings = [
         (
             np.array([sum(t["factor"] for t in one["terms"] if t["coordinate"] == c) for c in columns], dtype=float),
-            float(_si(one["offset"])),
-            *map(float, _si(one["limits"])),
+            float(si(one["offset"])),
+            *map(float, si(one["limits"])),
         )
         for one in raw.get("coupling", [])
     ]
@@ -208,97 +195,36 @@ def load(name: str) -> Arm:
         frames=np.array([frame for frame, _ in fixed]),
         about=np.array([axis for _, axis in fixed]),
         signs=np.array([joint.get("sign", 1) for joint in joints], dtype=float),
-        offsets=np.array([_si(joint["offset"]) if "offset" in joint else 0 for joint in joints], dtype=float),
+        offsets=np.array([si(joint["offset"]) if "offset" in joint else 0 for joint in joints], dtype=float),
         low=limits[:, 0],
         high=limits[:, 1],
-        flange=np.array(_si(raw["flange"]["xyz"])),
-        tool=np.array(_si(raw["tool"]["xyz"])) if "tool" in raw else np.zeros(3),
+        flange=np.array(si(raw["flange"]["xyz"])),
+        tool=np.array(si(raw["tool"]["xyz"])) if "tool" in raw else np.zeros(3),
         couplings=tuple(couplings),
-        masses={link["body"]: float(_si(link["mass"])) for link in links} or FANUC_PARTS,
+        masses={link["body"]: float(si(link["mass"])) for link in links} or FANUC_PARTS,
         links=tuple(Link(link["name"], link["body"], _section(link, raw["materials"])) for link in links),
-        payload=GRAVITY * float(_si(raw["payload"])),
+        payload=GRAVITY * float(si(raw["payload"])),
         springs=np.array(SPRINGS[name]),
-        pin=np.array(_si(raw["parallelogram"]["pin"])) if "parallelogram" in raw else None,
+        pin=np.array(si(raw["parallelogram"]["pin"])) if "parallelogram" in raw else None,
     )
-
-
-def model_text(arm: Arm, springs: dict[str, float]) -> str:
-    """The description with these springs in N m/rad; a joint without one is rigid."""
-    out: list[str] = []
-    joint = ""
-    for line in path_of(arm.name).read_text(encoding="utf-8").splitlines():
-        if line.startswith("["):
-            joint = "?" if line == "[[joint]]" else ""
-        if joint and line.startswith("stiffness"):
-            continue
-        out.append(line)
-        if joint and line.startswith("name"):
-            joint = line.split('"')[1]
-            if joint in springs:
-                out.append(f'stiffness = {{ value = {springs[joint]:.6g}, unit = "N m/rad", source = "assumed" }}')
-    return "\n".join(out) + "\n"
 
 
 ANGLE_DIGITS = 4
 
 
 @dataclass(frozen=True)
-class Effect:
-    """A law by its family, where it acts, and its numbers."""
+class Spec(shared.Spec):
+    """One set of this world. Lengths in m."""
 
-    family: str
-    place: str
-    numbers: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Spec:
-    """One set. Lengths in m, loads in N, springs in N m/rad; a stated spring of 0 is a rigid joint."""
-
-    seed: int
-    kind: str
-    arm: str
-    path: str
-    springs: tuple[float, ...]
-    stated: tuple[float, ...]
-    reads: str
-    poses: int
-    grid: bool
-    loads: tuple[float, ...]
-    down: bool
-    repeats: int
-    second: tuple[float, ...]  # direction of every other set-up's load; none: all go down
-    sessions: int
-    columns: tuple[str, ...]
-    scatter: float
-    outliers: bool
-    noise: dict[str, Any]
-    balance: float
     settle_s: float
     moves: bool  # the arm goes away and comes back between two cycles
     soft_links: float  # share of the deflection that links give
     point: tuple[float, ...]  # loaded and read in the flange frame; none: the model's tool point
-    effects: tuple[Effect, ...] = ()
 
     @property
     def of(self) -> Arm:
         """The arm as it is stated."""
         return load(self.arm)
-
-    def rng(self, *what: int) -> np.random.Generator:
-        """Chance that goes by the set and by what it is asked for."""
-        return np.random.default_rng([self.seed, *what])
-
-    def text(self) -> dict[str, Any]:
-        """As JSON takes it."""
-        return asdict(self)
-
-
-def from_text(raw: dict[str, Any]) -> Spec:
-    """A set as ``Spec.text`` gave it, through JSON or not."""
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()}
-    given["effects"] = tuple(Effect(**one) for one in raw["effects"])
-    return Spec(**given)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from .arm import ANGLE_DIGITS, STIFF, Arm, Effect, Row, Section, Spec, rotation, turns
+from ..shared import Effect, log_uniform
+from .arm import ANGLE_DIGITS, STIFF, Arm, Row, Section, Spec, rotation, turns
 from .other_laws import EVERY
-from .plan import Event, Joint, Moment, Plan, build, log_uniform, run, some_pose, usable
+from .plan import Event, Joint, Moment, Plan, build, run, some_pose, usable
 
 Array = NDArray[np.float64]
 DAY = 86400.0
@@ -152,11 +153,6 @@ def sds(spec: Spec, rows: list[Row], moved: Array) -> Array:
     return n["level"] * ones
 
 
-def read_axes(spec: Spec) -> list[int]:
-    """Components that are read."""
-    return [2] if spec.reads == "z" else [0, 1, 2]
-
-
 def has_sessions(spec: Spec) -> bool:
     """Whether the table has sessions, and so gauges that are set up anew."""
     return "session" in spec.columns
@@ -175,7 +171,7 @@ def measured(spec: Spec, rows: list[Row], moved: Array, what: int) -> Array:
     out += sd * draws
     if spec.outliers:
         for i in np.flatnonzero(rng.random(len(rows)) < 1 / ONE_IN).tolist():
-            k = rng.choice(read_axes(spec))
+            k = rng.choice(spec.axes)
             out[i, k] += sd[i, k] * rng.uniform(5, 30) * rng.choice([-1, 1])
     return out
 
@@ -204,7 +200,7 @@ def excess(spec: Spec, rows: list[Row], alone: Array, whole: Array) -> float:
     Noise is that of the set's readings ``whole`` (n, 3). What is in common to a set-up's readings or to a session's is
     one more unknown with a variance of its own, which is the same as a full covariance.
     """
-    axes = read_axes(spec)
+    axes = spec.axes
     sd = sds(spec, rows, whole)[:, axes].ravel()
     free = [i for i, k in enumerate(spec.stated) if k]
     springs = spring_motions(spec, rows)[:, axes][:, :, free].reshape(len(sd), -1)

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arm import GRAVITY, STIFF, Deck, Effect, Material
-from .plan import Law, Moment, Nodes, Plan, Scene, X, Y, log_uniform, sign
+from ..shared import Effect, log_uniform, sign
+from .arm import GRAVITY, STIFF, Deck, Material
+from .plan import Law, Moment, Nodes, Plan, Scene, X, Y
 
 Array = NDArray[np.float64]
 HUGE = 1e12
@@ -125,7 +126,7 @@ def table(torques: Array, turns: Array) -> Material:
 class Bent(Law):
     """A law of torque against turn as a table, another one each way."""
 
-    axis = ("load",)
+    axes = ("load",)
 
     def curve(self, n: dict[str, Any], x: Array) -> Array:
         """Turn over that of a plain spring's at the torque 1, for torques of x > 0."""
@@ -184,7 +185,7 @@ class Backlash(Law):
     """Two flanks that do not close at once; where between them the arm hangs is chance."""
 
     family = "backlash"
-    axis = ("load",)
+    axes = ("load",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"gap": rng.uniform(3e-4, 9e-4), "hangs": rng.uniform(0.2, 0.8), "uneven": rng.uniform(0.05, 0.3)}
@@ -206,7 +207,7 @@ class Warming(Law):
     """Softer the longer the session lasts: t^p over t^p + T^p."""
 
     family = "warming"
-    axis = ("clock",)
+    axes = ("clock",)
     by_clock = True
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -332,7 +333,7 @@ class LooseBase(AtBase):
     """Four feet that press but do not pull, each with a bolt that does, weakly: beyond a moment one side lifts."""
 
     family = "loose-base"
-    axis = ("load",)
+    axes = ("load",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         arm = scene.arm
@@ -466,7 +467,7 @@ class Friction(Law):
     """Seals and bearings rub beside the gear's spring."""
 
     family = "friction"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def place(self, rng: Rng, scene: Scene) -> str:
         return scene.some_joint(rng, ("j2", "j3"))
@@ -492,7 +493,7 @@ class StickSlip(Law):
     """Three contacts that hold and let go at once, each at another turn, and hold less from then on."""
 
     family = "stick-slip"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def place(self, rng: Rng, scene: Scene) -> str:
         return scene.some_joint(rng, ("j1", "j2", "j3", "j4"))
@@ -526,7 +527,7 @@ class Creep(Law):
     """Two springs with dashpots beside the gear's let go of their load, a fast one and a slow one."""
 
     family = "creep"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {
@@ -552,7 +553,7 @@ class Slip(Law):
     """A clamp gives way beyond a load, harder and harder, and stays where it went."""
 
     family = "slip"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def place(self, rng: Rng, scene: Scene) -> str:
         kind = rng.integers(3)

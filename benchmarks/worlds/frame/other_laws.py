@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arm import Arm, Deck, Effect, Material, Row, rotation
+from ..shared import Effect, direction, log_uniform, sign
+from .arm import Arm, Deck, Material, Row, rotation
 from .joint_laws import BODY_LAWS, HISTORY_LAWS, HUGE, JOINT_LAWS, AtBase, rubbing, table
-from .plan import Law, Moment, Nodes, Plan, Scene, log_uniform, sign, unit
+from .plan import Law, Moment, Nodes, Plan, Scene
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -26,7 +27,7 @@ class Payload(AtLoad):
     """A hook and a basket that nobody weighed, or a rope that takes some of the weight."""
 
     family = "payload"
-    axis = ("load",)
+    axes = ("load",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"force": rng.uniform(20, 60) * scene.arm.payload / 1300 * sign(rng)}
@@ -42,7 +43,7 @@ class LoadPoint(AtLoad):
     family = "load-point-offset"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
-        return {"by_m": [rng.uniform(0.015, 0.045) * x for x in unit(rng)]}
+        return {"by_m": [rng.uniform(0.015, 0.045) * x for x in direction(rng)]}
 
     def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
         return force, load_at + np.array(e.numbers["by_m"]), read_at
@@ -55,7 +56,7 @@ class ToolPoint(LoadPoint):
     spot = "tool"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
-        return {"by_m": [rng.uniform(0.02, 0.06) * x for x in unit(rng)]}
+        return {"by_m": [rng.uniform(0.02, 0.06) * x for x in direction(rng)]}
 
     def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
         by = np.array(e.numbers["by_m"])
@@ -68,7 +69,7 @@ class Misalignment(AtLoad):
     family = "load-misalignment"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
-        return {"deg": rng.uniform(1.5, 4.5), "about": unit(rng, flat=True)}
+        return {"deg": rng.uniform(1.5, 4.5), "about": direction(rng, flat=True)}
 
     def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
         lean = rotation(np.array(e.numbers["about"]), np.radians(e.numbers["deg"]))
@@ -93,14 +94,14 @@ class TurnedFrame(Law):
     """The surveyor's axes are turned against the base's."""
 
     family = "turned-frame"
-    axis = ("direction",)
+    axes = ("direction",)
     bare = True
     spot = "gauge"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         if rng.random() < 0.5:
             return {"deg": rng.uniform(3, 20) * sign(rng), "about": [0.0, 0.0, 1.0]}
-        return {"deg": rng.uniform(1.5, 5) * sign(rng), "about": unit(rng, flat=True)}
+        return {"deg": rng.uniform(1.5, 5) * sign(rng), "about": direction(rng, flat=True)}
 
     def turn(self, e: Effect) -> Array:
         """From stated to true."""
@@ -176,7 +177,7 @@ class AtGauge(Law):
 
     bare = True
     spot = "gauge"
-    axis = ("load",)
+    axes = ("load",)
 
 
 class GaugeZero(AtGauge):
@@ -207,7 +208,7 @@ class Drift(AtGauge):
     """The gauge's stand grows with the day's warmth, by a power of the time in each session."""
 
     family = "drift"
-    axis = ("clock",)
+    axes = ("clock",)
     by_clock = True
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -255,7 +256,7 @@ class GroutCreep(AtBase):
     """Grout under the base gives way with time, and comes back."""
 
     family = "grout-creep"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"stiffness": tilting(scene, rng), "time_s": log_uniform(rng, 40, 600), "at_once": rng.uniform(4, 15)}
@@ -271,7 +272,7 @@ class PadCreep(Strange):
     """A rubber pad under the hook settles."""
 
     family = "pad-creep"
-    axis = ("load history",)
+    axes = ("load history",)
     spot = "tool"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -289,7 +290,7 @@ class BaseRub(AtBase):
     """The base shifts on its plate: it tilts, and rubs."""
 
     family = "base-rub"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {
@@ -312,7 +313,7 @@ class StylusPlay(AtGauge):
     """The stylus hangs back until the spindle has taken up its play."""
 
     family = "stylus-play"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"half_m": rng.uniform(12e-6, 40e-6)}
@@ -329,7 +330,7 @@ class ServoRecovery(Strange):
     """The drive's integrator brings a joint back: it gives way at once, and less and less while the load hangs."""
 
     family = "servo-recovery"
-    axis = ("load history",)
+    axes = ("load history",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"amount": rng.uniform(0.12, 0.35), "time_s": log_uniform(rng, 30, 300)}
@@ -346,7 +347,7 @@ class FadingBase(AtBase):
     """An anchor works loose around one moment, and stays so."""
 
     family = "fading-base"
-    axis = ("clock",)
+    axes = ("clock",)
     by_clock = True
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -367,7 +368,7 @@ class CrackedLink(Strange):
     """A crack half way along a casing opens under tension and closes under pressure."""
 
     family = "cracked-link"
-    axis = ("load", "pose")
+    axes = ("load", "pose")
     arms = ("xr701", "kr60-3", "tx200", "crane6", "reed7")
 
     def place(self, rng: Rng, scene: Scene) -> str:
@@ -389,7 +390,7 @@ class TiltPlay(Strange):
     """A cross-roller bearing with play: a joint tilts freely a little, both ways across its axis."""
 
     family = "tilt-play"
-    axis = ("load",)
+    axes = ("load",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
         return {"half": rng.uniform(1e-4, 4e-4), "beyond": log_uniform(rng, 3e6, 1.5e7) * min(scene.arm.size, 1.2)}
@@ -410,7 +411,7 @@ class ToolRubber(Strange):
     """A rubber coupling that stiffens with the load's cube root."""
 
     family = "tool-rubber"
-    axis = ("load",)
+    axes = ("load",)
     spot = "tool"
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -442,7 +443,7 @@ class BaseBySession(AtBase):
     """Bolted down anew for every session, never alike."""
 
     family = "base-by-session"
-    axis = ("session",)
+    axes = ("session",)
     by_session = True
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -460,7 +461,7 @@ class WeightsMixedUp(AtLoad):
     """Another box of weights on one of the days."""
 
     family = "weights-mixed-up"
-    axis = ("session",)
+    axes = ("session",)
     by_session = True
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
@@ -475,7 +476,7 @@ class OneSided(Strange):
     """A gear whose flanks are not alike: one way it is much stiffer."""
 
     family = "one-sided"
-    axis = ("direction", "pose")
+    axes = ("direction", "pose")
 
     def place(self, rng: Rng, scene: Scene) -> str:
         return scene.some_joint(rng, scene.arm.joints[3:])
@@ -492,10 +493,10 @@ class SlidingHook(AtLoad):
     """A hook slides along its bar as the load pulls it."""
 
     family = "sliding-hook"
-    axis = ("load",)
+    axes = ("load",)
 
     def draw(self, rng: Rng, scene: Scene, place: str) -> dict[str, Any]:
-        return {"by_m": [rng.uniform(0.03, 0.09) * x for x in unit(rng)], "force": scene.force}
+        return {"by_m": [rng.uniform(0.03, 0.09) * x for x in direction(rng)], "force": scene.force}
 
     def pull(self, e: Effect, row: Row, force: Array, load_at: Array, read_at: Array) -> tuple[Array, Array, Array]:
         share = float(np.linalg.norm(force)) / e.numbers["force"]
@@ -506,7 +507,7 @@ class Hanger(Strange):
     """A hose hangs between the ceiling and the forearm, taut enough to carry."""
 
     family = "hanger"
-    axis = ("pose",)
+    axes = ("pose",)
 
     def place(self, rng: Rng, scene: Scene) -> str:
         return scene.arm.joints[-4]
@@ -531,7 +532,7 @@ class SoftBearing(Strange):
     """A joint's bearing gives way sideways."""
 
     family = "soft-bearing"
-    axis = ("pose",)
+    axes = ("pose",)
 
     def place(self, rng: Rng, scene: Scene) -> str:
         return scene.some_joint(rng, scene.arm.joints[1:])

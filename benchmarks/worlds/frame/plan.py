@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arm import GRAVITY, Arm, Deck, Effect, Material, Row, Section, Spec, Stand, load, turns
+from ..shared import Effect
+from .arm import GRAVITY, Arm, Deck, Material, Row, Section, Spec, Stand, load, turns
 
 Array = NDArray[np.float64]
 X, Y = np.array([1.0, 0, 0]), np.array([0.0, 1, 0])
@@ -218,7 +219,7 @@ class Law:
     """Defaults change nothing. Subclasses say what a family does in their own words."""
 
     family = ""
-    axis: tuple[str, ...] = ("pose",)
+    axes: tuple[str, ...] = ("pose",)
     bare = False  # the code has no place
     spot = ""  # the one place where it acts, if there is but one
     by_clock = False
@@ -257,22 +258,6 @@ class Law:
     def read(self, e: Effect, rows: list[Row], moved: Array) -> Array:
         """What the gauge says (n, 3) of a cycle's rows, of how the point moved, m."""
         return moved
-
-
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Between two positive numbers."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-def sign(rng: np.random.Generator) -> float:
-    """-1 or 1."""
-    return float(rng.choice([-1.0, 1.0]))
-
-
-def unit(rng: np.random.Generator, flat: bool = False) -> list[float]:
-    """A direction; flat: a horizontal one."""
-    v = rng.normal(size=3) * ([1, 1, 0] if flat else [1, 1, 1])
-    return [float(x) for x in v / np.linalg.norm(v)]
 
 
 def usable(arm: Arm, q: Array) -> bool:

@@ -6,12 +6,12 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..shared import description, si
 
 Array = NDArray[np.float64]
 ONE = np.eye(8)[0]
@@ -82,8 +82,6 @@ def at(m: Array, point: Array) -> Array:
     return direct(m, point) + origin(m)
 
 
-FILES = Path(__file__).resolve().parents[3] / "robots" / "data"
-UNITS = {"m": 1.0, "mm": 1e-3, "deg": 1.0, "kg": 1.0, "GPa": 1e9, "1": 1.0}
 G = 9.81
 # N m/rad: near published values or of the class.
 SPRINGS: dict[str, tuple[float, ...]] = {
@@ -91,11 +89,6 @@ SPRINGS: dict[str, tuple[float, ...]] = {
     "kr60-3": (2.1977e6, 0.8994e6, 1.1118e6, 6.44e4, 2.54e4, 2.0e4),
     "tx200": (1.5e6, 1.3e6, 9e5, 2.2e5, 1.4e5, 7e4),
 }
-
-
-def si(entry: Any) -> Array:
-    """A quantity of the file."""
-    return np.asarray(entry["value"], dtype=float) * UNITS[entry["unit"]]
 
 
 @dataclass(frozen=True)
@@ -207,7 +200,7 @@ def _casing(link: dict[str, Any], materials: dict[str, Any], bodies: list[str]) 
 @cache
 def load(name: str) -> Arm:
     """One of ``SPRINGS`` by its name."""
-    raw = tomllib.loads((FILES / f"{name}.toml").read_text(encoding="utf-8"))
+    raw = tomllib.loads(description(name))
     joints = raw["joint"]
     columns = tuple(joint["coordinate"] for joint in joints)
     bodies = ["base", *(joint["name"] for joint in joints)]
@@ -239,19 +232,6 @@ def load(name: str) -> Arm:
         payload=G * float(si(raw["payload"])),
         pin=si(raw["parallelogram"]["pin"]) if "parallelogram" in raw else None,
     )
-
-
-def model_text(arm: Arm, springs: dict[str, float]) -> str:
-    """The description with these springs in N m/rad; a joint without one is rigid."""
-    lines = (FILES / f"{arm.name}.toml").read_text(encoding="utf-8").splitlines()
-    kept = [line for line in lines if not line.startswith("stiffness ")]
-    out = []
-    for before, line in pairwise(["", *kept]):
-        out.append(line)
-        name = line.split('"')[1] if before == "[[joint]]" else ""
-        if name in springs:
-            out.append(f'stiffness = {{ value = {springs[name]:.6g}, unit = "N m/rad", source = "assumed" }}')
-    return "\n".join(out) + "\n"
 
 
 Value = Array | float

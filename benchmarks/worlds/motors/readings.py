@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -12,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from ..shared import FORCES, MOMENTS, POINT, READ, Effect, csv_text, number, numbers
 from .arm import Arm, Now, direct, turn
 from .known import KNOWN_ROWS
-from .spec import STIFF, Case, Effect, Machine, Numbers, Pull, Rng, Row, Spec, air, anywhere, usable
+from .spec import STIFF, Case, Machine, Numbers, Pull, Rng, Row, Spec, air, anywhere, usable
 from .strange import STRANGE_ROWS
 
 Array = NDArray[np.float64]
@@ -22,7 +21,6 @@ Ints = NDArray[np.int_]
 Convention = Callable[[Array], Array]  # from stated angles (n,) in deg to true ones
 DAY = 86400.0
 NONE = np.zeros(3)
-READ = ("dx_mm", "dy_mm", "dz_mm")
 
 
 @dataclass(frozen=True)
@@ -175,15 +173,6 @@ def own_columns(spec: Spec, table: Table, first: int) -> list[dict[str, str]]:
     return [{name: said[name][i] for name in said if name in spec.columns} for i in range(len(warm))]
 
 
-def as_text(lines: list[dict[str, Any]], names: list[str]) -> str:
-    """CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(lines)
-    return text.getvalue()
-
-
 def measurement_table(spec: Spec, table: Table, said: Array, label: str = "P", first: int = 1, digits: int = 4) -> str:
     """As CSV, of readings (R, 3) in m."""
     lines = []
@@ -199,23 +188,16 @@ def measurement_table(spec: Spec, table: Table, said: Array, label: str = "P", f
         if spec.down:
             line["phase"] = "loading" if table.up[i] else "unloading"
         lines.append(line | own[i] | {READ[k]: f"{1e3 * d[k]:.{digits}f}" for k in spec.axes})
-    return as_text(lines, list(lines[0]))
+    return csv_text(lines)
 
 
 def of_sheet(spec: Spec, lines: list[dict[str, str]], visit: int, session: int, start_s: float) -> Table:
     """A sheet's lines as measured in order: a set-up is a run of lines at one pose, a cycle one of its repeats."""
-
-    def numbers(line: dict[str, str], names: list[str], missing: Array) -> Array:
-        return np.array([float(line[c]) if line.get(c) else m for c, m in zip(names, missing, strict=True)])
-
     clock, arrays, last, zero, cycle = Clock(start_s), [], ((), ""), start_s, 0
     visit -= 1
     for line in lines:
-        q = numbers(line, list(spec.of.columns), np.zeros(len(spec.of.columns)))
-        force, moment = (
-            numbers(line, [f"{a}{x}_{b}" for x in "xyz"], np.zeros(3)) for a, b in (("f", "N"), ("m", "Nm"))
-        )
-        point = numbers(line, [f"p{x}_mm" for x in "xyz"], 1e3 * spec.loaded) / 1e3
+        q, force, moment = (numbers(line, names) for names in (spec.of.columns, FORCES, MOMENTS))
+        point = np.array([number(line, name, k) for name, k in zip(POINT, 1e3 * spec.loaded, strict=True)]) / 1e3
         here = (line.get("pose"), *q, *np.round(force / (np.linalg.norm(force) or 1), 6)), line.get("repeat") or ""
         if here != last:
             moves = here[0] != last[0]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import shared
+from ..shared import Effect, direction
 from .arm import ONE, Arm, G, Law, Now, Spring, at, cross, direct, load, origin, shift, then, turn
 
 Array = NDArray[np.float64]
@@ -212,41 +214,12 @@ Numbers = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Effect:
-    """A law by its family, where it acts, and its numbers; with ``size`` 0 it is not there."""
+class Spec(shared.Spec):
+    """One set of this world. Lengths in m."""
 
-    family: str
-    place: str
-    numbers: Numbers
-
-
-@dataclass(frozen=True)
-class Spec:
-    """One set. Lengths in m, loads in N, springs in N m/rad; a stated spring of 0 is a rigid joint."""
-
-    seed: int
-    kind: str
-    arm: str
-    path: str
-    springs: tuple[float, ...]
-    stated: tuple[float, ...]
-    reads: str
-    poses: int
-    grid: bool
-    loads: tuple[float, ...]
-    down: bool
-    repeats: int
-    second: tuple[float, ...]  # direction of every other set-up's load; none: all go down
-    sessions: int
-    columns: tuple[str, ...]
-    scatter: float  # of each spring from set-up to set-up
-    outliers: bool
-    noise: Numbers
-    balance: float  # share of the weights' torques that is balanced
     away: bool  # the arm goes away and comes back between two cycles
     air: Numbers  # how the hall warms up in a session
     point: tuple[float, ...]  # loaded and read in the flange frame; none: the model's tool point
-    effects: tuple[Effect, ...] = ()
 
     @property
     def of(self) -> Arm:
@@ -257,25 +230,6 @@ class Spec:
     def loaded(self) -> Array:
         """The point (3,) in the flange frame."""
         return np.array(self.point) if self.point else self.of.tool
-
-    @property
-    def axes(self) -> list[int]:
-        """Components that are read."""
-        return [2] if self.reads == "z" else [0, 1, 2]
-
-    def rng(self, *what: int) -> Rng:
-        """Chance that goes by the set and by what it is asked for."""
-        return np.random.default_rng([self.seed, *what])
-
-    def text(self) -> Numbers:
-        """As JSON takes it."""
-        return asdict(self)
-
-
-def from_text(raw: Numbers) -> Spec:
-    """A set as ``Spec.text`` gave it, through JSON or not."""
-    given = {key: tuple(value) if isinstance(value, list) else value for key, value in raw.items()}
-    return Spec(**given | {"effects": tuple(Effect(**one) for one in raw["effects"])})
 
 
 @dataclass
@@ -376,18 +330,6 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Way:
-    """A direction; level: a horizontal one."""
-
-    level: bool = False
-
-    def draw(self, rng: Rng, scene: Scene, place: str) -> list[float]:
-        """One."""
-        v = rng.normal(size=3) * ([1, 1, 0] if self.level else [1, 1, 1])
-        return [float(x) for x in v / np.linalg.norm(v)]
-
-
-@dataclass(frozen=True)
 class Pick:
     """Anything that a function draws."""
 
@@ -398,6 +340,8 @@ class Pick:
         return self.of(rng, scene, place)
 
 
+ANYWHERE = Pick(lambda rng, scene, place: direction(rng))
+LEVEL = Pick(lambda rng, scene, place: direction(rng, flat=True))
 ANGLE = Range(-np.pi, np.pi)
 Acts = Callable[[Machine, Numbers, str], None]
 
@@ -413,7 +357,7 @@ class Row:
     family: str
     axis: str
     where: str | Callable[[Rng, Scene], str]
-    sizes: dict[str, Range | Way | Pick]
+    sizes: dict[str, Range | Pick]
     build: Acts | None = None
     load: Callable[[Case, Numbers], None] | None = None
     read: Callable[[Case, Numbers, Array, str], Array] | None = None

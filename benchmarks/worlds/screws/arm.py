@@ -5,11 +5,12 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from ..shared import description, si
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -164,9 +165,6 @@ def _element(frame: Array, point: Array, soft: Array) -> Array:
     return np.asarray(screws.T * soft @ screws)
 
 
-BUNDLED = Path(__file__).resolve().parents[3] / "robots" / "data"
-OWN = Path(__file__).resolve().parent / "data"
-UNITS = {"mm": 1e-3, "m": 1.0, "deg": np.pi / 180.0, "GPa": 1e9, "kg": 1.0, "1": 1.0, "N mm/rad": 1e-3, "N m/rad": 1.0}
 # Nominal springs in N m/rad of arms whose file has none: within the fact sheet's 4e5 to 4e6 and 2e4 to 3e6.
 NOMINAL = {
     "tx200": (2.4e6, 1.7e6, 1.2e6, 3.0e5, 2.2e5, 1.1e5),
@@ -187,7 +185,6 @@ class Arm:
     """An arm: names; screws (6, n), joint centres (n, 3) and flange (4, 4) at home; springs; box of angles."""
 
     name: str
-    text: str
     joints: tuple[str, ...]
     coordinates: tuple[str, ...]
     screws: Array
@@ -222,10 +219,8 @@ class Arm:
 
 
 def figure(entry: Any) -> Any:
-    """A figure of a description file in SI units; lists as arrays."""
-    value = entry["value"]
-    scale = UNITS[entry["unit"]]
-    return np.asarray(value, float) * scale if isinstance(value, list) else float(value) * scale
+    """A figure of a description file, angles in rad."""
+    return si(entry, np.pi / 180.0)
 
 
 def turn(axis: str, angle: float) -> Array:
@@ -284,9 +279,7 @@ def _link(entry: dict[str, Any], data: dict[str, Any], frames: list[Array], join
 @cache
 def arm(name: str) -> Arm:
     """The arm of that name, as its description says."""
-    own = OWN / f"{name}.toml"
-    text = (own if own.is_file() else BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
-    data = tomllib.loads(text)
+    data = tomllib.loads(description(name))
     joints = tuple(j["name"] for j in data["joint"])
     frames, axes = _home(data)
     centres = np.stack([f[:3, 3] for f in frames[:-1]])
@@ -295,7 +288,6 @@ def arm(name: str) -> Arm:
     fold = data["coupling"][0]["limits"]["value"] if plate else None
     return Arm(
         name=name,
-        text=text,
         joints=joints,
         coordinates=tuple(j["coordinate"] for j in data["joint"]),
         screws=np.stack([screw_through(a, c) for a, c in zip(axes, centres, strict=True)], -1),

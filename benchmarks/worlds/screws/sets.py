@@ -2,47 +2,37 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
+import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..shared import (
+    FORCES,
+    POINT,
+    READ,
+    csv_text,
+    description,
+    key_in,
+    model_text,
+    number,
+    numbers,
+    sheet_rows,
+    write_set,
+)
 from .arm import Array, Flags, Whole
 from .mechanics import Campaign, Effect, heated, readings, situation
 from .truth import SORTS, Truth, air, anywhere, clock, excess_of, truth
 
-SHOWN = ("dx_mm", "dy_mm", "dz_mm")
 
-
-def model_text(t: Truth) -> str:
+def model_of(t: Truth) -> str:
     """The arm's description with nominal springs; a joint that the model holds rigid has no entry."""
-    out: list[str] = []
-    joint = -1
+    text = re.sub(r'^name = ".*"', f'name = "{t.arm.name}-as-known"', description(t.arm.name), count=1, flags=re.M)
     path = "serial" if t.model_path == 0.0 else "parallelogram"
-    for line in t.arm.text.splitlines():
-        if line.startswith("name = ") and joint < 0:
-            line = f'name = "{t.arm.name}-as-known"'
-        elif line.startswith("load_path = "):
-            line = f'load_path = "{path}"'
-        joint += line == "[[joint]]"
-        if line.startswith("stiffness = "):
-            continue
-        out.append(line)
-        if line.startswith("limits = ") and joint in t.free and len(out) > 1 and _in_joint(out):
-            k = float(t.nominal[joint])
-            out.append(f'stiffness = {{ value = {k!r}, unit = "N m/rad", source = "assumed" }}')
-    return "\n".join(out) + "\n"
-
-
-def _in_joint(lines: Sequence[str]) -> bool:
-    """Whether the last line stands in a joint's table (limits also stand in couplings)."""
-    heads = [line for line in lines if line.startswith("[")]
-    return bool(heads) and heads[-1] == "[[joint]]"
+    return model_text(text, {t.arm.joints[j]: t.nominal[j] for j in t.free}, path, "")
 
 
 def thermometer(t: Truth, c: Campaign, rng: np.random.Generator) -> Array | None:
@@ -59,10 +49,10 @@ def rows_of(t: Truth, c: Campaign, d: Array, warm: Array | None, labels: bool) -
     """Rows of a table, in the order of the campaign; ``d`` (n, 3) in m; order and clock if ``labels``."""
     for i in range(len(c)):
         row = {name: f"{v:g}" for name, v in zip(t.arm.coordinates, c.q_deg[i], strict=True)}
-        row |= {name: f"{v + 0.0:g}" for name, v in zip(("fx_N", "fy_N", "fz_N"), c.force[i], strict=True)}
+        row |= {name: f"{v + 0.0:g}" for name, v in zip(FORCES, c.force[i], strict=True)}
         if c.point[i].any():
-            row |= {n: f"{1e3 * v:g}" for n, v in zip(("px_mm", "py_mm", "pz_mm"), c.point[i], strict=True)}
-        row |= {SHOWN[axis]: f"{1e3 * d[i, axis]:.6g}" for axis in t.axes}
+            row |= {n: f"{1e3 * v:g}" for n, v in zip(POINT, c.point[i], strict=True)}
+        row |= {READ[axis]: f"{1e3 * d[i, axis]:.6g}" for axis in t.axes}
         row["pose"] = str(c.setup[i] + 1)
         if labels:
             row |= {"repeat": str(c.repeat[i]), "phase": "unloading" if c.unloading[i] else "loading"}
@@ -72,16 +62,6 @@ def rows_of(t: Truth, c: Campaign, d: Array, warm: Array | None, labels: bool) -
             if t.design.sessions > 1:
                 row["session"] = f"day-{c.session[i] + 1}"
         yield row
-
-
-def text_of(rows: Iterable[dict[str, str]]) -> str:
-    """Rows as CSV text; columns are the first row's."""
-    rows = list(rows)
-    out = io.StringIO()
-    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return out.getvalue()
 
 
 def shown(t: Truth, clean: Array, c: Campaign, rng: np.random.Generator) -> tuple[Array, int]:
@@ -113,38 +93,24 @@ UNSEEN_STATE = (
 
 def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int = 50, pairs: int = 33) -> list[Path]:
     """Write so many sets of each sort into ``out``; the folders, in order."""
-    folders: list[Path] = []
-    for sort, count in zip(SORTS, (single, none, outside, pairs), strict=True):
-        for index in range(count):
-            folder = out / f"{sort}-{index + 1:03d}"
-            write(folder, truth(seed, sort, index))
-            folders.append(folder)
-    return folders
+    counts = dict(zip(SORTS, (single, none, outside, pairs), strict=True))
+    return [write(out / f"{sort}-{i + 1:03d}", truth(seed, sort, i)) for sort, n in counts.items() for i in range(n)]
 
 
-def write(folder: Path, t: Truth) -> None:
+def write(folder: Path, t: Truth) -> Path:
     """Write one set."""
-    folder.mkdir(parents=True, exist_ok=True)
     clean = readings(t.built, t.effects, t.campaign)
     seen, wrong = shown(t, clean, t.campaign, t.rng(1))
     warm = thermometer(t, t.campaign, t.rng(2))
     c = unseen(t)
     still = readings(t.built, t.effects, c, gauge=False)
-    links = "beam" if t.beam else "rigid"
-    texts = {
-        "set.json": text({"schema": "stiffarm-study-set/1", "model": "model.toml", "links": links}),
-        "model.toml": model_text(t),
-        "readings.csv": text_of(rows_of(t, t.campaign, seen, warm, labels=True)),
-        "unseen.csv": text_of(rows_of(t, c, still, None, labels=False)),
-        "key.json": text(key(t, wrong)),
+    files = {
+        "model.toml": model_of(t),
+        "readings.csv": csv_text(rows_of(t, t.campaign, seen, warm, labels=True)),
+        "unseen.csv": csv_text(rows_of(t, c, still, None, labels=False)),
+        "key.json": key(t, wrong),
     }
-    for name, content in texts.items():
-        (folder / name).write_text(content, encoding="utf-8", newline="\n")
-
-
-def text(content: object) -> str:
-    """JSON text."""
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    return write_set(folder, files, links="beam" if t.beam else "rigid")
 
 
 def unseen(t: Truth) -> Campaign:
@@ -227,43 +193,32 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     its cycle is read after the set's largest load, which the table does not show. Visits do not
     know of one another: each follows on the set's own readings.
     """
-    recipe = json.loads((set_folder / "key.json").read_text(encoding="utf-8"))["recipe"]
+    recipe = key_in(set_folder)["recipe"]
     t = truth(recipe["seed"], recipe["sort"], recipe["index"])
-    reader = csv.DictReader(io.StringIO(sheet_csv), delimiter=";" if ";" in sheet_csv.split("\n")[0] else ",")
-    rows = list(reader)
+    rows = sheet_rows(sheet_csv)
     later, real = conducted(t, rows, visit)
     whole = t.campaign.joined(later)
     clean = readings(t.built, t.effects, whole)[len(t.campaign) :]
     seen, _ = shown(t, clean, later, t.rng(1000 + visit, 1))
     warm = thermometer(t, whole, t.rng(1000 + visit, 2))
-    columns = list(reader.fieldnames or [])
-    asked = [name for name in columns if name in SHOWN] or [SHOWN[axis] for axis in t.axes]
+    columns = list(rows[0])
+    asked = [name for name in columns if name in READ] or [READ[axis] for axis in t.axes]
     columns += [n for n in (*asked, *stamps(t, warm is not None)) if n not in columns]
     for k, i in enumerate(real.tolist()):
         row = rows[k]
-        row |= {name: f"{1e3 * seen[i, SHOWN.index(name)]:.6g}" for name in asked}
+        row |= {name: f"{1e3 * seen[i, READ.index(name)]:.6g}" for name in asked}
         row["time_s"] = f"{later.time_s[i]:.1f}"
         row["step"] = (row.get("step") or "").strip() or str(len(t.campaign) + 100_000 * visit + k + 1)
         if warm is not None:
             row["temperature_C"] = f"{warm[len(t.campaign) + i]:.1f}"
         if "session" in columns:
             row["session"] = f"visit-{visit}"
-    out = io.StringIO()
-    writer = csv.DictWriter(out, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return out.getvalue()
+    return csv_text(rows, columns)
 
 
 def stamps(t: Truth, warm: bool) -> list[str]:
     """Columns of order and clock that the set has."""
     return ["step", "time_s", *(["temperature_C"] if warm else []), *(["session"] if t.design.sessions > 1 else [])]
-
-
-def number(row: Row, name: str, otherwise: float = 0.0) -> float:
-    """A cell's figure."""
-    cell = (row.get(name) or "").strip()
-    return float(cell) if cell else otherwise
 
 
 def groups(labels: list[object]) -> Whole:
@@ -276,9 +231,9 @@ def groups(labels: list[object]) -> Whole:
 
 def conducted(t: Truth, rows: list[Row], visit: int) -> tuple[Campaign, Whole]:
     """The sheet as a campaign, with preloads that it does not show, and which of its rows are the sheet's."""
-    q = np.array([[number(r, n) for n in t.arm.coordinates] for r in rows])
-    force = np.array([[number(r, n) for n in ("fx_N", "fy_N", "fz_N")] for r in rows])
-    point = 1e-3 * np.array([[number(r, n) for n in ("px_mm", "py_mm", "pz_mm")] for r in rows])
+    q = np.array([numbers(r, t.arm.coordinates) for r in rows])
+    force = np.array([numbers(r, FORCES) for r in rows])
+    point = 1e-3 * np.array([numbers(r, POINT) for r in rows])
     back = np.array([(r.get("phase") or "").strip() == "unloading" for r in rows])
     repeat = np.array([int(number(r, "repeat", 1.0)) for r in rows])
     labels: list[object] = [(r.get("pose") or "", tuple(q[i])) for i, r in enumerate(rows)]

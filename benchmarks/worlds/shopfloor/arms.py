@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from ..shared import description, si
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-DATA = Path(__file__).resolve().parents[3] / "robots" / "data"
-HERE = Path(__file__).resolve().parent
-TO_SI = {"mm": 1e-3, "m": 1.0, "N mm/rad": 1e-3, "N m/rad": 1.0, "deg": 1.0, "kg": 1.0, "GPa": 1000000000.0, "1": 1.0}
 # Springs that stand in the model where the bundled file has none, N m/rad: same-class values (FACTS, table 4).
 SPRINGS = {
     "tx200": (2.4e6, 1.9e6, 1.2e6, 2.2e5, 1.6e5, 9e4),
@@ -87,14 +85,6 @@ class Robot:
         return replace(self, axes=tuple(replace(a, xyz=off(a.xyz)) for a in self.axes), flange=off(self.flange))
 
 
-def _si(figure: Mapping[str, Any] | None, default: float = 0.0) -> Any:
-    if figure is None:
-        return default
-    value = figure["value"]
-    factor = TO_SI[figure["unit"]]
-    return [factor * v for v in value] if isinstance(value, list) else factor * value
-
-
 def dh_origin(alpha: float, a: float, d: float, offset: float) -> tuple[Floats, Floats]:
     """Position and rotation of a modified Denavit-Hartenberg joint frame (Craig): Rx(alpha) Tx(a) Tz(d) Rz(offset)."""
     ca, sa = np.cos(np.radians(alpha)), np.sin(np.radians(alpha))
@@ -103,17 +93,17 @@ def dh_origin(alpha: float, a: float, d: float, offset: float) -> tuple[Floats, 
 
 
 def _axis(joint: Mapping[str, Any], spring: float | None) -> Axis:
-    offset, sign = _si(joint.get("offset")), joint.get("sign", 1)
+    offset, sign = si(joint["offset"]) if "offset" in joint else 0.0, joint.get("sign", 1)
     if "dh" in joint:
-        dh = {key: _si(joint["dh"][key]) for key in ("alpha", "a", "d")}
+        dh = {key: si(joint["dh"][key]) for key in ("alpha", "a", "d")}
         xyz, turn = dh_origin(dh["alpha"], dh["a"], dh["d"], offset)
         about = np.array([0.0, 0.0, 1.0])
     else:
         about = np.array(joint["frame"]["axis"], dtype=float)
-        xyz = np.array(_si(joint["frame"]["xyz"]), dtype=float)
+        xyz = np.array(si(joint["frame"]["xyz"]), dtype=float)
         turn = np.round(Rotation.from_rotvec(np.radians(offset) * about).as_matrix(), 15)
-    low, high = _si(joint["limits"])
-    k = _si(joint.get("stiffness"), spring or 0.0)
+    low, high = si(joint["limits"])
+    k = si(joint["stiffness"]) if "stiffness" in joint else spring or 0.0
     way = about * sign
     return Axis(
         joint["name"],
@@ -126,25 +116,21 @@ def _axis(joint: Mapping[str, Any], spring: float | None) -> Axis:
     )
 
 
-def source_of(name: str) -> Path:
-    return (DATA if name in BUNDLED else HERE / "data") / f"{name}.toml"
-
-
 @cache
 def robot(name: str) -> Robot:
     """The arm of this name; only geometry, limits, masses and springs of its file are looked at."""
-    table = tomllib.loads(source_of(name).read_text(encoding="utf-8"))
+    table = tomllib.loads(description(name))
     springs = SPRINGS.get(name, (None,) * len(table["joint"]))
     axes = tuple(_axis(joint, k) for joint, k in zip(table["joint"], springs, strict=True))
-    weight = {link["body"]: _si(link["mass"]) for link in table["link"]}
+    weight = {link["body"]: si(link["mass"]) for link in table["link"]}
     loop = table.get("parallelogram")
     return Robot(
         name,
         axes,
-        tuple(_si(table["flange"]["xyz"])),
+        tuple(si(table["flange"]["xyz"])),
         tuple(weight.get(a.name, 0.0) for a in axes),
         float(table["payload"]["value"]),
-        abs(_si(loop["pin"])[2]) if loop else 0.0,
+        abs(si(loop["pin"])[2]) if loop else 0.0,
     )
 
 
@@ -199,7 +185,7 @@ NODES, SHARES = np.polynomial.legendre.leggauss(12)
 def _outline(section: Mapping[str, Any], wall: float) -> Floats:
     """Width, height and wall of a box; diameter twice and wall of a tube, m; the wall times a factor."""
     names = ("diameter", "diameter", "wall") if section["kind"] == "tube" else ("width", "height", "wall")
-    return np.array([float(_si(section[name])) for name in names]) * (1.0, 1.0, wall)
+    return np.array([float(si(section[name])) for name in names]) * (1.0, 1.0, wall)
 
 
 def yields(kind: str, outline: Floats, modulus: float, nu: float) -> Floats:
@@ -271,7 +257,7 @@ def _along(points: Sequence[Floats], link: Mapping[str, Any], wall: float, modul
 def _ends(arm: Robot, body: int, link: Mapping[str, Any]) -> list[Floats]:
     """Corners of a link in its body's frame: from its origin over ``via`` to where the next body begins."""
     last = arm.flange if body == arm.dof - 1 else arm.axes[body + 1].xyz
-    return [np.zeros(3), *(np.asarray(_si(v), dtype=float) for v in link.get("via", ())), np.array(last)]
+    return [np.zeros(3), *(np.asarray(si(v), dtype=float) for v in link.get("via", ())), np.array(last)]
 
 
 @dataclass(frozen=True)
@@ -286,12 +272,12 @@ class Beam:
 @cache
 def beams(name: str, wall: float = 1.0, modulus: float = 1.0) -> tuple[Beam, ...]:
     """The links of an arm, walls and moduli times these factors."""
-    arm, table = robot(name), tomllib.loads(source_of(name).read_text(encoding="utf-8"))
+    arm, table = robot(name), tomllib.loads(description(name))
     found = []
     for link in table["link"]:
         body = -1 if link["body"] == "base" else arm.names.index(link["body"])
         stuff = table["materials"][link["material"]]
-        e, nu = modulus * float(_si(stuff["youngs_modulus"])), float(_si(stuff["poissons_ratio"]))
+        e, nu = modulus * float(si(stuff["youngs_modulus"])), float(si(stuff["poissons_ratio"]))
         flexibility = _along(_ends(arm, body, link), link, wall, e, nu)
         found.append(Beam(str(link["name"]), -2 if body < 0 else body, flexibility))
     return tuple(found)

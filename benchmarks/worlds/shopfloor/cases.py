@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import nnls
 
+from ..shared import log_uniform
 from .arms import BUNDLED, OWN, Floats, Ints, Robot, beams, postures, robot, springs_only
 from .joint_laws import GEARS, GEARS_OUTSIDE, LAGS, LAGS_OUTSIDE
 from .law import (
@@ -22,7 +23,6 @@ from .law import (
     balanced,
     cycles_of,
     habits,
-    log_uniform,
     over_days,
     poses,
     ranges,

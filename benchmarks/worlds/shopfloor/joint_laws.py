@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..shared import log_uniform, sign
 from .arms import Floats, Robot, lateral
-from .law import Law, Scene, Sizes, at_joints, either, log_uniform, rating
+from .law import Law, Scene, Sizes, at_joints, rating
 
 # Angle of joint 2 at which the upper arm stands, rad; of others 0.
 UPRIGHT = {"kr60-3": -np.pi / 2}
@@ -189,7 +190,7 @@ GEARS = (
         "wrist-coupling",
         ("pose", "load"),
         _six,
-        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.2, 0.6)},
+        lambda rng, arm, k: {"share": sign(rng) * rng.uniform(0.2, 0.6)},
         gives=wrist,
     ),
     Law(
@@ -212,7 +213,7 @@ GEARS_OUTSIDE = (
         "other:joints-coupled",
         ("pose", "load"),
         at_joints(1),
-        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.15, 0.5)},
+        lambda rng, arm, k: {"share": sign(rng) * rng.uniform(0.15, 0.5)},
         gives=neighbours,
     ),
 )

@@ -324,14 +324,6 @@ def at(place: str) -> Callable[[Robot], tuple[str, ...]]:
     return lambda arm: (place,)
 
 
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-def either(rng: np.random.Generator) -> float:
-    return float(rng.choice([-1.0, 1.0]))
-
-
 def rating(arm: Robot, joint: int) -> float:
     """Torque (N m) of 60 % of the payload at the stretched rest of the arm: what a gear is bought for, weight apart."""
     lengths = [float(np.linalg.norm(a.xyz)) for a in arm.axes[joint + 1 :]] + [float(np.linalg.norm(arm.flange))]

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from ..shared import log_uniform, sign
 from .arms import Floats, Robot, beams
-from .law import Law, Rig, Scene, Sizes, Timeline, at, at_joints, either, log_uniform
+from .law import Law, Rig, Scene, Sizes, Timeline, at, at_joints
 
 
 def _diagonal(*values: float) -> Floats:
@@ -267,7 +268,7 @@ def _slant(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
 def _axes(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
     """Level to a degree or two, or out in azimuth by some degrees."""
     if rng.random() < 0.5:
-        return {"about_x_rad": 0.0, "about_y_rad": 0.0, "about_z_rad": either(rng) * np.radians(rng.uniform(2, 8))}
+        return {"about_x_rad": 0.0, "about_y_rad": 0.0, "about_z_rad": sign(rng) * np.radians(rng.uniform(2, 8))}
     x, y = np.radians(rng.uniform(0.6, 2.0, 2)) * rng.choice([-1.0, 1.0], 2)
     return {"about_x_rad": float(x), "about_y_rad": float(y), "about_z_rad": 0.0}
 
@@ -291,7 +292,7 @@ TABLE = (
         "joint-zero-offset",
         BOTH,
         at_joints(1, 2, 3, 4),
-        lambda rng, arm, k: {"angle_rad": either(rng) * np.radians(log_uniform(rng, 0.3, 3.0))},
+        lambda rng, arm, k: {"angle_rad": sign(rng) * np.radians(log_uniform(rng, 0.3, 3.0))},
         rig=zero_off,
     ),
     Law("turned-frame", ("pose", "direction"), at("base"), _axes, rig=turned),
@@ -304,7 +305,7 @@ TABLE = (
         lambda rng, arm, k: {"angle_rad": float(rng.choice([-0.5, 0.5, 1.0])) * np.pi},
         rig=zero_off,
     ),
-    Law("angle-coupling", ("pose",), _parallel, lambda rng, arm, k: {"way": either(rng)}, rig=from_the_horizontal),
+    Law("angle-coupling", ("pose",), _parallel, lambda rng, arm, k: {"way": sign(rng)}, rig=from_the_horizontal),
     Law("load-path", BOTH, _serial_in_the_model, lambda rng, arm, k: {}, rig=parallelogram),
 )
 TABLE_OUTSIDE = (
@@ -375,7 +376,7 @@ def sticky(scene: Scene, d: Floats, v: Sizes) -> Floats:
 
 
 def _offsets(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
-    return {name: either(rng) * rng.uniform(low, high) for name in ("x_m", "y_m", "z_m")}
+    return {name: sign(rng) * rng.uniform(low, high) for name in ("x_m", "y_m", "z_m")}
 
 
 def _drifts(rng: np.random.Generator, arm: Robot, k: int) -> dict[str, float]:
@@ -388,7 +389,7 @@ GAUGES = (
         "gauge-scale",
         ("load",),
         at("gauge"),
-        lambda rng, arm, k: {"share": either(rng) * rng.uniform(0.02, 0.08)},
+        lambda rng, arm, k: {"share": sign(rng) * rng.uniform(0.02, 0.08)},
         reads=scale,
     ),
     Law("drift", ("clock",), at("gauge"), _drifts, reads=drift, slow=True),

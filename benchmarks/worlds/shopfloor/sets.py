@@ -2,46 +2,44 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import re
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from .arms import Floats, Robot, source_of, urdf
+from ..shared import (
+    FORCES,
+    MOMENTS,
+    POINT,
+    READ,
+    csv_text,
+    description,
+    key_in,
+    model_text,
+    number,
+    numbers,
+    sheet_rows,
+    write_set,
+)
+from .arms import Floats, urdf
 from .cases import KINDS, Case, displacement, draw, drawn, loudness, measured, tags
 from .law import DAY, Cycle, Habits, Hidden, Timeline, air, cycles_of, random_poses, run
 
-FORCES = ("fx_N", "fy_N", "fz_N")
-MOVES = ("dx_mm", "dy_mm", "dz_mm")
 PHASES = {1: "loading", -1: "unloading"}
 DRAWING_NOTE = "# Springs are nominal: what the maker's sheet says, not what was measured.\n"
 
 
-def model_text(case: Case) -> str:
+def model_of(case: Case) -> str:
     """The arm's file with nominal springs; joints to be held rigid have none, and a hidden load path is serial."""
     arm = case.truth.drawing
     if case.by_urdf:
         return urdf(arm)
-    text = source_of(arm.name).read_text(encoding="utf-8")
-    if case.truth.hides("load-path"):
-        text = text.replace('load_path = "parallelogram"', 'load_path = "serial"')
-    head, *blocks = re.split(r"(?m)^(?=\[\[joint\]\]$)", text)
-    return DRAWING_NOTE + head + "".join(_with_spring(case, arm, k, block) for k, block in enumerate(blocks))
-
-
-def _with_spring(case: Case, arm: Robot, k: int, block: str) -> str:
-    block = re.sub(r"(?m)^stiffness = .*\n", "", block, count=1)
-    if k not in case.springs:
-        return block
-    line = f'stiffness = {{ value = {arm.axes[k].spring:.6g}, unit = "N m/rad", source = "assumed" }}\n'
-    return re.sub(r"(?m)^(limits = .*\n)", lambda found: found.group(1) + line, block, count=1)
+    springs = {arm.names[k]: arm.axes[k].spring for k in case.springs}
+    path = "serial" if case.truth.hides("load-path") else ""
+    return DRAWING_NOTE + model_text(description(arm.name), springs, path)
 
 
 def coordinates(case: Case) -> tuple[str, ...]:
@@ -51,7 +49,7 @@ def coordinates(case: Case) -> tuple[str, ...]:
 
 
 def read_axes(case: Case) -> tuple[str, ...]:
-    return tuple(MOVES[case.axes])
+    return tuple(READ[case.axes])
 
 
 def temperature(case: Case, line: Timeline) -> Floats:
@@ -92,18 +90,9 @@ def rows_of(case: Case, q_deg: Floats, line: Timeline, d: Floats, digits: int, f
         row |= {name: f"{angle:g}" for name, angle in zip(names, q_deg[p], strict=True)}
         force = dict(zip(FORCES, line.force[i], strict=True))
         row |= {name: f"{force[name] + 0.0:.10g}" for name in loads}
-        row |= {name: f"{1e3 * move[MOVES.index(name)] + 0.0:.{digits}f}" for name in read_axes(case)}
+        row |= {name: f"{1e3 * move[READ.index(name)] + 0.0:.{digits}f}" for name in read_axes(case)}
         out.append(row)
     return out
-
-
-def to_csv(rows: Sequence[Mapping[str, str]], columns: Iterable[str] | None = None) -> str:
-    out = io.StringIO()
-    names = list(dict.fromkeys(columns if columns is not None else (name for row in rows for name in row)))
-    writer = csv.DictWriter(out, names, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return out.getvalue()
 
 
 def digits(case: Case) -> int:
@@ -128,7 +117,7 @@ def readings_of(case: Case) -> tuple[str, list[int]]:
     d, spoilt = measured(case.noise, clean, line.force[rows], line.pose[rows], line.session[rows], rng, case.axes)
     table = rows_of(case, case.q_deg, line, d, digits(case), 1)
     seen = [row | clock for row, clock in zip(table, clocks(case, line), strict=True)]
-    return to_csv(seen), [s + 1 for s in spoilt]
+    return csv_text(seen), [s + 1 for s in spoilt]
 
 
 def unseen(case: Case) -> str:
@@ -138,7 +127,7 @@ def unseen(case: Case) -> str:
     cycles = cycles_of(case.sizes, [np.array(w) for w in case.ways], case.down, case.hold, 1)
     line = run([(p, cycles) for p in range(UNSEEN)], Habits(), rng)
     d = displacement(case.truth, np.radians(q_deg), line, fresh=True)
-    return to_csv(rows_of(case, q_deg, line, d, 6, 1001))
+    return csv_text(rows_of(case, q_deg, line, d, 6, 1001))
 
 
 def _effect(h: Hidden, chi2: float) -> dict[str, object]:
@@ -202,67 +191,44 @@ def _nuisance(case: Case) -> float:
 def write(folder: Path, seed: int, kind: str, index: int) -> Path:
     """One set's folder."""
     case, loud = drawn(seed, kind, index)
-    folder.mkdir(parents=True)
     model = "model.urdf" if case.by_urdf else "model.toml"
     readings, spoilt = readings_of(case)
-    seen = {"schema": "stiffarm-study-set/1", "model": model, "links": str(case.tags["links"])}
-    texts = {
-        "set.json": _json(seen),
-        model: model_text(case),
+    files = {
+        model: model_of(case),
         "readings.csv": readings,
         "unseen.csv": unseen(case),
-        "key.json": _json(key_of(case, loud, spoilt)),
+        "key.json": key_of(case, loud, spoilt),
     }
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="")
-    return folder
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, indent=1) + "\n"
-
-
-def names(single: int, none: int, outside: int, pairs: int) -> Iterator[tuple[str, int]]:
-    for kind, count in (("none", none), ("single", single), ("outside", outside), ("pair", pairs)):
-        yield from ((kind, i) for i in range(count))
+    return write_set(folder, files, model=model, links=str(case.tags["links"]))
 
 
 def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int = 50, pairs: int = 33) -> list[Path]:
     """Write sets into ``out``; the same seed gives the same bytes, and more sets leave the first ones as they were."""
-    return [write(out / f"{kind}-{i:03d}", seed, kind, i) for kind, i in names(single, none, outside, pairs)]
+    counts = {"none": none, "single": single, "outside": outside, "pair": pairs}
+    return [write(out / f"{kind}-{i:03d}", seed, kind, i) for kind, count in counts.items() for i in range(count)]
 
 
 Row = dict[str, str]
-NOT_HERE = ("mx_Nm", "my_Nm", "mz_Nm", "px_mm", "py_mm", "pz_mm")
 
 
 def case_of(folder: Path) -> Case:
     """The set's truth again, from its key."""
-    key = json.loads((folder / "key.json").read_text(encoding="utf-8"))
+    key = key_in(folder)
     d = key["draw"]
     return draw(key["seed"], d["kind"], d["index"], d["attempt"])
 
 
-def _number(row: Mapping[str, str], name: str) -> float:
-    text = (row.get(name) or "").strip()
-    return float(text) if text else 0.0
-
-
 def _rows(sheet: str) -> tuple[list[str], list[Row]]:
-    first = sheet.splitlines()[0] if sheet.strip() else ""
-    reader = csv.DictReader(io.StringIO(sheet), delimiter=";" if first.count(";") > first.count(",") else ",")
-    rows = list(reader)
-    if not rows:
-        raise ValueError("the sheet has no rows")
+    rows = sheet_rows(sheet)
     for row in rows:
-        bad = [name for name in NOT_HERE if _number(row, name)]
+        bad = [name for name in (*MOMENTS, *POINT) if number(row, name)]
         if bad:
             raise ValueError(f"this hall hangs weights on the tool point only; the sheet has {', '.join(bad)}")
-    return list(reader.fieldnames or ()), rows
+    return list(rows[0]), rows
 
 
 def _force(row: Row) -> Floats:
-    return np.array([_number(row, name) for name in FORCES])
+    return numbers(row, FORCES)
 
 
 def _falls(row: Row) -> bool:
@@ -308,7 +274,7 @@ def _in_order(rows: Sequence[Row]) -> list[int]:
     """Numbers of the rows in the order of their steps, or as they stand."""
     if any(not (row.get("step") or "").strip() for row in rows):
         return list(range(len(rows)))
-    return sorted(range(len(rows)), key=lambda i: _number(rows[i], "step"))
+    return sorted(range(len(rows)), key=lambda i: number(rows[i], "step"))
 
 
 def _campaign(case: Case, rows: Sequence[Row], angles: Sequence[tuple[float, ...]], visit: int) -> Timeline:
@@ -338,7 +304,7 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     case = case_of(set_folder)
     columns, unsorted = _rows(sheet_csv)
     rows = [unsorted[i] for i in _in_order(unsorted)]
-    angles = [tuple(_number(row, name) for name in coordinates(case)) for row in rows]
+    angles = [tuple(number(row, name) for name in coordinates(case)) for row in rows]
     poses = np.array(list(dict.fromkeys(angles)))
     line = _campaign(case, rows, angles, visit)
     i = line.reads
@@ -349,7 +315,7 @@ def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     )
     read = [name for name in read_axes(case) if name in columns] or list(read_axes(case))
     steps = {} if "step" in columns else {"step": ""}
-    for number, (row, move, clock) in enumerate(zip(rows, d, clocks(case, line), strict=True), start=1):
-        row |= {name: f"{1e3 * move[MOVES.index(name)] + 0.0:.{digits(case)}f}" for name in read}
-        row |= clock | {name: str(number) for name in steps}
-    return to_csv(rows, [*columns, *read, *steps, *(clocks(case, line)[0])])
+    for step, (row, move, clock) in enumerate(zip(rows, d, clocks(case, line), strict=True), start=1):
+        row |= {name: f"{1e3 * move[READ.index(name)] + 0.0:.{digits(case)}f}" for name in read}
+        row |= clock | {name: str(step) for name in steps}
+    return csv_text(rows, [*columns, *read, *steps, *(clocks(case, line)[0])])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +10,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+
+from ..shared import csv_text, write_files
 
 Floats = NDArray[np.float64]
 
@@ -445,49 +444,20 @@ def _skew(w: Floats) -> Floats:
 
 def table(s: Scene, v: Visit, y: Floats) -> str:
     """The readings as a table of positions."""
-    text = io.StringIO()
-    writer = csv.writer(text)
-    rail = ["rail_mm"] if s.rail else []
-    writer.writerow(
-        [
-            *(f"q{j}_deg" for j in range(1, 7)),
-            "x_mm",
-            "y_mm",
-            "z_mm",
-            "session",
-            "target",
-            "payload_kg",
-            "payload_x_mm",
-            "payload_y_mm",
-            "payload_z_mm",
-            *rail,
-            "time_s",
-            "temperature_C",
-        ]
-    )
+    rows = []
     for k in range(len(v)):
-        way = [f"{1e3 * v.rail[k]:.2f}"] if s.rail else []
-        writer.writerow(
-            [
-                *(f"{x:.6f}" for x in np.degrees(v.q[k])),
-                *(f"{1e3 * x:.4f}" for x in y[k]),
-                "stay",
-                f"ball{v.target[k]}",
-                f"{v.kg[k]:g}",
-                0,
-                0,
-                100,
-                *way,
-                f"{v.time[k]:.0f}",
-                f"{20.0 + v.warm[k]:.1f}",
-            ]
-        )
-    return text.getvalue()
+        row: dict[str, Any] = {f"q{j}_deg": f"{x:.6f}" for j, x in enumerate(np.degrees(v.q[k]), 1)}
+        row |= {f"{axis}_mm": f"{1e3 * x:.4f}" for axis, x in zip("xyz", y[k], strict=True)}
+        row |= {"session": "stay", "target": f"ball{v.target[k]}", "payload_kg": f"{v.kg[k]:g}"}
+        row |= {"payload_x_mm": 0, "payload_y_mm": 0, "payload_z_mm": 100}
+        row |= {"rail_mm": f"{1e3 * v.rail[k]:.2f}"} if s.rail else {}
+        rows.append(row | {"time_s": f"{v.time[k]:.0f}", "temperature_C": f"{20.0 + v.warm[k]:.1f}"})
+    return csv_text(rows)
 
 
-def make(out: Path, seed: int, single: int, none: int) -> None:
+def make(out: Path, seed: int, single: int = 100, none: int = 60) -> list[Path]:
     """Write the sets; sizes are drawn before anything is diagnosed, and kept whatever comes of it."""
-    kinds = list(SIZES)
+    kinds, folders = list(SIZES), list[Path]()
     for k in range(single + none):
         name = f"single-{k + 1:03d}" if k < single else f"none-{k - single + 1:03d}"
         rng = np.random.default_rng([seed, k])
@@ -508,13 +478,8 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
             raise RuntimeError(f"{kind}: nothing that can be seen in {TRIES} tries")
         t, code, numbers = found
         y = s.read(t, s.visit)
-        folder = out / name
-        folder.mkdir(parents=True)
-        (folder / "model.toml").write_text(model_toml(s.arm), encoding="utf-8")
-        (folder / "positions.csv").write_text(table(s, s.visit, y + tracker.noise(y, rng)), encoding="utf-8")
         # Another day: what drifts or was moved is no part of it.
         later = replace(t, drift=np.zeros(6), bump=np.zeros(6))
-        (folder / "unseen.csv").write_text(table(s, s.unseen, s.read(later, s.unseen)), encoding="utf-8")
         key = {
             "world": "survey",
             "code": code,
@@ -531,4 +496,11 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
                 "wrong_one_in": tracker.wrong,
             },
         }
-        (folder / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
+        files = {
+            "model.toml": model_toml(s.arm),
+            "positions.csv": table(s, s.visit, y + tracker.noise(y, rng)),
+            "unseen.csv": table(s, s.unseen, s.read(later, s.unseen)),
+            "key.json": key,
+        }
+        folders.append(write_files(out / name, files))
+    return folders
