@@ -27,7 +27,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.diagnosis.study import payload as study_payload
+from benchmarks.diagnosis.study import report
 from benchmarks.diagnosis.study.scores import Row
 from benchmarks.diagnosis.study.sets import StudySet, study_sets
 from benchmarks.diagnosis.study.step import row
@@ -175,7 +175,7 @@ def main() -> int:
     real, cells = real_readings(), power(outcomes)
     a.out.mkdir(parents=True, exist_ok=True)
     texts = {
-        "study.json": json.dumps(study_payload.study(rows), indent=1),
+        "study.json": json.dumps(report.study(rows), indent=1),
         "power.json": json.dumps({"cells": cells, "real": real, "tables": outcomes}, indent=1),
         "power.md": page(cells, real),
     }

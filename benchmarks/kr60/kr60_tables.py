@@ -13,35 +13,33 @@ from string import Template
 
 import kr60_figures
 import numpy as np
-from kr60_claims import (
+from kr60_figures import (
+    A0,
     COMPARED,
+    FORCE_N,
+    IN_LINE,
+    P_M,
     PATH_GAMMA_DEG,
     PLANE_GAMMA_DEG,
+    READINGS,
+    TABLE_4,
+    B,
     ForceStudy,
     PathResult,
     PlaneResult,
     PointCurve,
-    at_point,
-    implied_force,
-    on_path,
-    on_plane,
-    under_force,
-)
-from kr60_readings import (
-    A0,
-    FORCE_N,
-    IN_LINE,
-    P_M,
-    READINGS,
-    TABLE_4,
-    B,
     Reading,
     S,
     arm,
+    at_point,
     flange_frames,
+    implied_force,
+    on_path,
+    on_plane,
     path,
     postures,
     spindle,
+    under_force,
 )
 
 import fem

@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from benchmarks.links.shapes import CASES, DENSITY, POISSONS_RATIO, YOUNGS_MODULUS_PA, Case, Seat, solid
+from benchmarks.links.surfaces import CASES, DENSITY, POISSONS_RATIO, YOUNGS_MODULUS_PA, Case, Seat, solid
 
 TRUTH = Path(__file__).with_name("truth.json")
 SIZES_MM = (24.0, 16.0, 12.0)

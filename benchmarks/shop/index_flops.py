@@ -12,7 +12,6 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
-from index_speed_cases import curved_task, rigid_arm
 
 # An arctangent in flops: a polynomial of degree 20 with its division.
 ARCTANGENT = 25
@@ -100,6 +99,8 @@ def flops(operations: dict[str, float]) -> float:
 
 
 def _count() -> dict[str, float]:
+    from index_speed import curved_task, rigid_arm
+
     from machining.stiffness import compiled as fast_index
     from machining.stiffness import kernels as fast_kernels
     from robots.inverse.spherical_wrist import spherical_wrist_arm

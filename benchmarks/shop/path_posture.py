@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from kr60_readings import B2, P1_M, P2_M, B, Reading, arm
 
 import fem
+from benchmarks.kr60.kr60_figures import B2, P1_M, P2_M, B, Reading, arm
 from machining import (
     Course,
     Drive,

@@ -20,8 +20,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from index_speed import rounds_of
-from index_speed_cases import Pinocchio
+from index_speed import Pinocchio, rounds_of
 
 import fem
 from fem.compiled.compliance import FEWEST, why_not_compiled

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from peer_estimators import Estimator, OwnCandidate, OwnEstimator, PeerEstimator
-from peers import PEERS, Peer, Size, Variant
+from peers import PEERS, Estimator, OwnCandidate, OwnEstimator, Peer, PeerEstimator, Size, Variant
 
 from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from peer_comparison import Errors, PeerResult, compare_with_peers
-from peer_estimators import OwnCandidate
+from peers import OwnCandidate
 
 import fem
 from fem.springs import FourierBasis

@@ -11,21 +11,43 @@ programs that are wrong into a folder.
 from __future__ import annotations
 
 import argparse
+import random
 import re
 import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from gcode_programs import SUFFIX, program
+from gcode_writer import Fanuc, LinuxCnc
+from gcode_writer_siemens import Siemens
 from moves_compared import disagreement
 from plain_gcode import DIALECTS, moves
 
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.reading import read_toolpath
 from robots import InputError
+
+SUFFIX = {"fanuc": ".nc", "linuxcnc": ".ngc", "siemens": ".mpf"}
+
+
+def program(seed: int, dialect: str | None = None) -> tuple[str, str]:
+    """A program's text and its dialect."""
+    while True:
+        chance = random.Random(seed)  # noqa: S311 - the programs of a seed are the same each time
+        kind = dialect or chance.choice(DIALECTS)
+        writer = {"fanuc": Fanuc, "linuxcnc": LinuxCnc, "siemens": Siemens}[kind](chance, kind)
+        try:
+            text = writer.written()
+            if moves(text, kind):
+                return text, kind
+        except ValueError:
+            pass
+        # A construct did not fit to where the tool was.
+        seed += 1_000_000_007
+
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
 
 RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
 

@@ -19,8 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from gcode_programs import SUFFIX, program
-from gcode_random import REFUSED, RIGHT, WRONG
+from gcode_random import REFUSED, RIGHT, SUFFIX, WRONG, program
 from moves_compared import disagreement
 from plain_gcode import DIALECTS, moves
 

@@ -7,8 +7,7 @@ import peer_comparison
 import peers
 import pytest
 from peer_comparison import PeerResult, compare_with_peers, errors_of
-from peer_estimators import OwnCandidate, PeerEstimator
-from peers import PEERS, Peer, Size, Variant
+from peers import PEERS, OwnCandidate, Peer, PeerEstimator, Size, Variant
 
 from robots.errors import InputError
 

@@ -8,8 +8,7 @@ import gcode_stray
 import gcode_traps
 import gcode_traps_siemens
 import pytest
-from gcode_programs import program
-from gcode_random import RIGHT, WRONG, run
+from gcode_random import RIGHT, WRONG, program, run
 from gcode_traps import EITHER, READ, Trap
 from gcode_traps_open import RANDOM
 from moves_compared import Move, disagreement
