@@ -348,8 +348,6 @@ def main() -> None:
     elif given.what == "few":
         few(given.folders[0], given.folders[1])
     else:
-        from measured_positions import page
-
         results = json.loads((given.folders[0] / "results.json").read_text(encoding="utf-8"))
         PAGE.write_text(page(results, given.folders[0]), encoding="utf-8")
 

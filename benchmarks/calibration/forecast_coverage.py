@@ -10,7 +10,6 @@ model that is calibrated knows nothing of it.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.asked import asked
 from doe import Measurements, bundled_data, read_measurements, write_measurements
 from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.predictive import Coverage
@@ -238,16 +238,11 @@ def plan_row(name: str, case: str, t: Tally) -> str:
     return f"| {name} | {case} | {shares} | {low:.2f}, {middle:.2f}, {high:.2f} |"
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--draws", type=int, default=40)
-    parser.add_argument("--robot", action="append", choices=ROBOTS)
-    parser.add_argument("--only", choices=("left-out", "plans", "training"), help="one table; default: the first two")
-    parser.add_argument("--seed", type=int, default=TEST_SEED, help="of the worlds in which plans are put to the test")
-    given = parser.parse_args()
+def main() -> None:
+    given = asked(__doc__, draws=40, robot=[*ROBOTS], only=("left-out", "plans", "training"), seed=TEST_SEED)
     if given.only == "training":
         sys.stdout.writelines(plan_row("training", case, t) + "\n" for case, t in training().items())
-        return 0
+        return
     for name in given.robot or (ROBOTS if given.only != "plans" else TESTING):
         if given.only != "plans":
             sys.stdout.writelines(left_out_row(name, c, t) + "\n" for c, t in left_out(load(name), given.draws).items())
@@ -259,8 +254,7 @@ def main() -> int:
         for name in ("fanuc-r2000ic", "xr701"):
             c = bundled(name)
             sys.stdout.write(f"{name}: {c.inside} of {c.readings} real readings, {100.0 * c.share:.1f} %\n")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

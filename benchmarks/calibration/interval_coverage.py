@@ -9,7 +9,6 @@ whether each interval holds what was drawn; ``coverage_cases.py`` has the cases.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -21,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from benchmarks.asked import asked
 from doe.certainty.identifiability import trade_offs
 from doe.certainty.uncertainty import Certainty, certainty
 from doe.estimation.estimate import Estimate, estimate
@@ -355,14 +355,8 @@ What to know about them:
 """
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=200)
-    parser.add_argument("--case", action="append", choices=[case.name for case in CASES], help="only these cases")
-    parser.add_argument("--robot", action="append", choices=ROBOTS, help="only these robots")
-    parser.add_argument("--write", type=Path, help="page to write")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, repeats=200, case=[case.name for case in CASES], robot=[*ROBOTS], write=Path, json=False)
     results = []
     for case in CASES:
         for robot in case.robots:
@@ -384,8 +378,7 @@ def main() -> int:
         arguments.write.write_text(page)
     elif not arguments.json:
         sys.stdout.write(page)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

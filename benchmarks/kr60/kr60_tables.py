@@ -6,7 +6,6 @@ pictures.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from string import Template
@@ -44,6 +43,7 @@ from kr60_figures import (
 
 import fem
 import machining
+from benchmarks.asked import asked
 from machining.stiffness.distribution import Over
 from robots.arrays import Array
 
@@ -236,9 +236,7 @@ def turned(angle_deg: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, write=False)
     model = arm()
     paths = {r.name: on_path(model, r) for r in READINGS}
     points = {r.name: at_point(model, r) for r in READINGS}

@@ -11,7 +11,6 @@ publish.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,8 @@ import numpy as np
 import pyvista
 import trimesh
 from numpy.typing import NDArray
+
+from benchmarks.asked import asked
 
 from .truth import read_truth
 
@@ -353,9 +354,7 @@ def write_step(case: Case, path: Path) -> None:
 
 def main() -> None:
     """Write all links, whole and spoilt."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    folder = parser.parse_args().folder
+    folder = asked(__doc__, "folder").folder
     truth = read_truth()
     for name, case in CASES.items():
         for variant in VARIANTS:

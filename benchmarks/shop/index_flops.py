@@ -99,8 +99,7 @@ def flops(operations: dict[str, float]) -> float:
 
 
 def _count() -> dict[str, float]:
-    from index_speed import curved_task, rigid_arm
-
+    from benchmarks.shop.index_speed import curved_task, rigid_arm
     from machining.stiffness import compiled as fast_index
     from machining.stiffness import kernels as fast_kernels
     from robots.inverse.spherical_wrist import spherical_wrist_arm

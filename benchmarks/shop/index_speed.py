@@ -9,7 +9,6 @@ and numba. ``--write`` writes docs/performance/indices.md.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import json
 import os
@@ -22,10 +21,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from index_flops import ARCTANGENT, flops, operations_of_target
 from threadpoolctl import threadpool_limits
 
 import fem
+from benchmarks.asked import asked
+from benchmarks.shop.index_flops import ARCTANGENT, flops, operations_of_target
 from machining.posture.path import optimise_path
 from machining.posture.points import GammaRange, best_postures, sweep_gamma
 from machining.stiffness import compiled as fast_index
@@ -304,14 +304,8 @@ def page(r: Result) -> str:
     )
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--points", type=int, default=400)
-    parser.add_argument("--gammas", type=int, default=144)
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
-    a = parser.parse_args()
+def main() -> None:
+    a = asked(__doc__, points=400, gammas=144, rounds=9, json=False, write=False)
     result = measure(a.points, a.gammas, a.rounds)
     if a.write:
         PAGE.write_text(page(result), encoding="utf-8")
@@ -320,8 +314,7 @@ def main() -> int:
         sys.stdout.write("\n")
     else:
         sys.stdout.write(page(result))
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -8,7 +8,6 @@ code with the program: damped least squares from 30 random starts at the first p
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
+from benchmarks.asked import asked
 from machining import Course, Objective, Task, tool_path
 from machining.posture.stretches import course_at
 from robots import ModelDescription, Robot, forward_kinematics
@@ -310,18 +310,15 @@ HEAD = (
 
 
 def main() -> None:
-    """Compare, print, and write the page if asked to."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--arm")
-    asked = parser.parse_args()
+    """Compare, print, and write the page if given to."""
+    given = asked(__doc__, write=False, arm=str)
     rows = []
     for arm in ARMS:
-        if asked.arm in (None, arm.name):
+        if given.arm in (None, arm.name):
             for name, corners in PATHS.items():
                 rows.append(compared(arm, name, corners, pinocchio_travels))
                 print(" | ".join(rows[-1]), flush=True)
-    if asked.write:
+    if given.write:
         PAGE.write_text(page(rows), encoding="utf-8")
 
 

@@ -10,10 +10,8 @@ programs that are wrong into a folder.
 
 from __future__ import annotations
 
-import argparse
 import random
 import re
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -23,6 +21,7 @@ from gcode_writer_siemens import Siemens
 from moves_compared import disagreement
 from plain_gcode import DIALECTS, moves
 
+from benchmarks.asked import asked
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.reading import read_toolpath
 from robots import InputError
@@ -44,9 +43,6 @@ def program(seed: int, dialect: str | None = None) -> tuple[str, str]:
             pass
         # A construct did not fit to where the tool was.
         seed += 1_000_000_007
-
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 
 RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
@@ -90,12 +86,7 @@ def run(seeds: range, dialect: str | None = None, keep: Path | None = None) -> t
 
 def main() -> int:
     """Run and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--dialect", choices=DIALECTS)
-    parser.add_argument("--keep", type=Path)
-    a = parser.parse_args()
+    a = asked(__doc__, count=100000, first=0, dialect=DIALECTS, keep=Path)
     outcomes, why = run(range(a.first, a.first + a.count), a.dialect, a.keep)
     print("| dialect | programs | right | refused | wrong |\n|---|---|---|---|---|")
     for kind in DIALECTS:

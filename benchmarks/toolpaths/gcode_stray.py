@@ -9,20 +9,17 @@ the word has no meaning in it counts as dropped.
 
 from __future__ import annotations
 
-import argparse
 import random
 import re
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from gcode_random import REFUSED, RIGHT, SUFFIX, WRONG, program
 from moves_compared import disagreement
 from plain_gcode import DIALECTS, moves
 
+from benchmarks.asked import asked
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.reading import read_toolpath
 from robots import InputError
@@ -167,11 +164,7 @@ def run(seeds: range, dialect: str | None = None) -> tuple[Counter[str], Counter
 
 def main() -> int:
     """Run and print what was dropped."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--dialect", choices=DIALECTS)
-    a = parser.parse_args()
+    a = asked(__doc__, count=10000, first=0, dialect=DIALECTS)
     outcomes, words = run(range(a.first, a.first + a.count), a.dialect)
     print(dict(outcomes))
     for word, count in words.most_common():

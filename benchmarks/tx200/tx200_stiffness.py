@@ -8,7 +8,6 @@ truth. ``--write`` also draws the map beside the page.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.asked import asked
 from doe.joint_twists import Identified, LawKind, identify
 from doe.joint_twists.checks import bending_ratio, diagonal_tests, loops
 from doe.joint_twists.cycles import Branches, carried
@@ -427,12 +427,8 @@ def _map_part(model: ArmModel, found: Identified) -> list[str]:
     return [MAP, *rows, NOTES]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=200)
-    parser.add_argument("--write", type=Path, help="page to write; the map goes beside it")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, repeats=200, write=Path, json=False)
     model, tallies = arm(), []
     for case in CASES:
         t = study(model, case, arguments.repeats)
@@ -451,8 +447,7 @@ def main() -> int:
         save_png(window_figure(w, "tx200", " (synthetic data)"), arguments.write.with_name("tx200_map.png"))
     elif not arguments.json:
         sys.stdout.write(text)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()
