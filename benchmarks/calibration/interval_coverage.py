@@ -4,7 +4,11 @@
                                            [--write docs/validation/calibration_coverage.md]
 
 Every repeat draws parameters, poses, load directions and noise anew, estimates parameters and noise, and looks
-whether each interval holds what was drawn; ``coverage_cases.py`` has the cases.
+whether each interval holds what was drawn.
+
+Springs about the joint axes are log-uniform in 1e5 to 3e6 N m/rad, tilting stiffnesses 5e5 to 5e6 N m/rad (RV
+gearboxes and joints of this size), translations of joints 3e7 to 1e9 N/m (assumed), zero offsets have a standard
+deviation of 0.5 deg, and springs vary by some 30 % over their angle.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def _count() -> dict[str, float]:
     arm, compliance = spherical_wrist_arm(model.robot), fast_index.axial_compliance(model)
     assert compliance is not None
     figures = fast_index._figures(fast_kernels, arm, model.robot, task, compliance)
-    points = fast_index._points(arm, task, task.tool_frames([0.0, 0.5 * np.pi]), task.normals)
+    points = fast_index._points(arm, task, task.normals)
     counting = np.vectorize(Number, otypes=[object])
     work = np.zeros((fast_kernels.ROWS, k), dtype=object)
     work[fast_kernels.GAMMA], work[fast_kernels.GAMMA + 1] = counting(np.cos(gamma)), counting(np.sin(gamma))

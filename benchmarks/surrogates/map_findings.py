@@ -6,9 +6,9 @@ virtual robot model", section 3, about the ACMA XR701; they are put so that they
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -377,23 +377,6 @@ def layer_finding(samples: Samples) -> Finding:
 
 def _percent(value: float) -> str:
     return f"{100.0 * value:.2g}\u00a0%" if value < 0.995 else f"{100.0 * value:.0f}\u00a0%"
-
-
-def payload(found: Sequence[Finding]) -> list[dict[str, Any]]:
-    """The findings for JSON."""
-    return [
-        {
-            "key": one.key,
-            "claim": one.claim,
-            "verdict": one.verdict,
-            "sentence": one.sentence,
-            "figures": {
-                name: float(f"{value:.6g}") if np.isfinite(value) else None for name, value in one.figures.items()
-            },
-            "thresholds": one.thresholds,
-        }
-        for one in found
-    ]
 
 
 def model_findings(

@@ -2,7 +2,7 @@
 
     python benchmarks/toolpaths/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
 
-Each program (:mod:`gcode_programs`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
+Each program (:mod:`gcode_random`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
 which share no code. A program is right where every move agrees (ends to 0.2 um, arcs to 5 um, rapid or feed, feeds),
 refused where the reader refuses it, and else wrong. A refusal is allowed; none may be wrong. ``--keep`` writes the
 programs that are wrong into a folder.
@@ -45,7 +45,8 @@ def program(seed: int, dialect: str | None = None) -> tuple[str, str]:
         seed += 1_000_000_007
 
 
-RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
+# Dropped: read although the plain interpreter refuses it.
+RIGHT, REFUSED, WRONG, DROPPED = "right", "refused", "wrong", "dropped"
 
 
 def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
@@ -54,10 +55,13 @@ def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
     file.write_text(text, encoding="ascii")
     try:
         m = read_toolpath(file, kind="gcode", options=ReadOptions())
+        known = moves(text, dialect)
     except InputError as error:
         line = next((x for x in str(error).splitlines() if ", line " in x), str(error))
         return REFUSED, _short(line)
-    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, moves(text, dialect))
+    except ValueError as error:
+        return DROPPED, str(error)
+    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, known)
     return (WRONG, wrong) if wrong else (RIGHT, "")
 
 

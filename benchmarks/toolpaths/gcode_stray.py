@@ -2,7 +2,7 @@
 
     python benchmarks/toolpaths/gcode_stray.py [--count N] [--first SEED] [--dialect NAME]
 
-One word goes into a block with coordinates of each program (:mod:`gcode_programs`). Where the plain interpreter refuses
+One word goes into a block with coordinates of each program (:mod:`gcode_random`). Where the plain interpreter refuses
 the program, so must the reader; where it takes it, they agree or the reader refuses. A program that is read although
 the word has no meaning in it counts as dropped.
 """
@@ -15,16 +15,11 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from gcode_random import REFUSED, RIGHT, SUFFIX, WRONG, program
-from moves_compared import disagreement
-from plain_gcode import DIALECTS, moves
+from gcode_random import DROPPED, RIGHT, WRONG, judged, program
+from plain_gcode import DIALECTS
 
 from benchmarks.asked import asked
-from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.reading import read_toolpath
-from robots import InputError
 
-DROPPED = "dropped"
 COMMON = (
     "R2",
     "I5",
@@ -123,22 +118,6 @@ def strayed(text: str, dialect: str, chance: random.Random) -> tuple[str, str] |
     k, word = chance.choice(able), chance.choice(COMMON + (SIEMENS if dialect == "siemens" else ISO))
     lines[k] += f" {word}"
     return "\n".join(lines), word
-
-
-def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
-    """What comes of a program with a stray word."""
-    file = folder / f"program{SUFFIX[dialect]}"
-    file.write_text(text, encoding="ascii")
-    try:
-        m = read_toolpath(file, kind="gcode", options=ReadOptions())
-    except InputError:
-        return REFUSED, ""
-    try:
-        known = moves(text, dialect)
-    except ValueError as error:
-        return DROPPED, str(error)
-    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, known)
-    return (WRONG, wrong) if wrong else (RIGHT, "")
 
 
 def run(seeds: range, dialect: str | None = None) -> tuple[Counter[str], Counter[str]]:

@@ -1,4 +1,4 @@
-"""Blocks of random programs that all dialects of G-code share; :mod:`gcode_programs` makes programs of them."""
+"""Blocks of random programs that all dialects of G-code share; :mod:`gcode_random` makes programs of them."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def test_worlds_are_there() -> None:
         ("from .. import other", ["benchmarks.worlds.other"]),
         ("from benchmarks.worlds.other import laws", ["benchmarks.worlds.other.laws"]),
         ("from worlds import other", ["worlds.other"]),
-        ("import coverage_cases", ["coverage_cases"]),
+        ("import interval_coverage", ["interval_coverage"]),
         ("def f():\n    from stiffarm import load", ["stiffarm.load"]),
         ("importlib.import_module('robots.arrays')", ["robots.arrays"]),
         ("importlib.import_module(name)", ["what.nobody.knows"]),
