@@ -7,12 +7,13 @@ columns. A row or a sentence that is no longer there is an error, so that no rat
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+from benchmarks.asked import asked
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = DOCS / "performance" / "index.md"
@@ -314,15 +315,12 @@ def page() -> str:
     return "\n".join(out)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/performance/index.md")
-    if parser.parse_args().write:
+def main() -> None:
+    if asked(__doc__, write=False).write:
         PAGE.write_text(page(), encoding="utf-8")
     else:
         sys.stdout.write(page())
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -7,13 +7,14 @@ peer stays comparable between machines. OMP_NUM_THREADS=1.
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from benchmarks.asked import asked
 
 ROOT = next(folder for folder in Path(__file__).resolve().parents if (folder / "pyproject.toml").is_file())
 PAGE = ROOT / "docs" / "performance" / "start.md"
@@ -67,10 +68,7 @@ def table(runs: int) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--write", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, runs=5, write=False)
     text = "\n".join(table(options.runs))
     print(text)
     if options.write:

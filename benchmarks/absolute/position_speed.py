@@ -5,7 +5,6 @@ python benchmarks/absolute/position_speed.py [--poses 100000] [--scipy-poses 100
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import time
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from benchmarks.asked import asked
 from doe.absolute.chain import Nominal, evaluate, samples
 from doe.absolute.fit import Fit, fit
 from doe.absolute.readings import AbsoluteReadings, Labels, Payload
@@ -86,11 +86,7 @@ def theirs(model: ArmModel, data: AbsoluteReadings, layout: Layout) -> tuple[flo
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--poses", type=int, default=100_000)
-    parser.add_argument("--scipy-poses", type=int, default=10_000)
-    parser.add_argument("--json", type=Path)
-    given = parser.parse_args()
+    given = asked(__doc__, poses=100000, scipy_poses=10000, json=Path)
     model = build_model(load_description("kr60-3"), "rigid")
     out: dict[str, object] = {}
     for n in (given.scipy_poses, given.poses):

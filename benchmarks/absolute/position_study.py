@@ -9,7 +9,6 @@ of each, and a run that was stopped goes on. ``--page`` writes docs/validation/p
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -19,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
+from benchmarks.asked import asked
 from doe.absolute.missing.diagnose import diagnose_positions
 from doe.absolute.table import read_absolute
 from fem.arm import Arm
@@ -135,12 +133,9 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     return "\n".join(out) + "\n" + EARLIER
 
 
-def main() -> int:
+def main() -> None:
     """Diagnose, score, write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("sets", type=Path)
-    parser.add_argument("--page", action="store_true")
-    a = parser.parse_args()
+    a = asked(__doc__, "sets", page=False)
     kept = a.sets / "rows.jsonl"
     done = {r["name"]: r for r in map(json.loads, kept.read_text().splitlines())} if kept.exists() else {}
     folders = sorted(p.parent for p in a.sets.glob("*/key.json"))
@@ -157,8 +152,7 @@ def main() -> int:
     if a.page:
         PAGE.write_text(text, encoding="utf-8")
     print(text)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -18,7 +18,6 @@ benchmarks/calibration/results/calibration_speed.json, and its table into docs/p
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import statistics
@@ -32,6 +31,7 @@ import numpy as np
 from SALib.sample import sobol
 from scipy.optimize import least_squares
 
+from benchmarks.asked import asked
 from doe.certainty.uncertainty import certainty
 from doe.estimation.estimate import Estimate, estimate
 from doe.estimation.noise import Noise
@@ -197,11 +197,8 @@ def table(races: list[Race]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--write", action="store_true", help="write the results file, and the table of the page")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, json=False, write=False)
     model = build_model(load_description(ROBOT))
     races = [r for n, read in READINGS for r in calibration(model, n, read)] + [screening(model)]
     head = {"robot": ROBOT, "parameters": len(NAMES), "repeats": REPEATS}
@@ -213,15 +210,14 @@ def main() -> int:
         PAGE.write_text(page, encoding="utf-8")
     if arguments.json:
         sys.stdout.write(text)
-        return 0
+        return
     sys.stdout.write(f"{ROBOT}, beam links, {len(NAMES)} stiffnesses, medians of {REPEATS}\n")
     for r in races:
         sys.stdout.write(
             f"{r.name:44} {r.fast_ms:9.2f} ms, plain {r.plain_ms:10.1f} ms, ratio {r.ratio:7.1f}, "
             f"differ by {r.relative_difference:.1e}\n"
         )
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

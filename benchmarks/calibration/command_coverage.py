@@ -11,7 +11,6 @@ states its figures.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
@@ -23,6 +22,7 @@ from own_arm import SPRINGS, Campaign, MASS_kg, PAYLOAD_kg, dh_table, read, writ
 from scipy.special import stdtrit
 
 import stiffarm as sa
+from benchmarks.asked import asked
 
 # Springs are drawn around those of the arm: give or take 40 % (one standard deviation of the logarithm).
 SPREAD = 0.4
@@ -100,12 +100,8 @@ def study(name: str, repeats: int, folder: Path) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=100)
-    parser.add_argument("--case", action="append", choices=[*CASES], help="only these cases")
-    parser.add_argument("--write", type=Path, help="folder of the results file")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, repeats=100, case=[*CASES], write=Path)
     rows: dict[str, Any] = {}
     with TemporaryDirectory() as folder:
         for name in arguments.case or CASES:
@@ -123,8 +119,7 @@ def main() -> int:
         sys.stdout.write(text)
     else:
         (arguments.write / "command_coverage.json").write_text(text, encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

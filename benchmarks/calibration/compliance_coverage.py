@@ -9,7 +9,6 @@ has its figures from.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
+from benchmarks.asked import asked
 from doe import Measurements
 from doe.calibration.run import run_campaign
 from doe.calibration.written import with_origin
@@ -62,11 +62,7 @@ HEADS = (
 
 def main() -> None:
     """Print one line for each case."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=100)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    given = parser.parse_args()
+    given = asked(__doc__, repeats=100, seed=1, write=False)
     description = load_description("xr701")
     arm = fem.build_model(description)
     lines = [

@@ -10,16 +10,16 @@ model that is calibrated knows nothing of it.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
-from forecast_arms import made_up
 
+from benchmarks.asked import asked
 from doe import Measurements, bundled_data, read_measurements, write_measurements
 from doe.certainty.left_out import leave_one_pose_out
 from doe.certainty.predictive import Coverage
@@ -32,12 +32,60 @@ from doe.tables.joined import join
 from fem.arm import Arm
 from fem.free.parameters import parameter
 from rehearsal import World
+from robots import ModelDescription, load_description
 from stiffarm import load
 from stiffarm.commands.plan.request import PlanRequest
 from stiffarm.commands.plan.step import Planned, make_plan
 from stiffarm.commands.rehearse.command import RehearseRequest
 from stiffarm.commands.rehearse.sheet import SetUps, of_sheet
 from stiffarm.commands.rehearse.step import made, prepared, set_ups_of
+
+# Sizes against the KR60-3, and how far each length goes its own way (standard deviation of its logarithm).
+SIZES, OWN_LENGTHS, OWN_SPRINGS = (0.5, 1.6), 0.25, 0.4
+# Tool points lie up to so far (share of the reach) beside the flange in each direction.
+TOOL = 0.15
+
+
+def made_up(seed: int) -> Arm:
+    """An arm of other lengths, springs and size; half of them without springs, without links, with a tool."""
+    rng = np.random.default_rng([seed, 41])
+    known = load_description("kr60-3").model_dump(mode="json", exclude_none=True, by_alias=True)
+    size = float(np.exp(rng.uniform(*np.log(SIZES))))
+    bare, rigid, tool = (bool(rng.random() < 0.5) for _ in range(3))
+    known |= {"name": f"made-up-{seed}", "title": f"Made up, {seed}"}
+    _times(known["payload"], size**3)
+    _times(known["mass"], size**3)
+    for joint in known["joint"]:
+        for length in ("a", "d"):
+            _times(joint["dh"][length], size * np.exp(OWN_LENGTHS * rng.normal()))
+        _times(joint["stiffness"], size**3 * np.exp(OWN_SPRINGS * rng.normal()))
+        if bare:
+            del joint["stiffness"]
+    _times(known["flange"]["xyz"], size * np.exp(OWN_LENGTHS * rng.normal()))
+    for link in known["link"]:
+        _scaled(link, size)
+    if rigid:
+        known |= {"link": [], "materials": {}}
+    if tool:
+        way = (rng.uniform(-TOOL, TOOL, 3) * 2.2 * size).tolist()
+        known["tool"] = {"xyz": {"value": way, "unit": "m", "source": "assumed"}}
+    return Arm.of(ModelDescription.model_validate(known), "rigid" if rigid else "beam")
+
+
+def _times(quantity: dict[str, Any], factor: float) -> None:
+    """A quantity in place, ``factor`` times as large."""
+    value = quantity["value"]
+    quantity["value"] = [factor * v for v in value] if isinstance(value, list) else factor * value
+
+
+def _scaled(part: Any, size: float) -> None:
+    """All lengths and masses of a link's table, in place, as of an arm ``size`` times as large."""
+    if isinstance(part, dict) and {"value", "unit"} <= part.keys():
+        _times(part, {"kg": size**3, "m": size, "mm": size}.get(part["unit"], 1.0))
+    elif isinstance(part, dict | list):
+        for value in part.values() if isinstance(part, dict) else part:
+            _scaled(value, size)
+
 
 ROBOTS = ("xr701", "kr60-3", "tx200", "fanuc-r2000ic")
 # Those by which nothing was set, and the seed of their worlds.
@@ -191,16 +239,11 @@ def plan_row(name: str, case: str, t: Tally) -> str:
     return f"| {name} | {case} | {shares} | {low:.2f}, {middle:.2f}, {high:.2f} |"
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--draws", type=int, default=40)
-    parser.add_argument("--robot", action="append", choices=ROBOTS)
-    parser.add_argument("--only", choices=("left-out", "plans", "training"), help="one table; default: the first two")
-    parser.add_argument("--seed", type=int, default=TEST_SEED, help="of the worlds in which plans are put to the test")
-    given = parser.parse_args()
+def main() -> None:
+    given = asked(__doc__, draws=40, robot=[*ROBOTS], only=("left-out", "plans", "training"), seed=TEST_SEED)
     if given.only == "training":
         sys.stdout.writelines(plan_row("training", case, t) + "\n" for case, t in training().items())
-        return 0
+        return
     for name in given.robot or (ROBOTS if given.only != "plans" else TESTING):
         if given.only != "plans":
             sys.stdout.writelines(left_out_row(name, c, t) + "\n" for c, t in left_out(load(name), given.draws).items())
@@ -212,8 +255,7 @@ def main() -> int:
         for name in ("fanuc-r2000ic", "xr701"):
             c = bundled(name)
             sys.stdout.write(f"{name}: {c.inside} of {c.readings} real readings, {100.0 * c.share:.1f} %\n")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -12,13 +12,13 @@ the interval of `run`.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from benchmarks.asked import asked
 from doe import bundled_data, read_measurements, select_loads
 from doe.certainty.uncertainty import ParameterEstimate, certainty
 from doe.estimation.campaign import campaign_of
@@ -83,10 +83,9 @@ class Tally:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--campaigns", type=int, default=500)
-    parser.add_argument("--load-path", choices=("parallelogram", "serial"), default="parallelogram")
-    wanted = parser.parse_args()
+    wanted = asked(
+        __doc__, campaigns=500, load_path={"choices": ("parallelogram", "serial"), "default": "parallelogram"}
+    )
     path: LoadPath = wanted.load_path
     model = build_model(load_description("xr701"), "beam", path)
     nine = select_loads(read_measurements(bundled_data("xr701"), model.robot), (650.0,))

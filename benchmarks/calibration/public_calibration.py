@@ -12,7 +12,6 @@ the table takes stands beside. Processor time of all threads, least of several r
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -26,6 +25,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 import stiffarm as sa
+from benchmarks.asked import asked
 from fem import deflection
 
 RESULTS = Path(__file__).parent / "results" / "public_calibration.json"
@@ -80,10 +80,8 @@ def race(arm: sa.Arm, n: int, read: str, rounds: int) -> dict[str, float]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, write=False)
     threadpool_limits(1)
     arm = sa.load(ROBOT)
     found = {
@@ -94,8 +92,7 @@ def main() -> int:
     if arguments.write:
         RESULTS.write_text(text, encoding="utf-8")
     sys.stdout.write(text)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -12,7 +12,6 @@ again, up to nine set-ups. Beside it the same with as many possible poses drawn 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -30,8 +29,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
+from benchmarks.asked import asked
 from benchmarks.diagnosis.study.scores import Row
 from benchmarks.diagnosis.study.sets import StudySet, study_sets
 from benchmarks.diagnosis.study.step import row
@@ -270,16 +268,9 @@ def _cell(s: dict[str, Any]) -> str:
     return f"{s['count']} of {s['of']} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def main() -> int:
+def main() -> None:
     """Run the loop."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("sets", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--kinds", default="single", help="kinds by the number of effects: single, none, pair")
-    parser.add_argument("--names", default="*", help="names of sets, as with a shell's *")
-    parser.add_argument("--steps", type=int, default=STEPS)
-    parser.add_argument("--jobs", type=int, default=1)
-    a = parser.parse_args()
+    a = asked(__doc__, "sets", out={"type": Path, "required": True}, kinds="single", names="*", steps=STEPS, jobs=1)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     a.out.mkdir(parents=True, exist_ok=True)
@@ -294,8 +285,8 @@ def main() -> int:
     ]
     todo = [s for s in wanted if s.name not in done]
     with ProcessPoolExecutor(max(min(a.jobs, len(todo)), 1), get_context("spawn")) as pool:
-        for asked in as_completed([pool.submit(partial(run_set, steps=a.steps), one) for one in todo]):
-            r = asked.result()
+        for finished in as_completed([pool.submit(partial(run_set, steps=a.steps), one) for one in todo]):
+            r = finished.result()
             rows.append(r)
             with kept.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(r) + "\n")
@@ -308,8 +299,7 @@ def main() -> int:
     (a.out / "loop.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     (a.out / "loop.md").write_text(page(content), encoding="utf-8")
     sys.stdout.write(page(content))
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -10,7 +10,6 @@ and what `stiffarm calibrate` and `stiffarm diagnose` say of all readings. It ta
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import nnls
 
+from benchmarks.asked import asked
 from doe import bundled_data, read_measurements
 from doe.certainty.folds import folds_of, pose_numbers
 from doe.diagnosis.nested import FOLDS, Nested, nested
@@ -117,13 +117,8 @@ def summary(out: dict[str, Any], splits: int, folds: int) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--splits", type=int, default=20)
-    parser.add_argument("--folds", type=int, default=FOLDS)
-    parser.add_argument("--json", type=Path)
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    a = parser.parse_args()
+def main() -> None:
+    a = asked(__doc__, splits=20, folds=FOLDS, json=Path, write=False)
     description = load_description(ROBOT)
     model = build_arm(description)
     data = read_measurements(bundled_data(ROBOT), model.robot)
@@ -153,8 +148,7 @@ def main() -> int:
         sys.stdout.write(f"{name}: {mm.mean():.4f} mm over unseen poses ({mm.min():.4f} to {mm.max():.4f})\n")
     if a.write:
         RESULTS.write_text(json.dumps(summary(out, a.splits, a.folds), indent=1) + "\n", encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

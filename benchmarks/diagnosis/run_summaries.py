@@ -8,18 +8,16 @@ docs/validation/diagnosis_next.md have their figures from. Nothing is diagnosed;
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from diagnosis_loop import summary
 from protocol import kept
 
+from benchmarks.asked import asked
 from benchmarks.diagnosis.study.scores import scores
 from stiffarm.session.json_text import share
 
@@ -60,16 +58,13 @@ def text() -> str:
     return json.dumps(content, indent=1) + "\n"
 
 
-def main() -> int:
+def main() -> None:
     """Print or write."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    if parser.parse_args().write:
+    if asked(__doc__, write=False).write:
         RESULTS.write_text(text(), encoding="utf-8")
     else:
         sys.stdout.write(text())
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -11,7 +11,6 @@ beyond the load path is missing, where every reading at 150 N is 0.1 mm short an
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -25,9 +24,8 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from benchmarks.diagnosis.study import payload as study_payload
+from benchmarks.asked import asked
+from benchmarks.diagnosis.study import report
 from benchmarks.diagnosis.study.scores import Row
 from benchmarks.diagnosis.study.sets import StudySet, study_sets
 from benchmarks.diagnosis.study.step import row
@@ -155,14 +153,9 @@ def real_readings() -> Outcome:
     return told(diagnosed(read_model("xr701", None, "serial"), ()))
 
 
-def main() -> int:
+def main() -> None:
     """Run all tables, and the real one."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("tables", type=Path)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--names", default="*", help="names of tables, as with a shell's *")
-    parser.add_argument("--jobs", type=int, default=1)
-    a = parser.parse_args()
+    a = asked(__doc__, "tables", out={"type": Path, "required": True}, names="*", jobs=1)
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     rows, outcomes = [], []
@@ -176,15 +169,14 @@ def main() -> int:
     real, cells = real_readings(), power(outcomes)
     a.out.mkdir(parents=True, exist_ok=True)
     texts = {
-        "study.json": json.dumps(study_payload.study(rows), indent=1),
+        "study.json": json.dumps(report.study(rows), indent=1),
         "power.json": json.dumps({"cells": cells, "real": real, "tables": outcomes}, indent=1),
         "power.md": page(cells, real),
     }
     for name, text in texts.items():
         (a.out / name).write_text(text.rstrip() + "\n", encoding="utf-8")
     sys.stdout.write(texts["power.md"])
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -8,13 +8,14 @@ docs/validation/xr701_tables.md have their figures from. It takes a minute or tw
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
 from typing import Any
 
 from fanuc_nested import said
+
+from benchmarks.asked import asked
 
 PATH = "load-path"
 COMMAND = ("diagnose", "xr701", "--load-path", "serial")
@@ -50,18 +51,15 @@ def kept(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def main() -> int:
+def main() -> None:
     """Diagnose twice, and print or keep what came of it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    write = parser.parse_args().write
+    write = asked(__doc__, write=False).write
     text = json.dumps({name: kept(said(*COMMAND, *options)) for name, options in RUNS.items()}, indent=1) + "\n"
     if write:
         RESULTS.write_text(text, encoding="utf-8")
     else:
         sys.stdout.write(text)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

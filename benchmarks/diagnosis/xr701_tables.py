@@ -21,11 +21,9 @@ the unknown geometry in it.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import io
 import json
-import sys
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -33,13 +31,10 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from benchmarks.worlds.screws.arms import arm
-from benchmarks.worlds.screws.campaign import Campaign
-from benchmarks.worlds.screws.excess import blocks, unexplained
-from benchmarks.worlds.screws.mechanics import World, readings, spring_columns
-from benchmarks.worlds.screws.screws import Array
+from benchmarks.asked import asked
+from benchmarks.worlds.screws.arm import Array, arm
+from benchmarks.worlds.screws.mechanics import Campaign, World, readings, spring_columns
+from benchmarks.worlds.screws.truth import blocks, unexplained
 
 REAL = Path(__file__).resolve().parents[2] / "doe" / "data" / "xr701_gotlih.csv"
 SPRINGS = (2.2e6, 1.4e6, 0.76e6, 1.4e6, 3.0e6, 1.0e6)
@@ -216,16 +211,11 @@ def make(out: Path, seed: int, tables: int = 200) -> list[Path]:
     return folders
 
 
-def main() -> int:
+def main() -> None:
     """Write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--tables", type=int, default=200)
-    a = parser.parse_args()
+    a = asked(__doc__, "out", seed=0, tables=200)
     print(f"{len(make(a.out, a.seed, a.tables))} tables in {a.out}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

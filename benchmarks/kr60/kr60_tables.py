@@ -6,46 +6,44 @@ pictures.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from string import Template
 
 import kr60_figures
 import numpy as np
-from kr60_claims import (
+from kr60_figures import (
+    A0,
     COMPARED,
+    FORCE_N,
+    IN_LINE,
+    P_M,
     PATH_GAMMA_DEG,
     PLANE_GAMMA_DEG,
+    READINGS,
+    TABLE_4,
+    B,
     ForceStudy,
     PathResult,
     PlaneResult,
     PointCurve,
-    at_point,
-    implied_force,
-    on_path,
-    on_plane,
-    under_force,
-)
-from kr60_readings import (
-    A0,
-    FORCE_N,
-    IN_LINE,
-    P_M,
-    READINGS,
-    TABLE_4,
-    B,
     Reading,
     S,
     arm,
+    at_point,
     flange_frames,
+    implied_force,
+    on_path,
+    on_plane,
     path,
     postures,
     spindle,
+    under_force,
 )
 
 import fem
 import machining
+from benchmarks.asked import asked
 from machining.stiffness.distribution import Over
 from robots.arrays import Array
 
@@ -238,9 +236,7 @@ def turned(angle_deg: Array) -> tuple[float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, write=False)
     model = arm()
     paths = {r.name: on_path(model, r) for r in READINGS}
     points = {r.name: at_point(model, r) for r in READINGS}

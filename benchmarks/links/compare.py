@@ -25,8 +25,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from benchmarks.links.shapes import CASES
-from benchmarks.links.surfaces import VARIANTS
+from benchmarks.links.surfaces import CASES, VARIANTS
 from benchmarks.links.truth import directions, read_truth
 from fem import build_model
 from robots import load_description

@@ -9,7 +9,6 @@ left out at a time, in mm; ``scales``: times the links' compliance.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import itertools
 from dataclasses import replace
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 import doe
+from benchmarks.asked import asked
 from fem import build_model, compliance
 from fem.model import ArmModel, LinkKind
 from robots import Robot, load_description
@@ -76,10 +76,7 @@ def fitted(A: Array, y: Array) -> tuple[float, float]:
 
 def main() -> None:
     """Print the figures for rigid, beam and shell links."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--scales", default="0.5,1,2,3")
-    given = parser.parse_args()
+    given = asked(__doc__, "folder", scales="0.5,1,2,3")
     description = load_description(str(given.folder / "model.toml"))
     rigid = build_model(description, "rigid").with_rigid_joints()
     q, wrench, read, point = readings()

@@ -10,7 +10,6 @@ Writes benchmarks/links/truth.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -25,7 +24,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from benchmarks.links.shapes import CASES, DENSITY, POISSONS_RATIO, YOUNGS_MODULUS_PA, Case, Seat, solid
+from benchmarks.asked import asked
+from benchmarks.links.surfaces import CASES, DENSITY, POISSONS_RATIO, YOUNGS_MODULUS_PA, Case, Seat, solid
 
 TRUTH = Path(__file__).with_name("truth.json")
 SIZES_MM = (24.0, 16.0, 12.0)
@@ -202,11 +202,7 @@ def read_truth() -> dict[str, Any]:
 
 def main() -> None:
     """Solve the links and write what came out; links not asked for stay as they are."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--ccx", default="ccx")
-    parser.add_argument("--cases", default=",".join(CASES))
-    parser.add_argument("--sizes", default=",".join(f"{v:g}" for v in SIZES_MM), help="mm, coarse to fine")
-    given = parser.parse_args()
+    given = asked(__doc__, ccx="ccx", cases=",".join(CASES), sizes=",".join(f"{v:g}" for v in SIZES_MM))
     sizes = tuple(float(v) for v in given.sizes.split(","))
     done = read_truth() if TRUTH.is_file() else {}
     for name in given.cases.split(","):

@@ -14,7 +14,6 @@ The meshes are for trying only.
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
 import sys
@@ -26,6 +25,8 @@ from typing import Any
 
 import numpy as np
 import trimesh
+
+from benchmarks.asked import asked
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -142,20 +143,17 @@ def inside(points: Array, capsules: list[tuple[Array, float]]) -> Array:
 
 def main() -> None:
     """Compare all arms of a folder."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--write", action="store_true")
-    asked = parser.parse_args()
+    given = asked(__doc__, "folder", write=False)
     rows: list[tuple[str, float, float, float]] = []
     packages = set()
-    for path in sorted(asked.folder.rglob("*_macro.xacro"), key=lambda p: p.name):
+    for path in sorted(given.folder.rglob("*_macro.xacro"), key=lambda p: p.name):
         try:
             found = arm_of(path)
         except (InputError, ET.ParseError, NameError, SyntaxError):
             continue
         if found is None:
             continue
-        packages.add(path.relative_to(asked.folder).parts[0])
+        packages.add(path.relative_to(given.folder).parts[0])
         rows.append(
             (path.stem.removesuffix("_macro"), 1e3 * stretched_length(found[0], np.zeros(3)), *compared(*found))
         )
@@ -164,7 +162,7 @@ def main() -> None:
     good = int(((figures[:, 0] >= WANTED) & (figures[:, 1] <= MOST)).sum())
     held, volume = figures.mean(axis=0)
     print(f"mean {held:.3f} {volume:.2f}; {good} of {len(rows)} both")
-    if asked.write:
+    if given.write:
         head = HEAD.format(
             held=held,
             volume=volume,

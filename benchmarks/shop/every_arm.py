@@ -9,7 +9,6 @@ kinematics and points of its own: nothing of stiffarm is imported here. ``--writ
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import math
@@ -24,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from benchmarks.asked import asked
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "validation" / "every_arm.md"
@@ -179,11 +180,8 @@ def names_of_arms() -> list[str]:
 
 def main() -> None:
     """Run the arms and print, or write, the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--arms", default="")
-    parser.add_argument("--write", action="store_true")
-    asked = parser.parse_args()
-    names = asked.arms.split(",") if asked.arms else names_of_arms()
+    given = asked(__doc__, arms="", write=False)
+    names = given.arms.split(",") if given.arms else names_of_arms()
     rows, clean = [], 0
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
@@ -199,7 +197,7 @@ def main() -> None:
             print(row, flush=True)
             rows.append(row)
     print(f"{clean} of {len(names)} clean")
-    if asked.write:
+    if given.write:
         head = HEAD.format(clean=clean, count=len(names), x=AT_X, z=AT_Z)
         PAGE.write_text(head + "\n".join(rows) + "\n", encoding="utf-8")
 

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
-from index_speed_cases import curved_task, rigid_arm
 
 # An arctangent in flops: a polynomial of degree 20 with its division.
 ARCTANGENT = 25
@@ -100,6 +99,7 @@ def flops(operations: dict[str, float]) -> float:
 
 
 def _count() -> dict[str, float]:
+    from benchmarks.shop.index_speed import curved_task, rigid_arm
     from machining.stiffness import compiled as fast_index
     from machining.stiffness import kernels as fast_kernels
     from robots.inverse.spherical_wrist import spherical_wrist_arm
@@ -110,7 +110,7 @@ def _count() -> dict[str, float]:
     arm, compliance = spherical_wrist_arm(model.robot), fast_index.axial_compliance(model)
     assert compliance is not None
     figures = fast_index._figures(fast_kernels, arm, model.robot, task, compliance)
-    points = fast_index._points(arm, task, task.tool_frames([0.0, 0.5 * np.pi]), task.normals)
+    points = fast_index._points(arm, task, task.normals)
     counting = np.vectorize(Number, otypes=[object])
     work = np.zeros((fast_kernels.ROWS, k), dtype=object)
     work[fast_kernels.GAMMA], work[fast_kernels.GAMMA + 1] = counting(np.cos(gamma)), counting(np.sin(gamma))

@@ -7,16 +7,16 @@ kr60-3 with rigid links. ``--write`` writes docs/validation/path_posture.md and 
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from kr60_readings import B2, P1_M, P2_M, B, Reading, arm
 
 import fem
+from benchmarks.asked import asked
+from benchmarks.kr60.kr60_figures import B2, P1_M, P2_M, B, Reading, arm
 from machining import (
     Course,
     Drive,
@@ -190,9 +190,7 @@ The paper's tool is not known ([the paper recomputed](kr60_indices.md)); reading
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/validation/path_posture.md")
-    arguments = parser.parse_args()
+    arguments = asked(__doc__, write=False)
     model = arm()
     lines = [HEAD]
     cases = {"straight_B": straight(B), "straight_B2": straight(B2), "curved": curved()}

@@ -10,7 +10,6 @@ About its eight best positions that are not neighbours a ten times finer grid is
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from dataclasses import asdict, dataclass, replace
@@ -20,6 +19,7 @@ import numpy as np
 
 import fem
 import robots
+from benchmarks.asked import asked
 from machining.cell import Cell, LinearAxis, Tool
 from machining.cutting import ConstantForce
 from machining.placement import Along, Goal, How, Placed, Problem, follow, place, space_of
@@ -289,12 +289,7 @@ def page(results: list[Result]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--step", type=float, default=0.02, help="of the fine grid of two axes, m; of one a twentieth")
-    parser.add_argument("--only", help="part of a toolpath's name")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--write", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, step=0.02, only=str, json=False, write=False)
     model = fem.build_model(robots.load_description("kr60-3"), links="rigid")
     results = []
     for case in cases(options.step):

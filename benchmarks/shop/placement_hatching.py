@@ -10,7 +10,6 @@ docs/validation/placement.md, and the same in its template.
 
 from __future__ import annotations
 
-import argparse
 import re
 import time
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ import placement_grid
 
 import fem
 import robots
+from benchmarks.asked import asked
 from machining.cell import Body, Cell, Fixture, arm_of, box, clearance, cylinder, read_cell, scene_of
 from machining.cutting import ConstantForce
 from machining.placement import Goal, Problem, follow, space_of, survey
@@ -256,11 +256,7 @@ def section(results: list[Result], step: float) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--step", type=float, default=1.0, help="of gamma, deg")
-    parser.add_argument("--only", help="part of a name")
-    parser.add_argument("--write", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, step=1.0, only=str, write=False)
     results = []
     for name, problem in problems().items():
         if options.only and options.only not in name:

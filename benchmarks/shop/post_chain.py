@@ -9,7 +9,6 @@ docs/performance/toolpaths.md.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -23,6 +22,8 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
+
+from benchmarks.asked import asked
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "performance" / "toolpaths.md"
 T = TypeVar("T")
@@ -204,11 +205,7 @@ def page(results: list[dict[str, Any]], few: Costs, many: Costs) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sizes", default="10000,30000,100000")
-    parser.add_argument("--one", type=int, help="run this size only, and print JSON")
-    parser.add_argument("--write", action="store_true", help="write docs/performance/toolpaths.md")
-    arguments = parser.parse_args()
+    arguments = asked(__doc__, sizes="10000,30000,100000", one=int, write=False)
     if arguments.one:
         print(json.dumps(chain(arguments.one)))
         return

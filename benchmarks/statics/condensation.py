@@ -13,7 +13,6 @@ it held before assembly.
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import json
 import os
@@ -33,6 +32,7 @@ from opensees_shell import OpenSeesRun, run_opensees
 from scipy.optimize import brentq
 
 import fem
+from benchmarks.asked import asked
 from fem.elements import condensation
 from fem.elements.assembly import assemble_shell, freedoms
 from fem.elements.shell import couple, shell_superelement
@@ -218,15 +218,11 @@ def report(count: int, rows: list[SolverRow], others: list[OpenSeesRow], memory:
     return "\n".join(lines) + "\n"
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--freedoms", type=int, default=FREEDOMS, help="size of the raced link")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--peak", nargs=2, metavar=("SOLVER", "FREEDOMS"), help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, freedoms=FREEDOMS, json=False, peak={"nargs": 2, "metavar": ("SOLVER", "FREEDOMS")})
     if arguments.peak:
         _print_peak(arguments.peak[0], int(arguments.peak[1]))
-        return 0
+        return
     mesh, points = link(arguments.freedoms)
     rows, others = race(mesh, points)
     memory = []
@@ -237,10 +233,9 @@ def main() -> int:
         tail = {"opensees": [asdict(o) for o in others], "memory": [asdict(m) for m in memory]}
         json.dump({**head, "solvers": [asdict(r) for r in rows], **tail}, sys.stdout, indent=2)
         sys.stdout.write("\n")
-        return 0
+        return
     sys.stdout.write(report(6 * len(mesh.nodes), rows, others, memory))
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -9,7 +9,6 @@ scaled per pose. The two take turns, so that a busy machine slows both; medians 
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import sys
@@ -19,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.asked import asked
 from fem import ArmModel, build_model
 from fem.reference import direct
 from fem.statics import flexibility
@@ -93,10 +93,8 @@ def run(model: ArmModel) -> list[Race]:
     ]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, json=False)
     races = run(build_model(load_description("xr701")).with_springs(SPRINGS))
     if arguments.json:
         results = {
@@ -112,15 +110,14 @@ def main() -> int:
         head = {"robot": "xr701", "poses": POSES, "direct_poses": SUBSET, "repeats": REPEATS}
         json.dump({**head, **results}, sys.stdout, indent=2)
         sys.stdout.write("\n")
-        return 0
+        return
     sys.stdout.write(f"xr701, beam links: {POSES} poses fast, {SUBSET} direct, median of {REPEATS}\n")
     for r in races:
         sys.stdout.write(
             f"{r.name:12} fast {r.fast_us:6.2f} us/pose, direct {r.direct_us:6.2f} us/pose "
             f"(batches of {r.direct_batch}), ratio {r.ratio:5.1f}, differ by {r.relative_difference:.1e}\n"
         )
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

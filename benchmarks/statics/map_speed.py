@@ -9,7 +9,6 @@ docs/performance/maps.md.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import json
 import os
@@ -20,10 +19,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from index_speed import rounds_of
-from index_speed_cases import Pinocchio
 
 import fem
+from benchmarks.asked import asked
+from benchmarks.shop.index_speed import Pinocchio, rounds_of
 from fem.compiled.compliance import FEWEST, why_not_compiled
 from fem.model import LinkKind
 from fem.reference import direct
@@ -223,13 +222,8 @@ def page(cases: list[Case]) -> str:
     )
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--poses", type=int, default=1_000_000)
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
-    a = parser.parse_args()
+def main() -> None:
+    a = asked(__doc__, poses=1000000, rounds=5, json=False, write=False)
     cases = [measure(*case, a.poses, a.rounds) for case in CASES]
     if a.write:
         PAGE.write_text(page(cases), encoding="utf-8")
@@ -238,8 +232,7 @@ def main() -> int:
         sys.stdout.write("\n")
     else:
         sys.stdout.write(page(cases))
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

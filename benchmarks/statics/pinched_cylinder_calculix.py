@@ -16,11 +16,12 @@ from __future__ import annotations
 
 import os
 
+from benchmarks.asked import asked
+
 THREADS = 1
 for _name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[_name] = str(THREADS)  # before NumPy is imported
 
-import argparse  # noqa: E402
 import json  # noqa: E402
 import statistics  # noqa: E402
 import subprocess  # noqa: E402
@@ -161,14 +162,11 @@ def start_up(folder: Path, repeats: int) -> dict[str, float]:
     return {"our_start_s": statistics.median(ours), "ccx_start_s": statistics.median(theirs)}
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--repeats", type=int, default=3, help="runs of each code; the median counts")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, repeats=3, json=False)
     if CCX is None:
         sys.stdout.write("skipped: CalculiX (ccx) is not installed\n")
-        return 0
+        return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         solver = run_deck(1, folder)[1].solver
@@ -179,7 +177,7 @@ def main() -> int:
         content = {"threads": THREADS, "our_solver": ours, "ccx_solver": solver, **head}
         json.dump({**content, "rows": [asdict(row) for row in rows]}, sys.stdout, indent=2)
         sys.stdout.write("\n")
-        return 0
+        return
     sys.stdout.write(f"full pinched cylinder, {THREADS} thread; our solver {ours}, CalculiX's {solver}\n")
     sys.stdout.write(f"start-up: our imports {head['our_start_s']:.2f} s, CalculiX {head['ccx_start_s']:.2f} s\n")
     for row in rows:
@@ -188,8 +186,7 @@ def main() -> int:
             f"an eighth of it {row.our_eighth_s:.3f} s; CalculiX n = {row.ccx_size} ({row.ccx_ratio:.4f}) "
             f"{row.ccx_s:.2f} s; ratio {row.ccx_over_ours:.1f}, to the eighth {row.ccx_over_our_eighth:.0f}\n"
         )
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

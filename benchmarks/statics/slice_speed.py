@@ -8,13 +8,13 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.asked import asked
 from stiffarm.commands.maps.request import SliceRequest
 from stiffarm.session.inputs import read_model
 from stiffarm.session.parsing import parse_frame
@@ -85,16 +85,13 @@ def row(robot: str, options: dict[str, str], before: float) -> str:
     return "| " + " | ".join((*cells, f"{plain:.1f}", worse)) + " |"
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
-    wanted = parser.parse_args()
+def main() -> None:
+    wanted = asked(__doc__, write=False)
     text = HEAD.format(checked=CHECKED) + "\n".join(row(*case) for case in CASES) + "\n" + TAIL
     sys.stdout.write(text)
     if wanted.write:
         PAGE.write_text(text, encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from peer_estimators import Estimator, OwnCandidate, OwnEstimator, PeerEstimator
-from peers import PEERS, Peer, Size, Variant
+from peers import PEERS, Estimator, OwnCandidate, OwnEstimator, Peer, PeerEstimator, Size, Variant
 
 from robots.arrays import Array, Bools, Integers
 from robots.errors import InputError
@@ -75,11 +74,6 @@ class PeerResult:
     messages: tuple[str, ...] = ()
     refused: str | None = None
 
-    @property
-    def queries_per_s(self) -> float:
-        """Values a second, without error bars."""
-        return QUERIES / self.query_s if self.query_s > 0.0 else 0.0
-
 
 @dataclass(frozen=True)
 class _Runs:
@@ -126,17 +120,15 @@ def compare_with_peers(
 
     Raises
     ------
-    InputError
-        Runs that do not fit together, are not finite or positive, or held out and fitted at once; a peer that is not
-        known, or named without its package.
+    ValueError
+        Poses that are held out and fitted at once.
     """
-    runs = _checked(Q, y, Q_test, y_test, boundary, seed, clock)
+    seen = {row.tobytes() for row in Q + 0.0}
+    if any(row.tobytes() in seen for row in Q_test + 0.0):
+        raise ValueError("held-out poses were fitted too; draw them apart from the fitted ones")
+    flags = np.zeros(len(y_test), dtype=np.bool_) if boundary is None else boundary
+    runs = _Runs(Q, y, Q_test, y_test, flags, np.random.default_rng(seed).permutation(len(y)), clock)
     limits = dict(most_runs or {})
-    for name in [*(peers or ()), *limits]:
-        if name not in PEERS:
-            raise InputError("peer", code="A001", value=name, allowed=", ".join(PEERS))
-    for name in peers or ():
-        PEERS[name].build(PEERS[name].variants[0], runs.Q.shape[1], len(runs.Q))
     jobs: list[tuple[str, Callable[[], PeerResult]]] = [
         (name, partial(_own_row, name, c, runs)) for name, c in (own or {}).items()
     ]
@@ -298,47 +290,3 @@ def _listening(said: list[str]) -> Iterator[None]:
 def _first_line(thing: object) -> str:
     lines = str(thing).strip().splitlines()
     return lines[0].strip().rstrip(":") if lines else type(thing).__name__
-
-
-def _checked(
-    Q: Array, y: Array, Q_test: Array, y_test: Array, boundary: Bools | None, seed: int, clock: Clock
-) -> _Runs:
-    Q, y = _finite("fitted runs", Q, y)
-    Q_test, y_test = _finite("held-out runs", Q_test, y_test)
-    if Q.shape[1] != Q_test.shape[1]:
-        raise InputError(
-            "held-out runs: inputs", code="B001", value=Q_test.shape[1], allowed=f"{Q.shape[1]}, as the fitted ones"
-        )
-    flags = np.zeros(len(y_test), dtype=np.bool_) if boundary is None else np.asarray(boundary, dtype=np.bool_)
-    if flags.shape != y_test.shape:
-        raise InputError(
-            "boundary", code="B001", value=f"shape {flags.shape}", allowed=f"({len(y_test)},), one for each run"
-        )
-    seen = {row.tobytes() for row in Q + 0.0}
-    twice = sum(row.tobytes() in seen for row in Q_test + 0.0)
-    if twice:
-        raise InputError(
-            f"held-out runs: {twice} of {len(Q_test)} poses were fitted too",
-            code="T008",
-            remedy="draw the held-out poses apart from the fitted ones",
-        )
-    return _Runs(Q, y, Q_test, y_test, flags, np.random.default_rng(seed).permutation(len(y)), clock)
-
-
-def _finite(what: str, Q: Array, y: Array) -> tuple[Array, Array]:
-    Q, y = np.asarray(Q, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    if Q.ndim != 2 or not Q.size or y.shape != (len(Q),):
-        raise InputError(
-            f"{what}: poses {Q.shape}, compliances {y.shape}",
-            code="B001",
-            allowed="(n, k) and (n,), n and k at least 1",
-        )
-    bad = np.flatnonzero(~(np.isfinite(Q).all(axis=1) & np.isfinite(y) & (y > 0.0)))
-    if len(bad):
-        raise InputError(
-            f"{what}: {len(bad)} of {len(y)} have an angle that is not finite or a compliance that is not positive",
-            code="B001",
-            value=f"row {bad[0] + 1}: {y[bad[0]]:.6g} m/N",
-            remedy="find out why these runs failed; do not fill them",
-        )
-    return Q, y

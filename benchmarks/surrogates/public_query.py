@@ -11,7 +11,6 @@ allocate during one query. ``--write`` writes benchmarks/surrogates/results/publ
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -27,6 +26,7 @@ from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
 from threadpoolctl import threadpool_limits
 
 import stiffarm as sa
+from benchmarks.asked import asked
 from fem import deflection
 
 RESULTS = Path(__file__).parent / "results" / "public_query.json"
@@ -91,10 +91,8 @@ def race(surrogate: sa.Surrogate) -> dict[str, float]:
     }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write the results file")
-    arguments = parser.parse_args()
+def main() -> None:
+    arguments = asked(__doc__, write=False)
     threadpool_limits(1)
     arm = sa.load(ROBOT)
     inputs = ["q2_deg", "q3_deg", "q4_deg", "q5_deg"]
@@ -110,8 +108,7 @@ def main() -> int:
     if arguments.write:
         RESULTS.write_text(text, encoding="utf-8")
     sys.stdout.write(text)
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

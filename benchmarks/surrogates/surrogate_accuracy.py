@@ -8,7 +8,6 @@ docs/validation/surrogate_accuracy.md.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import fem
+from benchmarks.asked import asked
 from doe import bundled_campaign, bundled_data, read_measurements, select_loads
 from doe.calibration.run import run_campaign
 from fem.arm import Arm
@@ -164,20 +164,16 @@ def table(rows: list[Row]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robot", choices=["xr701", "kr60-3", "tx200"])
-    parser.add_argument("--quick", action="store_true", help="fewer held-out runs")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
-    asked = parser.parse_args()
-    if asked.quick:
+    given = asked(__doc__, robot=("xr701", "kr60-3", "tx200"), quick=False, write=False)
+    if given.quick:
         training.HELD_OUT_UNIFORM = 2000
     rows: list[Row] = []
-    for case in cases(asked.robot):
+    for case in cases(given.robot):
         for row in judged(case):
             rows.append(row)
             print(table([row]).splitlines()[-1], file=sys.stderr, flush=True)
     page = TEXT.read_text(encoding="utf-8").format(table=table(rows), worst=_worst(rows))
-    if asked.write:
+    if given.write:
         PAGE.write_text(page, encoding="utf-8")
     print(page)
 

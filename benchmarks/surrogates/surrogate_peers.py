@@ -8,7 +8,6 @@ NUMBA_NUM_THREADS=1.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -19,9 +18,10 @@ from typing import Any
 
 import numpy as np
 from peer_comparison import Errors, PeerResult, compare_with_peers
-from peer_estimators import OwnCandidate
+from peers import OwnCandidate
 
 import fem
+from benchmarks.asked import asked
 from fem.springs import FourierBasis
 from robots import content_hash, load_description
 from robots.arrays import Array
@@ -252,12 +252,7 @@ def page(results: dict[str, tuple[Case, list[PeerResult]]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer runs and held-out poses")
-    parser.add_argument("--robot", action="append", choices=("xr701", "kr60-3"))
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, quick=False, robot=[*("xr701", "kr60-3")], write=False, json=False)
     robots = options.robot or ["xr701", "kr60-3"]
     results = {}
     for name in robots:

@@ -9,7 +9,6 @@ by the clock for the rest. Needs numba. ``--write`` writes docs/performance/quer
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -28,6 +27,7 @@ from threadpoolctl import threadpool_limits
 
 import fem
 import robots
+from benchmarks.asked import asked
 from surrogate import fast, kernels
 from surrogate.expansion import Expansion, Family
 
@@ -235,13 +235,8 @@ def page(r: Result) -> str:
     )
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--poses", type=int, default=100_000)
-    parser.add_argument("--rounds", type=int, default=9)
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    parser.add_argument("--write", action="store_true", help=f"write {PAGE.name}")
-    a = parser.parse_args()
+def main() -> None:
+    a = asked(__doc__, poses=100000, rounds=9, json=False, write=False)
     with threadpool_limits(1):
         result = measure(a.poses, a.rounds)
     if a.write:
@@ -251,8 +246,7 @@ def main() -> int:
         sys.stdout.write("\n")
     else:
         sys.stdout.write(page(result))
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -2,7 +2,7 @@
 
     python benchmarks/toolpaths/gcode_random.py [--count N] [--first SEED] [--dialect NAME] [--keep FOLDER]
 
-Each program (:mod:`gcode_programs`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
+Each program (:mod:`gcode_random`) is read by :func:`machining.toolpaths.read_toolpath` and by :mod:`plain_gcode`,
 which share no code. A program is right where every move agrees (ends to 0.2 um, arcs to 5 um, rapid or feed, feeds),
 refused where the reader refuses it, and else wrong. A refusal is allowed; none may be wrong. ``--keep`` writes the
 programs that are wrong into a folder.
@@ -10,24 +10,43 @@ programs that are wrong into a folder.
 
 from __future__ import annotations
 
-import argparse
+import random
 import re
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from gcode_programs import SUFFIX, program
+from gcode_writer import Fanuc, LinuxCnc
+from gcode_writer_siemens import Siemens
 from moves_compared import disagreement
 from plain_gcode import DIALECTS, moves
 
+from benchmarks.asked import asked
 from machining.toolpaths.options import ReadOptions
 from machining.toolpaths.reading import read_toolpath
 from robots import InputError
 
-RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
+SUFFIX = {"fanuc": ".nc", "linuxcnc": ".ngc", "siemens": ".mpf"}
+
+
+def program(seed: int, dialect: str | None = None) -> tuple[str, str]:
+    """A program's text and its dialect."""
+    while True:
+        chance = random.Random(seed)  # noqa: S311 - the programs of a seed are the same each time
+        kind = dialect or chance.choice(DIALECTS)
+        writer = {"fanuc": Fanuc, "linuxcnc": LinuxCnc, "siemens": Siemens}[kind](chance, kind)
+        try:
+            text = writer.written()
+            if moves(text, kind):
+                return text, kind
+        except ValueError:
+            pass
+        # A construct did not fit to where the tool was.
+        seed += 1_000_000_007
+
+
+# Dropped: read although the plain interpreter refuses it.
+RIGHT, REFUSED, WRONG, DROPPED = "right", "refused", "wrong", "dropped"
 
 
 def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
@@ -36,10 +55,13 @@ def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
     file.write_text(text, encoding="ascii")
     try:
         m = read_toolpath(file, kind="gcode", options=ReadOptions())
+        known = moves(text, dialect)
     except InputError as error:
         line = next((x for x in str(error).splitlines() if ", line " in x), str(error))
         return REFUSED, _short(line)
-    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, moves(text, dialect))
+    except ValueError as error:
+        return DROPPED, str(error)
+    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, known)
     return (WRONG, wrong) if wrong else (RIGHT, "")
 
 
@@ -68,12 +90,7 @@ def run(seeds: range, dialect: str | None = None, keep: Path | None = None) -> t
 
 def main() -> int:
     """Run and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--dialect", choices=DIALECTS)
-    parser.add_argument("--keep", type=Path)
-    a = parser.parse_args()
+    a = asked(__doc__, count=100000, first=0, dialect=DIALECTS, keep=Path)
     outcomes, why = run(range(a.first, a.first + a.count), a.dialect, a.keep)
     print("| dialect | programs | right | refused | wrong |\n|---|---|---|---|---|")
     for kind in DIALECTS:

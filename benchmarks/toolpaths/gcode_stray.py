@@ -2,33 +2,24 @@
 
     python benchmarks/toolpaths/gcode_stray.py [--count N] [--first SEED] [--dialect NAME]
 
-One word goes into a block with coordinates of each program (:mod:`gcode_programs`). Where the plain interpreter refuses
+One word goes into a block with coordinates of each program (:mod:`gcode_random`). Where the plain interpreter refuses
 the program, so must the reader; where it takes it, they agree or the reader refuses. A program that is read although
 the word has no meaning in it counts as dropped.
 """
 
 from __future__ import annotations
 
-import argparse
 import random
 import re
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+from gcode_random import DROPPED, RIGHT, WRONG, judged, program
+from plain_gcode import DIALECTS
 
-from gcode_programs import SUFFIX, program
-from gcode_random import REFUSED, RIGHT, WRONG
-from moves_compared import disagreement
-from plain_gcode import DIALECTS, moves
+from benchmarks.asked import asked
 
-from machining.toolpaths.options import ReadOptions
-from machining.toolpaths.reading import read_toolpath
-from robots import InputError
-
-DROPPED = "dropped"
 COMMON = (
     "R2",
     "I5",
@@ -129,22 +120,6 @@ def strayed(text: str, dialect: str, chance: random.Random) -> tuple[str, str] |
     return "\n".join(lines), word
 
 
-def judged(text: str, dialect: str, folder: Path) -> tuple[str, str]:
-    """What comes of a program with a stray word."""
-    file = folder / f"program{SUFFIX[dialect]}"
-    file.write_text(text, encoding="ascii")
-    try:
-        m = read_toolpath(file, kind="gcode", options=ReadOptions())
-    except InputError:
-        return REFUSED, ""
-    try:
-        known = moves(text, dialect)
-    except ValueError as error:
-        return DROPPED, str(error)
-    wrong = disagreement(1e3 * m.points, m.rapid, 60e3 * m.feed, known)
-    return (WRONG, wrong) if wrong else (RIGHT, "")
-
-
 def run(seeds: range, dialect: str | None = None) -> tuple[Counter[str], Counter[str]]:
     """Outcomes, and words that were dropped or read wrong."""
     outcomes: Counter[str] = Counter()
@@ -168,11 +143,7 @@ def run(seeds: range, dialect: str | None = None) -> tuple[Counter[str], Counter
 
 def main() -> int:
     """Run and print what was dropped."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--dialect", choices=DIALECTS)
-    a = parser.parse_args()
+    a = asked(__doc__, count=10000, first=0, dialect=DIALECTS)
     outcomes, words = run(range(a.first, a.first + a.count), a.dialect)
     print(dict(outcomes))
     for word, count in words.most_common():

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from gcode_writer import Writer
-from gcode_writer_iso import Fanuc
+from gcode_writer import Fanuc, Writer
 
 
 class Siemens(Fanuc):

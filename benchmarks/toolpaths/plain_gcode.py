@@ -12,8 +12,7 @@ import math
 import re
 from dataclasses import dataclass, field
 
-from moves_compared import Move
-from plain_corners import Corner, cornered, direction
+from moves_compared import Corner, Move, cornered, direction
 
 DIALECTS = ("fanuc", "linuxcnc", "siemens")
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"

@@ -14,11 +14,9 @@ point of an arc lies on the interpreter's circle to 5 um. APT and Heidenhain's l
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import subprocess
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -30,8 +28,7 @@ import numpy as np
 import tool_path_plain as plain
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
+from benchmarks.asked import asked
 from machining.toolpaths.gcode.reader import read_gcode
 from machining.toolpaths.motions import Motions
 from machining.toolpaths.options import ReadOptions
@@ -365,13 +362,9 @@ def page(rows: Sequence[tuple[str, Compared]], sources: str) -> str:
     )
 
 
-def main() -> int:
+def main() -> None:
     """Compare all files of a folder."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--rs274", type=Path, required=True)
-    parser.add_argument("--page", action="store_true")
-    a = parser.parse_args()
+    a = asked(__doc__, "folder", rs274={"type": Path, "required": True}, page=False)
     rows = [(repo, _judged(a.rs274, file)) for repo, file in files(a.folder)]
     (a.folder / "corpus.json").write_text(json.dumps([[repo, vars(r)] for repo, r in rows], indent=1), encoding="utf-8")
     print(table(rows))
@@ -383,8 +376,7 @@ def main() -> int:
     if a.page:
         sources = a.folder / "sources.csv"
         PAGE.write_text(page(rows, sources.read_text(encoding="utf-8") if sources.exists() else ""), encoding="utf-8")
-    return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

@@ -10,10 +10,8 @@ the programs that do not; exit code 1 if there are any.
 
 from __future__ import annotations
 
-import argparse
 import cmath
 import math
-import sys
 import tempfile
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
@@ -25,8 +23,7 @@ import numpy as np
 import tool_path_second as second
 from tool_path_second import RefusedError, Step
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
+from benchmarks.asked import asked
 from machining.toolpaths import Motions, ReadOptions, read_toolpath
 from robots import InputErrors
 
@@ -694,12 +691,7 @@ def trial(language: str, first: int, count: int) -> tuple[Counter[str], list[str
 
 def main() -> int:
     """Run as many programs as asked."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--programs", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--language", choices=(HEIDENHAIN, APT))
-    parser.add_argument("--workers", type=int, default=2)
-    a = parser.parse_args()
+    a = asked(__doc__, programs=100000, seed=0, language=(HEIDENHAIN, APT), workers=2)
     languages = [a.language] if a.language else [HEIDENHAIN, APT]
     each, chunk = a.programs // len(languages), 500
     outcomes, wrong = Counter[str](), []

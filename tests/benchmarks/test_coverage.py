@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from coverage_cases import CASES, Case, study
+from interval_coverage import CASES, Case, study
 from scipy.stats import binom
 
 BY_NAME = {case.name: case for case in CASES}

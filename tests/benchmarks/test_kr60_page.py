@@ -6,8 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kr60_claims import PLANE_GAMMA_DEG, PlaneResult, at_point, on_path, on_plane
-from kr60_readings import A0, B2, B3, IN_LINE, READINGS, TABLE_4, B, Reading, S, arm, index, path, postures
+from kr60_figures import (
+    A0,
+    B2,
+    B3,
+    IN_LINE,
+    PLANE_GAMMA_DEG,
+    READINGS,
+    TABLE_4,
+    B,
+    PlaneResult,
+    Reading,
+    S,
+    arm,
+    at_point,
+    index,
+    on_path,
+    on_plane,
+    path,
+    postures,
+)
 
 import fem
 from surrogate.maps.layouts import points_of

@@ -8,17 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from map_findings import (
+    LEVELS,
     Finding,
+    LayerSample,
+    PoseSample,
+    Samples,
     distance_finding,
     findings,
+    influence,
+    influences,
     layer_finding,
     local_ranges,
     model_findings,
     neighbour_finding,
     payload,
+    sample_model,
 )
-from map_findings_figure import findings_figure
-from map_samples import LEVELS, LayerSample, PoseSample, Samples, influence, influences, sample_model
+from map_findings_page import findings_figure
 from matplotlib.image import imread
 
 from fem import build_model

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import power_study
-import protocol_page
+import protocol
 import pytest
 import run_summaries
-from protocol import kept
 
 from doe.power.chances import Chance
 
@@ -23,10 +22,10 @@ def test_the_summaries_are_those_of_the_rows() -> None:
 
 
 def test_the_page_of_the_study_is_what_the_protocol_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol_page, "save_png", lambda *_: None)
+    monkeypatch.setattr(protocol, "save_png", lambda *_: None)
     page, folder = tmp_path / "page.md", run_summaries.RUNS / "a3d97a58"
     shutil.copy(PAGES / "diagnosis_study.md", page)
-    protocol_page.page(folder, list(kept(folder / "rows.jsonl")), page)
+    protocol.page(folder, list(protocol.kept(folder / "rows.jsonl")), page)
     assert page.read_text(encoding="utf-8") == (PAGES / "diagnosis_study.md").read_text(encoding="utf-8")
 
 

@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import importlib
-import io
-import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag
 
-from benchmarks.worlds.screws import fill, make
-from benchmarks.worlds.screws.arms import arm
-from benchmarks.worlds.screws.campaign import HANDLING_S, Campaign, lagging
-from benchmarks.worlds.screws.design import SORTS, anywhere
-from benchmarks.worlds.screws.excess import blocks, unexplained
-from benchmarks.worlds.screws.families import CATALOGUE, OUTSIDE
-from benchmarks.worlds.screws.filling import conducted
+from benchmarks.worlds.screws.arm import arm, body_motions
 from benchmarks.worlds.screws.joint_laws import maxwell
-from benchmarks.worlds.screws.mechanics import World, readings
-from benchmarks.worlds.screws.screws import body_motions
-from benchmarks.worlds.screws.tables import model_text
-from benchmarks.worlds.screws.truth import Truth, truth
+from benchmarks.worlds.screws.mechanics import HANDLING_S, Campaign, World, lagging, readings
+from benchmarks.worlds.screws.outside_laws import CATALOGUE, OUTSIDE
+from benchmarks.worlds.screws.sets import conducted, model_of
+from benchmarks.worlds.screws.truth import SORTS, Truth, anywhere, blocks, truth, unexplained
 from fem import build_model, deflection
 from robots.library.models import parse_description
 
@@ -59,7 +47,7 @@ def test_it_moves_as_our_arms_do(name: str, links: str) -> None:
     a, rng = arm(name), np.random.default_rng(3)
     t = replace(truth(1, "none", 0), arm=a, free=tuple(range(a.size)), nominal=a.springs)
     t = replace(t, model_path=0.0 if a.pin is None else 1.0)
-    description = parse_description(model_text(t), name)
+    description = parse_description(model_of(t), name)
     q, force = anywhere(a, rng, 12), rng.normal(size=(12, 3)) * 300.0
     share = {link.name: 1.0 for link in a.links} if links == "beam" else {}
     world = World(a, 1.0 / a.springs, t.model_path, share, np.zeros(a.size))
@@ -75,58 +63,6 @@ def test_home_is_where_the_tool_point_is() -> None:
     a = arm("tx200")
     motion = body_motions(a.screws, a.joint_angles(np.zeros((1, a.size))))[0, -1] @ a.flange
     np.testing.assert_allclose(motion[:3, 3], [0.25, 0.0, 0.642 + 0.95 + 0.8 + 0.194], atol=1e-12)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("screws")
-    make(out, seed=5, single=2, none=2, outside=2, pairs=1)
-    return out
-
-
-@pytest.mark.slow
-def test_the_same_seed_makes_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    make(tmp_path, seed=5, single=1, none=2, outside=1, pairs=0)
-    files = [p.relative_to(tmp_path) for p in sorted(tmp_path.rglob("*.*"))]
-    assert len(files) == 4 * 5
-    assert all((folder / f).read_bytes() == (tmp_path / f).read_bytes() for f in files)
-
-
-def test_a_set_says_what_it_is(folder: Path) -> None:
-    for place in sorted(folder.iterdir()):
-        key = json.loads((place / "key.json").read_text())
-        told = json.loads((place / "set.json").read_text())
-        rows = list(csv.DictReader(io.StringIO((place / "readings.csv").read_text())))
-        assert told["links"] in {"rigid", "beam"}
-        assert key["schema"] == "stiffarm-study-key/1"
-        assert len(rows) == key["tags"]["rows"]
-        assert len(list(csv.DictReader(io.StringIO((place / "unseen.csv").read_text())))) == 40
-        assert len(key["effects"]) == {"single": 1, "none": 0, "outside": 1, "pairs": 2}[place.name.split("-")[0]]
-        if not key["effects"]:
-            assert key["excess_chi2"] < 1e-4
-
-
-def sheet_of(folder: Path) -> str:
-    """A sheet with the set's own first rows, displacements empty."""
-    rows = list(csv.DictReader(io.StringIO((folder / "readings.csv").read_text())))[:12]
-    kept = [n for n in rows[0] if n not in {"time_s", "step", "temperature_C", "session"}]
-    out = io.StringIO()
-    writer = csv.DictWriter(out, kept, extrasaction="ignore")
-    writer.writeheader()
-    writer.writerows([{**r, "dz_mm": "", "dx_mm": "", "dy_mm": ""} for r in rows])
-    return out.getvalue()
-
-
-def test_a_sheet_is_filled_by_the_same_arm_with_fresh_noise(folder: Path) -> None:
-    place = folder / "none-001"
-    first, second = (list(csv.DictReader(io.StringIO(fill(place, sheet_of(place), k)))) for k in (1, 2))
-    old = list(csv.DictReader(io.StringIO((place / "readings.csv").read_text())))
-    assert fill(place, sheet_of(place), 1) == fill(place, sheet_of(place), 1)
-    read = [n for n in ("dx_mm", "dy_mm", "dz_mm") if n in first[0]]
-    before, after, later = (np.array([[float(r[n]) for n in read] for r in t]) for t in (old[:12], first, second))
-    assert np.abs(after - later).max() > 0.0
-    assert np.median(np.abs(after - before)) < 0.1 * np.abs(before).max()
-    assert float(first[0]["time_s"]) > float(old[-1]["time_s"])
 
 
 def test_maxwell_elements_hold_at_first_and_slip_in_the_end() -> None:
@@ -214,132 +150,3 @@ def test_each_law_works_and_most_stand_out(sort: str) -> None:
         assert sum(t.both >= 30.0 for t in made) > 0.5 * count
     if sort == "none":
         assert max(t.both for t in made) < 1e-4
-
-
-# ------------------------------------------------------------
-# The foreign world that stands on MuJoCo: same seed same bytes, same mechanics as ours where nothing is hidden
-
-
-def part(name: str) -> Any:
-    pytest.importorskip("mujoco", reason="the world stands on MuJoCo: the extra `worlds`")
-    return importlib.import_module(f"benchmarks.worlds.equilibrium.{name}")
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("equilibrium")
-    part("sets").make(out, 5, single=2, none=1, outside=1, pairs=1)
-    return out
-
-
-@pytest.mark.parametrize("name", ["kr60-3", "tx200", "xr701", "heron7", "mantis5"])
-def test_springs_alone_are_those_of_fem(name: str, tmp_path: Path) -> None:
-    """Under a tenth of a newton, as a large load changes the pose that it acts on."""
-    arms, effect, truth = part("arm"), part("effect"), part("truth")
-    from fem import build_model, deflection
-    from robots import load_description
-
-    arm = arms.load(name)
-    springs = dict(zip(arm.names, np.array(arms.SPRINGS[name]) * 1.3, strict=True))
-    (tmp_path / "model.toml").write_text(arms.model_text(arm, springs), encoding="utf-8")
-    poses = part("campaign").draw_poses(np.random.default_rng(3), arm, 12, False)
-    force, point = np.array([0.03, -0.05, -0.08]), np.array([0.05, -0.02, 0.11])
-    rows = [effect.Row(f"P{i}", 1, "loading", q, force, point) for i, q in enumerate(poses)]
-    site = effect.Site(arm, springs, {}, {}, True, 1.0)
-    found = truth.Truth(site, gravity=False).readings(rows)
-    model = build_model(load_description(tmp_path / "model.toml"), links="rigid")
-    bare = deflection(model, poses, np.array([*force, 0, 0, 0]), point)[:, :3]
-    assert np.max(np.abs(found - bare)) < 1e-6 * np.max(np.abs(bare))
-
-
-def test_springs_alone_leave_next_to_nothing_over() -> None:
-    hidden, sets = part("hidden"), part("sets")
-    wish = sets.wishes(np.random.default_rng(2), "none", 1)[0]
-    bare = hidden.draw(wish, 4)
-    rows = [replace(row, force=row.force * 1e-3) for row in bare.rows]
-    feather = replace(bare, rows=rows, nuisance=replace(bare.nuisance, compensated=1.0))
-    noise = replace(bare.noise, kind="white", axes=(1e-8, 1e-8, 1e-8))
-    assert replace(feather, noise=noise).excess([]) < 0.05
-    assert bare.excess([], bare.nuisance) < hidden.DETECTABLE
-
-
-def test_it_deflects_at_the_deflected_pose() -> None:
-    """Ten times the load is not ten times the deflection, and the equilibrium is one: forces balance there."""
-    chain, arms = part("chain"), part("arm")
-    arm = arms.load("kr60-3")
-    c = 1 / np.array(arms.SPRINGS["kr60-3"])
-    one = chain.Chain(arm)
-    angles, lever = arm.real(np.radians([10, -60, 50, 20, 30, 0])), np.array([0.05, 0, 0.2])
-    ends = []
-    for force in (30.0, 300.0):
-        load = np.array([0, 0, -force])
-        deflection, _ = one.settle(angles, load, lever, lambda torque: c * torque, np.zeros(6))
-        one.pose(angles, deflection)
-        assert np.allclose(deflection / c, one.torque(load, lever), rtol=1e-9, atol=1e-6)
-        ends.append(one.point(lever))
-    one.pose(angles, one.settle(angles, np.zeros(3), lever, lambda torque: c * torque, np.zeros(6))[0])
-    small, large = (np.linalg.norm(end - one.point(lever)) for end in ends)
-    assert 1e-4 < abs(large / small / 10 - 1) < 0.05
-
-
-def test_folders_are_as_the_study_wants_them(made: Path) -> None:
-    for folder in sorted(made.iterdir()):
-        key = json.loads((folder / "key.json").read_text(encoding="utf-8"))
-        rows = list(csv.DictReader((folder / "readings.csv").open(encoding="utf-8")))
-        assert json.loads((folder / "set.json").read_text(encoding="utf-8"))["links"] == "rigid"
-        assert len({row["pose"] for row in rows}) == key["tags"]["poses"]
-        assert ("dx_mm" in rows[0]) == (key["tags"]["reads"] == "xyz")
-        assert [float(row["time_s"]) for row in rows] == sorted(float(row["time_s"]) for row in rows)
-        assert len({row.get("session") for row in rows}) == key["tags"]["sessions"]
-        assert len((folder / "unseen.csv").read_text(encoding="utf-8").splitlines()) == 41
-
-
-def test_the_same_seed_writes_the_same_bytes(made: Path, tmp_path: Path) -> None:
-    part("sets").make(tmp_path, 5, single=1, none=0, outside=1, pairs=0)
-    for folder in tmp_path.iterdir():
-        for path in folder.iterdir():
-            assert path.read_bytes() == (made / folder.name / path.name).read_bytes(), path
-
-
-def test_a_sheet_is_filled_by_the_same_truth(made: Path) -> None:
-    """Held-out set-ups of the set itself as a sheet: readings come near what is written there."""
-    sets = part("sets")
-    folder = made / "none-001"
-    lines = (folder / "unseen.csv").read_text(encoding="utf-8").splitlines()
-    filled = sets.fill(folder, "\n".join(lines) + "\n", 1)
-    assert filled == sets.fill(folder, "\n".join(lines) + "\n", 1) != sets.fill(folder, "\n".join(lines) + "\n", 2)
-    truth, said = ([float(r["dz_mm"]) for r in csv.DictReader(t)] for t in (lines, filled.splitlines()))
-    # White noise of 30 um at most, and 1.5 % of scatter.
-    assert np.median(np.abs(np.array(said) - truth)) < 0.045
-
-
-@pytest.mark.slow
-def test_every_family_can_be_hidden_and_read_from_its_key() -> None:
-    catalogue, hidden, sets = part("catalogue"), part("hidden"), part("sets")
-    assert len(catalogue.CATALOGUE) == 28
-    assert len(catalogue.OUTSIDE) >= 8
-    wish = replace(sets.wishes(np.random.default_rng(2), "single", 1)[0], poses=9, xyz=True)
-    for number, family in enumerate(catalogue.EVERY):
-        found = hidden.draw(replace(wish, families=(family,)), number)
-        told = json.loads(json.dumps(hidden.key(found, "equilibrium")))
-        again = replace(hidden.hidden_of(told), rows=found.rows)
-        assert np.array_equal(again.truth().readings(found.rows), found.truth().readings(found.rows)), family
-
-
-def test_friction_goes_round_a_loop_and_creep_recovers() -> None:
-    laws = part("laws")
-    moment = laws.Moment()
-    rub = laws.Dahl(0, 1e-6, 100.0, 5e6)
-    rub.rest(0.0, moment)
-    way = []
-    for torque in (0, 500, 1000, 500, 0):
-        way.append(1e-6 * torque + rub.more(torque, moment))
-        rub.keep(torque, moment)
-    assert way[1] < 500e-6 < way[3]
-    assert way[4] > 0
-    assert 1000e-6 - 100e-6 <= way[2] < 1000e-6
-    creep = laws.Creep(0, 1e-6, (0.1, 0.2), (100.0, 1000.0))
-    creep.rest(0.0, moment)
-    creep.keep(1000.0, replace(moment, time_s=1e5))
-    assert creep.more(1000.0, replace(moment, time_s=1e5)) == pytest.approx(0.3e-3)
-    assert creep.more(0.0, replace(moment, time_s=2e5)) == pytest.approx(0.0, abs=1e-12)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import tomllib
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import oracles
 import pytest
+
+from benchmarks.worlds.shared import source_of
 
 
 def table(text: str) -> list[dict[str, str]]:
@@ -25,9 +25,8 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("name", ["kr60-3", "tx200", "xr701", "werft-7", "krume-5"])
 def test_springs_alone_move_the_tool_as_the_program_has_it(name: str, rng: np.random.Generator) -> None:
     oracles.load("pinocchio")
-    from benchmarks.worlds.shopfloor.arms import robot, source_of
-    from benchmarks.worlds.shopfloor.design import random_poses, ranges
-    from benchmarks.worlds.shopfloor.statics import postures, springs_only
+    from benchmarks.worlds.shopfloor.arms import postures, robot, springs_only
+    from benchmarks.worlds.shopfloor.law import random_poses, ranges
     from fem import build_model, deflection
     from robots import load_description
 
@@ -46,9 +45,7 @@ def test_springs_alone_move_the_tool_as_the_program_has_it(name: str, rng: np.ra
 def test_links_bend_as_the_program_has_them(name: str, share: float, rng: np.random.Generator) -> None:
     """Tapered ones to some thousandths: here integrals, there elements of constant section."""
     oracles.load("pinocchio")
-    from benchmarks.worlds.shopfloor.arms import robot, source_of
-    from benchmarks.worlds.shopfloor.beams import beams
-    from benchmarks.worlds.shopfloor.statics import postures
+    from benchmarks.worlds.shopfloor.arms import beams, postures, robot
     from fem import build_model, deflection
     from robots import load_description
 
@@ -67,7 +64,7 @@ def test_links_bend_as_the_program_has_them(name: str, share: float, rng: np.ran
 
 def test_the_urdf_of_an_arm_of_ours_is_the_same_arm(tmp_path: Path, rng: np.random.Generator) -> None:
     oracles.load("pinocchio")
-    from benchmarks.worlds.shopfloor.arms import robot, source_of, urdf
+    from benchmarks.worlds.shopfloor.arms import robot, urdf
     from fem import build_model, deflection
     from robots import load_description
 
@@ -84,7 +81,7 @@ def test_the_urdf_of_an_arm_of_ours_is_the_same_arm(tmp_path: Path, rng: np.rand
 
 def test_bouc_wen_in_closed_form_is_its_differential_equation() -> None:
     oracles.load("pinocchio")
-    from benchmarks.worlds.shopfloor.lags import held_back
+    from benchmarks.worlds.shopfloor.joint_laws import held_back
 
     turns = np.array([0.0, 300.0, 40.0, 250.0, -200.0, 0.0])
     z, at, ends = 0.0, 0.0, []
@@ -103,7 +100,7 @@ def test_bouc_wen_in_closed_form_is_its_differential_equation() -> None:
 def test_every_effect_does_something(kind: str) -> None:
     oracles.load("pinocchio")
     from benchmarks.worlds.shopfloor import cases
-    from benchmarks.worlds.shopfloor.truth import displacement
+    from benchmarks.worlds.shopfloor.cases import displacement
 
     for i in range(len(cases.families(cases.CATALOGUE if kind == "single" else cases.OUTSIDE))):
         most = 0.0
@@ -160,48 +157,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
-    from benchmarks.worlds.shopfloor import make
-
-    make(tmp_path / "again", 4, single=2, none=2, outside=3, pairs=1)
-    again = files(tmp_path / "again")
-    assert again == {name: text for name, text in files(made).items() if name in again}
-    make(tmp_path / "other", 5, single=1, none=0, outside=0, pairs=0)
-    assert files(tmp_path / "other")["single-000/readings.csv"] != again["single-000/readings.csv"]
-
-
-def test_a_set_is_complete_and_its_model_is_read(made: Path) -> None:
-    from robots import load_description
-
-    for folder in sorted(made.iterdir()):
-        seen = json.loads((folder / "set.json").read_text(encoding="utf-8"))
-        assert {p.name for p in folder.iterdir()} == {
-            "set.json",
-            seen["model"],
-            "readings.csv",
-            "unseen.csv",
-            "key.json",
-        }
-        key = json.loads((folder / "key.json").read_text(encoding="utf-8"))
-        assert key["world"] == "shopfloor"
-        assert len(key["effects"]) == {"none": 0, "pair": 2}.get(folder.name[:-4], 1)
-        rows = table((folder / "readings.csv").read_text(encoding="utf-8"))
-        assert len({r["pose"] for r in rows}) == key["tags"]["poses"]
-        assert ("dx_mm" in rows[0]) == (key["tags"]["reads"] == "xyz")
-        assert len({r["pose"] for r in table((folder / "unseen.csv").read_text(encoding="utf-8"))}) == 40
-        arm = load_description(str(folder / seen["model"]))
-        assert {j.coordinate for j in arm.joint} <= rows[0].keys()
-        held = {e["place"] for e in key["effects"] if e["code"].startswith("joint-compliance")}
-        if seen["model"].endswith(".toml"):
-            text = tomllib.loads((folder / seen["model"]).read_text(encoding="utf-8"))
-            assert {j["name"] for j in text["joint"] if "stiffness" not in j} == held
-
-
 def test_a_sheet_is_filled_in_by_the_same_truth(made: Path) -> None:
     """Readings of the first campaign, asked for again, agree within their noise; another visit has other noise."""
     from benchmarks.worlds.shopfloor import fill
-    from benchmarks.worlds.shopfloor.sheet import case_of
+    from benchmarks.worlds.shopfloor.sets import case_of
 
     for folder in sorted(made.glob("none-*")):
         text = (folder / "readings.csv").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ import os
 import sys
 from pathlib import Path
 
-from benchmarks.diagnosis.study import payload, words
+from benchmarks.diagnosis.study import report
 from benchmarks.diagnosis.study import step as studying
 from benchmarks.diagnosis.study.report import write_report
 from benchmarks.diagnosis.study.sets import study_sets
@@ -37,20 +37,20 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     with progress("sets") as bar:
         rows = studying.study(sets, asked.jobs, bar)
-    content = payload.study(rows)
+    content = report.study(rows)
     if asked.out is not None:
         with OutputFolder(asked.out, sys.argv, {}, None) as results:
             results.write_json("study.json", content)
-            results.write_text("rows.csv", payload.as_csv(rows))
+            results.write_text("rows.csv", report.as_csv(rows))
             write_report(rows, asked.folder.name, results)
     if asked.json:
         emit_json(content)
         return 0
-    for text in words.summary(rows):
+    for text in report.summary(rows):
         say(text)
-    show_table("Scores", list(words.HEADS), [list(line) for line in words.lines(rows)])
-    if families := words.families(rows):
-        show_table("By effect, detectable singles", list(words.FAMILY_HEADS), [list(f) for f in families])
+    show_table("Scores", list(report.HEADS), [list(line) for line in report.score_lines(rows)])
+    if families := report.family_lines(rows):
+        show_table("By effect, detectable singles", list(report.FAMILY_HEADS), [list(f) for f in families])
     return 0
 
 

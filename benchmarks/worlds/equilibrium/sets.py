@@ -1,43 +1,308 @@
-"""Folders of measurement sets: made many at a time, and later visits to the same hidden arm."""
+"""The whole truth of a set, drawn from a seed and read from a key, and folders of sets."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
-from . import arm as arms
-from .arm import Arm, Vector
-from .campaign import draw_unseen
-from .catalogue import CATALOGUE, OUTSIDE
-from .clock import moments
-from .effect import Row
-from .hidden import Hidden, Wish, draw, hidden_of, key, middle
-from .noise import KINDS, blur
+from ..shared import (
+    FORCES,
+    MOMENTS,
+    POINT,
+    READ,
+    csv_text,
+    deal,
+    description,
+    key_in,
+    model_text,
+    numbers,
+    sheet_rows,
+    write_set,
+)
+from .arm import ARMS, SPRINGS, Arm, Vector, load
+from .campaign import (
+    KINDS,
+    Noise,
+    Nuisance,
+    Truth,
+    blur,
+    draw_noise,
+    draw_nuisance,
+    draw_plan,
+    draw_rows,
+    draw_unseen,
+    excess,
+    none,
+    site_of,
+)
+from .catalogue import CATALOGUE, EVERY, OUTSIDE, Clock, clock_of, code, draw_clock, effect_of, moments
+from .effects import Effect, Row, Site
+
+# Chi-square from which an effect can be found; nuisances are to stay well below it.
+DETECTABLE = 30.0
+UNSEEN = 15.0
+# How often effects are drawn again, by how many there are; and whole campaigns.
+TRIES = {1: 4, 2: 20}
+ATTEMPTS = 20
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What one set is to be: families to hide, and what the study balances."""
+
+    kind: str
+    families: tuple[str, ...]
+    robot: str
+    poses: int
+    xyz: bool
+    back: bool
+    noise: str
+    scatter: float
+    outliers: bool
+
+
+@dataclass
+class Hidden:
+    """A set as its key has it, with its rows."""
+
+    seed: int
+    kind: str
+    arm: Arm
+    site: Site
+    effects: list[Effect]
+    rigid: tuple[str, ...]
+    nuisance: Nuisance
+    noise: Noise
+    clock: Clock
+    point: Vector
+    load_path: str | None
+    rows: list[Row]
+
+    @property
+    def axes(self) -> list[int]:
+        """Directions that are read."""
+        return [0, 1, 2] if self.site.xyz else [2]
+
+    @property
+    def share(self) -> float:
+        """How the model takes the elbow to follow the shoulder."""
+        return 0.0 if self.load_path == "serial" else float(self.arm.parallelogram)
+
+    def free(self) -> list[str]:
+        """Joints whose springs the model has."""
+        return [name for name in self.arm.names if name not in self.rigid]
+
+    def truth(self) -> Truth:
+        """The arm as it is."""
+        return Truth(self.site, self.effects, self.rigid, self.nuisance)
+
+    def excess(self, effects: Sequence[Effect], nuisance: Nuisance | None = None) -> float:
+        """How much of some of the effects, without nuisances, no springs can explain."""
+        bare = nuisance or none(self.arm, self.nuisance.compensated)
+        true = Truth(self.site, effects, self.rigid, bare).readings(self.rows)
+        return excess(self.arm, self.rows, true, self.noise, self.axes, self.free(), self.share)
+
+
+def draw(wish: Wish, seed: int) -> Hidden:
+    """Draw a set; where its nuisances alone could be seen, no gauge would be trusted so far: draw all again."""
+    wish = replace(wish, xyz=wish.xyz or "turned-frame" in wish.families)
+    best, least = None, np.inf
+    for attempt in range(ATTEMPTS):
+        rng = np.random.default_rng([seed, 18, attempt])
+        bare = _draw_campaign(wish, seed, rng)
+        chi2 = max(bare.excess([]), bare.excess([], bare.nuisance))
+        if chi2 < least:
+            best, least, chosen = bare, chi2, rng
+        if chi2 < UNSEEN:
+            break
+    assert best is not None
+    return _hide(wish, best, chosen)
+
+
+def _draw_campaign(wish: Wish, seed: int, rng: np.random.Generator) -> Hidden:
+    """Draw arm, plan, clock and noise, with nothing hidden yet."""
+    families = wish.families
+    robot = _fitting_robot(rng, wish)
+    arm = load(robot)
+    springs = {n: float(f"{k * 2 ** rng.uniform(-1, 1):.6g}") for n, k in zip(arm.names, SPRINGS[robot], strict=True)}
+    needs_days = wish.noise == "session" or any("session" in EVERY[f].axis for f in families)
+    back = wish.back or any("load history" in EVERY[f].axis and "clock" not in EVERY[f].axis for f in families)
+    plan = draw_plan(rng, wish.poses, wish.xyz, back)
+    point = _point(rng)
+    rows = draw_rows(rng, arm, plan, point)
+    needs_warmth = any("temperature" in EVERY[f].axis for f in families)
+    thermometer = str(rng.choice(["air", "housing"] if needs_warmth else ["air", "housing", "none"]))
+    clock = draw_clock(rng, thermometer, int(rng.integers(2, 4)) if needs_days else int(rng.integers(1, 3)))
+    clock, stamps = moments(clock, [row.pose for row in rows], [row.repeat for row in rows], rng)
+    rows = [replace(row, moment=moment) for row, moment in zip(rows, stamps, strict=True)]
+    noise = draw_noise(rng, wish.noise, wish.scatter, wish.outliers, max(float(np.linalg.norm(r.force)) for r in rows))
+    site = site_of(arm, springs, rows, wish.xyz)
+    nuisance = draw_nuisance(rng, arm, plan.levels, float(rng.choice([0.0, 0.9, 1.0])))
+    return Hidden(seed, wish.kind, arm, site, [], (), nuisance, noise, clock, point, None, rows)
+
+
+def _hide(wish: Wish, bare: Hidden, rng: np.random.Generator) -> Hidden:
+    """Hide the effects; where they cannot be seen, draw their places and sizes again a few times."""
+    path = "serial" if "load-path" in wish.families else None
+    best, most = bare, -1.0
+    for _ in range(TRIES.get(len(wish.families), 0)):
+        effects = [_draw_effect(rng, bare.site, family) for family in wish.families]
+        rigid = tuple(e.place for e in effects if e.family == "joint-compliance")
+        found = replace(bare, effects=effects, rigid=rigid, load_path=path)
+        least = min(found.excess([effect]) for effect in effects)
+        if least > most:
+            best, most = found, least
+        if least >= DETECTABLE:
+            break
+    return best
+
+
+def _fitting_robot(rng: np.random.Generator, wish: Wish) -> str:
+    """The robot that was wished for, or else one in which the effects can be."""
+    others = [name for name in rng.permutation(ARMS).tolist() if name != wish.robot]
+    for robot in (wish.robot, *others):
+        arm = load(robot)
+        ones = dict.fromkeys(arm.names, 1.0)
+        site = Site(arm, dict(zip(arm.names, SPRINGS[robot], strict=True)), ones, ones, wish.xyz, 1.0)
+        if all(EVERY[family].places(site) for family in wish.families):
+            return str(robot)
+    raise ValueError(f"no arm can have {wish.families}")
+
+
+def _draw_effect(rng: np.random.Generator, site: Site, family: str) -> Effect:
+    kind = EVERY[family]
+    places = kind.places(site) or [site.arm.names[1]]
+    place = str(rng.choice(places))
+    return kind(place, kind.draw(rng, site, place))
+
+
+def _point(rng: np.random.Generator) -> Vector:
+    """Where the load hangs and is read, in the flange's frame: at the flange, on a rod, or on a bracket."""
+    kind = int(rng.integers(3))
+    if kind == 0:
+        return np.zeros(3)
+    side = rng.uniform(-0.15, 0.15, 2) if kind == 2 else np.zeros(2)
+    return np.asarray(np.round([side[0], side[1], rng.uniform(0.05, 0.25)], 3))
+
+
+def key(hidden: Hidden, world: str) -> dict[str, Any]:
+    """All that is hidden, as plain data."""
+    alone = [hidden.excess([effect]) for effect in hidden.effects]
+    both = alone[0] if len(alone) == 1 else hidden.excess(hidden.effects)
+    rows, noise = hidden.rows, hidden.noise
+    bare = replace(hidden, load_path=None)
+    moment_of_unseen = asdict(middle(hidden.clock))
+    return {
+        "schema": "stiffarm-study-key/1",
+        "world": world,
+        "seed": hidden.seed,
+        "kind": hidden.kind,
+        "effects": [
+            {
+                "code": code(effect),
+                "axis": list(effect.axis),
+                "place": effect.place,
+                "parameters": effect.parameters,
+                "excess_chi2": round(chi2, 3),
+            }
+            for effect, chi2 in zip(hidden.effects, alone, strict=True)
+        ],
+        "excess_chi2": round(both, 3),
+        "detectable": both >= DETECTABLE,
+        "springs_Nm_per_rad": dict(hidden.site.springs),
+        "rigid_in_model": list(hidden.rigid),
+        "load_path_of_model": hidden.load_path,
+        "tags": {
+            "robot": hidden.arm.name,
+            "reads": "xyz" if hidden.site.xyz else "z",
+            "poses": len({row.pose for row in rows}),
+            "noise": noise.kind,
+            "scatter": noise.scatter,
+            "outliers": 0,
+            "rows": len(rows),
+            "repeats": max(row.repeat for row in rows),
+            "loads": 1 + max(row.level for row in rows),
+            "phases": len({row.phase for row in rows}),
+            "sessions": hidden.clock.days,
+            "thermometer": hidden.clock.thermometer,
+        },
+        "nuisance": {
+            **asdict(hidden.nuisance),
+            "excess_chi2": round(bare.excess([], hidden.nuisance), 3),
+            "geometry_excess_chi2": round(bare.excess([]), 3),
+            "clock": hidden.clock.data(),
+            "noise": asdict(noise),
+            "point_m": hidden.point.tolist(),
+        },
+        "site": {"torques": dict(hidden.site.torques), "held": dict(hidden.site.held), "force": hidden.site.force},
+        "levels_N": list(
+            {r.level: float(np.linalg.norm(r.force)) for r in sorted(rows, key=lambda r: r.level)}.values()
+        ),
+        "unseen_state": "rested and fresh before each load (friction, creep); time, warmth and running-in as in the"
+        " middle of the campaign, half a day's work done; gauge's zero and scale as in the readings; without noise,"
+        " drift, steps, sticking of the gauge, people, slips and the hall's warmth in what is read",
+        "unseen_moment": moment_of_unseen,
+    }
+
+
+def middle(clock: Clock) -> Any:
+    """Return the middle of a campaign, with half a day's work done."""
+    return clock.moment(clock.end_s / 2, clock.work_s / 2, clock.days // 2, clock.cycles // 2)
+
+
+def hidden_of(data: dict[str, Any]) -> Hidden:
+    """Read a key; its rows are not in it."""
+    plain = dict(data["nuisance"])
+    clock, noise = clock_of(plain.pop("clock")), Noise(**plain.pop("noise"))
+    point = np.array(plain.pop("point_m"))
+    plain.pop("excess_chi2"), plain.pop("geometry_excess_chi2")
+    plain["shifts"] = tuple(tuple(row) for row in plain["shifts"])
+    plain["zeros"], plain["loads"] = tuple(plain["zeros"]), tuple(plain["loads"])
+    arm, around = load(data["tags"]["robot"]), data["site"]
+    site = Site(
+        arm,
+        data["springs_Nm_per_rad"],
+        around["torques"],
+        around["held"],
+        data["tags"]["reads"] == "xyz",
+        around["force"],
+    )
+    effects = [effect_of(entry) for entry in data["effects"]]
+    return Hidden(
+        data["seed"],
+        data["kind"],
+        arm,
+        site,
+        effects,
+        tuple(data["rigid_in_model"]),
+        Nuisance(**plain),
+        noise,
+        clock,
+        point,
+        data["load_path_of_model"],
+        [],
+    )
+
 
 WORLD = "equilibrium"
-FORCES, POINT, READ = ("fx_N", "fy_N", "fz_N"), ("px_mm", "py_mm", "pz_mm"), ("dx_mm", "dy_mm", "dz_mm")
 # In pairs they would be seen by nobody (a scale is all springs at once).
 UNPAIRED = {"gauge-scale"}
-T = TypeVar("T")
 
 
 def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int = 50, pairs: int = 33) -> list[Path]:
     """Write so many sets of each kind; the same seed writes the same bytes."""
-    counts = {"single": single, "none": none, "outside": outside, "pair": pairs}
     folders = []
-    for place, (kind, count) in enumerate(counts.items()):
+    for place, (kind, count) in enumerate({"single": single, "none": none, "outside": outside, "pair": pairs}.items()):
         rng = np.random.default_rng([seed, place])
         for number, wish in enumerate(wishes(rng, kind, count), start=1):
-            folder = out / f"{kind}-{number:03d}"
-            write(draw(wish, int(rng.integers(2**31))), folder)
-            folders.append(folder)
+            folders.append(write(draw(wish, int(rng.integers(2**31))), out / f"{kind}-{number:03d}"))
     return folders
 
 
@@ -45,13 +310,10 @@ def wishes(rng: np.random.Generator, kind: str, count: int) -> list[Wish]:
     """Balance what the study compares: each value of each tag equally often, in an order of its own."""
     streams = iter(rng.spawn(8))
 
-    def deck(values: Sequence[T]) -> list[T]:
-        stream, cards = next(streams), list[T]()
-        while len(cards) < count:
-            cards += [values[i] for i in stream.permutation(len(values))]
-        return cards[:count]
+    def deck(values: Sequence[Any]) -> list[Any]:
+        return list(islice(deal(next(streams), values), count))
 
-    robots, poses, xyz = deck(arms.ARMS), deck((9, 27, 81)), deck((False, True))
+    robots, poses, xyz = deck(ARMS), deck((9, 27, 81)), deck((False, True))
     back, noise, scatter, outliers = deck((True, True, False)), deck(KINDS), deck((0.0, 0.015)), deck((False, True))
     if kind == "pair":
         stream, names = next(streams), [name for name in CATALOGUE if name not in UNPAIRED]
@@ -65,7 +327,7 @@ def wishes(rng: np.random.Generator, kind: str, count: int) -> list[Wish]:
     return [Wish(kind, *card) for card in cards]
 
 
-def write(hidden: Hidden, folder: Path) -> None:
+def write(hidden: Hidden, folder: Path) -> Path:
     """Write one set."""
     rng = np.random.default_rng([hidden.seed, 1])
     truth = hidden.truth()
@@ -75,50 +337,42 @@ def write(hidden: Hidden, folder: Path) -> None:
     told = key(hidden, WORLD)
     told["tags"]["outliers"] = len({i // 3 for i in wrong})
     told["nuisance"]["spoilt_cells"] = sorted([i // 3, READ[i % 3]] for i in wrong if i % 3 in hidden.axes)
-    springs = dict(zip(hidden.arm.names, arms.SPRINGS[hidden.arm.name], strict=True))
-    model = arms.model_text(hidden.arm, {name: springs[name] for name in hidden.free()}, hidden.load_path)
-    folder.mkdir(parents=True, exist_ok=True)
-    _save(folder / "set.json", {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": "rigid"})
-    _save(folder / "key.json", told)
-    (folder / "model.toml").write_text(model, encoding="utf-8")
-    (folder / "readings.csv").write_text(_table(hidden, hidden.rows, said, rng, 0), encoding="utf-8")
-    (folder / "unseen.csv").write_text(_table(hidden, unseen, unread, None, 0), encoding="utf-8")
+    springs = dict(zip(hidden.arm.names, SPRINGS[hidden.arm.name], strict=True))
+    free = {name: springs[name] for name in hidden.free()}
+    files = {
+        "model.toml": model_text(description(hidden.arm.name), free, hidden.load_path or ""),
+        "key.json": told,
+        "readings.csv": _table(hidden, hidden.rows, said, rng, 0),
+        "unseen.csv": _table(hidden, unseen, unread, None, 0),
+    }
+    return write_set(folder, files)
 
 
 def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
     """Fill in a sheet of further set-ups: the same truth some days later, with noise and set-ups of their own."""
-    told = json.loads((set_folder / "key.json").read_text(encoding="utf-8"))
+    told = key_in(set_folder)
     told["nuisance"].pop("spoilt_cells")
     hidden = hidden_of(told)
     rng = np.random.default_rng([hidden.seed, 2, visit])
-    lines = list(csv.DictReader(io.StringIO(sheet_csv), delimiter=";" if ";" in sheet_csv.split("\n")[0] else ","))
-    if not lines:
-        raise ValueError("the sheet has no rows; pass one with a row for each reading to take")
+    lines = sheet_rows(sheet_csv)
     rows = _rows_of(hidden.arm, lines, np.array(told["levels_N"]))
     _, stamps = moments(hidden.clock, [row.pose for row in rows], [row.repeat for row in rows], rng, visit)
     rows = [replace(row, moment=moment) for row, moment in zip(rows, stamps, strict=True)]
     said, _ = blur(hidden.noise, rows, hidden.truth().readings(rows), rng)
-    times = list(csv.DictReader(io.StringIO(_table(hidden, rows, said, rng, visit))))
+    times = sheet_rows(_table(hidden, rows, said, rng, visit))
+    columns = list(lines[0])
     asked = [name for name in READ if name in lines[0]] or [READ[i] for i in hidden.axes]
     more = [name for name in ("time_s", "temperature_C", "session") if name in times[0] and name not in lines[0]]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [*lines[0], *(n for n in asked if n not in lines[0]), *more], lineterminator="\n")
-    writer.writeheader()
     for line, time, reading in zip(lines, times, said, strict=True):
-        cells = {READ[i]: f"{1e3 * reading[i]:.3f}" for i in range(3) if READ[i] in asked}
-        stamps_of = {name: time[name] for name in ("time_s", "temperature_C", "session") if name in time}
-        writer.writerow({**line, **cells, **stamps_of})
-    return text.getvalue()
+        line |= {READ[i]: f"{1e3 * reading[i]:.3f}" for i in range(3) if READ[i] in asked}
+        line |= {name: time[name] for name in ("time_s", "temperature_C", "session") if name in time}
+    return csv_text(lines, [*columns, *asked, *more])
 
 
 def _rows_of(arm: Arm, lines: Sequence[dict[str, str]], levels: Vector) -> list[Row]:
     """Rows of a sheet; a missing angle, force or point is 0, as the table's description says."""
-
-    def numbers(line: dict[str, str], names: Sequence[str]) -> Vector:
-        return np.array([float(line.get(name) or 0) for name in names])
-
     for line in lines:
-        if any(numbers(line, ("mx_Nm", "my_Nm", "mz_Nm"))):
+        if any(numbers(line, MOMENTS)):
             raise ValueError("the sheet asks for moments; this world only pulls")
     coordinates = [joint.coordinate for joint in arm.joints]
     found = []
@@ -170,7 +424,3 @@ def _table(hidden: Hidden, rows: Sequence[Row], said: Vector, rng: np.random.Gen
         digits = 3 if timed else 6
         writer.writerow([*cells, *(f"{1e3 * reading[i]:.{digits}f}" for i in axes)])
     return text.getvalue()
-
-
-def _save(path: Path, data: dict[str, object]) -> None:
-    path.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")

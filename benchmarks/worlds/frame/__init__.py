@@ -3,7 +3,6 @@
 A world of its own, which shares no code with the program that is judged on its sets, nor with other worlds.
 """
 
-from .filling import fill
-from .sets import make
+from .sets import fill, make
 
 __all__ = ["fill", "make"]

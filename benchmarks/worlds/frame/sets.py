@@ -1,32 +1,110 @@
-"""Draws sets and writes them: wishes dealt out evenly, then everything by the set's own seed."""
+"""Sets as folders: drawn evenly, written, and filled in on later visits."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import noise
-from .arms import SPRINGS
-from .campaign import rows_of, schedule
-from .catalogue import EVERY, KNOWN, PAIRED, STRANGE
-from .excess import excess
-from .laws import Scene
-from .spec import Effect, Row, Spec
-from .tables import table, write
-from .truth import Off, readings, true_angles
+from ..shared import (
+    FORCES,
+    MOMENTS,
+    POINT,
+    READ,
+    Effect,
+    csv_text,
+    deal,
+    description,
+    key_in,
+    make_kinds,
+    model_text,
+    number,
+    numbers,
+    partner,
+    sheet_rows,
+    write_set,
+)
+from .arm import ANGLE_DIGITS, SPRINGS, Row, Spec
+from .campaign import (
+    KINDS,
+    Off,
+    draw_noise,
+    excess,
+    measured,
+    point_of,
+    readings,
+    rows_of,
+    schedule,
+    true_angles,
+)
+from .other_laws import EVERY, KNOWN, PAIRED, STRANGE
+from .plan import Scene
+
+Array = NDArray[np.float64]
+
+
+def table(spec: Spec, rows: list[Row], said: Array, first_step: int = 1, digits: int = 4) -> str:
+    """The measurement table as CSV."""
+    out = []
+    for step, (r, d) in enumerate(zip(rows, said, strict=True), first_step):
+        line: dict[str, Any] = {"pose": r.pose}
+        line |= {c: f"{a:.{ANGLE_DIGITS}f}" for c, a in zip(spec.of.columns, r.angles, strict=True)}
+        line |= {f"f{x}_N": f"{f + 0.0:.4f}" for x, f in zip("xyz", r.force, strict=True)}
+        if spec.point:
+            line |= {f"p{x}_mm": f"{1e3 * p + 0.0:.3f}" for x, p in zip("xyz", r.point, strict=True)}
+        line["repeat"] = r.cycle + 1
+        if spec.down:
+            line["phase"] = r.phase
+        own = {"step": step, "time_s": f"{r.time_s:.1f}", "session": f"S{r.session + 1}"}
+        line |= {name: own[name] for name in spec.columns}
+        line |= {READ[k]: f"{1e3 * d[k]:.{digits}f}" for k in spec.axes}
+        out.append(line)
+    return csv_text(out)
+
+
+def rows_from(spec: Spec, lines: list[dict[str, str]], first_visit: int, session: int, start_s: float) -> list[Row]:
+    """Rows of a sheet to be filled in: a set-up is a run of lines at one pose, a cycle one of its repeats."""
+    point = 1e3 * point_of(spec)
+    rows: list[Row] = []
+    visit, cycle, now, last = first_visit - 1, 0, start_s, None
+    for line in lines:
+        q, force = numbers(line, spec.of.columns), numbers(line, FORCES)
+        here = (line.get("pose"), *q, *(force / (np.linalg.norm(force) or 1)).round(6))
+        if here != last:
+            visit, cycle, now, repeat = visit + 1, 0, now + 120.0, line.get("repeat")
+            zero = now
+        elif line.get("repeat") != repeat:
+            cycle, now, repeat = cycle + 1, now + 25.0, line.get("repeat")
+            zero = now
+        last, now = here, now + 30.0
+        p = np.array([number(line, name, point[k]) for k, name in enumerate(POINT)]) / 1e3
+        phase = line.get("phase") or "loading"
+        rows.append(
+            Row(
+                visit,
+                cycle,
+                session,
+                now - start_s,
+                now,
+                zero,
+                phase,
+                line.get("pose") or "",
+                q,
+                force,
+                p,
+                numbers(line, MOMENTS),
+            )
+        )
+    return rows
+
 
 WORLD = "frame"
 UNSEEN = 12
 UNSEEN_FIRST = 5000
-Dealt = TypeVar("Dealt")
 Rng = np.random.Generator
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -44,13 +122,6 @@ class Wish:
     two_ways: bool
 
 
-def deal(rng: Rng, cards: Sequence[Dealt]) -> Iterator[Dealt]:
-    """All cards in a random order, again and again."""
-    while True:
-        for i in rng.permutation(len(cards)):
-            yield cards[i]
-
-
 def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
     """Sets of a kind: every family and every choice as often as any other."""
     families = {"single": tuple(KNOWN), "outside": tuple(STRANGE), "pair": PAIRED}.get(kind, ())
@@ -62,7 +133,7 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
     for i in range(count):
         chosen = tuple(next(hidden) for _ in range({"none": 0, "pair": 1}.get(kind, 1)))
         if kind == "pair":
-            chosen = (*chosen, _partner(chosen[0], hidden, aside))
+            chosen = (*chosen, partner(chosen[0], hidden, aside, lambda f: EVERY[f].spot))
         allowed = [EVERY[f].arms for f in chosen if EVERY[f].arms]
         arm = next(arms)
         while any(arm not in some for some in allowed):
@@ -74,7 +145,7 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
                 arm,
                 next(reads),
                 next(poses),
-                noise.KINDS[i % len(noise.KINDS)],
+                KINDS[i % len(KINDS)],
                 next(scatter),
                 next(outliers),
                 next(ways),
@@ -83,23 +154,9 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
     return out
 
 
-def _partner(first: str, hidden: Iterator[str], aside: list[str]) -> str:
-    """The next family that can be elsewhere than the first; those that cannot are put aside for the next pair."""
-
-    def fits(family: str) -> bool:
-        return family != first and (not EVERY[first].spot or EVERY[first].spot != EVERY[family].spot)
-
-    for i, family in enumerate(aside):
-        if fits(family):
-            return aside.pop(i)
-    while not fits(family := next(hidden)):
-        aside.append(family)
-    return family
-
-
 def _loads(rng: Rng, wish: Wish, payload: float) -> tuple[tuple[float, ...], bool]:
     """Loads in N, and whether they are read going down too. What remembers is mostly asked both ways."""
-    remembers = any("load history" in EVERY[f].axis for f in wish.families)
+    remembers = any("load history" in EVERY[f].axes for f in wish.families)
     count = int(rng.integers(1, 5))
     down = rng.random() < 0.5
     if remembers and rng.random() < 0.8:
@@ -141,7 +198,7 @@ def _bare(rng: Rng, seed: int, wish: Wish, path: str) -> Spec:
         columns=_columns(rng, wish, sessions > 1 or rng.random() < 0.1),
         scatter=wish.scatter,
         outliers=wish.outliers,
-        noise=noise.draw(rng, wish.noise),
+        noise=draw_noise(rng, wish.noise),
         balance=float(rng.choice([1.0, rng.uniform(0, 1)])),
         settle_s=float(rng.uniform(300, 1200)),
         moves=bool(rng.random() < 0.5),
@@ -210,76 +267,46 @@ def unseen(spec: Spec, after: Row) -> list[Row]:
     ]
 
 
-def key(spec: Spec, rows: list[Row], real: Array) -> dict[str, Any]:
-    """The truth and how much of it shows; beside it, with all that is off too, of readings ``real`` (n, 3)."""
-    whole = readings(spec, rows)
-    effects = []
-    for e in spec.effects:
-        alone = whole if len(spec.effects) == 1 else readings(spec, rows, (e,))
-        law = EVERY[e.family]
-        effects.append(
-            {
-                "code": law.code(e.place),
-                "axis": list(law.axis),
-                "place": e.place,
-                "excess_chi2": round(excess(spec, rows, alone, whole), 2),
-            }
-        )
-    # A pair's noise is that of both, so both together are counted anew.
-    total = effects[0]["excess_chi2"] if len(effects) == 1 else round(excess(spec, rows, whole, whole), 2)
-    way = "up and down" if spec.down else "up"
-    tags = {
-        "reads": spec.reads,
-        "poses": spec.poses,
-        "scatter": spec.scatter,
-        "outliers": spec.outliers,
-        "noise": spec.noise["kind"],
-        "loads": f"{len(spec.loads)} {way}",
-        "arm": spec.arm,
-        "directions": 2 if spec.second else 1,
-        "sessions": spec.sessions,
-        "kind": spec.kind,
-    }
-    return {
-        "schema": "stiffarm-study-key/1",
-        "world": WORLD,
-        "effects": effects,
-        "excess_chi2": total,
-        "tags": tags,
-        "excess_chi2_with_nuisance": round(excess(spec, rows, real, whole), 2),
-        WORLD: spec.text(),
-    }
-
-
-def write_set(folder: Path, spec: Spec) -> None:
+def write_wish(folder: Path, wish: Wish, seed: int) -> Path:
     """A set's folder."""
+    spec = draw(wish, seed)
     rows = campaign(spec)
     others = unseen(spec, rows[-1])
-    real = readings(spec, rows, off=Off())
-    said = noise.measured(spec, rows, real, 0)
-    true = readings(spec, others, off=Off(loads=False))
-    write(
-        folder,
-        spec,
-        table(spec, rows, said),
-        table(spec, others, true, len(rows) + 1, 6),
-        key(spec, rows, real),
-    )
+    whole, real = readings(spec, rows), readings(spec, rows, off=Off())
+
+    def shows(effects: tuple[Effect, ...]) -> float:
+        return excess(spec, rows, whole if effects == spec.effects else readings(spec, rows, effects), whole)
+
+    springs = {joint: k for joint, k in zip(spec.of.joints, spec.stated, strict=True) if k}
+    files = {
+        "model.toml": model_text(description(spec.arm), springs),
+        "readings.csv": table(spec, rows, measured(spec, rows, real, 0)),
+        "unseen.csv": table(spec, others, readings(spec, others, off=Off(loads=False)), len(rows) + 1, 6),
+        "key.json": spec.key(WORLD, EVERY, shows, excess(spec, rows, real, whole)),
+    }
+    return write_set(folder, files, load_path=spec.path)
 
 
 def make(out: Path, seed: int, single: int = 0, none: int = 0, outside: int = 0, pairs: int = 0) -> list[Path]:
     """Write sets below ``out`` and give their folders. ValueError: a folder is there already."""
-    folders = []
-    for number, (kind, count) in enumerate({"single": single, "none": none, "outside": outside, "pair": pairs}.items()):
-        for i, wish in enumerate(wishes(np.random.default_rng([seed, number]), kind, count)):
-            folder = Path(out) / f"{kind}-{i + 1:03d}"
-            if folder.exists():
-                raise ValueError(f"{folder} is there already")
-            write_set(folder, draw(wish, int(np.random.default_rng([seed, number, i]).integers(2**31))))
-            folders.append(folder)
-    return folders
+    counts = {"single": single, "none": none, "outside": outside, "pair": pairs}
+    return make_kinds(out, seed, counts, wishes, write_wish)
 
 
-def said_in(folder: Path) -> dict[str, Any]:
-    """A set's key."""
-    return dict(json.loads((folder / "key.json").read_text(encoding="utf-8")))
+DAY = 86400.0
+
+
+def fill(set_folder: Path, sheet: str, visit: int) -> str:
+    """The sheet as measured on visit 1, 2 ...: a day later each, by another session's gauge and new noise."""
+    spec = Spec.of_key(key_in(set_folder)[WORLD])
+    last, lines = campaign(spec)[-1], sheet_rows(sheet)
+    rows = rows_from(spec, lines, 10000 * visit, last.session + visit, last.time_s + visit * DAY)
+    said = 1e3 * measured(spec, rows, readings(spec, rows, off=Off()), visit)
+    names = list(lines[0])
+    names += [READ[k] for k in spec.axes if READ[k] not in names]
+    names += [name for name in ("time_s", "session") if name in spec.columns and name not in names]
+    for line, r, d in zip(lines, rows, said, strict=True):
+        line |= {name: f"{d[k]:.4f}" for k, name in enumerate(READ) if name in names}
+        own = {"time_s": f"{r.time_s:.1f}", "session": f"S{r.session + 1}"}
+        line |= {name: own[name] for name in own if name in names}
+    return csv_text(lines, names)

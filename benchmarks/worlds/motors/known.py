@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .materials import Brush, Clamp, Dahl, Kelvin, Law, Now, Spring, clamped, gap, hertz, unloading
-from .motors import cross, direct, then, turn
-from .spec import ANGLE, Case, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
-from .statics import Machine
+from ..shared import direction
+from .arm import Brush, Clamp, Dahl, Kelvin, Law, Now, Spring, clamped, cross, direct, gap, hertz, then, turn, unloading
+from .spec import ANGLE, ANYWHERE, LEVEL, Case, Machine, Numbers, Pick, Range, Rng, Row, Scene, follows
 
 Array = NDArray[np.float64]
 X, Y, Z = np.eye(3)
@@ -243,7 +242,7 @@ def drift(c: Case, n: Numbers, moved: Array, place: str) -> Array:
 
 
 def frame_numbers(rng: Rng, scene: Scene, place: str) -> Any:
-    return [0.0, 0.0, 1.0] if rng.random() < 0.6 else Way(level=True).draw(rng, scene, place)
+    return [0.0, 0.0, 1.0] if rng.random() < 0.6 else direction(rng, True)
 
 
 def counted(q: Array, i: int, value: Array) -> Array:
@@ -297,7 +296,7 @@ SIDE = {"at": ANGLE, "other": Range(0.6, 1.6)}
 MIDDLE = "j2 j3 j4 j5"
 HISTORY, CLOCK, PINS, POISED = (frozenset({need}) for need in ("history", "clock", "pins", "poised"))
 
-ROWS = (
+KNOWN_ROWS = (
     Row("joint-compliance", "pose", "joint", {"size": ONCE, "k": Pick(k_missing)}, compliance, rigid=True),
     Row("joint-tilt", "pose", "joint", {"size": ONCE, "k": Range(5e5, 5e6, "arm", log=True), **SIDE}, tilt),
     Row("angle-dependent-stiffness", "pose", "joint", {"size": Range(0.1, 0.45), "one": ANGLE, "two": ANGLE}, by_angle),
@@ -401,13 +400,20 @@ ROWS = (
         needs=frozenset({"pins", "both"}),
     ),
     Row("payload", "load", "load", {"size": Range(20, 60, "payload", signed=True)}, load=payload, bare=True),
-    Row("load-point-offset", "pose", "load", {"size": Range(0.015, 0.045), "way": Way()}, load=beside_load, bare=True),
-    Row("tool-point-offset", "pose", "tool", {"size": Range(0.02, 0.06), "way": Way()}, load=beside_both, bare=True),
+    Row(
+        "load-point-offset",
+        "pose",
+        "load",
+        {"size": Range(0.015, 0.045), "way": ANYWHERE},
+        load=beside_load,
+        bare=True,
+    ),
+    Row("tool-point-offset", "pose", "tool", {"size": Range(0.02, 0.06), "way": ANYWHERE}, load=beside_both, bare=True),
     Row(
         "load-misalignment",
         "pose",
         "load",
-        {"size": Range(1.5, 4.5), "about": Way(level=True)},
+        {"size": Range(1.5, 4.5), "about": LEVEL},
         load=leaning,
         bare=True,
     ),

@@ -2,37 +2,51 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .arms import SPRINGS, model_text
-from .campaign import DAY, READ, Table, as_text, campaign, later, measurement_table, of_sheet, own_columns, session_span
+from ..shared import (
+    READ,
+    Effect,
+    csv_text,
+    deal,
+    description,
+    key_in,
+    make_kinds,
+    model_text,
+    partner,
+    sheet_rows,
+    write_set,
+)
+from .arm import SPRINGS
 from .known import ALONE
 from .readings import (
+    DAY,
     EVERY,
     KINDS,
     KNOWN,
     SO_IT_IS,
     STRANGE,
     Off,
+    Table,
+    campaign,
     convention,
     draw_noise,
     excess,
+    later,
     measured,
+    measurement_table,
+    of_sheet,
+    own_columns,
     readings,
+    session_span,
 )
-from .spec import Effect, Rng, Scene, Spec, from_text
+from .spec import Rng, Scene, Spec
 
 Array = NDArray[np.float64]
-Dealt = TypeVar("Dealt")
 WORLD = "motors"
 UNSEEN, UNSEEN_FIRST = 12, 5000
 ARMS = (("xr701", "parallelogram"), ("xr701", "serial"), *((name, "serial") for name in SPRINGS if name != "xr701"))
@@ -70,13 +84,6 @@ class Wish:
         return any(what in EVERY[f].needs for f in self.families)
 
 
-def deal(rng: Rng, cards: Sequence[Dealt]) -> Iterator[Dealt]:
-    """All cards in a random order, again and again."""
-    while True:
-        for i in rng.permutation(len(cards)):
-            yield cards[i]
-
-
 def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
     """Sets of a kind: every family and every choice as often as any other."""
     paired = [f for f in KNOWN if f not in ALONE]
@@ -86,7 +93,7 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
     for _ in range(count):
         chosen: tuple[str, ...] = () if kind == "none" else (next(families),)
         if kind == "pair":
-            chosen = (*chosen, _partner(chosen[0], families, aside))
+            chosen = (*chosen, partner(chosen[0], families, aside, lambda f: EVERY[f].spot))
         wish = Wish(kind, chosen, *next(arms), *(next(choice) for choice in choices))
         if wish.needs("pins"):
             wish = replace(wish, arm="xr701", path="parallelogram")
@@ -94,20 +101,6 @@ def wishes(rng: Rng, kind: str, count: int) -> list[Wish]:
             wish = replace(wish, path=str(rng.choice(["parallelogram", "serial"])))
         out.append(wish)
     return out
-
-
-def _partner(first: str, families: Iterator[str], aside: list[str]) -> str:
-    """The next family that can be elsewhere than the first; those that cannot are put aside for the next pair."""
-
-    def fits(family: str) -> bool:
-        return family != first and not (EVERY[first].spot and EVERY[first].spot == EVERY[family].spot)
-
-    for i, family in enumerate(aside):
-        if fits(family):
-            return aside.pop(i)
-    while not fits(family := next(families)):
-        aside.append(family)
-    return family
 
 
 def bare(rng: Rng, seed: int, wish: Wish) -> Spec:
@@ -181,78 +174,38 @@ def unseen_at(spec: Spec, after: Table) -> Table:
     return later(alone, after, UNSEEN_FIRST)
 
 
-def key(spec: Spec, table: Table, real: Array) -> dict[str, Any]:
-    """The truth and how much of it shows; beside it, with all that is off too, of readings ``real`` (R, 3)."""
-    whole = readings(spec, table)
-
-    def one(e: Effect) -> dict[str, Any]:
-        row = EVERY[e.family]
-        alone = whole if len(spec.effects) == 1 else readings(spec, table, (e,))
-        shows = round(excess(spec, table, alone, whole), 2)
-        return {"code": row.code(e.place), "axis": row.axes, "place": e.place, "excess_chi2": shows}
-
-    way = "up and down" if spec.down else "up"
-    tags = {
-        "reads": spec.reads,
-        "poses": spec.poses,
-        "scatter": spec.scatter,
-        "outliers": spec.outliers,
-        "noise": spec.noise["kind"],
-        "loads": f"{len(spec.loads)} {way}",
-        "arm": spec.arm,
-        "path": spec.path,
-        "repeats": spec.repeats,
-        "directions": 2 if spec.second else 1,
-        "sessions": spec.sessions,
-        "kind": spec.kind,
-    }
-    return {
-        "schema": "stiffarm-study-key/1",
-        "world": WORLD,
-        "effects": [one(e) for e in spec.effects],
-        "excess_chi2": round(excess(spec, table, whole, whole), 2),
-        "tags": tags,
-        "excess_chi2_with_nuisance": round(excess(spec, table, real, whole), 2),
-        WORLD: spec.text(),
-    }
-
-
-def write_set(folder: Path, spec: Spec) -> None:
+def write_wish(folder: Path, wish: Wish, seed: int) -> Path:
     """A set's folder."""
+    spec = draw(wish, seed)
     table = measured_at(spec)
     others = unseen_at(spec, table)
-    real = readings(spec, table, off=SO_IT_IS)
-    true = readings(spec, others, off=Off(arm=True))
+    whole, real = readings(spec, table), readings(spec, table, off=SO_IT_IS)
+
+    def shows(effects: tuple[Effect, ...]) -> float:
+        return excess(spec, table, whole if effects == spec.effects else readings(spec, table, effects), whole)
+
     springs = {joint: k for joint, k in zip(spec.of.joints, spec.stated, strict=True) if k}
-    start = {"schema": "stiffarm-study-set/1", "model": "model.toml", "links": "rigid", "load_path": spec.path}
-    folder.mkdir(parents=True)
-    for name, text in {
-        "model.toml": model_text(spec.of, springs),
-        "set.json": json.dumps(start, indent=1),
+    true = readings(spec, others, off=Off(arm=True))
+    tags = {"path": spec.path, "repeats": spec.repeats}
+    files = {
+        "model.toml": model_text(description(spec.arm), springs),
         "readings.csv": measurement_table(spec, table, measured(spec, table, real, 0)),
         "unseen.csv": measurement_table(spec, others, true, "U", len(real) + 1, 6),
-        "key.json": json.dumps(key(spec, table, real), indent=1),
-    }.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        "key.json": spec.key(WORLD, EVERY, shows, excess(spec, table, real, whole), **tags),
+    }
+    return write_set(folder, files, load_path=spec.path)
 
 
 def make(out: Path, seed: int, single: int = 0, none: int = 0, outside: int = 0, pairs: int = 0) -> list[Path]:
     """Write sets below ``out`` and give their folders. ValueError: a folder is there already."""
-    folders = []
-    for number, (kind, count) in enumerate({"single": single, "none": none, "outside": outside, "pair": pairs}.items()):
-        for i, wish in enumerate(wishes(np.random.default_rng([seed, number]), kind, count)):
-            folder = Path(out) / f"{kind}-{i + 1:03d}"
-            if folder.exists():
-                raise ValueError(f"{folder} is there already")
-            write_set(folder, draw(wish, int(np.random.default_rng([seed, number, i]).integers(2**31))))
-            folders.append(folder)
-    return folders
+    counts = {"single": single, "none": none, "outside": outside, "pair": pairs}
+    return make_kinds(out, seed, counts, wishes, write_wish)
 
 
 def fill(set_folder: Path, sheet: str, visit: int) -> str:
     """The sheet as measured on visit 1, 2 ...: a day later each, with another session's gauge and new noise."""
-    spec = from_text(json.loads((Path(set_folder) / "key.json").read_text(encoding="utf-8"))[WORLD])
-    lines = list(csv.DictReader(io.StringIO(sheet)))
+    spec = Spec.of_key(key_in(set_folder)[WORLD])
+    lines = sheet_rows(sheet)
     before = measured_at(spec)
     table = of_sheet(spec, lines, 10000 * visit, int(before.session[-1]) + visit, before.time_s[-1] + visit * DAY)
     said = 1e3 * measured(spec, table, readings(spec, table, off=SO_IT_IS), visit)
@@ -262,4 +215,4 @@ def fill(set_folder: Path, sheet: str, visit: int) -> str:
     for line, d, own in zip(lines, said, own_columns(spec, table, len(before.visit) + 1), strict=True):
         line |= {name: f"{d[k]:.4f}" for k, name in enumerate(READ) if name in names}
         line |= {name: value for name, value in own.items() if name in names and name != "step"}
-    return as_text(lines, names)
+    return csv_text(lines, names)

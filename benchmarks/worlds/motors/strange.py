@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arm import Bingham, Heated, Now, Spring, at, cross, direct, hertz
 from .known import ALMOST, CLOCK, HELD, HISTORY, LAG, NONE, TORQUE, X, Y, Z, casing_name, joint, signs, some
-from .materials import Bingham, Heated, Now, Spring, hertz
-from .motors import at, cross, direct
-from .spec import ANGLE, Case, Numbers, Pick, Range, Rng, Row, Scene, Way, follows
-from .statics import Machine
+from .spec import ANGLE, ANYWHERE, LEVEL, Case, Machine, Numbers, Pick, Range, Rng, Row, Scene, follows
 
 Array = NDArray[np.float64]
 
@@ -171,7 +169,7 @@ MINUTES = Range(60, 400, log=True)
 BASE_AT = Range(1, 2.5, "moment")
 LEVELS = frozenset({"levels"})
 
-ROWS = (
+STRANGE_ROWS = (
     Row(
         "dragging-brake",
         "load history",
@@ -215,7 +213,7 @@ ROWS = (
         "thermal-bow",
         "clock, pose",
         casing_name,
-        {"size": Range(4e-5, 2e-4), "lag_s": LAG, "way": Way()},
+        {"size": Range(4e-5, 2e-4), "lag_s": LAG, "way": ANYWHERE},
         read=bow,
         needs=CLOCK,
     ),
@@ -240,7 +238,7 @@ ROWS = (
         "sun-on-floor",
         "clock, pose",
         "base",
-        {"size": Range(2e-5, 1e-4), "about": Way(level=True), "period_s": Range(0.5, 2.5, "span"), "phase": ANGLE},
+        {"size": Range(2e-5, 1e-4), "about": LEVEL, "period_s": Range(0.5, 2.5, "span"), "phase": ANGLE},
         read=sun,
         bare=True,
         needs=CLOCK,
@@ -258,7 +256,7 @@ ROWS = (
         "gauge-crosstalk",
         "direction",
         "gauge",
-        {"size": Range(0.06, 0.2), "way": Way(level=True)},
+        {"size": Range(0.06, 0.2), "way": LEVEL},
         read=crosstalk,
         bare=True,
     ),
@@ -274,5 +272,5 @@ ROWS = (
     Row("crossed-drive", "pose", "j4", {"size": Range(0.25, 0.7, signed=True), "ratio": Pick(belt)}, crossed),
     Row("rubber-feet", "load", "base", {"size": Range(2e-4, 8e-4), "moment": BASE_AT}, feet, bare=True),
     Row("one-floor", "pose", "gauge", {"size": Range(2e-8, 1.2e-7), "post": Pick(post)}, read=one_floor, bare=True),
-    Row("saddle-hook", "pose", "load", {"size": Range(0.02, 0.06), "way": Way(level=True)}, load=saddle, bare=True),
+    Row("saddle-hook", "pose", "load", {"size": Range(0.02, 0.06), "way": LEVEL}, load=saddle, bare=True),
 )

@@ -35,7 +35,6 @@ stands out of the noise without any effect is in the key, ``nuisance.excess_chi2
 Usage: ``python -m benchmarks.worlds.screws make OUT --seed N`` and ``... fill SETFOLDER SHEET.csv OUT.csv --visit K``.
 """
 
-from .filling import fill
-from .sets import make
+from .sets import fill, make
 
 __all__ = ["fill", "make"]

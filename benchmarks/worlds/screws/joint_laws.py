@@ -1,4 +1,4 @@
-"""Catalogue effects at a joint: springs that vary, play, friction, teeth, couplings. Angles in rad, torques in N m."""
+"""Laws of joints, bodies and loads that the catalogue has."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import erf
 
-from .campaign import along_history
-from .chance import Chance, at
-from .mechanics import Effect, Situation
-from .screws import Array
+from .arm import Array, screw_through
+from .mechanics import Chance, Effect, Situation, along_history, at, vector_turn
 
 
 def joint_compliance(x: Chance) -> Effect:
@@ -187,3 +185,165 @@ def _angles(x: Chance, code: str, j: int, facts: dict[str, float], law: Callable
         return out
 
     return Effect(f"{code}:{x.name(j)}", ("pose",), x.name(j), facts, angles=angles)
+
+
+POSE = ("pose", "load")
+
+
+def joint_tilt(x: Chance) -> Effect:
+    """A bearing tilts about the two axes across the joint's: 5e5 to 5e6 N m/rad, one up to three times the other."""
+    j, k = int(x.rng.integers(1, x.arm.size - 1)), x.spread(5e5, 5e6)
+    ratio, turned = x.between(1.0, 3.0), x.between(0.0, np.pi)
+    axis, centre = x.arm.screws[:3, j], x.arm.centres[j]
+    first = np.cross(axis, [axis[1], axis[2], axis[0]] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
+    first = first / np.linalg.norm(first)
+    second = np.cross(axis, first)
+    one, two = np.cos(turned) * first + np.sin(turned) * second, np.cos(turned) * second - np.sin(turned) * first
+
+    def twist(s: Situation) -> Array:
+        weak = s.yielding(screw_through(one, centre), j + 1) / k
+        return weak + s.yielding(screw_through(two, centre), j + 1) / (k * ratio)
+
+    facts = {"stiffness_Nm_per_rad": k, "ratio": ratio, "turned_rad": turned}
+    return Effect(f"joint-tilt:{x.name(j)}", POSE, x.name(j), facts, twist=twist)
+
+
+def base_tilt(x: Chance) -> Effect:
+    """The base rocks about two horizontal axes: 2e6 to 1e8 N m/rad, one up to 2.5 times as stiff, turned anyhow."""
+    k, ratio, turned = x.spread(2e6, 1e8), x.between(1.0, 2.5), x.between(0.0, np.pi)
+    one, two = np.array([np.cos(turned), np.sin(turned), 0.0]), np.array([-np.sin(turned), np.cos(turned), 0.0])
+
+    def twist(s: Situation) -> Array:
+        weak = s.yielding(screw_through(one, np.zeros(3)), 0) / k
+        return weak + s.yielding(screw_through(two, np.zeros(3)), 0) / (k * ratio)
+
+    facts = {"stiffness_Nm_per_rad": k, "ratio": ratio, "turned_rad": turned}
+    return Effect("base-tilt", POSE, "base", facts, twist=twist)
+
+
+def base_vertical(x: Chance) -> Effect:
+    """The base gives way vertically: 2e6 to 1e8 N/m."""
+    k = x.spread(2e6, 1e8)
+    screw = np.array([0.0, 0, 0, 0, 0, 1.0])
+    return Effect(
+        "base-vertical", ("load",), "base", {"stiffness_N_per_m": k}, twist=lambda s: s.yielding(screw, 0) / k
+    )
+
+
+def parallelogram_bar(x: Chance) -> Effect:
+    """The bar and its pins stretch: 10 to 60 % of joint 3's compliance where the bar's lever is longest."""
+    share, c, slack = x.between(0.1, 0.6), float(x.soft[2]), 0.05
+
+    def joint(s: Situation) -> Array:
+        lever = np.sin(np.deg2rad(s.campaign.q_deg[:, 2]))
+        return at(s, 2, share * c * s.torque[:, 2] / np.maximum(lever**2, slack))
+
+    return Effect("parallelogram-bar", ("pose",), "link", {"share": share}, joint=joint)
+
+
+def load_path(x: Chance) -> Effect:
+    """The arm has no parallelogram after all (joint 2 carries the forearm's moment), or one unknown to the model."""
+    return Effect("load-path", ("pose",), "link", {"bar_path": 1.0 - x.path}, bar_path=1.0 - x.path)
+
+
+def link_flexibility(x: Chance) -> Effect:
+    """One link gives .5 to 2 times its own beam more than the model has (thin wall, weak material, an opening)."""
+    heavy = [link.name for link in x.arm.links if link.body > 0]
+    name, extra = str(x.rng.choice(heavy)), x.between(0.5, 2.0)
+    return Effect(f"link-flexibility:{name}", POSE, "link", {"extra": extra}, links_softer={name: extra})
+
+
+def tool_compliance(x: Chance) -> Effect:
+    """The tool gives way across its axis: 1.5e-7 to 6e-7 m/N one way, half to all of it the other."""
+    c, ratio, turned = x.spread(1.5e-7, 6e-7), x.between(0.5, 1.0), x.between(0.0, np.pi)
+    frame = x.arm.flange[:3, :3]
+    one = frame @ np.array([np.cos(turned), np.sin(turned), 0.0])
+    two = frame @ np.array([-np.sin(turned), np.cos(turned), 0.0])
+
+    def twist(s: Situation) -> Array:
+        soft = np.zeros((len(s.force), 6))
+        for axis, much in ((one, c), (two, c * ratio)):
+            across = s.body(s.arm.size)[:, :3, :3] @ axis
+            soft[:, 3:] += much * across * np.einsum("ni,ni->n", across, s.force)[:, None]
+        return soft
+
+    facts = {"compliance_m_per_N": c, "ratio": ratio, "turned_rad": turned}
+    return Effect("tool-compliance", POSE, "tool", facts, twist=twist)
+
+
+def pull(force: Array) -> Array:
+    """Directions (n, 3) of forces."""
+    return np.asarray(force / np.maximum(np.linalg.norm(force, axis=1), 1e-9)[:, None])
+
+
+def payload(x: Chance) -> Effect:
+    """A hanger of 20 to 60 N that nobody counted, along the load."""
+    more = x.between(20.0, 60.0)
+    return Effect("payload", ("load",), "load", {"force_N": more}, force=lambda s: more * pull(s.force))
+
+
+def load_point_offset(x: Chance) -> Effect:
+    """The load hangs 15 to 45 mm beside the gauge's point, fixed to the flange."""
+    side = x.direction() * np.array([1.0, 1.0, 0.3])
+    away = x.arm.flange[:3, :3] @ (side / np.linalg.norm(side) * x.between(0.015, 0.045))
+    facts = {f"{a}_m": float(v) for a, v in zip("xyz", x.arm.flange[:3, :3].T @ away, strict=True)}
+
+    def offset(s: Situation) -> Array:
+        return np.asarray(s.body(s.arm.size)[:, :3, :3] @ away)
+
+    return Effect("load-point-offset", ("pose",), "load", facts, offset=offset)
+
+
+def load_misalignment(x: Chance) -> Effect:
+    """The load pulls 1.5 to 4.5 deg askew, about an axis across it."""
+    angle, heading = np.deg2rad(x.between(1.5, 4.5)), x.between(-np.pi, np.pi)
+    about = angle * np.array([np.cos(heading), np.sin(heading), 0.0])
+    facts = {"angle_deg": float(np.rad2deg(angle)), "heading_rad": heading}
+    return Effect("load-misalignment", ("pose",), "load", facts, force=lambda s: vector_turn(s.force, about) - s.force)
+
+
+def gauge_zero(x: Chance) -> Effect:
+    """The gauge shows 15 to 45 um too much, or too little, mostly along z."""
+    size = x.between(15e-6, 45e-6) * x.sign()
+    v = np.array([x.between(-0.7, 0.7), x.between(-0.7, 0.7), 1.0]) * size
+    facts = {f"{a}_m": float(u) for a, u in zip("xyz", v, strict=True)}
+    return Effect("gauge-zero", ("load",), "gauge", facts, read=lambda s, d: np.broadcast_to(v, d.shape))
+
+
+def gauge_scale(x: Chance) -> Effect:
+    """The gauge shows 2 to 8 % too much or too little of everything."""
+    size = x.between(0.02, 0.08) * x.sign()
+    return Effect("gauge-scale", ("load",), "gauge", {"scale": size}, read=lambda s, d: size * d)
+
+
+def drift(x: Chance) -> Effect:
+    """The gauge creeps away by 20 to 80 um over the campaign: towards an end, straight, with a wave of the day."""
+    size, kind = x.between(20e-6, 80e-6) * x.sign(), float(x.rng.integers(3))
+    span, wave = float(x.campaign.time_s[-1]), x.between(0.0, 0.3)
+    lag, phase = x.between(0.1, 0.5) * span, x.between(-np.pi, np.pi)
+    way = np.array([x.between(-0.8, 0.8), x.between(-0.8, 0.8), 1.0])
+
+    def read(s: Situation, d: Array) -> Array:
+        t = s.campaign.time_s
+        course = {0.0: 1 - np.exp(-t / lag), 1.0: t / span, 2.0: np.sqrt(t / span)}[kind]
+        course = course + wave * (np.sin(2 * np.pi * t / 86400.0 + phase) - np.sin(phase))
+        return np.outer(size * course, way)
+
+    facts = {"size_m": size, "shape": kind, "lag_s": lag, "day_wave": wave}
+    return Effect("drift", ("clock",), "gauge", facts, read=read, gauge_only=True)
+
+
+def turned_frame(x: Chance) -> Effect:
+    """The frame of the table's forces and displacements is turned by 2 to 8 deg, mostly about one of its axes."""
+    v = np.abs(x.rng.normal(size=3)) * np.array([0.1, 0.1, 0.1])
+    v[int(x.rng.integers(3))] = 1.0
+    v = v / np.linalg.norm(v) * np.deg2rad(x.between(2.0, 8.0)) * x.sign()
+    facts = {f"about_{a}_rad": float(u) for a, u in zip("xyz", v, strict=True)}
+    return Effect("turned-frame", ("direction",), "gauge", facts, turned=(float(v[0]), float(v[1]), float(v[2])))
+
+
+def tool_point_offset(x: Chance) -> Effect:
+    """Load and gauge are both 15 to 60 mm away from where the table has them, fixed to the flange."""
+    v = x.direction() * x.between(0.015, 0.060)
+    facts = {f"{a}_m": float(u) for a, u in zip("xyz", v, strict=True)}
+    return Effect("tool-point-offset", ("pose",), "tool", facts, point=(float(v[0]), float(v[1]), float(v[2])))

@@ -51,23 +51,6 @@ Places, sizes and poses are drawn again up to 8 times (pairs: 20) while an effec
 stays, with its ``excess_chi2`` in the key. ``nuisance.excess_chi2`` says what the nuisances alone would leave.
 """
 
-from __future__ import annotations
-
-from pathlib import Path
-
-
-def make(out: Path, seed: int, single: int = 100, none: int = 50, outside: int = 50, pairs: int = 33) -> list[Path]:
-    """Write sets into ``out``; see :func:`benchmarks.worlds.shopfloor.sets.make`. Needs pinocchio (extra `worlds`)."""
-    from benchmarks.worlds.shopfloor.sets import make as write_all
-
-    return write_all(out, seed, single, none, outside, pairs)
-
-
-def fill(set_folder: Path, sheet_csv: str, visit: int) -> str:
-    """Fill in a sheet; see :func:`benchmarks.worlds.shopfloor.sheet.fill`. Needs pinocchio (extra `worlds`)."""
-    from benchmarks.worlds.shopfloor.sheet import fill as fill_in
-
-    return fill_in(set_folder, sheet_csv, visit)
-
+from .sets import fill, make
 
 __all__ = ["fill", "make"]

@@ -1,19 +1,244 @@
-"""Sets: an arm, what every arm is off by, one thing more or none, a tracker, and how much nothing else explains."""
+"""Surveyed arms: what every arm is off by, one thing more or none, a tracker, and how much nothing else explains."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
-from .arms import Floats, SurveyArm, arms, model_toml
-from .mechanics import Truth, Visit, positions
+from ..shared import csv_text, write_files
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SurveyArm:
+    """An arm as its maker describes it.
+
+    ``dh`` (6, 4): alpha (rad), a, d (m), theta offset (rad), modified; ``limits`` (6, 2) rad; ``kg`` (6,) of the body
+    behind each joint, in the middle of its link; ``stiffness`` (6,) N m/rad, 0 where the maker calls the joint rigid;
+    ``payload`` kg.
+    """
+
+    name: str
+    dh: Floats
+    limits: Floats
+    kg: Floats
+    stiffness: Floats
+    payload: float
+
+
+def arms() -> list[SurveyArm]:
+    """A heavy arm, a middling one with a skew wrist, a light one."""
+    h = np.pi / 2.0
+    heavy = SurveyArm(
+        "schlepper",
+        np.array(
+            [[0, 0, 0.75, 0], [-h, 0.35, 0, 0], [0, 1.2, 0, -h], [-h, 0.12, 1.15, 0], [h, 0, 0, 0], [-h, 0, 0.22, 0]]
+        ),
+        np.radians([[-180, 180], [-120, 20], [-100, 150], [-300, 300], [-120, 120], [-300, 300]]),
+        np.array([0.0, 210.0, 200.0, 0.0, 35.0, 0.0]),
+        np.array([2.1e6, 2.6e6, 1.7e6, 0.0, 0.0, 0.0]),
+        120.0,
+    )
+    middling = SurveyArm(
+        "mittler",
+        np.array(
+            [[0, 0, 0.42, 0], [-h, 0.16, 0, -h], [0, 0.6, 0, 0], [-h, 0.13, 0.62, 0], [h, 0, 0, 0], [-h, 0, 0.1, 0]]
+        ),
+        np.radians([[-170, 170], [-90, 130], [-170, 80], [-200, 200], [-120, 120], [-350, 350]]),
+        np.array([0.0, 40.0, 42.0, 0.0, 6.0, 0.0]),
+        np.array([0.0, 3.2e5, 1.9e5, 0.0, 0.0, 0.0]),
+        16.0,
+    )
+    light = SurveyArm(
+        "leicht",
+        np.array(
+            [[0, 0, 0.15, 0], [h, 0, 0, 0], [0, -0.61, 0, 0], [0, -0.57, 0.16, 0], [h, 0, 0.12, 0], [-h, 0, 0.1, 0]]
+        ),
+        np.radians([[-180, 180]] * 6),
+        np.array([0.0, 10.0, 5.0, 2.2, 2.0, 0.0]),
+        np.array([0.0, 9e4, 7e4, 4e4, 0.0, 0.0]),
+        8.0,
+    )
+    return [heavy, middling, light]
+
+
+def model_toml(arm: SurveyArm) -> str:
+    """The model file of an arm."""
+
+    def value(x: float, unit: str) -> str:
+        return f'{{ value = {x!r}, unit = "{unit}", source = "maker" }}'
+
+    tube = 'section = {{ kind = "tube", diameter = {}, wall = {} }}'.format(value(200.0, "mm"), value(8.0, "mm"))
+    out = [
+        f'schema = "stiffarm-model/1"\nname = "{arm.name}"\ntitle = "{arm.name}"',
+        f"mass = {value(float(arm.kg.sum()) + 80.0, 'kg')}",
+        '[sources]\nmaker = "made up"',
+        "[materials.steel]",
+        f"youngs_modulus = {value(210.0, 'GPa')}",
+        f"poissons_ratio = {value(0.3, '1')}",
+        f"density = {value(7850.0, 'kg/m^3')}",
+    ]
+    for j in range(6):
+        alpha, a, d, theta = (float(x) for x in arm.dh[j])
+        low, high = (round(float(x), 9) for x in np.degrees(arm.limits[j]))
+        out += [
+            "[[joint]]",
+            f'name = "j{j + 1}"',
+            f'coordinate = "q{j + 1}_deg"',
+            f'limits = {{ value = [{low}, {high}], unit = "deg", source = "maker" }}',
+        ]
+        if arm.stiffness[j] > 0.0:
+            out.append(f"stiffness = {value(float(arm.stiffness[j]), 'N m/rad')}")
+        if theta:
+            out.append(f"offset = {value(round(float(np.degrees(theta)), 9), 'deg')}")
+        out += [
+            "[joint.dh]",
+            f"alpha = {value(round(float(np.degrees(alpha)), 9), 'deg')}",
+            f"a = {value(1e3 * a, 'mm')}",
+            f"d = {value(1e3 * d, 'mm')}",
+        ]
+    out += ["[flange]", 'xyz = { value = [0, 0, 0], unit = "mm", source = "maker" }']
+    for j in range(1, 5):
+        if not arm.kg[j]:
+            continue
+        out += [
+            "[[link]]",
+            f'name = "link-{j + 1}"',
+            f'body = "j{j + 1}"',
+            'material = "steel"',
+            f"mass = {value(float(arm.kg[j]), 'kg')}",
+            tube,
+        ]
+    return "\n".join(out) + "\n"
+
+
+# Rounds of "go there and ask again" until springs and weights agree; what is left then is below a nanometre.
+ROUNDS = 6
+# Of Pinocchio's 20 coordinates: the base's two tilts, then each joint's two tilts and its own turn.
+OWN = np.arange(6) * 3 + 4
+
+
+@dataclass(frozen=True)
+class Truth:
+    """All that is true of one arm.
+
+    ``frames`` (6, 6): shift (m) and turn (rad) of each joint's frame; ``zeros``, ``ratios`` (6,); ``coupling`` (6, 6):
+    how much the row's joint turns with the column's; ``run_out`` (6, 2): size (rad) and where (rad); ``compliance``
+    (20,) rad/(N m); ``centres`` (6,): where along its link a mass sits; ``weight``: factor on the payload; ``growth``
+    1/K; ``drift``, ``bump`` (6,): shift and turn after an hour, and at once after ``bumped`` s; ``bow`` (2,) m and
+    ``sway`` rad of the rail.
+    """
+
+    frames: Floats
+    zeros: Floats
+    compliance: Floats
+    centres: Floats
+    ratios: Floats = field(default_factory=lambda: np.zeros(6))
+    coupling: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+    run_out: Floats = field(default_factory=lambda: np.zeros((6, 2)))
+    weight: float = 1.0
+    growth: float = 0.0
+    drift: Floats = field(default_factory=lambda: np.zeros(6))
+    bump: Floats = field(default_factory=lambda: np.zeros(6))
+    bumped: float = np.inf
+    bow: Floats = field(default_factory=lambda: np.zeros(2))
+    sway: float = 0.0
+
+
+@dataclass(frozen=True)
+class Visit:
+    """n readings: ``q`` (n, 6) rad, ``target`` and ``kg`` of the payload (n,), ``rail`` m, ``time`` s, ``warm`` K."""
+
+    q: Floats
+    target: np.ndarray
+    kg: Floats
+    rail: Floats
+    time: Floats
+    warm: Floats
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def built(arm: SurveyArm, t: Truth, kg: float, targets: Floats) -> tuple[pin.Model, list[int]]:
+    """Pinocchio's model of the arm with a payload at the flange, and its frames at the targets."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "base.x")
+    joint = model.addJoint(joint, pin.JointModelRY(), pin.SE3.Identity(), "base.y")
+    grown = 1.0 + t.growth
+    places = []
+    for j in range(6):
+        alpha, a, d, _ = arm.dh[j]
+        turn = pin.exp3(np.array([alpha, 0.0, 0.0]))
+        place = pin.SE3(turn, grown * (np.array([a, 0.0, 0.0]) + turn @ np.array([0.0, 0.0, d])))
+        places.append(place * pin.SE3(pin.exp3(t.frames[j, 3:]), t.frames[j, :3]))
+    for j in range(6):
+        joint = model.addJoint(joint, pin.JointModelRX(), places[j], f"j{j}.x")
+        joint = model.addJoint(joint, pin.JointModelRY(), pin.SE3.Identity(), f"j{j}.y")
+        joint = model.addJoint(joint, pin.JointModelRZ(), pin.SE3.Identity(), f"j{j}.z")
+        along = places[j + 1].translation if j < 5 else np.zeros(3)
+        ball = pin.Inertia(float(arm.kg[j]), t.centres[j] * along, 1e-3 * np.eye(3))
+        model.appendBodyToJoint(joint, ball, pin.SE3.Identity())
+    model.appendBodyToJoint(
+        joint, pin.Inertia(kg * t.weight, np.array([0.0, 0.0, 0.1]), 1e-3 * np.eye(3)), pin.SE3.Identity()
+    )
+    frames = [
+        model.addFrame(pin.Frame(f"target.{k}", joint, 0, pin.SE3(np.eye(3), grown * at), pin.FrameType.OP_FRAME))
+        for k, at in enumerate(targets)
+    ]
+    return model, frames
+
+
+def turned(arm: SurveyArm, t: Truth, q: Floats) -> Floats:
+    """What the joints really turn (6,) before they give way."""
+    out = q + t.zeros + t.ratios * q + t.coupling @ q + arm.dh[:, 3]
+    for j in range(6):
+        size, where = t.run_out[j]
+        if size:
+            # A wheel off its centre by half its radius: the angle seen from the centre that it should have.
+            x = q[j] - where
+            out[j] += size * np.arctan2(0.5 * np.sin(x), 1.0 + 0.5 * np.cos(x)) / 0.5
+    return np.asarray(out)
+
+
+def positions(arm: SurveyArm, t: Truth, v: Visit, targets: Floats, rail: float) -> Floats:
+    """Positions (n, 3) m in the frame of the floor; ``rail`` m: its length."""
+    out = np.empty((len(v), 3))
+    models = {}
+    for k in range(len(v)):
+        key = float(v.kg[k]), float(v.warm[k])
+        if key not in models:
+            model, frames = built(arm, replace(t, growth=t.growth * v.warm[k]), v.kg[k], targets)
+            models[key] = model, model.createData(), frames
+        model, data, frames = models[key]
+        given = np.zeros(20)
+        given[OWN] = turned(arm, t, v.q[k])
+        there = given
+        for _ in range(ROUNDS):
+            there = given - t.compliance * pin.computeGeneralizedGravity(model, data, there)
+        pin.framesForwardKinematics(model, data, there)
+        p = data.oMf[frames[int(v.target[k])]].translation
+        out[k] = _on_rail(t, p, v.rail[k], rail)
+        hours = v.time[k] / 3600.0
+        move = t.drift * np.sqrt(max(hours, 0.0)) + t.bump * (v.time[k] >= t.bumped)
+        out[k] = pin.exp3(move[3:]) @ out[k] + move[:3]
+    return out
+
+
+def _on_rail(t: Truth, p: Floats, at: float, length: float) -> Floats:
+    if not length:
+        return p
+    s = np.pi * at / length
+    turn = pin.exp3(np.array([0.0, t.sway * np.cos(s), t.sway * np.sin(2.0 * s)]))
+    return np.asarray(turn @ p + np.array([at, t.bow[0] * np.sin(s), t.bow[1] * np.sin(2.0 * s)]))
+
 
 # What is drawn; each with the words that the program's catalogue has for it.
 SIZES: dict[str, tuple[float, float]] = {
@@ -219,49 +444,20 @@ def _skew(w: Floats) -> Floats:
 
 def table(s: Scene, v: Visit, y: Floats) -> str:
     """The readings as a table of positions."""
-    text = io.StringIO()
-    writer = csv.writer(text)
-    rail = ["rail_mm"] if s.rail else []
-    writer.writerow(
-        [
-            *(f"q{j}_deg" for j in range(1, 7)),
-            "x_mm",
-            "y_mm",
-            "z_mm",
-            "session",
-            "target",
-            "payload_kg",
-            "payload_x_mm",
-            "payload_y_mm",
-            "payload_z_mm",
-            *rail,
-            "time_s",
-            "temperature_C",
-        ]
-    )
+    rows = []
     for k in range(len(v)):
-        way = [f"{1e3 * v.rail[k]:.2f}"] if s.rail else []
-        writer.writerow(
-            [
-                *(f"{x:.6f}" for x in np.degrees(v.q[k])),
-                *(f"{1e3 * x:.4f}" for x in y[k]),
-                "stay",
-                f"ball{v.target[k]}",
-                f"{v.kg[k]:g}",
-                0,
-                0,
-                100,
-                *way,
-                f"{v.time[k]:.0f}",
-                f"{20.0 + v.warm[k]:.1f}",
-            ]
-        )
-    return text.getvalue()
+        row: dict[str, Any] = {f"q{j}_deg": f"{x:.6f}" for j, x in enumerate(np.degrees(v.q[k]), 1)}
+        row |= {f"{axis}_mm": f"{1e3 * x:.4f}" for axis, x in zip("xyz", y[k], strict=True)}
+        row |= {"session": "stay", "target": f"ball{v.target[k]}", "payload_kg": f"{v.kg[k]:g}"}
+        row |= {"payload_x_mm": 0, "payload_y_mm": 0, "payload_z_mm": 100}
+        row |= {"rail_mm": f"{1e3 * v.rail[k]:.2f}"} if s.rail else {}
+        rows.append(row | {"time_s": f"{v.time[k]:.0f}", "temperature_C": f"{20.0 + v.warm[k]:.1f}"})
+    return csv_text(rows)
 
 
-def make(out: Path, seed: int, single: int, none: int) -> None:
+def make(out: Path, seed: int, single: int = 100, none: int = 60) -> list[Path]:
     """Write the sets; sizes are drawn before anything is diagnosed, and kept whatever comes of it."""
-    kinds = list(SIZES)
+    kinds, folders = list(SIZES), list[Path]()
     for k in range(single + none):
         name = f"single-{k + 1:03d}" if k < single else f"none-{k - single + 1:03d}"
         rng = np.random.default_rng([seed, k])
@@ -282,13 +478,8 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
             raise RuntimeError(f"{kind}: nothing that can be seen in {TRIES} tries")
         t, code, numbers = found
         y = s.read(t, s.visit)
-        folder = out / name
-        folder.mkdir(parents=True)
-        (folder / "model.toml").write_text(model_toml(s.arm), encoding="utf-8")
-        (folder / "positions.csv").write_text(table(s, s.visit, y + tracker.noise(y, rng)), encoding="utf-8")
         # Another day: what drifts or was moved is no part of it.
         later = replace(t, drift=np.zeros(6), bump=np.zeros(6))
-        (folder / "unseen.csv").write_text(table(s, s.unseen, s.read(later, s.unseen)), encoding="utf-8")
         key = {
             "world": "survey",
             "code": code,
@@ -305,4 +496,11 @@ def make(out: Path, seed: int, single: int, none: int) -> None:
                 "wrong_one_in": tracker.wrong,
             },
         }
-        (folder / "key.json").write_text(json.dumps(key, indent=1) + "\n", encoding="utf-8")
+        files = {
+            "model.toml": model_toml(s.arm),
+            "positions.csv": table(s, s.visit, y + tracker.noise(y, rng)),
+            "unseen.csv": table(s, s.unseen, s.read(later, s.unseen)),
+            "key.json": key,
+        }
+        folders.append(write_files(out / name, files))
+    return folders

@@ -14,7 +14,7 @@ sys.path.append(str(Path(__file__).parents[2] / "stiffarm"))  # a diagnosis amon
 
 from shortened import quick_diagnosis
 
-from benchmarks.diagnosis.study import step, words
+from benchmarks.diagnosis.study import report, step
 from benchmarks.diagnosis.study.__main__ import main
 from benchmarks.diagnosis.study.report import write_report
 from benchmarks.diagnosis.study.scores import Row
@@ -98,7 +98,7 @@ def test_a_fault_in_one_set_does_not_cost_the_others(tmp_path: Path, monkeypatch
     monkeypatch.setattr(step, "diagnosed", faulty)
     rows = step.study(sets, 1)
     assert [(r.verdict, r.is_right, r.reason) for r in rows] == [("failed", False, "IndexError: no such row")] * 2
-    assert "failed on 2 sets" in " ".join(words.summary(rows))
+    assert "failed on 2 sets" in " ".join(report.summary(rows))
 
 
 @pytest.mark.parametrize(

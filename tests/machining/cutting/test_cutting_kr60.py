@@ -1,6 +1,6 @@
 """The KR60-3 paper's path P1 to P2 (Gao 2024, doi:10.1109/ACCESS.2024.3435911): what the model says of its errors.
 
-The paper states no cutting force (its Table 2 is lost in the text at hand) and no tool; ``kr60_readings.B`` is one tool
+The paper states no cutting force (its Table 2 is lost in the text at hand) and no tool; ``kr60_figures.B`` is one tool
 that gives its k_fs. So only what holds for any force is tested.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kr60_readings import TABLE_4, UP, B, Reading, arm, flange_frames, path, postures
+from kr60_figures import TABLE_4, UP, B, Reading, arm, flange_frames, path, postures
 
 from machining.cutting import ConstantForce, SurfaceError, surface_error
 from machining.task import Task, tool_path

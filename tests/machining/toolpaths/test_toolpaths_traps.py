@@ -11,8 +11,7 @@ import gcode_traps_siemens
 import klartext_traps
 import numpy as np
 import pytest
-from gcode_programs import program
-from gcode_random import RIGHT, WRONG, run
+from gcode_random import RIGHT, WRONG, program, run
 from gcode_traps import EITHER, READ, REFUSED, RETRACT, Trap
 from gcode_traps_open import OPEN, RANDOM
 from moves_compared import Move, disagreement
