@@ -95,7 +95,7 @@ def result(done: Sequence[tuple[Rehearsed, bytes]], *, secret: bool, seed: int) 
             "right_family": share_json(every),
             "right_family_of_visible": share_json(seen),
         },
-        tables=(*((_tally(draws),) if several else ()), *_parameters(draws), _draws(draws)),
+        tables=(_draws(draws), *((_tally(draws),) if several else ()), *_parameters(draws)),
         drawings=tuple(_tally_drawing(draws) if several else _drawings(first)),
         key=tuple(_key(draws)),
         sections=(_how(first),),
