@@ -155,14 +155,10 @@ def test_a_sheet_partly_filled_in_goes_into_calibrate(written: Path, cli: Comman
     assert outcome.code == 0, outcome.err
     assert "3 row(s) without any reading skipped: 5-6, 13" in outcome.err
     found = json.dumps(outcome.json)
-    springs = {k: v for k, v in _numbers(outcome.json).items() if k in ("k2_Nm_per_rad", "k3_Nm_per_rad")}
+    springs = {joint: one["k_Nm_per_rad"] for joint, one in outcome.json["springs"].items()}
     # Readings to 1e-9 mm: the springs to some 1e-7.
-    assert springs == {"k2_Nm_per_rad": pytest.approx(8e5, rel=1e-5), "k3_Nm_per_rad": pytest.approx(9e5, rel=1e-5)}
+    assert springs == {"j2": pytest.approx(8e5, rel=1e-5), "j3": pytest.approx(9e5, rel=1e-5)}
     assert "nan" not in found.lower()
-
-
-def _numbers(content: dict[str, object]) -> dict[str, float]:
-    return {k: v for k, v in content.items() if isinstance(v, float)}
 
 
 def test_new_labels_are_not_those_of_the_data(written: Path) -> None:
