@@ -336,7 +336,7 @@ def _surface_errors(posed: Posed) -> list[Table]:
         }
         labels = {"statistic": list(changes), "verdict": [str(change.verdict) for change in changes.values()]}
         caption = f"How the surface error changes against: {posed.milling.against}"
-        out.append(Table("change", caption, labels, **spread(differences), folded=True))
+        out.append(Table("change", caption, labels, **spread(differences)))
     return out
 
 

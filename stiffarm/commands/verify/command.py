@@ -29,6 +29,7 @@ from machining.verification.offences import ORDER
 from robots.quantities import Quantity, count, length, stored
 from stiffarm.capability import capability
 from stiffarm.commands.verify.words import (
+    DISTANCE,
     REMEDIES,
     UNITS,
     counted,
@@ -126,7 +127,6 @@ INTERPOLATIONS: Final = {
     "mixed": "cutting moves are straight lines of the tool, in rapid moves all axes move evenly",
 }
 LINE, MOVE, MOVES = count("line"), count("move"), count("moves")
-DISTANCE: Final = length("distance")
 TIME: Final = Quantity("time", "s")
 LINE_ERROR: Final = length("linearisation_error", "linearisation error", "um")
 POINT_ERROR: Final = length("point_deviation", "deviation of points", "um")
@@ -159,7 +159,8 @@ def result(arm: Arm, found: Verification) -> Result:
         name="verification",
         title=title,
         question="may this program run?",
-        answer=f"{verdict(found)} Program {source or 'without a name'}, {found.program.n} moves{where}.",
+        answer=f"{verdict(found)} Program {source or 'without a name'}, {found.program.n} moves{where}; least distance "
+        f"of bodies: {distance_words(found)}.",
         how_sure=_how_sure(found),
         what_next=_what_next(found),
         facts=_facts(found),

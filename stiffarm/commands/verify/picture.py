@@ -17,7 +17,7 @@ from machining.verification.contacts import POSES
 from robots import forward_kinematics
 from robots.arrays import Array
 from robots.constants import M_TO_MM
-from stiffarm.commands.verify.words import UNITS, value_words
+from stiffarm.commands.verify.words import DISTANCE, value_words
 from stiffarm.pages import style
 from stiffarm.pages.cell_bodies import BodySurface, body_surfaces, placed_in_world
 from stiffarm.pages.rendering import Renderer, chosen, show
@@ -55,9 +55,9 @@ class Spot:
             return ""
         gap = self.contact.gap
         if gap < 0.0:
-            return f"{UNITS['m'].text(-gap, unit=True)} into each other"
+            return f"{DISTANCE.text(-gap, unit=True)} into each other"
         # One body within the other's surface: no distance is worked out there.
-        return "overlap" if self.offence.kind in OVERLAPS else f"{UNITS['m'].text(gap, unit=True)} apart"
+        return "overlap" if self.offence.kind in OVERLAPS else f"{DISTANCE.text(gap, unit=True)} apart"
 
 
 def spot_of(found: Verification, offence: Offence, poses: int = POSES) -> Spot:

@@ -18,6 +18,8 @@ UNITS: Final = {
     for si, unit, factor in (("rad", "deg", 180.0 / np.pi), ("m", "mm", 1e3), ("", "", 1.0))
     for per in ("", "/s", "/s^2")
 }
+# Distances of bodies.
+DISTANCE: Final = Quantity("distance", "mm", 1e3, digits=3)
 REMEDIES: Final = MappingProxyType(
     {
         Kind.COLLISION: "Move the part or the fixture, or write the program anew with another posture:"
@@ -118,6 +120,6 @@ def distance_words(found: Verification) -> str:
     nearest = int(np.argmin(found.swept.distance))
     least, within, pair = float(found.swept.distance[nearest]), found.swept.within, int(found.swept.pair[nearest])
     if least >= within or pair < 0:
-        return f"over {UNITS['m'].text(within, unit=True)}"
-    said = "overlap" if least < 0.0 else UNITS["m"].text(least, unit=True)
+        return f"over {DISTANCE.text(within, unit=True)}"
+    said = "overlap" if least < 0.0 else DISTANCE.text(least, unit=True)
     return f"{said} ({' and '.join(found.swept.names[pair])})"

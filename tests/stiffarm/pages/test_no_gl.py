@@ -119,7 +119,7 @@ def test_picture_of_an_offence(tmp_path: Path) -> None:
     # 1: the program must not run, as on any machine.
     assert outcome.returncode == 1, outcome.stderr
     assert said(outcome) == 1
-    assert painted(tmp_path / "out" / "figures" / "worst_offence.png") > 0.05
+    assert painted(tmp_path / "out" / "worst_offence.png") > 0.05
 
 
 @pytest.mark.slow

@@ -152,7 +152,7 @@ def test_the_page_runs_in_a_browser(found: Verification, tmp_path: Path, where: 
     assert worst is not None
     place = worst.move - 1 + worst.at
     assert (seen["opened"], seen["openedNow"]) == (pytest.approx(place), True)
-    assert seen["openedLabel"] == f"{significant(-worst.gap * 1e3, 4)} mm into each other"
+    assert seen["openedLabel"] == f"{significant(-worst.gap * 1e3)} mm into each other"
     assert seen["firstLabel"] == ""
     assert (seen["marked"], seen["hot"]) == (1, True)
     assert seen["offenceLine"] == str(worst.line)
