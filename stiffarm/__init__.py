@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from stiffarm.commands.sensitivity.command import sensitivity
     from stiffarm.commands.simulate.command import simulate
     from stiffarm.commands.verify.command import verify
-    from stiffarm.face.arms import load
-    from stiffarm.face.readings import Readings, bundled, read_readings
+    from stiffarm.loaded import Readings, bundled, load, read_readings
     from stiffarm.result import Result
 
     __version__: str

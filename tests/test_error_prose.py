@@ -15,7 +15,7 @@ PACKAGES = ("robots", "meshes", "fem", "doe", "surrogate", "machining", "rehears
 # Where a refusal is passed on as one: console, Python's face, the service, the workers of a map.
 REFUSING = {
     "stiffarm/session/console.py",
-    "stiffarm/face/calls.py",
+    "stiffarm/capability.py",
     "machining/service/wire.py",
     "stiffarm/commands/maps/request.py",
 }

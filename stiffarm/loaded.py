@@ -1,37 +1,65 @@
-"""Measured deflections: from tables, files or data frames, checked as on the command line."""
+"""What Python loads once and hands to several capabilities: arms, and measured deflections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from doe import Measurements, bundled_data
-from doe.tables.columns import DISPLACEMENTS, LOADS, read_table, table_of_frame
-from doe.tables.joined import join
-from doe.tables.reading import measurements_of
+from doe.tables.columns import DISPLACEMENTS, LOADS
 from robots import InputError
 from robots.arrays import Array
-from stiffarm.face.arms import Arm
-from stiffarm.face.calls import called
-from stiffarm.face.shown import Shown, frame
-from stiffarm.session.reading_checks import check_readings
-from stiffarm.session.table_kinds import DEFLECTIONS, expect
+from stiffarm.arm import Arm, as_face
+from stiffarm.capability import called
+from stiffarm.request import readings_asked
+from stiffarm.result import as_html, as_text
+from stiffarm.session.inputs import read_model
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# What functions take for readings: those read, or a table's file or data frame.
-AnyReadings: TypeAlias = "Readings | str | Path | pd.DataFrame"
 # SI to the units of the columns: N, N m; mm, mrad.
 _MILLI = 1e3
 
 
+def load(
+    model: str | Path,
+    *,
+    links: str | None = None,
+    load_path: str | None = None,
+    values: Mapping[str, float | str] | None = None,
+) -> Arm:
+    """A robot arm by bundled name, from a model TOML or from a URDF.
+
+    Parameters
+    ----------
+    model : a bundled name (:func:`stiffarm.robots`) or a path
+    links : "beam", "shell" or "rigid"; default: as the model was calibrated, else beam
+    load_path : "parallelogram" or "serial"; default: the model's
+    values : parameter name -> value in place of the model's, SI or text with a unit, as in ``{"j2.stiffness": 1.4e6}``
+
+    Raises
+    ------
+    InputError
+        No such model, a file that does not fit the schema, a parameter that the arm does not have, or an arm too soft
+        for linear statics.
+
+    Examples
+    --------
+    >>> import stiffarm as sa
+    >>> sa.load("xr701", values={"j2.stiffness": 1.4e6}).name
+    'xr701'
+    """
+    with called():
+        return as_face(read_model(str(model), links, load_path, sets=values))
+
+
 @dataclass(frozen=True, repr=False)
-class Readings(Shown):
+class Readings:
     """Deflection readings: ``table`` in SI, with the names of the robot's joint coordinates.
 
     Made by :func:`stiffarm.read_readings`.
@@ -54,17 +82,20 @@ class Readings(Shown):
 
     def to_frame(self) -> pd.DataFrame:
         """One row a reading, with the columns of a measurement table that are not empty."""
+        import pandas as pd
+
         t = self.table
         columns: dict[str, Sequence[str] | Array] = {"pose": t.pose}
         columns |= {name: np.degrees(t.q[:, k]) for k, name in enumerate(self.coordinates)}
         columns |= {name: t.wrench[:, k] for k, name in enumerate(LOADS) if t.wrench[:, k].any()}
         columns |= {name: _MILLI * t.displacement[:, k] for k, name in enumerate(DISPLACEMENTS) if t.used[:, k].any()}
-        return frame(columns)
+        return pd.DataFrame(columns)
 
+    def __repr__(self) -> str:
+        return as_text(self.title(), self.to_frame())
 
-def table_of(readings: AnyReadings, arm: Arm) -> Measurements:
-    """The table of readings, which are read first where they are a file or a data frame."""
-    return readings.table if isinstance(readings, Readings) else read_readings(readings, arm).table
+    def _repr_html_(self) -> str:
+        return as_html(self.title(), self.to_frame())
 
 
 def bundled(robot: str) -> Path:
@@ -106,18 +137,7 @@ def read_readings(
     >>> len(sa.read_readings(sa.bundled("xr701"), sa.load("xr701")))
     27
     """
-    several = [source] if isinstance(source, str | Path) or not isinstance(source, Sequence) else list(source)
-    if not several:
+    if isinstance(source, list | tuple) and not source:
         raise InputError("source", code="B003", value="nothing", allowed="one or more tables")
     with called():
-        tables = [_read(one, k, arm) for k, one in enumerate(several, start=1)]
-        for table in tables:
-            check_readings(arm, table, confirm_units=confirm_units)
-        return Readings(join(tables), arm.coordinates)
-
-
-def _read(source: str | Path | pd.DataFrame, number: int, arm: Arm) -> Measurements:
-    if isinstance(source, str | Path):
-        expect(Path(source), DEFLECTIONS)
-        return measurements_of(read_table(Path(source)), arm.robot)
-    return measurements_of(table_of_frame(source, f"data frame {number}"), arm.robot)
+        return Readings(readings_asked(arm, source, confirm_units=confirm_units), arm.coordinates)
