@@ -7,7 +7,7 @@ and which label of an axis. Screens, pages, CSV, JSON, data frames and figures w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,7 +29,7 @@ class Quantity:
     """A quantity of results: SI value times ``factor`` is in ``unit`` (empty: a pure number).
 
     ``key``: its name in code and files; ``label``: what people read; ``digits``: significant digits for people;
-    ``stored``: significant digits in files.
+    ``stored``: significant digits in files; ``words``: what writes its SI value for people, in place of all this.
     """
 
     key: str
@@ -38,6 +38,7 @@ class Quantity:
     label: str = ""
     digits: int = 4
     stored: int = 6
+    words: Callable[[float], str] | None = None
 
     @property
     def column(self) -> str:
@@ -73,6 +74,8 @@ class Quantity:
 
     def text(self, value: float, *, unit: bool = False) -> str:
         """The number for people: ``12,300``, with ``unit`` ``12,300 N/mm``; ``∞``, and ``–`` for what is not known."""
+        if self.words is not None:
+            return self.words(float(value)) if math.isfinite(value) else UNKNOWN
         shown = significant(float(value) * self.factor, self.digits)
         return f"{shown} {self.unit}" if unit and self.unit else shown
 
@@ -94,6 +97,11 @@ def stiffness(key: str, label: str = "") -> Quantity:
 def length(key: str, label: str = "", unit: str = "mm") -> Quantity:
     """A length, m, shown in mm or um."""
     return Quantity(key, unit, {"mm": 1e3, "um": 1e6}[unit], label)
+
+
+def count(key: str, label: str = "") -> Quantity:
+    """A whole number."""
+    return Quantity(key, label=label, stored=15, words="{:,.0f}".format)
 
 
 def _table(*some: Quantity) -> dict[str, Quantity]:
@@ -149,6 +157,11 @@ def rounded(value: float, digits: int = 6) -> float | None:
 def rounded_all(values: Iterable[float], digits: int = 6) -> list[float | None]:
     """The same for each of some values."""
     return [rounded(float(value), digits) for value in values]
+
+
+def interval_json(low: float, high: float, digits: int = 6) -> list[float | None] | None:
+    """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
+    return [rounded(low, digits), rounded(high, digits)] if math.isfinite(low) else None
 
 
 def significant(value: float, digits: int = 3) -> str:

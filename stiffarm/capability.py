@@ -10,22 +10,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Concatenate, Final, ParamSpec, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Concatenate, Final, ParamSpec, TypeVar, get_type_hints
 
 import typer
 
-import fem.arm
 from robots import InputError, InputErrors
 from robots.files.reading import recording
 from stiffarm.request import Option, Request, options_of, spelled
 from stiffarm.result import Result
 from stiffarm.session.console import kept_messages, say_notes
-from stiffarm.session.inputs import read_model
 from stiffarm.session.options import COMMON, Debug, EffectFile, Json, Links, LoadPathOpt, ModelArg, Out, Sets
+
+if TYPE_CHECKING:
+    from fem.arm import Arm
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Result)
-Arm = TypeVar("Arm", bound=fem.arm.Arm)
 _OPTION: Final = re.compile(r"--([a-z][a-z0-9]*(?:-[a-z0-9]+)*)")
 COMMANDS: Final[dict[str, Callable[..., None]]] = {}
 """The command line's functions of the capabilities that have been imported, by name."""
@@ -39,7 +39,7 @@ def capability(
     own_effects: bool = False,
     load_path: bool = True,
     model: str | None = None,
-) -> Callable[Concatenate[fem.arm.Arm | str | Path, P], R]:
+) -> Callable[Concatenate[Arm | str | Path, P], R]:
     """The Python function of a capability of an arm; its command is :data:`COMMANDS`'s of that name.
 
     ``name``: that of the command; one of a group's is written as in "map slice". ``request``: a
@@ -48,9 +48,12 @@ def capability(
     user's own effects, as :func:`stiffarm.load` does; ``load_path``: it takes one; ``model``: where none is named.
     """
 
-    def call(arm: fem.arm.Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        with called():
-            given = arm if isinstance(arm, fem.arm.Arm) else read_model(str(arm), None, None)
+    def call(arm: Arm | str | Path, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        with called(_class(request)):
+            # Not loaded where nothing is asked of an arm.
+            from stiffarm.session.inputs import read_model
+
+            given = read_model(str(arm), None, None) if isinstance(arm, str | Path) else arm
             asked = request(*args, **kwargs)
             if not hasattr(asked, "out"):
                 return answer(given, asked)
@@ -71,7 +74,7 @@ def capability_without_arm(name: str, request: Callable[P, Request], answer: Cal
     """The Python function of a capability that is asked of no arm, but of what its request holds; else the same."""
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        with called():
+        with called(_class(request)):
             return answer(request(*args, **kwargs))
 
     COMMANDS[name] = _command(name, _class(request), lambda _, asked: answer(asked), [])
@@ -111,7 +114,7 @@ def _describe(
 
 
 @contextmanager
-def called() -> Iterator[list[str]]:
+def called(request: type[Request] | None = None) -> Iterator[list[str]]:
     """Run a step: its messages become the list that is handed out.
 
     Raises
@@ -119,22 +122,22 @@ def called() -> Iterator[list[str]]:
     InputError
         As the step raises it, with the names of options as those of arguments: ``--load-path`` is ``load_path``.
     """
+    fields = {} if request is None else {spelled(name, how): name for name, how in options_of(request).items()}
+
+    def words(text: str) -> str:
+        return _OPTION.sub(lambda found: fields.get(found[0], found[1].replace("-", "_")), text)
+
+    def of_arguments(error: InputError) -> InputError:
+        allowed, remedy = (None if text is None else words(text) for text in (error.allowed, error.remedy))
+        return InputError(words(error.what), code=error.code, value=error.value, allowed=allowed, remedy=remedy)
+
     with kept_messages() as messages, recording():
         try:
             yield messages
         except InputErrors as error:
-            raise InputErrors(_words(error.what), [_of_arguments(e) for e in error.errors], error.count) from error
+            raise InputErrors(words(error.what), [of_arguments(e) for e in error.errors], error.count) from error
         except InputError as error:
-            raise _of_arguments(error) from error
-
-
-def _of_arguments(error: InputError) -> InputError:
-    allowed, remedy = (None if text is None else _words(text) for text in (error.allowed, error.remedy))
-    return InputError(_words(error.what), code=error.code, value=error.value, allowed=allowed, remedy=remedy)
-
-
-def _words(text: str) -> str:
-    return _OPTION.sub(lambda found: found[1].replace("-", "_"), text)
+            raise of_arguments(error) from error
 
 
 def _docstring(request: type[Request], subject: dict[str, tuple[str, str | None]]) -> str:

@@ -17,9 +17,8 @@ import numpy as np
 from robots import InputError, require_one_of
 from robots.arrays import Array
 from robots.files.csv_text import records_text
-from robots.quantities import Quantity, ranged, rounded
+from robots.quantities import Quantity, interval_json, ranged, rounded
 from stiffarm.session.console import say, show_table
-from stiffarm.session.stated import interval_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,8 +44,8 @@ class Table:
     ``labels``: texts of each row by name, or whether something holds of it; ``values``: SI values (n,) by quantity, NaN
     where one is not known; ``intervals``: ends (n,), (n,) of the 95 % interval of some of them, infinite where there is
     no upper one; ``in_files``: further quantities, which people find in files; ``extra``: what else JSON says of each
-    row; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of another table for people, and
-    no file has it.
+    row, and CSV unless it is a list; ``folded``: on pages only, behind its title; ``is_extract``: it repeats rows of
+    another table for people, and no file has it.
     """
 
     name: str
@@ -69,7 +68,9 @@ class Table:
             columns[quantity.column] = quantity.stored_values(values)
             if quantity in self.intervals:
                 low, high = (quantity.factor * end for end in self.intervals[quantity])
-                columns[quantity.column_of(INTERVAL)] = [interval_json(a, b) for a, b in zip(low, high, strict=True)]
+                columns[quantity.column_of(INTERVAL)] = [
+                    interval_json(a, b, quantity.stored) for a, b in zip(low, high, strict=True)
+                ]
         columns |= self.extra
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
@@ -77,7 +78,7 @@ class Table:
         """The rows for CSV and data frames: the ends of an interval are columns of their own."""
         out = []
         for row in self.rows():
-            flat = {key: value for key, value in row.items() if key not in self.extra}
+            flat = {key: v for key, v in row.items() if key not in self.extra or not isinstance(v, list | dict)}
             for quantity in self.intervals:
                 low, high = flat.pop(quantity.column_of(INTERVAL)) or (None, None)
                 flat |= {quantity.column_of("low95"): low, quantity.column_of("high95"): high}
@@ -190,12 +191,14 @@ class Result:
         """The result as JSON: the answer, facts, then each table as a list of rows."""
         sentences = {"answer": self.answer, "how_sure": self.how_sure, "what_next": self.what_next}
         return {
-            "schema": f"stiffarm-{self.name}/2",
+            "schema": f"stiffarm-{self.name.replace('_', '-')}/2",
             **{key: text for key, text in sentences.items() if text},
             **self.facts,
             **{quantity.column: quantity.stored_value(one.value) for quantity, one in self.numbers.items()},
             **{
-                quantity.column_of(INTERVAL): interval_json(*(quantity.factor * end for end in one.ends))
+                quantity.column_of(INTERVAL): interval_json(
+                    quantity.factor * one.ends[0], quantity.factor * one.ends[1]
+                )
                 for quantity, one in self.numbers.items()
                 if one.low is not None
             },
@@ -310,18 +313,8 @@ class Result:
     def write(self, folder: OutputFolder) -> dict[str, Any]:
         """JSON, CSV, pictures and the page into a folder; returns the JSON, with facts about further files."""
         from stiffarm.pages import report as page
-        from stiffarm.pages.style import save_png
 
-        further = {} if self.more is None else self.more(folder)
-        content = {**self.as_json, **further}
-        folder.write_json(f"{self.name}.json", content)
-        for i, table in enumerate(table for table in self.tables if not table.is_extract):
-            folder.write_text(f"{table.name if i else self.name}.csv", records_text(table.records()))
-        pictures = []
-        for drawing in self.drawings:
-            path = folder.path(f"{drawing.name}.png")
-            save_png(drawing.draw(), path)
-            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
+        content, pictures = self.write_files(folder)
         tables = sorted(self.tables, key=lambda table: table.folded)
         sections = [page.Section(t.caption, (t.block(),), folded=t.folded) for t in tables]
         sections.append(page.Section("Pictures", tuple(pictures[1:])))
@@ -339,6 +332,24 @@ class Result:
             answer,
         )
         return content
+
+    def write_files(self, folder: OutputFolder) -> tuple[dict[str, Any], list[page.Picture]]:
+        """All but the page, which has its pictures; the first table is named as the result, unless a file is so."""
+        from stiffarm.pages import report as page
+        from stiffarm.pages.style import save_png
+
+        further = {} if self.more is None else self.more(folder)
+        content = {**self.as_json, **further}
+        folder.write_json(f"{self.name}.json", content)
+        for i, table in enumerate(table for table in self.tables if not table.is_extract):
+            own = i > 0 or f"{self.name}.csv" in folder.names()
+            folder.write_text(f"{table.name if own else self.name}.csv", records_text(table.records()))
+        pictures = []
+        for drawing in self.drawings:
+            path = folder.path(f"{drawing.name}.png")
+            save_png(drawing.draw(), path)
+            pictures.append(page.Picture(path, drawing.caption, drawing.alt))
+        return content, pictures
 
 
 def _word(label: str | bool) -> str:

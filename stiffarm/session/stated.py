@@ -18,7 +18,6 @@ from robots import InputError, ModelDescription, require_positive
 from robots.arm_class import stated_load
 from robots.arrays import Array
 from robots.constants import DOWN, NORMAL_95
-from robots.quantities import rounded
 from robots.robot import trial_poses
 
 if TYPE_CHECKING:
@@ -150,8 +149,3 @@ def intervals_at(
         if found is not None:
             half[rows] = half_widths(found)
     return stiffness_ends(value, half)
-
-
-def interval_json(low: float, high: float) -> list[float | None] | None:
-    """Ends for JSON: null where there is no upper one, and for an interval of which nothing is known."""
-    return [rounded(low), rounded(high) if np.isfinite(high) else None] if np.isfinite(low) else None
